@@ -1,0 +1,164 @@
+"""Values from the YAML tree and the command line -> frozen dataclasses, strictly.
+
+The tree `conf/` holds every value once and mirrors the package; a frozen dataclass without defaults, beside the code
+that uses it, holds the names, types, units and meaning. `load` joins the two: a key that is missing, unknown or of
+another type is an error.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+import dacite
+from hydra import compose as hydra_compose
+from hydra import initialize_config_dir
+from hydra.errors import HydraException, MissingConfigException
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from s2a.errors import InputError
+
+T = TypeVar("T")
+
+REQUIRED = "???"
+"""What a YAML file says for a value that has no default."""
+
+
+def folder() -> Path:
+    """Return the folder of the YAML tree: inside the installed package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parent
+    return package / "conf" if (package / "conf").is_dir() else package.parent / "conf"
+
+
+def compose(name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """Compose `conf/<name>.yaml` with `key=value` overrides in Hydra's grammar.
+
+    Returns:
+        Plain nested dictionaries, interpolations resolved; `???` stays where a required value was not given.
+
+    Raises:
+        InputError: an override that cannot be read, or that names an unknown key or option.
+    """
+    with initialize_config_dir(str(folder()), version_base="1.3"):
+        try:
+            return plain(hydra_compose(name, list(overrides)))
+        except (HydraException, OmegaConfBaseException) as error:
+            raise InputError(explain(error, keys(plain(hydra_compose(name), resolve=False)))) from error
+
+
+def plain(config: Any, resolve: bool = True) -> dict[str, Any]:
+    """Turn a composed Hydra configuration into nested dictionaries; required values without a value stay `???`.
+
+    Args:
+        config: the DictConfig.
+        resolve: whether to replace interpolations by their values.
+    """
+    return dict(OmegaConf.to_container(config, resolve=resolve))  # type: ignore[arg-type]
+
+
+def load(cls: type[T], values: Mapping[str, Any]) -> T:
+    """Build a frozen dataclass from plain nested dictionaries: every key known, present and of its type.
+
+    Lists become tuples, strings become paths and integers become floats where the dataclass says so.
+
+    Raises:
+        InputError: naming the key, the value, and what is possible.
+    """
+    if missing := [key for key, value in leaves(values) if value == REQUIRED]:
+        raise InputError(f"key {missing[0]!r} has no value; give {missing[0]}=...")
+    rules = dacite.Config(strict=True, type_hooks={float: _float, int: _int, Path: _path})
+    try:
+        return dacite.from_dict(cls, _tuples(values), rules)
+    except dacite.WrongTypeError as error:
+        raise InputError(
+            f"key {error.field_path!r} is {error.value!r}; expected {expected(error.field_type)}"
+        ) from error
+    except dacite.MissingValueError as error:
+        raise InputError(f"key {error.field_path!r} is missing; give +{error.field_path}=...") from error
+    except dacite.UnexpectedDataError as error:
+        name = sorted(error.keys)[0]
+        others = [key for key in keys(values) if name not in key.split(".")]
+        raise InputError(f"key {name!r} is unknown{nearest(name, others)}") from error
+
+
+def leaves(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    """List the dotted key and the value of everything that is not a dictionary."""
+    found: list[tuple[str, Any]] = []
+    for key, value in values.items():
+        nested = isinstance(value, Mapping)
+        found += leaves(value, f"{prefix}{key}.") if nested else [(f"{prefix}{key}", value)]
+    return found
+
+
+def keys(values: Mapping[str, Any]) -> list[str]:
+    """List the dotted keys of everything that can be overridden."""
+    return [key for key, _ in leaves(values)]
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return the end of an error message: the known names closest to a mistyped one, or all where none is close."""
+    known = list(known)
+    close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+    return f"; did you mean: {', '.join(close)}" if close else f"; known: {', '.join(known)}"
+
+
+def explain(error: Exception, known: Iterable[str]) -> str:
+    """Say in one line what Hydra or OmegaConf found wrong with the overrides.
+
+    Args:
+        error: what they raised.
+        known: the keys that can be overridden.
+    """
+    text = str(error)
+    if isinstance(error, MissingConfigException) and error.options:
+        group, _, option = str(error.missing_cfg_file).rpartition("/")
+        return f"key {group!r} is {option!r}{nearest(option, error.options)}"
+    if found := re.search(r"Could not override '([^']+)'|Key '([^']+)' is not in struct", text):
+        name = found[1] or found[2]
+        return f"key {name!r} is unknown{nearest(name, known)}"
+    if found := re.search(r"Missing mandatory value: (\S+)", text):
+        return f"key {found[1]!r} has no value; give {found[1]}=..."
+    if found := re.search(r"Ambiguous value for argument '([^']+)'", text):
+        return f"{found[1]!r} gives several values; write key=[a,b] for a list, or add -m to run once with each"
+    if found := re.search(r"rror parsing override '([^']*)'", text):
+        return f"{found[1]!r} is not key=value; quote a value with special characters: 'key=\"value\"'"
+    return " ".join(text.split())
+
+
+def expected(kind: Any) -> str:
+    """Describe a type of a dataclass field to a user."""
+    if get_origin(kind) is Literal:
+        return "one of: " + ", ".join(map(str, get_args(kind)))
+    names = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
+    return names.get(kind, str(kind).replace("pathlib.", ""))
+
+
+def _tuples(value: Any) -> Any:
+    """Copy nested values with every list as a tuple: what a frozen dataclass holds cannot be changed."""
+    if isinstance(value, Mapping):
+        return {key: _tuples(inner) for key, inner in value.items()}
+    return tuple(map(_tuples, value)) if isinstance(value, (list, tuple)) else value
+
+
+def _float(value: Any) -> Any:
+    _refuse_bool(value, float)
+    return float(value) if isinstance(value, int) else value
+
+
+def _int(value: Any) -> Any:
+    _refuse_bool(value, int)
+    return value
+
+
+def _path(value: Any) -> Any:
+    return Path(str(value)).expanduser() if isinstance(value, (str, int)) and not isinstance(value, bool) else value
+
+
+def _refuse_bool(value: Any, kind: type) -> None:
+    """Raise for true and false, which Python takes for numbers."""
+    if isinstance(value, bool):
+        raise dacite.WrongTypeError(kind, value)

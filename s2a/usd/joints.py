@@ -1,0 +1,119 @@
+"""Joints, bodies and grasp points as UsdPhysics and Newton know them, with the exact values as attributes beside.
+
+Bodies stand at the identity, so a joint's frame is the same in both bodies: its origin, turned so that X is the axis.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from scipy.spatial.transform import Rotation
+
+from s2a.errors import InputError
+from s2a.scene import Joint
+from s2a.usd.stage import read_attribute, write_attribute
+
+SITE_RADIUS = 0.01
+"""[m]; what a grasp point looks like, without effect."""
+
+Types = Sdf.ValueTypeNames
+KINDS = {"PhysicsPrismaticJoint": "prismatic", "PhysicsRevoluteJoint": "revolute"}
+
+
+def frame(axis: Sequence[float]) -> Gf.Quatf:
+    """Return the shortest rotation that takes X to a unit axis [3]; the turned X is the axis within 1e-6.
+
+    Not `Gf.Rotation(x, axis)`: that takes directions less than 4.5e-4 rad apart for the same.
+    """
+    x, y, z, w = Rotation.align_vectors([axis], [[1.0, 0.0, 0.0]])[0].as_quat()
+    return Gf.Quatf(w, x, y, z)
+
+
+def write_joint(stage: Usd.Stage, path: str, joint: Joint, parent: str, child: str) -> UsdPhysics.Joint:
+    """Define a PrismaticJoint or RevoluteJoint between two bodies whose points lie in scene coordinates.
+
+    Args:
+        stage: where to.
+        path: path of the joint.
+        joint: axis, origin and limits; kept as doubles beside the physics frames, which are float32.
+        parent: path of the body that it moves against.
+        child: path of the body that moves.
+    """
+    schema = UsdPhysics.PrismaticJoint if joint.kind == "prismatic" else UsdPhysics.RevoluteJoint
+    prim = schema.Define(stage, path)
+    _connect(prim, parent, child, Gf.Vec3f(*joint.origin), frame(joint.axis))
+    # UsdPhysics turns by degrees.
+    lower, upper = joint.limits if joint.kind == "prismatic" else map(math.degrees, joint.limits)
+    prim.CreateAxisAttr(UsdPhysics.Tokens.x)
+    prim.CreateLowerLimitAttr(lower)
+    prim.CreateUpperLimitAttr(upper)
+    write_attribute(prim.GetPrim(), "axis", Types.Double3, joint.axis)
+    write_attribute(prim.GetPrim(), "origin", Types.Double3, joint.origin)
+    write_attribute(prim.GetPrim(), "limits", Types.Double2, joint.limits)
+    return prim
+
+
+def write_fixed_joint(stage: Usd.Stage, path: str, child: str) -> UsdPhysics.FixedJoint:
+    """Define a FixedJoint that holds a body where it is in the world."""
+    prim = UsdPhysics.FixedJoint.Define(stage, path)
+    _connect(prim, None, child, Gf.Vec3f(0.0), Gf.Quatf(1.0))
+    return prim
+
+
+def read_joint(prim: Usd.Prim) -> Joint:
+    """Read a joint that `write_joint` wrote, exactly.
+
+    Raises:
+        InputError: another type of joint, or axis, origin or limits missing or wrong.
+    """
+    where = f"{prim.GetStage().GetRootLayer().realPath}: joint {prim.GetPath()}"
+    kind = KINDS.get(prim.GetTypeName())
+    if kind is None:
+        raise InputError(f"{where} is a {prim.GetTypeName() or 'prim without type'}; possible: {', '.join(KINDS)}")
+    values = {name: read_attribute(prim, name) for name in ("axis", "origin", "limits")}
+    if missing := [name for name, value in values.items() if value is None]:
+        raise InputError(f"{where} has no s2a:{missing[0]}; export the scan again")
+    try:
+        return Joint(kind, **values)  # type: ignore[arg-type]
+    except ValueError as error:
+        raise InputError(f"{where}: {error}; export the scan again") from error
+
+
+def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xform:
+    """Define a rigid body.
+
+    Args:
+        stage: where to.
+        path: path of the body.
+        root: whether it carries the joints of an articulation, itself on none.
+    """
+    body = UsdGeom.Xform.Define(stage, path)
+    UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
+    if root:
+        UsdPhysics.ArticulationRootAPI.Apply(body.GetPrim())
+    return body
+
+
+def write_site(stage: Usd.Stage, path: str, point: np.ndarray) -> UsdGeom.Sphere:
+    """Define a grasp point [3] (scene coordinates, m): a Sphere without collision that Newton reads as a site."""
+    site = UsdGeom.Sphere.Define(stage, path)
+    site.CreateRadiusAttr(SITE_RADIUS)
+    site.CreateExtentAttr([Gf.Vec3f(-SITE_RADIUS), Gf.Vec3f(SITE_RADIUS)])
+    site.CreatePurposeAttr(UsdGeom.Tokens.guide)
+    site.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*map(float, point)))
+    site.GetPrim().ApplyAPI("NewtonSiteAPI")
+    return site
+
+
+def _connect(joint: UsdPhysics.Joint, parent: str | None, child: str, origin: Gf.Vec3f, turn: Gf.Quatf) -> None:
+    """Author the bodies of a joint (no parent: the world) and its frame, the same in both."""
+    if parent is not None:
+        joint.CreateBody0Rel().SetTargets([parent])
+    joint.CreateBody1Rel().SetTargets([child])
+    joint.CreateLocalPos0Attr(origin)
+    joint.CreateLocalPos1Attr(origin)
+    joint.CreateLocalRot0Attr(turn)
+    joint.CreateLocalRot1Attr(turn)

@@ -1,0 +1,161 @@
+"""What every flavour is written and read with: stages, meshes, and attributes of our own (`s2a:<name>`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, Vt
+
+from s2a.errors import InputError
+from s2a.scene import Mesh
+
+ROOT = "/scene"
+"""Path of the default prim of every flavour."""
+ENCODINGS = (".usd", ".usda", ".usdc")
+"""File names end so: binary, text, binary."""
+
+
+def new_stage() -> Usd.Stage:
+    """Return an empty stage in memory: metres, kilograms, z up, `/scene` as its default prim."""
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, ROOT).GetPrim())
+    return stage
+
+
+def save(stage: Usd.Stage, path: Path) -> None:
+    """Write a stage made by `new_stage` to exactly this path; its ending decides the encoding.
+
+    Raises:
+        InputError: the ending is not USD's, or the file cannot be written.
+    """
+    if path.suffix not in ENCODINGS:
+        raise InputError(f"{path}: {path.suffix or 'no'} ending; a USD file ends in {', '.join(ENCODINGS)}")
+    try:
+        written = stage.GetRootLayer().Export(str(path))
+    except Tf.ErrorException as error:
+        raise InputError(f"{path}: cannot be written ({_first_line(error)}); check the folder and its space") from error
+    if not written:
+        raise InputError(f"{path}: cannot be written; check the folder and its space")
+
+
+def open_stage(path: Path) -> Usd.Stage:
+    """Open a stage of any flavour, as it is on disk now.
+
+    Raises:
+        InputError: no such file, not USD, no default prim `/scene`, or not in metres with z up.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; give a .usd, .usda or .usdc file")
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        raise InputError(f"{path}: not a readable USD file ({_first_line(error)}); export it again") from error
+    # USD keeps a layer for as long as anybody holds it, and hands that out even if the file has been rewritten since.
+    stage.Reload()
+    if stage.GetDefaultPrim().GetPath() != ROOT:
+        raise InputError(f"{path}: its default prim is not {ROOT}; expected a stage that s2a wrote")
+    if UsdGeom.GetStageMetersPerUnit(stage) != 1.0 or UsdGeom.GetStageUpAxis(stage) != UsdGeom.Tokens.z:
+        unit, up = UsdGeom.GetStageMetersPerUnit(stage), UsdGeom.GetStageUpAxis(stage)
+        raise InputError(f"{path}: metersPerUnit {unit:g}, upAxis {up}; expected 1 and Z: convert it first")
+    return stage
+
+
+def write_mesh(stage: Usd.Stage, path: str, mesh: Mesh, *, purpose: str | None = None) -> UsdGeom.Mesh:
+    """Define a Mesh prim: triangles without subdivision, colours per vertex where the mesh has them.
+
+    Args:
+        stage: where to.
+        path: path of the prim.
+        mesh: points in scene coordinates; may be empty (an extent is authored only where there are points).
+        purpose: USD's purpose, such as "guide" for what is not to be seen.
+
+    Returns:
+        The mesh's schema object; `read_mesh` gives the same arrays back, bit for bit.
+    """
+    prim = UsdGeom.Mesh.Define(stage, path)
+    prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(mesh.vertices))
+    prim.CreateFaceVertexCountsAttr(Vt.IntArray(len(mesh.faces), 3))
+    prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.ravel()))
+    prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    # Scans are open surfaces: a viewer that drops faces seen from behind would show holes.
+    prim.CreateDoubleSidedAttr(True)
+    if len(mesh.vertices):
+        corners = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
+        prim.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(corners))
+    if mesh.colors is not None:
+        colors = Vt.Vec3fArray.FromNumpy(mesh.colors.astype(np.float32) / np.float32(255.0))
+        prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(colors)
+    if purpose is not None:
+        prim.CreatePurposeAttr(purpose)
+    return prim
+
+
+def read_mesh(prim: Usd.Prim) -> Mesh:
+    """Read a Mesh prim, in scene coordinates; its transform, if an editor gave it one, is applied.
+
+    Raises:
+        InputError: not a Mesh, not triangles, or arrays that do not fit each other.
+    """
+    where = f"{prim.GetStage().GetRootLayer().realPath}: {prim.GetPath()}"
+    if not prim.IsA(UsdGeom.Mesh):
+        raise InputError(f"{where} is a {prim.GetTypeName() or 'prim without type'}; expected a Mesh")
+    geometry = UsdGeom.Mesh(prim)
+    counts = np.asarray(geometry.GetFaceVertexCountsAttr().Get() or [])
+    indices = np.asarray(geometry.GetFaceVertexIndicesAttr().Get() or [], dtype=np.int32)
+    if (counts != 3).any() or len(indices) != 3 * len(counts):
+        raise InputError(f"{where} has faces that are not triangles; triangulate it first")
+    points = np.asarray(geometry.GetPointsAttr().Get() or [], dtype=np.float32).reshape(-1, 3)
+    try:
+        return Mesh(_to_scene(prim, points), indices.reshape(-1, 3), _read_colors(geometry))
+    except ValueError as error:
+        raise InputError(f"{where}: {error}; export it again") from error
+
+
+def write_attribute(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: Any) -> None:
+    """Author the attribute `s2a:<name>`, which does not vary over time, on a prim.
+
+    Args:
+        prim: where to.
+        name: without the namespace.
+        kind: one of `Sdf.ValueTypeNames`.
+        value: sequences are taken as USD's vectors where the kind is one.
+    """
+    attribute = prim.CreateAttribute(f"s2a:{name}", kind, True, Sdf.VariabilityUniform)
+    attribute.Set(kind.type.pythonClass(*value) if isinstance(value, (tuple, np.ndarray)) else value)
+
+
+def read_attribute(prim: Usd.Prim, name: str, default: Any = None) -> Any:
+    """Return the value of the attribute `s2a:<name>` (USD's vectors as tuples), or the default where none is authored."""
+    value = prim.GetAttribute(f"s2a:{name}").Get()
+    if value is None:
+        return default
+    return tuple(value) if isinstance(value, (Gf.Vec2d, Gf.Vec3d)) else value
+
+
+def _to_scene(prim: Usd.Prim, points: np.ndarray) -> np.ndarray:
+    """Apply the transform of a prim, if it has one, in float64."""
+    matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
+    if np.array_equal(matrix, np.eye(4)):
+        return points
+    return points.astype(np.float64) @ matrix[:3, :3] + matrix[3, :3]
+
+
+def _read_colors(geometry: UsdGeom.Mesh) -> np.ndarray | None:
+    """Return colours per vertex as uint8 [vertex 3], or None where none are authored."""
+    primvar = geometry.GetDisplayColorPrimvar()
+    if not primvar.HasAuthoredValue():
+        return None
+    colors = np.asarray(primvar.ComputeFlattened(), dtype=np.float32).reshape(-1, 3)
+    if primvar.GetInterpolation() == UsdGeom.Tokens.constant:
+        colors = np.broadcast_to(colors[:1], (len(geometry.GetPointsAttr().Get()), 3))
+    return np.round(np.clip(colors, 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+def _first_line(error: Tf.ErrorException) -> str:
+    """Return what USD found wrong, without the place in its source."""
+    return str(error).strip().splitlines()[-1].split(" -- ")[-1].strip().strip("'")

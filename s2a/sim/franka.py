@@ -1,0 +1,92 @@
+"""The Franka Panda: its description, gains and frames.
+
+The URDF and meshes are example-robot-data's (panda_description, Apache-2.0).
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from importlib.metadata import files
+from pathlib import Path
+
+import newton
+import warp as wp
+
+ARM_JOINTS = 7
+"""Joints of the arm; coordinates 0 to 6 of a world."""
+JOINTS = 9
+"""Joints of the arm and the two fingers; coordinates 0 to 8 of a world."""
+
+
+@dataclass(frozen=True)
+class FrankaConfig:
+    """How the robot is driven.
+
+    Attributes:
+        arm_stiffness: position gain of the arm's joints [N m/rad].
+        arm_damping: velocity gain of the arm's joints [N m s/rad].
+        finger_stiffness: position gain of the fingers [N/m].
+        finger_damping: velocity gain of the fingers [N s/m].
+        finger_effort: largest force of a finger [N].
+        armature: rotor inertia added to every joint [kg m^2 or kg].
+        gravity_compensation: whether the robot's weight is taken off.
+        start: joint positions at reset, seven of the arm [rad], two of the fingers [m].
+    """
+
+    arm_stiffness: float
+    arm_damping: float
+    finger_stiffness: float
+    finger_damping: float
+    finger_effort: float
+    armature: float
+    gravity_compensation: bool
+    start: tuple[float, ...]
+
+
+def add_franka(builder: newton.ModelBuilder, config: FrankaConfig, base: wp.transform) -> None:
+    """Add the robot, fixed at `base`, as the first articulation of a world.
+
+    Colliders are the convex hulls of its links' collision meshes; the links do not collide with each other. The fingers
+    are driven one by one: the URDF's mimic joint would become a soft equality in MuJoCo.
+    """
+    first_shape, first_body = builder.shape_count, builder.body_count
+    builder.add_urdf(
+        _urdf(), package_dirs=[str(_share())], xform=base, enable_self_collisions=False, collapse_fixed_joints=False
+    )
+    shapes = range(first_shape, builder.shape_count)
+    meshes = [i for i in shapes if builder.shape_type[i] == newton.GeoType.MESH]
+    builder.approximate_meshes("convex_hull", shape_indices=meshes)
+    for i in range(JOINTS):
+        arm = i < ARM_JOINTS
+        builder.joint_target_ke[i] = config.arm_stiffness if arm else config.finger_stiffness
+        builder.joint_target_kd[i] = config.arm_damping if arm else config.finger_damping
+        builder.joint_armature[i] = config.armature
+        builder.joint_target_mode[i] = newton.JointTargetMode.POSITION
+        builder.joint_q[i] = builder.joint_target_q[i] = config.start[i]
+        if not arm:
+            builder.joint_effort_limit[i] = config.finger_effort
+    if config.gravity_compensation:
+        compensation = builder.custom_attributes["mujoco:gravcomp"]
+        compensation.values = {**(compensation.values or {}), **{i: 1.0 for i in range(first_body, builder.body_count)}}
+
+
+def _urdf() -> str:
+    """Return the robot's URDF as text, without visuals (DAE files that physics never reads) and without the mimic tag."""
+    path = _share() / "example-robot-data/robots/panda_description/urdf/panda.urdf"
+    robot = ElementTree.parse(path).getroot()
+    for link in robot.iter("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    for joint in robot.iter("joint"):
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _share() -> Path:
+    """Return the folder that holds example-robot-data's packages."""
+    for file in files("example-robot-data") or []:
+        if file.name == "panda.urdf":
+            return Path(str(file.locate())).parents[4]
+    raise FileNotFoundError("panda.urdf of the package example-robot-data; reinstall the requirements")

@@ -1,0 +1,134 @@
+"""Many worlds of one sim.usd, stepped together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco_warp
+import newton
+import torch
+import warp as wp
+
+from s2a.sim.build import SimStage, SpringConfig, body_index, build_world
+from s2a.sim.franka import FrankaConfig
+
+IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
+"""Reports that are switched off: reaching the iteration limits is meant, they are set low; capacities stay reported."""
+
+
+@dataclass(frozen=True)
+class SimConfig:
+    """How physics is stepped.
+
+    Attributes:
+        dt: physics time step [s].
+        substeps: physics steps a control step; even, so that a captured step ends in the buffer it began with.
+        iterations: of the constraint solver.
+        ls_iterations: of its line search.
+        cone: friction cone.
+        impratio: ratio of friction to normal impedance; higher slips less.
+        njmax: constraint rows a world.
+        nconmax: contacts a world.
+        multiccd: whether a pair of hulls may have several contacts.
+        room: whether the room's colliders are there.
+        robot: how the robot is driven.
+        spring: of the target's joint.
+    """
+
+    dt: float
+    substeps: int
+    iterations: int
+    ls_iterations: int
+    cone: Literal["elliptic", "pyramidal"]
+    impratio: float
+    njmax: int
+    nconmax: int
+    multiccd: bool
+    room: bool
+    robot: FrankaConfig
+    spring: SpringConfig
+
+
+class Simulation:
+    """Physics of `worlds` copies of a stage on one device.
+
+    Attributes:
+        model: the Newton model of all worlds.
+        solver: MuJoCo (Warp) with hull contacts.
+        state: joint and body state before and after every `step` (always this same buffer).
+        control: joint targets.
+        joint_q: joint coordinates [m or rad], torch view of state.joint_q, shape [world coord].
+        joint_qd: joint velocities, torch view of state.joint_qd, shape [world dof].
+        body_q: body poses (position, quaternion xyzw), torch view of state.body_q, shape [world body 7].
+        joint_target_q: joint targets, torch view of the control's, shape [world dof].
+    """
+
+    def __init__(
+        self, stage: SimStage, config: SimConfig, worlds: int, device: str = "cpu", with_robot: bool = True
+    ) -> None:
+        """Build the worlds; the first call on a machine compiles kernels for a minute."""
+        if config.substeps % 2:
+            raise ValueError(f"substeps={config.substeps} is odd; a captured step needs an even number")
+        self.stage, self.config, self.worlds, self.device = stage, config, worlds, device
+        with wp.ScopedDevice(device):
+            robot = config.robot if with_robot else None
+            self.world = build_world(stage, robot, config.spring, config.dt, config.room)
+            builder = newton.ModelBuilder()
+            newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+            builder.replicate(self.world, worlds)
+            self.model = builder.finalize()
+            self.solver = _solver(self.model, config)
+            self.state, self._other = self.model.state(), self.model.state()
+            self.control = self.model.control()
+            newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
+        self.joint_q = wp.to_torch(self.state.joint_q).view(worlds, -1)
+        self.joint_qd = wp.to_torch(self.state.joint_qd).view(worlds, -1)
+        self.body_q = wp.to_torch(self.state.body_q).view(worlds, -1, 7)
+        self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(worlds, -1)
+
+    def body(self, name: str) -> int:
+        """Return the index of a body within a world."""
+        return body_index(self.world, name)
+
+    def step(self) -> None:
+        """Advance all worlds by one control step (`substeps` physics steps)."""
+        for _ in range(self.config.substeps):
+            self.solver.step(self.state, self._other, self.control, None, self.config.dt)
+            self.state, self._other = self._other, self.state
+
+    def capture(self, function: Callable[[], None]) -> Callable[[], None]:
+        """Return `function` as one captured CUDA graph; on a CPU, as it is.
+
+        What the graph reads and writes must stay where it is, and a Python number is frozen at its value of now.
+        """
+        if not self.model.device.is_cuda:
+            return function
+        function()  # compiles and loads every kernel, which capture forbids
+        stream = wp.stream_from_torch(torch.cuda.current_stream(self.device))
+        with wp.ScopedStream(stream), wp.ScopedCapture(device=self.model.device, stream=stream) as capture:
+            function()
+
+        def launch() -> None:
+            wp.capture_launch(capture.graph, stream=wp.stream_from_torch(torch.cuda.current_stream(self.device)))
+
+        return launch
+
+
+def _solver(model: newton.Model, config: SimConfig) -> newton.solvers.SolverMuJoCo:
+    """Return the solver of a model."""
+    solver = newton.solvers.SolverMuJoCo(
+        model,
+        solver="newton",
+        integrator="implicitfast",
+        cone=config.cone,
+        impratio=config.impratio,
+        iterations=config.iterations,
+        ls_iterations=config.ls_iterations,
+        njmax=config.njmax,
+        nconmax=config.nconmax,
+        enable_multiccd=config.multiccd,
+    )
+    solver.mjw_model.opt.warn_overflow &= ~int(IGNORED_OVERFLOWS)
+    return solver

@@ -1,4 +1,4 @@
-"""The geometric flavour: everything the scan says, in a stage that any viewer opens; `read` gives the scene back exactly.
+"""The geometric flavour: all that the scan says, in a stage that any viewer opens; `read` gives the scene back exactly.
 
     /scene                      Xform: name, origin
     /scene/wall_1               Mesh: a part of the immovable room
@@ -159,7 +159,7 @@ def _read_part(stage: Usd.Stage, prim: Usd.Prim) -> Part:
 
 def _read_surface(stage: Usd.Stage, prim: Usd.Prim) -> Mesh:
     """Read the mesh of a part: the prim itself, or `visual` below its body."""
-    if prim.IsA(UsdGeom.Mesh):
+    if prim.IsA(UsdGeom.PointBased):
         return read_mesh(prim)
     visual = stage.GetPrimAtPath(prim.GetPath().AppendChild("visual"))
     if not visual:

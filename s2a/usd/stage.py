@@ -65,8 +65,10 @@ def open_stage(path: Path) -> Usd.Stage:
     return stage
 
 
-def write_mesh(stage: Usd.Stage, path: str, mesh: Mesh, *, purpose: str | None = None) -> UsdGeom.Mesh:
+def write_mesh(stage: Usd.Stage, path: str, mesh: Mesh, *, purpose: str | None = None) -> UsdGeom.PointBased:
     """Define a Mesh prim: triangles without subdivision, colours per vertex where the mesh has them.
+
+    A mesh without triangles becomes a Points prim instead: Newton 1.8 refuses a stage with an empty Mesh.
 
     Args:
         stage: where to.
@@ -75,15 +77,10 @@ def write_mesh(stage: Usd.Stage, path: str, mesh: Mesh, *, purpose: str | None =
         purpose: USD's purpose, such as "guide" for what is not to be seen.
 
     Returns:
-        The mesh's schema object; `read_mesh` gives the same arrays back, bit for bit.
+        The prim's schema object; `read_mesh` gives the same arrays back, bit for bit.
     """
-    prim = UsdGeom.Mesh.Define(stage, path)
+    prim = (UsdGeom.Mesh if len(mesh.faces) else UsdGeom.Points).Define(stage, path)
     prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(mesh.vertices))
-    prim.CreateFaceVertexCountsAttr(Vt.IntArray(len(mesh.faces), 3))
-    prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.ravel()))
-    prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    # Scans are open surfaces: a viewer that drops faces seen from behind would show holes.
-    prim.CreateDoubleSidedAttr(True)
     if len(mesh.vertices):
         corners = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
         prim.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(corners))
@@ -92,26 +89,24 @@ def write_mesh(stage: Usd.Stage, path: str, mesh: Mesh, *, purpose: str | None =
         prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(colors)
     if purpose is not None:
         prim.CreatePurposeAttr(purpose)
+    if len(mesh.faces):
+        _write_faces(prim, mesh.faces)
     return prim
 
 
 def read_mesh(prim: Usd.Prim) -> Mesh:
-    """Read a Mesh prim, in scene coordinates; its transform, if an editor gave it one, is applied.
+    """Read a Mesh or Points prim, in scene coordinates; its transform, if an editor gave it one, is applied.
 
     Raises:
-        InputError: not a Mesh, not triangles, or arrays that do not fit each other.
+        InputError: neither a Mesh nor Points, not triangles, or arrays that do not fit each other.
     """
     where = f"{prim.GetStage().GetRootLayer().realPath}: {prim.GetPath()}"
-    if not prim.IsA(UsdGeom.Mesh):
-        raise InputError(f"{where} is a {prim.GetTypeName() or 'prim without type'}; expected a Mesh")
-    geometry = UsdGeom.Mesh(prim)
-    counts = np.asarray(geometry.GetFaceVertexCountsAttr().Get() or [])
-    indices = np.asarray(geometry.GetFaceVertexIndicesAttr().Get() or [], dtype=np.int32)
-    if (counts != 3).any() or len(indices) != 3 * len(counts):
-        raise InputError(f"{where} has faces that are not triangles; triangulate it first")
+    if not prim.IsA(UsdGeom.Mesh) and not prim.IsA(UsdGeom.Points):
+        raise InputError(f"{where} is a {prim.GetTypeName() or 'prim without type'}; expected a Mesh or Points")
+    geometry = UsdGeom.PointBased(prim)
     points = np.asarray(geometry.GetPointsAttr().Get() or [], dtype=np.float32).reshape(-1, 3)
     try:
-        return Mesh(_to_scene(prim, points), indices.reshape(-1, 3), _read_colors(geometry))
+        return Mesh(_to_scene(prim, points), _read_faces(prim), _read_colors(geometry))
     except ValueError as error:
         raise InputError(f"{where}: {error}; export it again") from error
 
@@ -130,11 +125,31 @@ def write_attribute(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: A
 
 
 def read_attribute(prim: Usd.Prim, name: str, default: Any = None) -> Any:
-    """Return the value of the attribute `s2a:<name>` (USD's vectors as tuples), or the default where none is authored."""
+    """Return the value of the attribute `s2a:<name>` (vectors as tuples), or the default if there is none."""
     value = prim.GetAttribute(f"s2a:{name}").Get()
     if value is None:
         return default
     return tuple(value) if isinstance(value, (Gf.Vec2d, Gf.Vec3d)) else value
+
+
+def _write_faces(mesh: UsdGeom.Mesh, faces: np.ndarray) -> None:
+    """Author triangles [face 3] as they are: not a cage to subdivide, and seen from both sides."""
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(faces), 3))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(faces.ravel()))
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    # Scans are open surfaces: a viewer that drops faces seen from behind would show holes.
+    mesh.CreateDoubleSidedAttr(True)
+
+
+def _read_faces(prim: Usd.Prim) -> np.ndarray:
+    """Return triangles [face 3]; none for a prim that is no Mesh. A ValueError says that other faces are there."""
+    counts = np.asarray(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get() or [] if prim.IsA(UsdGeom.Mesh) else [])
+    if not len(counts):
+        return np.zeros((0, 3), dtype=np.int32)
+    indices = np.asarray(UsdGeom.Mesh(prim).GetFaceVertexIndicesAttr().Get() or [], dtype=np.int32)
+    if (counts != 3).any() or len(indices) != 3 * len(counts):
+        raise ValueError("its faces are not triangles")
+    return indices.reshape(-1, 3)
 
 
 def _to_scene(prim: Usd.Prim, points: np.ndarray) -> np.ndarray:
@@ -145,7 +160,7 @@ def _to_scene(prim: Usd.Prim, points: np.ndarray) -> np.ndarray:
     return points.astype(np.float64) @ matrix[:3, :3] + matrix[3, :3]
 
 
-def _read_colors(geometry: UsdGeom.Mesh) -> np.ndarray | None:
+def _read_colors(geometry: UsdGeom.PointBased) -> np.ndarray | None:
     """Return colours per vertex as uint8 [vertex 3], or None where none are authored."""
     primvar = geometry.GetDisplayColorPrimvar()
     if not primvar.HasAuthoredValue():

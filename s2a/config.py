@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 import dacite
 from hydra import compose as hydra_compose
 from hydra import initialize_config_dir
-from hydra.errors import HydraException, MissingConfigException
+from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -46,7 +46,7 @@ def compose(name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
     with initialize_config_dir(str(folder()), version_base="1.3"):
         try:
             return plain(hydra_compose(name, list(overrides)))
-        except (HydraException, OmegaConfBaseException) as error:
+        except (HydraException, OmegaConfBaseException, ValueError) as error:
             raise InputError(explain(error, keys(plain(hydra_compose(name), resolve=False)))) from error
 
 
@@ -114,6 +114,8 @@ def explain(error: Exception, known: Iterable[str]) -> str:
         known: the keys that can be overridden.
     """
     text = str(error)
+    if isinstance(error, OverrideParseException):
+        return f"{error.override!r} is not key=value; quote a value with special characters: 'key=\"value\"'"
     if isinstance(error, MissingConfigException) and error.options:
         group, _, option = str(error.missing_cfg_file).rpartition("/")
         return f"key {group!r} is {option!r}{nearest(option, error.options)}"
@@ -124,8 +126,6 @@ def explain(error: Exception, known: Iterable[str]) -> str:
         return f"key {found[1]!r} has no value; give {found[1]}=..."
     if found := re.search(r"Ambiguous value for argument '([^']+)'", text):
         return f"{found[1]!r} gives several values; write key=[a,b] for a list, or add -m to run once with each"
-    if found := re.search(r"rror parsing override '([^']*)'", text):
-        return f"{found[1]!r} is not key=value; quote a value with special characters: 'key=\"value\"'"
     return " ".join(text.split())
 
 

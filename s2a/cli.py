@@ -1,0 +1,120 @@
+"""The command line: `s2a <verb> key=value ...`.
+
+A verb is a module of `s2a.verbs` with a `Config` and a `run(config) -> str`; its values are `conf/<verb>.yaml` and what
+the user overrides. Errors of the user are one line on stderr and exit code 2.
+"""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import os
+import sys
+import time
+import traceback
+import warnings
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from omegaconf.errors import OmegaConfBaseException
+
+from s2a import config, usage
+from s2a.errors import InputError
+
+VERBS = {
+    "sample": "furnish a virtual room and scan it: writes an annotated scan",
+    "export": "turn an annotated scan into two flavours of USD, descriptive and geometric",
+    "prepare": "make one jointed part of a geometric stage ready for simulation",
+    "train": "train a policy by reinforcement learning (PPO)",
+    "evaluate": "measure how well a policy or the planner does",
+    "view": "look at a stage",
+}
+FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code: 0, 1 for a bug, 2 for bad input, 130 when interrupted."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    _log_in_lines()
+    try:
+        return _dispatch(arguments)
+    except KeyboardInterrupt:
+        return _fail("interrupted", 130)
+    except Exception as error:
+        if "--debug" in arguments:
+            traceback.print_exc()
+        if isinstance(error, (InputError, OSError)):
+            return _fail(str(error), 2)
+        return _fail(f"{type(error).__name__}: {error}; this is a bug: please report it with what --debug shows", 1)
+
+
+def run(verb: str, values: dict[str, Any]) -> None:
+    """Run a verb with composed values and print what it says of its work."""
+    module = importlib.import_module(f"s2a.verbs.{verb}")
+    settings = config.load(module.Config, values)
+    start = time.perf_counter()
+    print(module.run(settings))
+    print(f"{verb}: {time.perf_counter() - start:.1f} s", file=sys.stderr)
+
+
+def job(composed: Any) -> None:
+    """Run one job of a sweep; a relative `out` lies below the job's own folder, so that no two can collide."""
+    _log_in_lines()
+    context = HydraConfig.get()
+    values = config.plain(composed)
+    if "out" in values and values["out"] != config.REQUIRED:
+        values["out"] = str(Path(context.runtime.output_dir) / values["out"])
+    run(str(context.job.config_name), values)
+
+
+def sweep(verb: str, overrides: Sequence[str]) -> None:
+    """Run a verb once with each combination of the comma-separated values, through Hydra's sweeper and launcher.
+
+    Raises:
+        InputError: an override that cannot be read, or that names an unknown key or option.
+    """
+    # Hydra reads its arguments from sys.argv, and prints errors itself unless told to raise them.
+    sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *overrides]
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    try:
+        hydra.main(config_path=str(config.folder()), config_name=verb, version_base="1.3")(job)()
+    except (HydraException, OmegaConfBaseException) as error:
+        raise InputError(config.explain(error, config.keys(config.compose(verb)))) from error
+
+
+def _dispatch(arguments: list[str]) -> int:
+    """Do what the arguments ask for."""
+    flags = [argument for argument in arguments if argument.startswith("-")]
+    verb, *overrides = [argument for argument in arguments if not argument.startswith("-")] or [""]
+    if unknown := [flag for flag in flags if flag not in FLAGS]:
+        raise InputError(f"flag {unknown[0]!r} is unknown{config.nearest(unknown[0], FLAGS)}")
+    if "--version" in flags:
+        print(version("s2a"))
+    elif not verb:
+        print(usage.general(VERBS), end="")
+    elif verb not in VERBS:
+        raise InputError(f"verb {verb!r} is unknown{config.nearest(verb, VERBS)}")
+    elif "--help" in flags or "-h" in flags:
+        print(usage.verb(verb, VERBS[verb], importlib.import_module(f"s2a.verbs.{verb}").Config))
+    elif "--multirun" in flags or "-m" in flags:
+        sweep(verb, overrides)
+    else:
+        run(verb, config.compose(verb, overrides))
+    return 0
+
+
+def _fail(message: str, code: int) -> int:
+    """Say on stderr, in one line, what went wrong."""
+    print("s2a:", " ".join(message.split()), file=sys.stderr)
+    return code
+
+
+def _log_in_lines() -> None:
+    """Send warnings and log records to stderr, one line each."""
+    logging.basicConfig(level=logging.WARNING, stream=sys.stderr, format="s2a: %(levelname)s: %(message)s")
+    warnings.showwarning = lambda message, *_: logging.getLogger("s2a").warning(" ".join(str(message).split()))

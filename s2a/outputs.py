@@ -1,0 +1,71 @@
+"""Outputs appear whole or not at all: written aside, then renamed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from s2a.errors import InputError
+
+
+@contextmanager
+def aside(path: Path, earlier: str | None = None) -> Iterator[Path]:
+    """Yield a path of the same name to write to; when the block ends well, rename what lies there to `path`.
+
+    When it fails, nothing is left behind, and what was at `path` before is as it was.
+
+    Args:
+        path: the file or folder to write.
+        earlier: a file, relative to `path`, by which a folder is known to be an earlier output, which may be replaced.
+
+    Raises:
+        InputError: `path` is a folder that is neither empty nor an earlier output.
+    """
+    _refuse_foreign(path, earlier)
+    made = _make_parents(path)
+    room = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    try:
+        yield room / path.name
+        _swap(room, path)
+        made = []
+    finally:
+        shutil.rmtree(room)
+        for folder in made:
+            if not any(folder.iterdir()):
+                folder.rmdir()
+
+
+def _refuse_foreign(path: Path, earlier: str | None) -> None:
+    """Raise if replacing `path` would delete files that are not ours."""
+    if not path.is_dir() or not any(path.iterdir()) or (earlier and (path / earlier).exists()):
+        return
+    kind = f"has no {earlier} as an earlier output would" if earlier else "is a folder where a file should be written"
+    raise InputError(f"out {str(path)!r} is not empty and {kind}; choose another place or delete it yourself")
+
+
+def _make_parents(path: Path) -> list[Path]:
+    """Make the folder that `path` lies in; return what had to be made, deepest first."""
+    made = [folder for folder in path.parents if not folder.exists()]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise InputError(f"out {str(path)!r} lies below something that is not a folder: {error.filename!r}") from error
+    return made
+
+
+def _swap(room: Path, path: Path) -> None:
+    """Put room/<name> where `path` was; an earlier folder steps into the room, and comes back if that fails."""
+    if not path.is_dir():
+        os.replace(room / path.name, path)
+        return
+    old = room / "earlier"
+    os.replace(path, old)
+    try:
+        os.replace(room / path.name, path)
+    except BaseException:
+        os.replace(old, path)
+        raise

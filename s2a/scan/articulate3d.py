@@ -1,0 +1,91 @@
+"""Articulate3D's annotations on a ScanNet++ mesh -> Scene.
+
+Lenient where releases differ (missing optional keys, untidy labels, repeated records: a warning is logged), strict
+where a guess would be wrong. What belongs to what comes from the labels of `<scene>_parts.json`, what moves from
+`<scene>_artic.json`, and the rest of the room from ScanNet++'s own annotation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from s2a.scan import folder, joints, labels, parts, ply, segments
+from s2a.scan.cut import cut
+from s2a.scan.parts import AnnotatedPart
+from s2a.scan.ply import Surface
+from s2a.scene import Joint, Mesh, Part, Scene
+
+UNANNOTATED = "unannotated"  # label of the part that takes the faces nobody annotated
+
+
+def read(path: Path) -> Scene:
+    """Read the annotated scan in a folder.
+
+    The scene holds Articulate3D's parts as their labels nest. Then follow, numbered on from the largest partId, fixed
+    and flat: the ScanNet++ objects that those parts do not cover already, in the order of their file, and last, where
+    faces are left over, one part "unannotated".
+
+    Raises:
+        InputError: a file is missing, damaged, or does not belong to the others.
+    """
+    files = folder.find(path)
+    surface = ply.read(files.mesh)
+    annotated = parts.read(files.parts, surface)
+    names = {number: part.label for number, part in annotated.items()}
+    parent_of = labels.parents(names)
+    moving = joints.read(files.articulations, names, surface.origin)
+    owner = parts.owners(annotated, labels.depths(parent_of), len(surface.faces))
+    further = _claim_rest(surface, owner, len(annotated), files.segments)
+    meshes = cut(surface, owner, len(annotated) + len(further))
+    nested = _nested_parts(annotated, parent_of, moving, meshes[: len(annotated)])
+    flat = _flat_parts(further, max(annotated, default=0) + 1, meshes[len(annotated) :])
+    return Scene(files.name, nested | flat, tuple(surface.origin.tolist()))
+
+
+def _claim_rest(surface: Surface, owner: np.ndarray, count: int, files: tuple[Path, Path] | None) -> list[str]:
+    """Give faces without owner (in place) to further parts, at positions from count on; return the labels of those."""
+    found: list[str] = []
+    free = owner < 0
+    if files is not None:
+        groups = segments.read(*files, len(surface.vertices))
+        groups = segments.unclaimed(groups, surface.faces, ~free)
+        group = segments.face_groups(groups, surface.faces[free], len(surface.vertices))
+        owner[free] = np.where(group < 0, -1, group + count)
+        found = [group.label for group in groups]
+    if (owner < 0).any():
+        owner[owner < 0] = count + len(found)
+        found.append(UNANNOTATED)
+    return found
+
+
+def _nested_parts(
+    annotated: Mapping[int, AnnotatedPart],
+    parent_of: Mapping[int, int | None],
+    moving: Mapping[int, Joint],
+    meshes: list[Mesh],
+) -> dict[str, Part]:
+    """Return Articulate3D's parts by id, every part followed by what belongs to it."""
+    mesh_of = dict(zip(annotated, meshes, strict=True))
+    name_of = {number: labels.split(part.label)[0] for number, part in annotated.items()}
+    id_of = {number: labels.part_id(name, number) for number, name in name_of.items()}
+    grasped = labels.grasped(set(moving), parent_of)
+    return {
+        id_of[number]: Part(
+            label=name_of[number],
+            mesh=mesh_of[number],
+            parent=None if (parent := parent_of[number]) is None else id_of[parent],
+            motion=moving.get(number, "fixed"),
+            graspable=number in grasped,
+            mass=annotated[number].mass,
+        )
+        for number in labels.parents_first(parent_of)
+    }
+
+
+def _flat_parts(names: list[str], first_number: int, meshes: list[Mesh]) -> dict[str, Part]:
+    """Return flat, fixed parts by id, numbered from first_number on."""
+    numbered = enumerate(zip(names, meshes, strict=True), start=first_number)
+    return {labels.part_id(name, number): Part(name, mesh) for number, (name, mesh) in numbered}

@@ -1,0 +1,94 @@
+"""Which files of a folder make up an annotated scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from s2a.errors import InputError
+
+MESH = "mesh_aligned_0.05.ply"
+SEGMENTS = "segments.json"
+GROUPS = "segments_anno.json"
+
+
+@dataclass(frozen=True)
+class ScanFiles:
+    """The files of one scan.
+
+    Attributes:
+        name: the scan's name ("0a5c013435").
+        mesh: ScanNet++'s mesh, which everything else counts in.
+        parts: Articulate3D's parts, `<name>_parts.json`.
+        articulations: Articulate3D's motions, `<name>_artic.json`.
+        segments: ScanNet++'s segments and groups of segments, or None where the folder has neither.
+    """
+
+    name: str
+    mesh: Path
+    parts: Path
+    articulations: Path
+    segments: tuple[Path, Path] | None
+
+
+def find(path: Path) -> ScanFiles:
+    """Find the files of one scan in a folder, or in its subfolder `scans` where ScanNet++ keeps the mesh.
+
+    Raises:
+        InputError: no scan there, several, or an incomplete one.
+    """
+    folders = [folder for folder in (path, path / "scans") if folder.is_dir()]
+    if not path.is_dir():
+        what = "is a file" if path.exists() else "does not exist"
+        raise InputError(f"{path}: {what}; give the folder of one scan, which holds <scene>_parts.json")
+    parts = [file for folder in folders for file in sorted(folder.glob("[!.]*_parts.json"))]
+    if len(parts) != 1:
+        raise InputError(f"{path}: {_why_not_one(path, parts)}")
+    name = parts[0].name.removesuffix("_parts.json")
+    return ScanFiles(
+        name=name,
+        mesh=_required(folders, "it is in the ScanNet++ release, in the scan's folder `scans`", MESH),
+        parts=parts[0],
+        # The second name is the one that the file had before the release.
+        articulations=_required(
+            folders, f"it comes with {parts[0].name}", f"{name}_artic.json", f"{name}_articulation.json"
+        ),
+        segments=_segments(path, folders),
+    )
+
+
+def _why_not_one(path: Path, parts: list[Path]) -> str:
+    """Say why a folder is not the folder of one scan."""
+    if parts:
+        found = ", ".join([file.name for file in parts[:4]] + ["..."] * (len(parts) > 4))
+        return f"holds {len(parts)} scans ({found}); keep each scan in a folder of its own"
+    below = sorted({file.parent.name for file in path.glob("*/[!.]*_parts.json")})[:4]
+    if below:
+        return f"holds no annotated scan, but its subfolders do; give one of them: {', '.join(below)}"
+    found = ", ".join(sorted(file.name for file in path.iterdir())[:6]) or "nothing"
+    return f"holds no annotated scan: <scene>_parts.json is missing (found: {found}); give the folder of one scan"
+
+
+def _segments(path: Path, folders: list[Path]) -> tuple[Path, Path] | None:
+    """Return ScanNet++'s two annotation files, None if there are none, or raise an InputError if one is missing."""
+    segments, groups = _first(folders, SEGMENTS), _first(folders, GROUPS)
+    if segments and groups:
+        return segments, groups
+    if segments or groups:
+        missing, other = (GROUPS, SEGMENTS) if segments else (SEGMENTS, GROUPS)
+        raise InputError(f"{path}: {missing} is missing beside {other}; add it, or remove both")
+    return None
+
+
+def _first(folders: list[Path], *names: str) -> Path | None:
+    """Return the first file of some names in some folders that exists, or None."""
+    candidates = (folder / name for name in names for folder in folders)
+    return next((file for file in candidates if file.is_file()), None)
+
+
+def _required(folders: list[Path], remedy: str, *names: str) -> Path:
+    """Return a file of the scan, or raise an InputError that says where to get it."""
+    file = _first(folders, *names)
+    if file is None:
+        raise InputError(f"{folders[0]}: {names[0]} is missing; {remedy}")
+    return file

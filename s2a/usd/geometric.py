@@ -23,13 +23,21 @@ from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 from s2a.errors import InputError
 from s2a.scene import Joint, Mesh, Motion, Part, Scene
-from s2a.usd.joints import read_joint, write_body, write_fixed_joint, write_joint, write_site
-from s2a.usd.stage import ROOT, new_stage, open_stage, read_attribute, read_mesh, save, write_attribute, write_mesh
+from s2a.usd.joints import read_joint, site_point, write_body, write_fixed_joint, write_joint, write_site
+from s2a.usd.stage import (
+    ROOT,
+    check_ids,
+    new_stage,
+    open_stage,
+    read_attribute,
+    read_mesh,
+    save,
+    write_attribute,
+    write_mesh,
+)
 
 FLAVOUR = "geometric"
 JOINTS = f"{ROOT}/joints"
-RESERVED = ("joints", "visual", "grasp")
-"""Prims that are no parts; no part may be called so."""
 
 Types = Sdf.ValueTypeNames
 
@@ -44,7 +52,7 @@ def write(scene: Scene, path: Path) -> None:
     Raises:
         InputError: an id that cannot be a prim's name, another ending, or a path that cannot be written.
     """
-    _check_ids(scene)
+    check_ids(scene)
     stage = new_stage()
     root = stage.GetDefaultPrim()
     write_attribute(root, "flavour", Types.String, FLAVOUR)
@@ -85,16 +93,6 @@ def body_path(scene: Scene, part_id: str) -> str:
     return f"{ROOT}/{scene.parent_body(part_id) or f'{part_id}_anchor'}"
 
 
-def _check_ids(scene: Scene) -> None:
-    anchors = {f"{i}_anchor" for i in scene.movable if scene.parts[i].parent is None}
-    for part_id in scene.parts:
-        if not Sdf.Path.IsValidIdentifier(part_id) or part_id in RESERVED or part_id in anchors:
-            raise InputError(
-                f"part id {part_id!r} of scene {scene.name!r} cannot name a prim; use letters, digits and _, "
-                f"no digit first, and none of: {', '.join([*RESERVED, *sorted(anchors)])}"
-            )
-
-
 def _write_part(stage: Usd.Stage, scene: Scene, part_id: str) -> Usd.Prim:
     """Define the prim that stands for a part: a mesh of the room, a body, or a mesh of a body."""
     body, mesh = scene.body(part_id), scene.parts[part_id].mesh
@@ -132,9 +130,9 @@ def _write_motion(stage: Usd.Stage, scene: Scene, part_id: str) -> None:
         write_body(stage, against, root=True)
         write_fixed_joint(stage, f"{JOINTS}/{part_id}_anchor", against)
     write_joint(stage, f"{JOINTS}/{part_id}", scene.joint(part_id), against, f"{ROOT}/{part_id}")
-    # Without an annotated surface there is nothing to take hold of.
-    if any(scene.parts[i].mesh.face_areas.any() for i in scene.grasp_parts(part_id)):
-        write_site(stage, f"{ROOT}/{part_id}/grasp", scene.grasp_point(part_id))
+    point = site_point(scene, part_id)
+    if point is not None:
+        write_site(stage, f"{ROOT}/{part_id}/grasp", point)
 
 
 def _part_prims(root: Usd.Prim) -> Iterator[Usd.Prim]:
@@ -170,7 +168,7 @@ def _read_surface(stage: Usd.Stage, prim: Usd.Prim) -> Mesh:
 def _read_motion(stage: Usd.Stage, prim: Usd.Prim) -> Motion:
     motion = read_attribute(prim, "motion", "fixed")
     if motion == "fixed" or motion == "free":
-        return motion  # type: ignore[no-any-return]
+        return motion
     where = f"{stage.GetRootLayer().realPath}: part {_id(prim)!r}"
     if motion not in ("prismatic", "revolute"):
         raise InputError(f"{where} has motion {motion!r}; possible: fixed, free, prismatic, revolute")

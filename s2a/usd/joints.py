@@ -13,7 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
-from s2a.scene import Joint
+from s2a.scene import Joint, Scene
 from s2a.usd.stage import read_attribute, write_attribute
 
 SITE_RADIUS = 0.01
@@ -95,6 +95,13 @@ def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xf
     if root:
         UsdPhysics.ArticulationRootAPI.Apply(body.GetPrim())
     return body
+
+
+def site_point(scene: Scene, part_id: str) -> np.ndarray | None:
+    """Return where to take hold of a jointed part [3] (scene coordinates, m); None if no surface is annotated there."""
+    if not any(scene.parts[i].mesh.face_areas.any() for i in scene.grasp_parts(part_id)):
+        return None
+    return scene.grasp_point(part_id)
 
 
 def write_site(stage: Usd.Stage, path: str, point: np.ndarray) -> UsdGeom.Sphere:

@@ -9,10 +9,12 @@ import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, Vt
 
 from s2a.errors import InputError
-from s2a.scene import Mesh
+from s2a.scene import Mesh, Scene
 
 ROOT = "/scene"
 """Path of the default prim of every flavour."""
+RESERVED = ("joints", "visual", "grasp", "static", "physics", "materials", "colliders", "region")
+"""Prims that are no parts; no part may be called so."""
 ENCODINGS = (".usd", ".usda", ".usdc")
 """File names end so: binary, text, binary."""
 
@@ -65,6 +67,18 @@ def open_stage(path: Path) -> Usd.Stage:
     return stage
 
 
+def check_ids(scene: Scene) -> None:
+    """Raise an InputError if a part's id cannot be the name of its prim."""
+    anchors = [f"{i}_anchor" for i in scene.movable if scene.parts[i].parent is None]
+    taken = [*RESERVED, *anchors]
+    for part_id in scene.parts:
+        if not Sdf.Path.IsValidIdentifier(part_id) or part_id in taken:
+            raise InputError(
+                f"part id {part_id!r} of scene {scene.name!r} cannot name a prim; use letters, digits and _, "
+                f"no digit first, and none of: {', '.join(taken)}"
+            )
+
+
 def write_mesh(stage: Usd.Stage, path: str, mesh: Mesh, *, purpose: str | None = None) -> UsdGeom.PointBased:
     """Define a Mesh prim: triangles without subdivision, colours per vertex where the mesh has them.
 
@@ -111,16 +125,23 @@ def read_mesh(prim: Usd.Prim) -> Mesh:
         raise InputError(f"{where}: {error}; export it again") from error
 
 
-def write_attribute(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: Any) -> None:
-    """Author the attribute `s2a:<name>`, which does not vary over time, on a prim.
+def write_attribute(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: Any, *, terse: bool = False) -> None:
+    """Author the attribute `s2a:<name>` on a prim.
 
     Args:
         prim: where to.
         name: without the namespace.
         kind: one of `Sdf.ValueTypeNames`.
-        value: sequences are taken as USD's vectors where the kind is one.
+        value: tuples and arrays are taken as USD's vectors.
+        terse: leave out that it is custom and does not vary over time, which no reader needs.
+
+    Raises:
+        InputError: a text that USD cannot store (it would end at a zero byte, and its binary files would be damaged).
     """
-    attribute = prim.CreateAttribute(f"s2a:{name}", kind, True, Sdf.VariabilityUniform)
+    if isinstance(value, str) and ("\0" in value or any("\ud800" <= letter <= "\udfff" for letter in value)):
+        raise InputError(f"{prim.GetName()}: {name} {value!r} has a zero byte or half a character; mend it in the scan")
+    variability = Sdf.VariabilityVarying if terse else Sdf.VariabilityUniform
+    attribute = prim.CreateAttribute(f"s2a:{name}", kind, not terse, variability)
     attribute.Set(kind.type.pythonClass(*value) if isinstance(value, (tuple, np.ndarray)) else value)
 
 

@@ -1,0 +1,105 @@
+"""The descriptive flavour: the room in words and boxes, for language models; a page of text without a single triangle.
+
+Parts nest as they belong together. A flag that is absent is false, and a part without a motion stands still.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom
+
+from s2a.scene import Joint, Part, Scene
+from s2a.usd.boxes import upright_box
+from s2a.usd.joints import site_point
+from s2a.usd.stage import ROOT, check_ids, new_stage, save, write_attribute
+
+FLAVOUR = "descriptive"
+MILLIMETRES, DIRECTION, DEGREES = 3, 4, 1
+"""Decimals of lengths [m] and angles [rad], of unit vectors, and of yaw [deg]: a scan knows no more."""
+
+LEGEND = """A room, part by part: a prim inside another is a part of it. Metres, z up.
+center, size: upright box around a part with all inside it; yaw: degrees its size[0] side is turned from x about z.
+motion: prismatic (slides along axis), revolute (turns about axis through origin, right-handed) or free;
+limits: m or rad from the pose shown; against: what it moves against. graspable: held here; grasp: where to hold.
+Whatever is absent: false, fixed, not turned, unknown."""
+
+Types = Sdf.ValueTypeNames
+
+
+def write(scene: Scene, path: Path) -> None:
+    """Write the description of a scene to exactly this path, which ends in .usda.
+
+    Raises:
+        InputError: an id that cannot be a prim's name, or a path that cannot be written.
+    """
+    check_ids(scene)
+    stage = new_stage()
+    stage.GetRootLayer().documentation = LEGEND
+    root = stage.GetDefaultPrim()
+    write_attribute(root, "flavour", Types.String, FLAVOUR)
+    write_attribute(root, "name", Types.String, scene.name)
+    _write_box(root, scene, tuple(scene.parts))
+    for part_id in scene.parts:
+        _write_part(stage, scene, part_id)
+    save(stage, path)
+
+
+def prim_path(scene: Scene, part_id: str) -> str:
+    """Return the path of the prim that describes a part: its ancestors, then itself."""
+    parent = scene.parts[part_id].parent
+    return f"{ROOT if parent is None else prim_path(scene, parent)}/{part_id}"
+
+
+def _write_part(stage: Usd.Stage, scene: Scene, part_id: str) -> None:
+    part = scene.parts[part_id]
+    prim = UsdGeom.Xform.Define(stage, prim_path(scene, part_id)).GetPrim()
+    _describe(prim, "label", Types.String, part.label)
+    _write_box(prim, scene, (part_id, *scene.descendants(part_id)))
+    if part.graspable:
+        _describe(prim, "graspable", Types.Bool, True)
+    if part.mass is not None:
+        _describe(prim, "mass", Types.Double, round(part.mass, MILLIMETRES))
+    _write_motion(prim, scene, part_id, part)
+
+
+def _write_box(prim: Usd.Prim, scene: Scene, part_ids: Sequence[str]) -> None:
+    """Describe the box around some parts; nothing where they have no surface."""
+    points = np.concatenate([scene.parts[i].mesh.vertices for i in part_ids] or [np.zeros((0, 3))])
+    if not len(points):
+        return
+    box = upright_box(points)
+    _describe(prim, "center", Types.Double3, _rounded(box.center))
+    _describe(prim, "size", Types.Double3, _rounded(box.size))
+    if yaw := round(math.degrees(box.yaw), DEGREES):
+        _describe(prim, "yaw", Types.Double, yaw)
+
+
+def _write_motion(prim: Usd.Prim, scene: Scene, part_id: str, part: Part) -> None:
+    """Describe how a part moves, against what, and where to hold it; nothing for a fixed part."""
+    if part.motion == "fixed":
+        return
+    _describe(prim, "movable", Types.Bool, True)
+    _describe(prim, "motion", Types.Token, part.motion.kind if isinstance(part.motion, Joint) else part.motion)
+    if not isinstance(part.motion, Joint):
+        return
+    _describe(prim, "against", Types.String, scene.parent_body(part_id) or "world")
+    _describe(prim, "axis", Types.Double3, _rounded(part.motion.axis, DIRECTION))
+    _describe(prim, "origin", Types.Double3, _rounded(part.motion.origin))
+    _describe(prim, "limits", Types.Double2, _rounded(part.motion.limits))
+    point = site_point(scene, part_id)
+    if point is not None:
+        _describe(prim, "grasp", Types.Double3, _rounded(point))
+
+
+def _describe(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: object) -> None:
+    """Author an attribute in as few words as USD's text allows."""
+    write_attribute(prim, name, kind, value, terse=True)
+
+
+def _rounded(values: Sequence[float] | np.ndarray, decimals: int = MILLIMETRES) -> tuple[float, ...]:
+    """Round, without negative zeros."""
+    return tuple(round(float(value), decimals) + 0.0 for value in values)

@@ -29,7 +29,7 @@ def general(verbs: Mapping[str, str]) -> str:
 
 def verb(name: str, meaning: str, cls: type) -> str:
     """Return the help text of one verb: every key with its value in the YAML tree and its meaning."""
-    values = config.leaves(config.compose(name))
+    values = sorted(config.leaves(config.compose(name)), key=lambda leaf: "." in leaf[0])
     meanings = attributes(cls)
     lines = [f"s2a {name} key=value ...: {meaning}", ""]
     for key, value in values:

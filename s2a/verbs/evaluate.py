@@ -1,0 +1,60 @@
+"""sim.usd and a policy or the planner -> metrics.json."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from s2a.evaluate import evaluate
+from s2a.outputs import aside
+from s2a.policy.planner import Planner, PlannerConfig
+from s2a.policy.ppo import load_policy
+from s2a.sim.build import read_stage
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.task.env import OpenDrawerEnv
+from s2a.task.open_drawer import OpenDrawerConfig
+from s2a.verbs.train import device
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a evaluate`.
+
+    Attributes:
+        stage: the sim.usd.
+        out: the metrics.json to write.
+        checkpoint: model_N.pt of a training run, or null: the planner.
+        worlds: copies of the stage, one episode each.
+        device: cpu, cuda:0, or auto: a GPU where there is one.
+        seed: of the start noise.
+        sim: how physics is stepped; for a checkpoint, as it was trained.
+        task: what the robot has to do.
+        reward: weight of each reward term.
+        policy: the planner's motion.
+    """
+
+    stage: Path
+    out: Path
+    checkpoint: Path | None
+    worlds: int
+    device: str
+    seed: int
+    sim: SimConfig
+    task: OpenDrawerConfig
+    reward: dict[str, float]
+    policy: PlannerConfig
+
+
+def run(config: Config) -> str:
+    """Run one episode in every world, write the metrics, and return the rates."""
+    with aside(config.out) as out:
+        sim = Simulation(read_stage(config.stage), config.sim, config.worlds, device(config.device))
+        env = OpenDrawerEnv(sim, config.task, config.reward, config.seed)
+        policy = load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.policy)
+        metrics = evaluate(env, policy)
+        out.write_text(json.dumps(metrics, indent=1))
+    rates = {name: metrics[name] for name in ("success", "final_success", "handle_success")}
+    lines = [f"  {name:16}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name, r in rates.items()]
+    opening = f"  opening         mean {metrics['opening']['mean']:.3f} m, least {metrics['opening']['min']:.3f} m"
+    return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *lines, opening])

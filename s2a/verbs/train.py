@@ -1,0 +1,69 @@
+"""sim.usd -> a policy, learned."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from s2a.errors import InputError
+from s2a.policy import ppo
+from s2a.sim.build import read_stage
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.task.env import OpenDrawerEnv
+from s2a.task.open_drawer import OpenDrawerConfig
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a train`.
+
+    Attributes:
+        stage: the sim.usd.
+        out: folder for checkpoints, the TensorBoard log and metrics.json.
+        worlds: copies of the stage that are stepped together.
+        device: cpu, cuda:0, or auto: a GPU where there is one.
+        seed: of the start noise and of the network.
+        sim: how physics is stepped.
+        task: what the robot has to do.
+        reward: weight of each reward term.
+        policy: what rsl-rl is told.
+    """
+
+    stage: Path
+    out: Path
+    worlds: int
+    device: str
+    seed: int
+    sim: SimConfig
+    task: OpenDrawerConfig
+    reward: dict[str, float]
+    policy: ppo.PpoConfig
+
+
+def run(config: Config) -> str:
+    """Train, write metrics.json beside the checkpoints, and return how far it came."""
+    if config.out.exists() and any(config.out.iterdir()):
+        raise InputError(
+            f"out {str(config.out)!r} holds files; a run is never overwritten: choose another or delete it"
+        )
+    torch.manual_seed(config.seed)
+    sim = Simulation(read_stage(config.stage), config.sim, config.worlds, device(config.device))
+    env = OpenDrawerEnv(sim, config.task, config.reward, config.seed)
+    metrics = ppo.train(env, config.policy, config.out)
+    (config.out / "metrics.json").write_text(json.dumps(metrics, indent=1))
+    last = metrics["curve"][-1] if metrics["curve"] else {}
+    curve = ", ".join(f"{name} {value:.3g}" for name, value in last.items())
+    return f"{config.out}: {metrics['env_steps_per_second']:.0f} env steps/s; {curve}"
+
+
+def device(name: str) -> str:
+    """Return the device that a user's key means; InputError if this machine does not have it."""
+    if name == "auto":
+        return "cuda:0" if torch.cuda.is_available() else "cpu"
+    known = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
+    if name not in known:
+        raise InputError(f"key 'device' is {name!r}; on this machine one of: auto, {', '.join(known)}")
+    return name

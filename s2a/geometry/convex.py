@@ -1,0 +1,138 @@
+"""Convex pieces: building, cutting, asking whether a point or another piece is inside.
+
+A piece is a closed Mesh whose faces look outwards.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull, QhullError
+
+from s2a.scene import Mesh
+
+FLAT = 1e-3
+"""[m] Pieces thinner than this are thickened to it: Qhull and MuJoCo refuse flat ones."""
+
+
+def hull(points: np.ndarray, max_vertices: int | None = None, thickness: float = FLAT) -> Mesh | None:
+    """Return the convex hull of points [point 3] as a piece, at least `thickness` [m] thick in every direction.
+
+    None if fewer than three points differ. With `max_vertices`, extreme points along evenly spread directions stand for the
+    hull's vertices where it has more.
+    """
+    points = np.unique(np.asarray(points, np.float64).round(6), axis=0)
+    if len(points) < 3:
+        return None
+    points = _thicken(points, thickness)
+    try:
+        corners = points[ConvexHull(points).vertices]
+        if max_vertices is not None and len(corners) > max_vertices:
+            corners = _extremes(corners, max_vertices)
+        return _closed(corners)
+    except QhullError:
+        return None
+
+
+def halfspaces(piece: Mesh) -> np.ndarray:
+    """Return a piece's planes as rows (nx, ny, nz, d), inside where n.x + d <= 0 [m], shape [plane 4]."""
+    return ConvexHull(piece.vertices.astype(np.float64)).equations
+
+
+def contains(piece: Mesh, points: np.ndarray, margin: float = 0.0) -> np.ndarray:
+    """Return which points [point 3] lie in a piece, or within about `margin` [m] outside of it; shape [point], bool."""
+    planes = halfspaces(piece)
+    low, high = piece.bounds + [[-margin] * 3, [margin] * 3]
+    inside = ((points >= low) & (points <= high)).all(axis=1)
+    inside[inside] = (points[inside] @ planes[:, :3].T + planes[:, 3] <= margin).all(axis=1)
+    return inside
+
+
+def clip(piece: Mesh, normal: np.ndarray, offset: float) -> Mesh | None:
+    """Return the part of a piece where normal.x <= offset [m]; None if nothing (or a mere sliver) is left."""
+    heights = piece.vertices @ np.asarray(normal, np.float64) - offset
+    if (heights <= 0).all():
+        return piece
+    if (heights >= -FLAT).all():
+        return None
+    edges = np.concatenate([piece.faces[:, [0, 1]], piece.faces[:, [1, 2]], piece.faces[:, [2, 0]]])
+    crossing = edges[(heights[edges[:, 0]] < 0) & (heights[edges[:, 1]] > 0)]
+    a, b = piece.vertices[crossing[:, 0]].astype(np.float64), piece.vertices[crossing[:, 1]].astype(np.float64)
+    share = heights[crossing[:, 0]] / (heights[crossing[:, 0]] - heights[crossing[:, 1]])
+    return hull(np.concatenate([piece.vertices[heights <= 0], a + share[:, None] * (b - a)]))
+
+
+def overlap(a: Mesh, b: Mesh) -> float:
+    """Return the radius of the largest ball that fits into both pieces [m]; 0 if they are apart."""
+    if (a.bounds[0] >= b.bounds[1]).any() or (b.bounds[0] >= a.bounds[1]).any():
+        return 0.0
+    planes = np.concatenate([halfspaces(a), halfspaces(b)])
+    room = np.concatenate([planes[:, :3], np.ones((len(planes), 1))], axis=1)
+    bounds = [(None, None)] * 3 + [(0.0, None)]
+    found = linprog([0, 0, 0, -1.0], A_ub=room, b_ub=-planes[:, 3], bounds=bounds, method="highs")
+    return float(found.x[3]) if found.status == 0 else 0.0
+
+
+def cut_free(piece: Mesh, obstacle: Mesh, margin: float = 1e-4) -> Mesh | None:
+    """Return the largest part of a piece beyond a single plane of an obstacle that it overlaps; None if nothing is left.
+
+    Stays convex, at the price of losing more than the overlap itself.
+    """
+    if overlap(piece, obstacle) <= margin:
+        return piece
+    planes = np.unique(halfspaces(obstacle).round(6), axis=0)
+    parts = [clip(piece, -plane[:3], plane[3] - margin) for plane in planes]
+    return max((part for part in parts if part is not None), key=volume, default=None)
+
+
+def volume(piece: Mesh) -> float:
+    """Return the volume of a piece [m^3]."""
+    return float(ConvexHull(piece.vertices.astype(np.float64)).volume)
+
+
+def box(center: np.ndarray, axes: np.ndarray, size: np.ndarray) -> Mesh:
+    """Return an oriented box: centre [m], axes as columns of a rotation [3 3], full extents along them [m]."""
+    signs = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
+    return _closed(np.asarray(center) + (signs * np.asarray(size)) @ np.asarray(axes).T)
+
+
+def column(base: np.ndarray, radius: float, height: float, sides: int = 16) -> Mesh:
+    """Return an upright prism around a circle of this radius [m] that stands on `base`."""
+    angles = 2 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1) * radius / np.cos(np.pi / sides)
+    return _closed(np.concatenate([base + ring, base + ring + [0, 0, height]]))
+
+
+def _closed(corners: np.ndarray) -> Mesh:
+    """Triangulate the hull of corners, faces outwards, in an order that depends on the corners alone."""
+    corners = np.unique(corners.astype(np.float32), axis=0)
+    found = ConvexHull(corners.astype(np.float64))
+    faces = found.simplices.copy()
+    a, b, c = np.moveaxis(corners[faces].astype(np.float64), 1, 0)
+    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), found.equations[:, :3]) < 0
+    faces[inwards] = faces[inwards][:, ::-1]
+    used, flat = np.unique(faces, return_inverse=True)
+    return Mesh(corners[used], flat.reshape(faces.shape))
+
+
+def _thicken(points: np.ndarray, thickness: float) -> np.ndarray:
+    """Add points along the principal directions in which a set is thinner than `thickness`."""
+    center = points.mean(axis=0)
+    _, _, axes = np.linalg.svd(points - center, full_matrices=False)
+    for axis in axes[::-1]:
+        along = (points - center) @ axis
+        missing = thickness - np.ptp(along)
+        if missing > 0:
+            points = np.concatenate([points - 0.5 * missing * axis, points + 0.5 * missing * axis])
+    return points
+
+
+def _extremes(corners: np.ndarray, count: int) -> np.ndarray:
+    """Pick at most `count` corners, farthest first, so that what is cut off stays small."""
+    chosen = [int(np.argmin(corners @ axis * sign)) for axis in np.eye(3) for sign in (1, -1)]
+    chosen = list(dict.fromkeys(chosen))
+    distance = np.min([np.linalg.norm(corners - corners[i], axis=1) for i in chosen], axis=0)
+    while len(chosen) < count:
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(corners - corners[chosen[-1]], axis=1))
+    return corners[chosen]

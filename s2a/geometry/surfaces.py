@@ -1,0 +1,65 @@
+"""Taking surfaces apart and putting them together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from s2a.scene import Mesh
+
+GREY = 180
+"""Colour of a surface without colours, once it is merged with coloured ones."""
+
+
+def merge(meshes: Sequence[Mesh]) -> Mesh:
+    """Return one mesh of several, in their order; grey where a mesh without colours meets coloured ones."""
+    if not meshes:
+        return Mesh(np.empty((0, 3)), np.empty((0, 3)))
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    if all(mesh.colors is None for mesh in meshes):
+        return Mesh(vertices, faces)
+    colors = [np.full(mesh.vertices.shape, GREY) if mesh.colors is None else mesh.colors for mesh in meshes]
+    return Mesh(vertices, faces, np.concatenate(colors))
+
+
+def keep(mesh: Mesh, faces: np.ndarray) -> Mesh:
+    """Return the faces chosen by a mask or by indices [face], with the vertices that they use."""
+    chosen = mesh.faces[faces]
+    used, flat = np.unique(chosen, return_inverse=True)
+    colors = None if mesh.colors is None else mesh.colors[used]
+    return Mesh(mesh.vertices[used], flat.reshape(chosen.shape), colors)
+
+
+def weld(mesh: Mesh) -> Mesh:
+    """Return a mesh in which vertices at bitwise the same place are one, as they were before it was cut into parts."""
+    _, first, same = np.unique(mesh.vertices, axis=0, return_index=True, return_inverse=True)
+    colors = None if mesh.colors is None else mesh.colors[first]
+    return Mesh(mesh.vertices[first], same.reshape(-1)[mesh.faces], colors)
+
+
+def centroids(mesh: Mesh) -> np.ndarray:
+    """Return the middle of each face [m], shape [face 3], float64."""
+    return mesh.vertices[mesh.faces].mean(axis=1, dtype=np.float64)
+
+
+def normals(mesh: Mesh) -> np.ndarray:
+    """Return the unit normal of each face, shape [face 3], float64; zero for a face without area."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
+    cross = np.cross(b - a, c - a)
+    length = np.linalg.norm(cross, axis=1, keepdims=True)
+    return np.divide(cross, length, out=np.zeros_like(cross), where=length > 0)
+
+
+def sample(mesh: Mesh, count: int, seed: int) -> np.ndarray:
+    """Return points spread evenly over a surface by area [m], shape [count 3], float64; the same for the same seed."""
+    random = np.random.default_rng(seed)
+    total = mesh.face_areas.sum()
+    if not total > 0:
+        return np.empty((0, 3))
+    chosen = random.choice(len(mesh.faces), count, p=mesh.face_areas / total)
+    u, v = np.sort(random.random((2, count)), axis=0)
+    weights = np.stack([u, v - u, 1 - v], axis=1)
+    return np.einsum("pk,pkd->pd", weights, mesh.vertices[mesh.faces[chosen]].astype(np.float64))

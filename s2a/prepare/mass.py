@@ -1,0 +1,65 @@
+"""What a body weighs, and how it resists turning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.scene import Mesh, Scene
+from s2a.usd.simready import Mass
+
+
+@dataclass(frozen=True)
+class MassConfig:
+    """What to assume where no mass is annotated.
+
+    Attributes:
+        priors: mass [kg] of a moving part by the last word of its label.
+        lowest: smallest estimate [kg].
+        highest: largest estimate [kg].
+        areal_density: [kg/m^2] of scanned surface, for labels without a prior.
+        carcass: [kg]; without effect on a body that is fixed to the world, but a simulator needs a number.
+    """
+
+    priors: dict[str, float]
+    lowest: float
+    highest: float
+    areal_density: float
+    carcass: float
+
+
+def moving_mass(scene: Scene, members: tuple[str, ...], config: MassConfig) -> float:
+    """Return the mass of a body [kg]: what is annotated, else by its label, else by its scanned area within bounds.
+
+    Args:
+        scene: the room.
+        members: ids of the parts that move together, the one that gives the body its name first.
+        config: what to assume.
+    """
+    annotated = [scene.parts[i].mass for i in members]
+    if annotated[0] is not None:
+        return float(sum(mass for mass in annotated if mass is not None))
+    words = scene.parts[members[0]].label.lower().replace("_", " ").split()
+    if words and words[-1] in config.priors:
+        return config.priors[words[-1]]
+    area = sum(float(scene.parts[i].mesh.face_areas.sum()) for i in members)
+    return float(np.clip(config.areal_density * area, config.lowest, config.highest))
+
+
+def box_mass(mesh: Mesh, mass: float, frame: np.ndarray) -> Mass:
+    """Return centre and inertia of a solid box that bounds a mesh.
+
+    Args:
+        mesh: the body's surface, which is open and says nothing of what is inside.
+        mass: [kg].
+        frame: the box's axes as columns of a rotation [3 3].
+    """
+    along = mesh.vertices @ frame if len(mesh.vertices) else np.zeros((1, 3))
+    low, high = along.min(axis=0), along.max(axis=0)
+    squares = np.maximum(high - low, 0.01) ** 2
+    inertia = mass / 12.0 * (squares.sum() - squares)
+    center = frame @ ((low + high) / 2)
+    axes = Rotation.from_matrix(frame).as_quat(canonical=True)
+    return Mass(mass, tuple(map(float, center)), tuple(map(float, inertia)), tuple(map(float, axes)))  # type: ignore[arg-type]

@@ -1,0 +1,114 @@
+"""Where the hand takes hold of a part, and where the robot stands to open it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.geometry.surfaces import centroids, merge, normals
+from s2a.scene import Joint, Mesh, Scene, Vec3
+from s2a.usd.simready import Grasp, Quat
+
+ROUND = 1.5
+"""Grasp regions less elongated than this (knobs) are taken for round: the fingers then close along the vertical."""
+
+
+def opening_direction(joint: Joint, point: np.ndarray) -> np.ndarray:
+    """Return the unit direction in which a point [3] of a closed part moves first when it opens.
+
+    The longer side of the range is the opening one, since a scan's zero is the pose in which it was found.
+    """
+    sign = 1.0 if abs(joint.limits[1]) >= abs(joint.limits[0]) else -1.0
+    axis = sign * np.array(joint.axis)
+    if joint.kind == "prismatic":
+        return axis
+    tangent = np.cross(axis, point - np.array(joint.origin))
+    length = np.linalg.norm(tangent)
+    return tangent / length if length > 1e-9 else np.cross(axis, [1.0, 0.0, 0.0])
+
+
+def find_grasp(scene: Scene, target: str) -> Grasp:
+    """Return the grasp of a movable part: point, frame and extents of its annotated region.
+
+    Raises:
+        InputError: the part is unknown, does not move, or has no surface.
+    """
+    point = scene.grasp_point(target)
+    region = merge([scene.parts[i].mesh for i in scene.grasp_parts(target)])
+    inwards = -opening_direction(scene.joint(target), point)
+    frame = grasp_frame(region, inwards)
+    low, high = extents(region, frame)
+    return Grasp(_vec3(point), _quat(frame), _vec3(high - low), region)
+
+
+def grasp_frame(region: Mesh, inwards: np.ndarray) -> np.ndarray:
+    """Return a rotation [3 3] with columns x (along the region), y (across its thin section), z (into the furniture)."""
+    centroids = region.vertices[region.faces].mean(axis=1, dtype=np.float64)
+    flat = np.eye(3) - np.outer(inwards, inwards)
+    centred = (centroids - np.average(centroids, axis=0, weights=region.face_areas)) @ flat
+    spread, axes = np.linalg.eigh((centred * region.face_areas[:, None]).T @ centred)
+    # The smallest spread lies along `inwards`, from which it was projected out; the next is the thin direction.
+    order = np.argsort(np.abs(axes.T @ inwards))
+    thin, wide = sorted(order[:2], key=lambda i: spread[i])
+    upright = flat @ [0.0, 0.0, 1.0]
+    is_round = spread[wide] < ROUND**2 * spread[thin] and np.linalg.norm(upright) > 0.1
+    y = upright if is_round else flat @ axes[:, thin]
+    y /= np.linalg.norm(y)
+    if y[2] < -1e-6 or (abs(y[2]) <= 1e-6 and y[0] < 0):
+        y = -y
+    return np.stack([np.cross(y, inwards), y, inwards], axis=1)
+
+
+def extents(region: Mesh, frame: np.ndarray, tail: float = 0.002) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and highest coordinates [m] of a surface along the columns of a frame, shape [3] each.
+
+    Leaves out `tail` of the area at either end: single stray triangles are common at the borders of annotations.
+    """
+    along = region.vertices[region.faces.ravel()] @ frame
+    weights = np.repeat(region.face_areas, 3)
+    bounds = []
+    for values in along.T:
+        order = np.argsort(values, kind="stable")
+        share = np.cumsum(weights[order]) / weights.sum()
+        bounds.append(values[order[np.searchsorted(share, [tail, 1 - tail])]])
+    low, high = np.array(bounds).T
+    return low, high
+
+
+def base_pose(scene: Scene, target: str, distance: float) -> tuple[Vec3, Quat]:
+    """Return where the robot's base stands (position [m], quaternion xyzw) to open a part.
+
+    On the floor, `distance` [m] horizontally from the grasp point, on the side to which the part opens, x towards it.
+    """
+    point = scene.grasp_point(target)
+    outwards = opening_direction(scene.joint(target), point)
+    if math.hypot(outwards[0], outwards[1]) < 0.3:  # a lid opens upwards: stand before the middle of its front edge
+        outwards = point - np.nanmean(scene.parts[target].mesh.bounds, axis=0)
+    length = math.hypot(outwards[0], outwards[1])
+    heading = outwards[:2] / length if length > 1e-6 else np.array([1.0, 0.0])
+    place = point[:2] + distance * heading
+    yaw = math.atan2(-heading[1], -heading[0])
+    orientation = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+    return (float(place[0]), float(place[1]), floor_height(scene, place)), orientation
+
+
+def floor_height(scene: Scene, place: np.ndarray, radius: float = 0.4) -> float:
+    """Return the height of the floor [m] at a place (x, y): of the parts labelled so, else the room's lowest point."""
+    floors = merge([part.mesh for part in scene.parts.values() if "floor" in part.label.lower()])
+    points = centroids(floors)[normals(floors)[:, 2] > 0.5]
+    if not len(points):
+        return float(np.nanmin([part.mesh.bounds[0, 2] for part in scene.parts.values()]))
+    near = np.linalg.norm(points[:, :2] - place, axis=1) < radius
+    return float(np.median(points[near if near.any() else slice(None), 2]))
+
+
+def _vec3(values: np.ndarray) -> Vec3:
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+def _quat(frame: np.ndarray) -> Quat:
+    x, y, z, w = map(float, Rotation.from_matrix(frame).as_quat(canonical=True))
+    return x, y, z, w

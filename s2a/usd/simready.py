@@ -1,0 +1,214 @@
+"""The simulation-ready flavour: what a simulator needs to open one part of a scanned room, and nothing else.
+
+Bodies are siblings whose points lie in scene coordinates; joints alone say what moves against what. Colliders are convex
+pieces, because MuJoCo takes the convex hull of every mesh it is given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
+
+from s2a.scene import Joint, Mesh, Vec3
+from s2a.usd.joints import write_body, write_fixed_joint, write_joint, write_site
+from s2a.usd.stage import ROOT, new_stage, save, write_attribute, write_mesh
+
+Quat = tuple[float, float, float, float]
+Types = Sdf.ValueTypeNames
+
+FLAVOUR = "simready"
+
+GRAVITY = 9.81
+"""[m/s^2], along -z."""
+FRICTION = 1.0
+"""Coulomb coefficient of every collider, as in the reference task (IsaacLab's Franka cabinet)."""
+
+
+@dataclass(frozen=True)
+class Collider:
+    """One convex piece.
+
+    Attributes:
+        part: id of the part it stands for.
+        mesh: a closed convex mesh in scene coordinates.
+    """
+
+    part: str
+    mesh: Mesh
+
+
+@dataclass(frozen=True)
+class Mass:
+    """How a body resists motion.
+
+    Attributes:
+        mass: [kg].
+        center: centre of mass [m], scene coordinates.
+        inertia: principal moments about the centre [kg m^2].
+        axes: orientation of the principal axes in the scene, quaternion xyzw.
+    """
+
+    mass: float
+    center: Vec3
+    inertia: Vec3
+    axes: Quat = (0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class SimBody:
+    """A rigid body.
+
+    Attributes:
+        id: id of the part that gives it its name.
+        visual: everything that moves with it, at full resolution; may be empty.
+        colliders: its convex pieces.
+        mass: mass, centre, inertia.
+    """
+
+    id: str
+    visual: Mesh
+    colliders: tuple[Collider, ...]
+    mass: Mass
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """Where and how a parallel gripper takes hold of the moving part.
+
+    Attributes:
+        point: mean of the grasp region [m], scene coordinates.
+        orientation: quaternion xyzw of the grasp frame: z into the furniture, y across the region's thin section (fingers
+            close along it), x along the region.
+        size: extent of the region along x, y, z of that frame [m].
+        region: the annotated surface, as scanned.
+    """
+
+    point: Vec3
+    orientation: Quat
+    size: Vec3
+    region: Mesh
+
+
+@dataclass(frozen=True)
+class SimScene:
+    """Everything that a simulation-ready file holds.
+
+    Attributes:
+        name: the scan's name.
+        carcass: the immovable body that the target moves against.
+        target: the moving body.
+        joint: how it moves.
+        grasp: where to take hold of it.
+        static_visual: the rest of the room as one decimated mesh.
+        static_colliders: convex pieces of the room within the arm's reach.
+        base_position: where the robot stands [m], scene coordinates.
+        base_orientation: how it is turned, quaternion xyzw; its x axis points at the furniture.
+    """
+
+    name: str
+    carcass: SimBody
+    target: SimBody
+    joint: Joint
+    grasp: Grasp
+    static_visual: Mesh
+    static_colliders: tuple[Collider, ...]
+    base_position: Vec3
+    base_orientation: Quat
+
+
+def write(sim_scene: SimScene, path: Path) -> None:
+    """Write a simulation-ready scene to exactly this path.
+
+    Args:
+        sim_scene: what a simulator needs.
+        path: ends in .usd or .usdc (binary) or .usda (text).
+
+    Raises:
+        InputError: another ending, or a path that cannot be written.
+    """
+    stage = new_stage()
+    _write_root(stage, sim_scene)
+    surface = _write_surface(stage)
+    UsdGeom.Xform.Define(stage, f"{ROOT}/static")
+    write_mesh(stage, f"{ROOT}/static/visual", sim_scene.static_visual)
+    _write_colliders(stage, f"{ROOT}/static", sim_scene.static_colliders, surface, by_part=True)
+    carcass, target = f"{ROOT}/{sim_scene.carcass.id}", f"{ROOT}/{sim_scene.target.id}"
+    _write_body(stage, carcass, sim_scene.carcass, surface, root=True)
+    _write_body(stage, target, sim_scene.target, surface, root=False)
+    _write_grasp(stage, target, sim_scene.grasp)
+    UsdGeom.Scope.Define(stage, f"{ROOT}/joints")
+    write_fixed_joint(stage, f"{ROOT}/joints/{sim_scene.carcass.id}", carcass)
+    write_joint(stage, f"{ROOT}/joints/{sim_scene.target.id}", sim_scene.joint, carcass, target)
+    save(stage, path)
+
+
+def _write_root(stage: Usd.Stage, sim_scene: SimScene) -> None:
+    root = stage.GetDefaultPrim()
+    write_attribute(root, "flavour", Types.String, FLAVOUR)
+    write_attribute(root, "name", Types.String, sim_scene.name)
+    write_attribute(root, "target", Types.String, sim_scene.target.id)
+    write_attribute(root, "basePosition", Types.Double3, sim_scene.base_position)
+    x, y, z, w = sim_scene.base_orientation
+    write_attribute(root, "baseOrientation", Types.Quatd, Gf.Quatd(w, x, y, z))
+    physics = UsdPhysics.Scene.Define(stage, f"{ROOT}/physics")
+    physics.CreateGravityDirectionAttr((0.0, 0.0, -1.0))
+    physics.CreateGravityMagnitudeAttr(GRAVITY)
+
+
+def _write_surface(stage: Usd.Stage) -> UsdShade.Material:
+    """Define the physics material that all colliders share."""
+    UsdGeom.Scope.Define(stage, f"{ROOT}/materials")
+    material = UsdShade.Material.Define(stage, f"{ROOT}/materials/surface")
+    physics = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
+    physics.CreateStaticFrictionAttr(FRICTION)
+    physics.CreateDynamicFrictionAttr(FRICTION)
+    physics.CreateRestitutionAttr(0.0)
+    return material
+
+
+def _write_body(stage: Usd.Stage, path: str, body: SimBody, surface: UsdShade.Material, *, root: bool) -> None:
+    prim = write_body(stage, path, root=root).GetPrim()
+    if not root:
+        write_attribute(prim, "target", Types.Int, 1)
+    mass = UsdPhysics.MassAPI.Apply(prim)
+    mass.CreateMassAttr(body.mass.mass)
+    mass.CreateCenterOfMassAttr(Gf.Vec3f(*body.mass.center))
+    mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*body.mass.inertia))
+    mass.CreatePrincipalAxesAttr(_quatf(body.mass.axes))
+    if len(body.visual.faces):
+        write_mesh(stage, f"{path}/visual", body.visual)
+    _write_colliders(stage, path, body.colliders, surface, by_part=False)
+
+
+def _write_colliders(
+    stage: Usd.Stage, body: str, colliders: tuple[Collider, ...], surface: UsdShade.Material, *, by_part: bool
+) -> None:
+    """Write convex pieces below a body; their names count from 00, part by part or altogether."""
+    UsdGeom.Xform.Define(stage, f"{body}/colliders")
+    counts: dict[str, int] = {}
+    for collider in colliders:
+        stem = collider.part if by_part else "hull"
+        path = f"{body}/colliders/{stem}_{counts.setdefault(stem, 0):02d}"
+        counts[stem] += 1
+        prim = write_mesh(stage, path, collider.mesh, purpose=UsdGeom.Tokens.guide).GetPrim()
+        UsdPhysics.CollisionAPI.Apply(prim)
+        UsdPhysics.MeshCollisionAPI.Apply(prim).CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
+        binding = UsdShade.MaterialBindingAPI.Apply(prim)
+        binding.Bind(surface, UsdShade.Tokens.weakerThanDescendants, "physics")
+        write_attribute(prim, "part", Types.String, collider.part)
+
+
+def _write_grasp(stage: Usd.Stage, body: str, grasp: Grasp) -> None:
+    site = write_site(stage, f"{body}/grasp", np.array(grasp.point))
+    site.AddOrientOp(UsdGeom.XformOp.PrecisionFloat).Set(_quatf(grasp.orientation))
+    write_attribute(site.GetPrim(), "size", Types.Double3, grasp.size)
+    write_mesh(stage, f"{body}/region", grasp.region, purpose=UsdGeom.Tokens.guide)
+
+
+def _quatf(xyzw: Quat) -> Gf.Quatf:
+    """Return USD's quaternion, which takes w first."""
+    x, y, z, w = xyzw
+    return Gf.Quatf(w, x, y, z)

@@ -160,7 +160,8 @@ def _constants(sim: Simulation, config: task.OpenDrawerConfig) -> task.Constants
 
 def _region(stage: SimStage, device: str) -> wp.Mesh:
     """Return the annotated grasp region's surface in the target's body frame (its scene pose at joint zero)."""
-    prim = UsdGeom.Mesh(Usd.Stage.Open(str(stage.path)).GetPrimAtPath(f"/scene/{stage.target}/region"))
+    file = Usd.Stage.Open(str(stage.path))
+    prim = UsdGeom.Mesh(file.GetPrimAtPath(f"/scene/{stage.target}/region"))
     points = np.array(prim.GetPointsAttr().Get(), dtype=np.float32)
     faces = np.array(prim.GetFaceVertexIndicesAttr().Get(), dtype=np.int32)
     return wp.Mesh(wp.array(points, dtype=wp.vec3, device=device), wp.array(faces, dtype=int, device=device))

@@ -1,0 +1,52 @@
+"""How good a policy is: one episode a world, counted once, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from scipy.stats import binomtest
+
+from s2a.progress import track
+from s2a.task.env import OpenDrawerEnv
+
+Policy = Callable[[torch.Tensor], torch.Tensor]
+"""Observation [world 23] -> action [world 9]."""
+
+
+@torch.inference_mode()
+def evaluate(env: OpenDrawerEnv, policy: Policy) -> dict[str, Any]:
+    """Run one episode in every world from a fresh reset.
+
+    Returns:
+        Number of episodes and, each with its Wilson 95 % interval: success (the success opening reached at any time),
+        final_success (held at the end), handle_success (reached with both fingers on the grasp region in half or more of
+        the steps in which the part moved there); handle_use_of_successes; largest openings [m] (mean, min).
+    """
+    env.reset_all()
+    result = torch.full((env.num_envs, 4), torch.nan, device=env.result.device)
+    pending = torch.ones(env.num_envs, dtype=torch.bool, device=env.result.device)
+    for _ in track(range(env.max_episode_length), "evaluate"):
+        env.step(policy(env.observation.clone()))
+        finished = pending & (env.done == 1)
+        result[finished] = env.result[finished]
+        pending &= ~finished
+        if not pending.any():
+            break
+    success, final, handle, opening = result.cpu().unbind(dim=1)
+    return {
+        "episodes": env.num_envs,
+        "success": _rate(success),
+        "final_success": _rate(final),
+        "handle_success": _rate(handle),
+        "handle_use_of_successes": float(handle.sum() / success.sum().clamp(min=1.0)),
+        "opening": {"mean": float(opening.mean()), "min": float(opening.min())},
+    }
+
+
+def _rate(hits: torch.Tensor) -> dict[str, float]:
+    """Return a rate with its Wilson 95 % interval."""
+    count = int(hits.sum())
+    low, high = binomtest(count, len(hits)).proportion_ci(0.95, method="wilson")
+    return {"rate": count / len(hits), "low": float(low), "high": float(high)}

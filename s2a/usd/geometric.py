@@ -16,14 +16,13 @@ There are no colliders, and a mass only where one is annotated: this is a record
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 from s2a.errors import InputError
 from s2a.scene import Joint, Mesh, Motion, Part, Scene
-from s2a.usd.joints import read_joint, site_point, write_body, write_fixed_joint, write_joint, write_site
+from s2a.usd.joints import KINDS, read_joint, site_point, write_body, write_fixed_joint, write_joint, write_site
 from s2a.usd.stage import (
     ROOT,
     check_ids,
@@ -31,7 +30,9 @@ from s2a.usd.stage import (
     open_stage,
     read_attribute,
     read_mesh,
+    reading,
     save,
+    where,
     write_attribute,
     write_mesh,
 )
@@ -75,17 +76,8 @@ def read(path: Path) -> Scene:
     Raises:
         InputError: not a stage of this flavour, or one in which a part, a joint or a mesh is missing or wrong.
     """
-    stage = open_stage(path)
-    root = stage.GetDefaultPrim()
-    flavour = read_attribute(root, "flavour", "unknown")
-    if flavour != FLAVOUR:
-        raise InputError(f"{path}: its flavour is {flavour!r}; expected {FLAVOUR!r}: give what `s2a export` wrote")
-    prims = sorted(_part_prims(root), key=lambda prim: read_attribute(prim, "order", float("inf")))
-    parts = {_id(prim): _read_part(stage, prim) for prim in prims}
-    try:
-        return Scene(read_attribute(root, "name", ""), parts, read_attribute(root, "origin", (0.0, 0.0, 0.0)))
-    except ValueError as error:
-        raise InputError(f"{path}: {error}; export the scan again") from error
+    with reading(path):
+        return _read_scene(open_stage(path), path)
 
 
 def body_path(scene: Scene, part_id: str) -> str:
@@ -135,23 +127,33 @@ def _write_motion(stage: Usd.Stage, scene: Scene, part_id: str) -> None:
         write_site(stage, f"{ROOT}/{part_id}/grasp", point)
 
 
-def _part_prims(root: Usd.Prim) -> Iterator[Usd.Prim]:
-    """Yield the prims that stand for parts, in the stage's order."""
-    return (prim for prim in Usd.PrimRange(root) if prim.HasAttribute("s2a:partId"))
+def _read_scene(stage: Usd.Stage, path: Path) -> Scene:
+    root = stage.GetDefaultPrim()
+    flavour = read_attribute(root, "flavour", str, "unknown")
+    if flavour != FLAVOUR:
+        raise InputError(f"{path}: its flavour is {flavour!r}; expected {FLAVOUR!r}: give what `s2a export` wrote")
+    prims = [prim for prim in Usd.PrimRange(root) if prim.HasAttribute("s2a:partId")]
+    prims = sorted(prims, key=lambda prim: read_attribute(prim, "order", int, len(prims)))
+    parts = {_id(prim): _read_part(stage, prim) for prim in prims}
+    name, origin = read_attribute(root, "name", str, ""), read_attribute(root, "origin", tuple, (0.0, 0.0, 0.0))
+    try:
+        return Scene(name, parts, origin)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}; export the scan again") from error
 
 
 def _id(prim: Usd.Prim) -> str:
-    return str(read_attribute(prim, "partId"))
+    return str(read_attribute(prim, "partId", str))
 
 
 def _read_part(stage: Usd.Stage, prim: Usd.Prim) -> Part:
     return Part(
-        label=read_attribute(prim, "label", ""),
+        label=read_attribute(prim, "label", str, ""),
         mesh=_read_surface(stage, prim),
-        parent=read_attribute(prim, "parent"),
+        parent=read_attribute(prim, "parent", str),
         motion=_read_motion(stage, prim),
-        graspable=read_attribute(prim, "graspable", False),
-        mass=read_attribute(prim, "mass"),
+        graspable=read_attribute(prim, "graspable", bool, False),
+        mass=read_attribute(prim, "mass", float),
     )
 
 
@@ -161,18 +163,17 @@ def _read_surface(stage: Usd.Stage, prim: Usd.Prim) -> Mesh:
         return read_mesh(prim)
     visual = stage.GetPrimAtPath(prim.GetPath().AppendChild("visual"))
     if not visual:
-        raise InputError(f"{stage.GetRootLayer().realPath}: {prim.GetPath()} has no visual Mesh; export the scan again")
+        raise InputError(f"{where(prim)} has no visual Mesh; export the scan again")
     return read_mesh(visual)
 
 
 def _read_motion(stage: Usd.Stage, prim: Usd.Prim) -> Motion:
-    motion = read_attribute(prim, "motion", "fixed")
+    motion = read_attribute(prim, "motion", str, "fixed")
     if motion == "fixed" or motion == "free":
         return motion
-    where = f"{stage.GetRootLayer().realPath}: part {_id(prim)!r}"
-    if motion not in ("prismatic", "revolute"):
-        raise InputError(f"{where} has motion {motion!r}; possible: fixed, free, prismatic, revolute")
+    if motion not in KINDS.values():
+        raise InputError(f"{where(prim)} has motion {motion!r}; possible: fixed, free, {', '.join(KINDS.values())}")
     joint = stage.GetPrimAtPath(f"{JOINTS}/{_id(prim)}")
     if not joint:
-        raise InputError(f"{where} is {motion} but {JOINTS}/{_id(prim)} is missing; export the scan again")
+        raise InputError(f"{where(prim)} is {motion} but {JOINTS}/{_id(prim)} is missing; export the scan again")
     return read_joint(joint)

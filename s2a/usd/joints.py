@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
 from s2a.scene import Joint, Scene
-from s2a.usd.stage import read_attribute, write_attribute
+from s2a.usd.stage import read_attribute, where, write_attribute
 
 SITE_RADIUS = 0.01
 """[m]; what a grasp point looks like, without effect."""
@@ -69,17 +69,18 @@ def read_joint(prim: Usd.Prim) -> Joint:
     Raises:
         InputError: another type of joint, or axis, origin or limits missing or wrong.
     """
-    where = f"{prim.GetStage().GetRootLayer().realPath}: joint {prim.GetPath()}"
     kind = KINDS.get(prim.GetTypeName())
     if kind is None:
-        raise InputError(f"{where} is a {prim.GetTypeName() or 'prim without type'}; possible: {', '.join(KINDS)}")
-    values = {name: read_attribute(prim, name) for name in ("axis", "origin", "limits")}
+        raise InputError(
+            f"{where(prim)} is a {prim.GetTypeName() or 'prim without type'}; possible: {', '.join(KINDS)}"
+        )
+    values = {name: read_attribute(prim, name, tuple) for name in ("axis", "origin", "limits")}
     if missing := [name for name, value in values.items() if value is None]:
-        raise InputError(f"{where} has no s2a:{missing[0]}; export the scan again")
+        raise InputError(f"{where(prim)} has no s2a:{missing[0]}; export the scan again")
     try:
         return Joint(kind, **values)  # type: ignore[arg-type]
     except ValueError as error:
-        raise InputError(f"{where}: {error}; export the scan again") from error
+        raise InputError(f"{where(prim)}: {error}; export the scan again") from error
 
 
 def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xform:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +41,10 @@ def save(stage: Usd.Stage, path: Path) -> None:
         raise InputError(f"{path}: {path.suffix or 'no'} ending; a USD file ends in {', '.join(ENCODINGS)}")
     try:
         written = stage.GetRootLayer().Export(str(path))
-    except Tf.ErrorException as error:
-        raise InputError(f"{path}: cannot be written ({_first_line(error)}); check the folder and its space") from error
+    except Tf.ErrorException:
+        written = False
     if not written:
-        raise InputError(f"{path}: cannot be written; check the folder and its space")
+        raise InputError(f"{path}: cannot be written; check that its folder exists, may be written, and has space")
 
 
 def open_stage(path: Path) -> Usd.Stage:
@@ -53,12 +55,10 @@ def open_stage(path: Path) -> Usd.Stage:
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; give a .usd, .usda or .usdc file")
-    try:
+    with reading(path):
         stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        raise InputError(f"{path}: not a readable USD file ({_first_line(error)}); export it again") from error
-    # USD keeps a layer for as long as anybody holds it, and hands that out even if the file has been rewritten since.
-    stage.Reload()
+        # USD keeps a layer for as long as anybody holds it, and hands that out even if the file has been rewritten.
+        stage.Reload()
     if stage.GetDefaultPrim().GetPath() != ROOT:
         raise InputError(f"{path}: its default prim is not {ROOT}; expected a stage that s2a wrote")
     if UsdGeom.GetStageMetersPerUnit(stage) != 1.0 or UsdGeom.GetStageUpAxis(stage) != UsdGeom.Tokens.z:
@@ -114,15 +114,14 @@ def read_mesh(prim: Usd.Prim) -> Mesh:
     Raises:
         InputError: neither a Mesh nor Points, not triangles, or arrays that do not fit each other.
     """
-    where = f"{prim.GetStage().GetRootLayer().realPath}: {prim.GetPath()}"
     if not prim.IsA(UsdGeom.Mesh) and not prim.IsA(UsdGeom.Points):
-        raise InputError(f"{where} is a {prim.GetTypeName() or 'prim without type'}; expected a Mesh or Points")
+        raise InputError(f"{where(prim)} is a {prim.GetTypeName() or 'prim without type'}; expected a Mesh or Points")
     geometry = UsdGeom.PointBased(prim)
     points = np.asarray(geometry.GetPointsAttr().Get() or [], dtype=np.float32).reshape(-1, 3)
     try:
         return Mesh(_to_scene(prim, points), _read_faces(prim), _read_colors(geometry))
     except ValueError as error:
-        raise InputError(f"{where}: {error}; export it again") from error
+        raise InputError(f"{where(prim)}: {error}; export it again") from error
 
 
 def write_attribute(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: Any, *, terse: bool = False) -> None:
@@ -145,12 +144,33 @@ def write_attribute(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: A
     attribute.Set(kind.type.pythonClass(*value) if isinstance(value, (tuple, np.ndarray)) else value)
 
 
-def read_attribute(prim: Usd.Prim, name: str, default: Any = None) -> Any:
-    """Return the value of the attribute `s2a:<name>` (vectors as tuples), or the default if there is none."""
+def read_attribute(prim: Usd.Prim, name: str, kind: type, default: Any = None) -> Any:
+    """Return the value of the attribute `s2a:<name>` (vectors as tuples), or the default if there is none.
+
+    Raises:
+        InputError: the value is of another type.
+    """
     value = prim.GetAttribute(f"s2a:{name}").Get()
     if value is None:
         return default
-    return tuple(value) if isinstance(value, (Gf.Vec2d, Gf.Vec3d)) else value
+    value = tuple(value) if isinstance(value, (Gf.Vec2d, Gf.Vec3d)) else value
+    if not isinstance(value, kind):
+        raise InputError(f"{where(prim)}: s2a:{name} is {value!r}; expected {kind.__name__}: export the scan again")
+    return value
+
+
+def where(prim: Usd.Prim) -> str:
+    """Return the file and the path of a prim, for messages."""
+    return f"{prim.GetStage().GetRootLayer().realPath}: {prim.GetPath()}"
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn what USD raises on a damaged file inside the block into an InputError."""
+    try:
+        yield
+    except Tf.ErrorException as error:
+        raise InputError(f"{path}: not a USD file, or a damaged one; export it again") from error
 
 
 def _write_faces(mesh: UsdGeom.Mesh, faces: np.ndarray) -> None:
@@ -190,8 +210,3 @@ def _read_colors(geometry: UsdGeom.PointBased) -> np.ndarray | None:
     if primvar.GetInterpolation() == UsdGeom.Tokens.constant:
         colors = np.broadcast_to(colors[:1], (len(geometry.GetPointsAttr().Get()), 3))
     return np.round(np.clip(colors, 0.0, 1.0) * 255.0).astype(np.uint8)
-
-
-def _first_line(error: Tf.ErrorException) -> str:
-    """Return what USD found wrong, without the place in its source."""
-    return str(error).strip().splitlines()[-1].split(" -- ")[-1].strip().strip("'")

@@ -16,7 +16,7 @@ from s2a import scan
 from s2a.scene import Joint, Part, Scene
 from s2a.usd import geometric
 from s2a.usd.joints import KINDS, read_joint, site_point
-from s2a.usd.stage import open_stage, read_attribute
+from s2a.usd.stage import open_stage, read_attribute, reading
 
 
 def tree(path: Path) -> str:
@@ -27,10 +27,11 @@ def tree(path: Path) -> str:
     """
     if path.is_dir():
         return _print(_scene_tree(scan.read(path)))
-    stage = open_stage(path)
-    if read_attribute(stage.GetDefaultPrim(), "flavour") == geometric.FLAVOUR:
-        return _print(_scene_tree(geometric.read(path)))
-    return _print(_prim_tree(stage.GetDefaultPrim()))
+    with reading(path):
+        stage = open_stage(path)
+        root = stage.GetDefaultPrim()
+        geometric_one = read_attribute(root, "flavour", str) == geometric.FLAVOUR
+        return _print(_scene_tree(geometric.read(path)) if geometric_one else _prim_tree(root))
 
 
 def motion_text(joint: Joint) -> str:
@@ -102,12 +103,12 @@ def _joint(prim: Usd.Prim) -> Joint | None:
     """Return the joint that a prim is or, in the descriptive flavour, that it tells of."""
     if prim.GetTypeName() in KINDS:
         return read_joint(prim)
-    kind, axis = read_attribute(prim, "motion"), read_attribute(prim, "axis")
+    kind, axis = read_attribute(prim, "motion", str), read_attribute(prim, "axis", tuple)
     if kind not in KINDS.values() or axis is None:
         return None
     # Rounded there, so no longer of unit length.
     unit = tuple(x / math.hypot(*axis) for x in axis)
-    return Joint(kind, unit, read_attribute(prim, "origin"), read_attribute(prim, "limits"))
+    return Joint(kind, unit, read_attribute(prim, "origin", tuple), read_attribute(prim, "limits", tuple))
 
 
 def _physics_facts(prim: Usd.Prim) -> Iterator[str]:
@@ -128,7 +129,7 @@ def _collider_facts(pieces: list[Usd.Prim]) -> Iterator[str]:
     kinds = {UsdPhysics.MeshCollisionAPI(prim).GetApproximationAttr().Get() or prim.GetTypeName() for prim in pieces}
     yield f"{len(pieces)} {', '.join(sorted(kinds))}"
     yield _triangles(pieces)
-    parts = [str(read_attribute(prim, "part", "?")) for prim in pieces]
+    parts = [str(read_attribute(prim, "part", str, "?")) for prim in pieces]
     yield "for " + ", ".join(f"{part} ({parts.count(part)})" for part in dict.fromkeys(parts))
 
 

@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom
+from usd_room import box, room
+
+from s2a.scene import Mesh, Part, Scene
+from s2a.usd import descriptive
+from s2a.usd.boxes import upright_box
+from s2a.usd.validate import problems
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("descriptive") / "descriptive.usda"
+    descriptive.write(room(), path)
+    return path
+
+
+@pytest.fixture
+def stage(written: Path) -> Usd.Stage:
+    return Usd.Stage.Open(str(written))
+
+
+def turned(mesh: Mesh, yaw: float) -> Mesh:
+    """Turn a mesh about the vertical through zero."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return Mesh(mesh.vertices.astype(float) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T, mesh.faces)
+
+
+def own_text(path: Path, part_id: str) -> str:
+    """Return the lines that describe a part, without those of what is inside it."""
+    after = path.read_text().split(f'def Xform "{part_id}"')[1]
+    return f'def Xform "{part_id}"' + re.split(r"def Xform|}", after)[0] + "}"
+
+
+def test_all_validators_of_usd_pass(written: Path) -> None:
+    assert problems(written) == []
+
+
+def test_there_is_no_geometry(stage: Usd.Stage) -> None:
+    assert {prim.GetTypeName() for prim in stage.Traverse()} == {"Xform"}
+    assert not any(
+        attribute.GetTypeName().isArray
+        for prim in stage.Traverse()
+        for attribute in prim.GetAttributes()
+        if attribute.IsAuthored()
+    )
+
+
+def test_a_part_takes_400_characters_at_most_and_a_jointed_one_650(written: Path) -> None:
+    assert len(written.read_text()) / len(room().parts) <= 400
+    assert all(len(own_text(written, part_id)) <= 650 for part_id in room().movable)
+
+
+def test_parts_nest_as_they_belong_together(stage: Usd.Stage) -> None:
+    for part_id, part in room().parts.items():
+        prim = stage.GetPrimAtPath(descriptive.prim_path(room(), part_id))
+        assert prim.GetAttribute("s2a:label").Get() == part.label
+        assert prim.GetParent().GetName() == (part.parent or "scene")
+
+
+def test_joints_are_told_with_kind_axis_origin_limits_and_what_they_move_against(stage: Usd.Stage) -> None:
+    flap = stage.GetPrimAtPath("/scene/cabinet_3/drawer_7/flap_10")
+    values = {
+        name: flap.GetAttribute(f"s2a:{name}").Get() for name in ("motion", "axis", "origin", "limits", "against")
+    }
+    assert values == {
+        "motion": "revolute",
+        "axis": (0.0001, -1.0, 0.0002),
+        "origin": (1.26, 1.0, 0.55),
+        "limits": (0.0, 1.571),
+        "against": "drawer_7",
+    }
+
+
+def test_flags_are_written_only_where_they_are_true(stage: Usd.Stage) -> None:
+    flagged = {
+        name: {prim.GetName() for prim in stage.Traverse() if prim.GetAttribute(f"s2a:{name}").Get()}
+        for name in ("movable", "graspable")
+    }
+    assert flagged["movable"] == {*room().movable, "cup_22"}
+    assert flagged["graspable"] == {"handle_9", "flap_10"}
+
+
+def test_a_box_goes_around_a_part_and_all_inside_it(stage: Usd.Stage) -> None:
+    # Front 1.25 to 1.27, handle up to 1.305; front 0.4 to 0.6, flap up to 0.605.
+    drawer = stage.GetPrimAtPath("/scene/cabinet_3/drawer_7")
+    assert np.allclose(drawer.GetAttribute("s2a:size").Get(), (0.055, 0.4, 0.205), atol=1e-3)
+    assert np.allclose(drawer.GetAttribute("s2a:center").Get(), (1.2775, 1.0, 0.5025), atol=1e-3)
+
+
+@pytest.mark.parametrize("yaw", np.radians([-44.0, -20.0, 0.5, 10.0, 30.0]))
+def test_the_box_of_a_turned_box_is_the_box(yaw: float) -> None:
+    found = upright_box(turned(box((1.0, 2.0, 0.5), (0.6, 0.3, 1.0)), yaw).vertices)
+    middle = turned(Mesh([[1.0, 2.0, 0.5]], np.zeros((0, 3))), yaw).vertices[0]
+    assert found.yaw == pytest.approx(yaw, abs=1e-5) or abs(math.degrees(yaw)) < 1.0
+    if found.yaw:
+        assert np.allclose(found.size, (0.6, 0.3, 1.0), atol=1e-5)
+    assert np.allclose(found.center, middle, atol=1e-5)
+
+
+def test_round_things_are_not_turned() -> None:
+    angles = np.linspace(0.0, 2.0 * math.pi, 200)
+    ring = np.stack([np.cos(angles), np.sin(angles), angles], axis=1)
+    assert upright_box(ring).yaw == 0.0
+
+
+@pytest.mark.parametrize("points", [[[1, 2, 3]], [[0, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [2, 2, 5]]])
+def test_points_on_a_line_have_an_upright_box(points: list[list[float]]) -> None:
+    found = upright_box(np.array(points, dtype=np.float32))
+    assert np.allclose(found.size, np.ptp(points, axis=0), atol=1e-6)
+
+
+def test_a_part_without_surface_has_no_box(stage: Usd.Stage) -> None:
+    assert not stage.GetPrimAtPath("/scene/書_24").GetAttribute("s2a:size").IsAuthored()
+
+
+def test_numbers_are_rounded_to_the_millimetre(tmp_path: Path) -> None:
+    scene = Scene("x", {"thing_1": Part("thing", box((1 / 3, 2 / 3, 1 / 7), (0.1, 0.1, 0.1)))})
+    descriptive.write(scene, tmp_path / "x.usda")
+    assert "(0.333, 0.667, 0.143)" in (tmp_path / "x.usda").read_text()
+
+
+def test_a_viewer_finds_metres_and_z_up(stage: Usd.Stage) -> None:
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
+    assert UsdGeom.GetStageUpAxis(stage) == "Z"

@@ -1,0 +1,282 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from usd_room import DIRTY, box, room, unit
+
+from s2a.errors import InputError
+from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.usd import geometric, joints
+from s2a.usd.validate import problems
+
+
+@pytest.fixture(scope="module", params=["geometric.usd", "geometric.usda"])
+def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("geometric") / request.param
+    geometric.write(room(), path)
+    return path
+
+
+@pytest.fixture
+def stage(written: Path) -> Usd.Stage:
+    return Usd.Stage.Open(str(written))
+
+
+def one_part(part: Part, name: str = "x") -> Scene:
+    return Scene(name, {"thing_1": part})
+
+
+def edited(tmp_path: Path, edit: str, by: str) -> Path:
+    """Write the room as text and replace one piece of it."""
+    path = tmp_path / "edited.usda"
+    geometric.write(room(), path)
+    text = path.read_text()
+    assert edit in text
+    path.write_text(text.replace(edit, by))
+    return path
+
+
+def test_reading_gives_back_the_scene_exactly(written: Path) -> None:
+    assert geometric.read(written) == room()
+
+
+def test_parts_come_back_in_their_order(written: Path) -> None:
+    assert list(geometric.read(written).parts) == list(room().parts)
+
+
+def test_every_colour_survives(tmp_path: Path) -> None:
+    levels = np.repeat(np.arange(256, dtype=np.uint8)[:, None], 3, axis=1)
+    scene = one_part(Part("ramp", Mesh(np.random.default_rng(0).normal(size=(256, 3)), [[0, 1, 2]], levels)))
+    geometric.write(scene, tmp_path / "ramp.usda")
+    assert geometric.read(tmp_path / "ramp.usda") == scene
+
+
+def test_random_joints_come_back_to_the_last_bit(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    parts = {
+        f"part_{i}": Part(
+            "part",
+            box((0, 0, 0), (1, 1, 1)),
+            motion=Joint(
+                ("prismatic", "revolute")[i % 2], unit(*rng.normal(size=3)), tuple(rng.normal(size=3)), (0, 1)
+            ),
+        )
+        for i in range(100)
+    }
+    geometric.write(Scene("random", parts), tmp_path / "random.usda")
+    assert geometric.read(tmp_path / "random.usda").parts == parts
+
+
+def test_all_validators_of_usd_pass(written: Path) -> None:
+    assert problems(written) == []
+
+
+def test_validators_find_nested_gprims(tmp_path: Path) -> None:
+    path = tmp_path / "nested.usda"
+    geometric.write(room(), path)
+    stage = Usd.Stage.Open(str(path))
+    UsdGeom.Cube.Define(stage, "/scene/wall_1/cube")
+    stage.Save()
+    assert any("EncapsulationChecker" in problem for problem in problems(path))
+
+
+def test_no_body_lies_below_another_and_none_holds_nested_gprims(stage: Usd.Stage) -> None:
+    for prim in stage.Traverse():
+        above = [prim.GetParent()]
+        while above[-1].GetPath() != "/":
+            above.append(above[-1].GetParent())
+        if prim.HasAPI(UsdPhysics.RigidBodyAPI):
+            assert prim.GetParent().GetPath() == "/scene"
+        if prim.IsA(UsdGeom.Gprim):
+            assert not any(ancestor.IsA(UsdGeom.Gprim) for ancestor in above)
+
+
+def test_only_jointed_parts_their_carcasses_and_free_things_are_bodies(stage: Usd.Stage) -> None:
+    bodies = {prim.GetName() for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.RigidBodyAPI)}
+    assert bodies == {"cabinet_3", "drawer_7", "flap_10", "door_20", "door_20_anchor", "door_21", "cup_22"}
+
+
+def test_a_chain_of_handles_belongs_to_the_body_that_moves_it(stage: Usd.Stage) -> None:
+    handle = stage.GetPrimAtPath("/scene/drawer_7/handle_9")
+    assert handle.IsA(UsdGeom.Mesh)
+    assert handle.GetAttribute("s2a:parent").Get() == "handle_base_8"
+    assert stage.GetPrimAtPath("/scene/drawer_7/handle_base_8").GetAttribute("s2a:parent").Get() == "drawer_7"
+
+
+def test_a_jointed_part_in_a_jointed_part_moves_against_it(stage: Usd.Stage) -> None:
+    joint = UsdPhysics.Joint(stage.GetPrimAtPath("/scene/joints/flap_10"))
+    assert joint.GetBody0Rel().GetTargets() == ["/scene/drawer_7"]
+    assert joint.GetBody1Rel().GetTargets() == ["/scene/flap_10"]
+
+
+def test_a_jointed_part_without_parent_moves_against_an_anchor_fixed_to_the_world(stage: Usd.Stage) -> None:
+    hinge = UsdPhysics.Joint(stage.GetPrimAtPath("/scene/joints/door_20"))
+    assert hinge.GetBody0Rel().GetTargets() == ["/scene/door_20_anchor"]
+    weld = UsdPhysics.FixedJoint(stage.GetPrimAtPath("/scene/joints/door_20_anchor"))
+    assert weld.GetBody0Rel().GetTargets() == []
+    assert weld.GetBody1Rel().GetTargets() == ["/scene/door_20_anchor"]
+
+
+def test_articulations_start_at_what_is_fixed_to_the_world(stage: Usd.Stage) -> None:
+    roots = {prim.GetName() for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.ArticulationRootAPI)}
+    assert {"cabinet_3", "door_20_anchor"} <= roots
+    assert roots.isdisjoint({"drawer_7", "flap_10", "door_20", "door_21"})
+
+
+def test_physics_limits_are_degrees_for_hinges_and_metres_for_slides(stage: Usd.Stage) -> None:
+    hinge = UsdPhysics.RevoluteJoint(stage.GetPrimAtPath("/scene/joints/flap_10"))
+    slide = UsdPhysics.PrismaticJoint(stage.GetPrimAtPath("/scene/joints/drawer_7"))
+    assert (hinge.GetLowerLimitAttr().Get(), hinge.GetUpperLimitAttr().Get()) == (0.0, 90.0)
+    assert slide.GetUpperLimitAttr().Get() == pytest.approx(0.4, abs=1e-7)
+
+
+def test_the_grasp_point_is_a_site_at_the_mean_of_the_handle(stage: Usd.Stage) -> None:
+    site = stage.GetPrimAtPath("/scene/drawer_7/grasp")
+    assert "NewtonSiteAPI" in site.GetAppliedSchemas()
+    place = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractTranslation()
+    assert np.allclose(place, (1.3, 1.0, 0.5), atol=1e-6)
+
+
+def test_a_part_without_surface_has_no_grasp_point(stage: Usd.Stage) -> None:
+    assert not stage.GetPrimAtPath("/scene/door_21/grasp")
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-12, 1e-9, 1e-7, 1e-5, 3e-4, 1e-3, 1.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_frame_turns_x_to_the_axis_within_a_millionth(tilt: float, sign: float) -> None:
+    for axis in ((sign * math.cos(tilt), math.sin(tilt), 0.0), (sign * math.cos(tilt), 0.0, -math.sin(tilt))):
+        turned = Gf.Quatd(joints.frame(axis)).Transform(Gf.Vec3d(1.0, 0.0, 0.0))
+        assert np.abs(np.array(turned) - axis).max() < 1e-6
+
+
+def test_joint_frames_agree_with_the_exact_attributes(stage: Usd.Stage) -> None:
+    for part_id in room().movable:
+        prim = UsdPhysics.Joint(stage.GetPrimAtPath(f"/scene/joints/{part_id}"))
+        for frame, place in (
+            (prim.GetLocalRot0Attr(), prim.GetLocalPos0Attr()),
+            (prim.GetLocalRot1Attr(), prim.GetLocalPos1Attr()),
+        ):
+            axis = Gf.Quatd(frame.Get()).Transform(Gf.Vec3d(1.0, 0.0, 0.0))
+            assert np.allclose(axis, room().joint(part_id).axis, atol=1e-6)
+            assert np.allclose(place.Get(), room().joint(part_id).origin, atol=1e-6)
+
+
+def test_extents_are_authored_and_scans_show_both_sides(stage: Usd.Stage) -> None:
+    wall = UsdGeom.Mesh(stage.GetPrimAtPath("/scene/wall_1"))
+    assert np.allclose(wall.GetExtentAttr().Get(), [(-2, 1.95, 0), (2, 2.05, 2)])
+    assert wall.GetDoubleSidedAttr().Get()
+
+
+def test_a_transform_that_an_editor_gave_a_mesh_is_applied(tmp_path: Path) -> None:
+    path = tmp_path / "moved.usda"
+    geometric.write(room(), path)
+    stage = Usd.Stage.Open(str(path))
+    UsdGeom.Xformable(stage.GetPrimAtPath("/scene/wall_1")).AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, 5.0))
+    stage.Save()
+    moved = geometric.read(path).part("wall_1").mesh
+    assert np.allclose(moved.vertices, room().part("wall_1").mesh.vertices + (0, 0, 5))
+
+
+def test_a_part_that_somebody_added_follows_after_those_of_the_scan(tmp_path: Path) -> None:
+    path = tmp_path / "added.usda"
+    geometric.write(room(), path)
+    stage = Usd.Stage.Open(str(path))
+    Sdf.CopySpec(stage.GetRootLayer(), "/scene/wall_1", stage.GetRootLayer(), "/scene/added_1")
+    added = stage.GetPrimAtPath("/scene/added_1")
+    added.GetAttribute("s2a:partId").Set("added_1")
+    added.RemoveProperty("s2a:order")
+    stage.Save()
+    assert list(geometric.read(path).parts) == [*room().parts, "added_1"]
+
+
+def test_a_file_that_was_written_anew_is_read_anew(tmp_path: Path) -> None:
+    path = tmp_path / "geometric.usd"
+    geometric.write(room(), path)
+    held = Usd.Stage.Open(str(path))
+    other = one_part(Part("other", box((0, 0, 0), (1, 1, 1))))
+    geometric.write(other, tmp_path / "other.usd")
+    (tmp_path / "other.usd").replace(path)
+    assert geometric.read(path) == other
+    assert held
+
+
+@pytest.mark.parametrize(
+    ("edit", "by", "says"),
+    [
+        ('s2a:flavour = "geometric"', 's2a:flavour = "other"', "flavour is 'other'"),
+        ('s2a:motion = "prismatic"', 's2a:motion = "screw"', "possible: fixed, free, prismatic, revolute"),
+        (
+            'def PhysicsPrismaticJoint "drawer_7"',
+            'def PhysicsPrismaticJoint "gone"',
+            "/scene/joints/drawer_7 is missing",
+        ),
+        ('def PhysicsPrismaticJoint "drawer_7"', 'def PhysicsSphericalJoint "drawer_7"', "PhysicsSphericalJoint"),
+        ("double2 s2a:limits = (-0.01, 0.4)", "double2 s2a:other = (-0.01, 0.4)", "no s2a:limits"),
+        ("double2 s2a:limits = (-0.01, 0.4)", "double2 s2a:limits = (0.5, 0.4)", "lower is above upper"),
+        ("double3 s2a:axis = (-1, 0, 0)", "double3 s2a:axis = (-2, 0, 0)", "not of unit length"),
+        ('s2a:parent = "drawer_7"', 's2a:parent = "drawer_70"', "drawer_70"),
+        ("int s2a:order = 3", 'string s2a:order = "3"', "expected int"),
+        ("metersPerUnit = 1", "metersPerUnit = 0.01", "metersPerUnit 0.01"),
+        ('upAxis = "Z"', 'upAxis = "Y"', "upAxis Y"),
+        ('defaultPrim = "scene"', 'defaultPrim = "world"', "default prim"),
+        ("int[] faceVertexCounts = [3,", "int[] faceVertexCounts = [4,", "not triangles"),
+        ("int[] faceVertexIndices = [1, 3, 0", "int[] faceVertexIndices = [1, 300, 0", "face indices"),
+        ('def Mesh "visual"', 'def Mesh "other"', "no visual"),
+        ("def Xform", "def Xf(orm", "damaged"),
+    ],
+)
+def test_a_damaged_stage_is_told_of_in_one_line(tmp_path: Path, edit: str, by: str, says: str) -> None:
+    path = edited(tmp_path, edit, by)
+    with pytest.raises(InputError) as error:
+        geometric.read(path)
+    assert says in str(error.value)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_or_truncated_file_is_told_of(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        geometric.read(tmp_path / "none.usd")
+    path = tmp_path / "cut.usd"
+    geometric.write(room(), path)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(InputError, match="damaged"):
+        geometric.read(path)
+
+
+@pytest.mark.parametrize("part_id", ["7_drawer", "a b", "joints", "door_20_anchor", ""])
+def test_an_id_that_cannot_name_a_prim_is_refused(tmp_path: Path, part_id: str) -> None:
+    parts = room().parts
+    scene = Scene("x", {**parts, part_id: Part("x", parts["wall_1"].mesh)})
+    with pytest.raises(InputError, match="cannot name a prim"):
+        geometric.write(scene, tmp_path / "x.usd")
+    assert not (tmp_path / "x.usd").exists()
+
+
+@pytest.mark.parametrize("label", ["zero\0byte", "half \ud800 letter"])
+def test_a_text_that_usd_cannot_store_is_refused(tmp_path: Path, label: str) -> None:
+    with pytest.raises(InputError, match="label"):
+        geometric.write(one_part(Part(label, box((0, 0, 0), (1, 1, 1)))), tmp_path / "x.usd")
+
+
+def test_another_ending_or_a_missing_folder_is_refused(tmp_path: Path) -> None:
+    for path, says in ((tmp_path / "x.obj", "ending"), (Path("/dev/null/x.usd"), "cannot be written")):
+        with pytest.raises(InputError, match=says):
+            geometric.write(room(), path)
+
+
+def test_dirty_labels_are_part_of_the_room(written: Path) -> None:
+    # The round trip above would say nothing about labels if the room had only clean ones.
+    assert geometric.read(written).part("picture_2").label == DIRTY
+
+
+def test_a_scene_without_parts_is_written_and_read(tmp_path: Path) -> None:
+    empty = dataclasses.replace(room(), parts={})
+    geometric.write(empty, tmp_path / "empty.usd")
+    assert geometric.read(tmp_path / "empty.usd") == empty
+    assert problems(tmp_path / "empty.usd") == []

@@ -1,0 +1,52 @@
+# Everything from an empty checkout: `make demo` and `make test` first make .venv and install into it.
+
+# The first Python that the package supports.
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null && echo $$p && break; done)
+VENV ?= .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+DEMO ?= demo
+
+.PHONY: demo test check format lock clean
+
+demo: $(INSTALLED)
+	rm -rf $(DEMO)/ppo
+	$(BIN)/s2a sample room=office seed=0 detail=demo out=$(DEMO)/scan
+	$(BIN)/s2a export scan=$(DEMO)/scan out=$(DEMO)
+	$(BIN)/s2a prepare stage=$(DEMO)/geometric.usd target=drawer_7 out=$(DEMO)/sim.usd
+	$(BIN)/s2a evaluate stage=$(DEMO)/sim.usd out=$(DEMO)/planner.json
+	$(BIN)/s2a train stage=$(DEMO)/sim.usd worlds=16 policy.iterations=3 out=$(DEMO)/ppo
+	$(BIN)/s2a view path=$(DEMO)/sim.usd text=true
+
+test: $(INSTALLED)
+	$(BIN)/pytest -q -m "not slow and not gpu"
+
+check: $(INSTALLED)
+	$(BIN)/ruff format --check
+	$(BIN)/ruff check
+	$(BIN)/lint-imports --no-logo
+	$(BIN)/mypy
+
+format: $(INSTALLED)
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
+
+$(INSTALLED): requirements.lock pyproject.toml
+	@test -n "$(PYTHON)" || { echo "s2a needs Python 3.11, 3.12 or 3.13; name one: make PYTHON=..." >&2; exit 1; }
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check --requirement requirements.lock
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --editable .
+	touch $@
+
+# The newest versions that pyproject.toml allows, as a new lock.
+lock:
+	rm -rf build/lock
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/pip install --quiet --editable '.[dev]'
+	sed -n '/^#/p' requirements.lock > build/new.lock
+	build/lock/bin/pip freeze --all --exclude-editable | sed '/^pip==/d; s/+cpu$$//' >> build/new.lock
+	mv build/new.lock requirements.lock
+
+clean:
+	rm -rf $(VENV) $(DEMO) build dist

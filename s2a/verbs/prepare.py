@@ -1,0 +1,36 @@
+"""geometric.usd and a jointed part -> sim.usd."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from s2a.outputs import aside
+from s2a.prepare import PrepareConfig, prepare
+from s2a.usd import geometric, simready
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a prepare`.
+
+    Attributes:
+        stage: the geometric.usd.
+        target: id of the part that the robot is to move, such as drawer_7.
+        out: the sim.usd to write.
+        prepare: how the scene is prepared.
+    """
+
+    stage: Path
+    target: str
+    out: Path
+    prepare: PrepareConfig
+
+
+def run(config: Config) -> str:
+    """Read the stage, prepare the target, write sim.usd, and return what is in it."""
+    scene = prepare(geometric.read(config.stage), config.target, config.prepare)
+    with aside(config.out) as out:
+        simready.write(scene, out)
+    moving, room = len(scene.target.colliders), len(scene.static_colliders)
+    return f"{config.out}: {scene.target.id} on {scene.carcass.id}; convex pieces: {moving} of the target, {room} of the room"

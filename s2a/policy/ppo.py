@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import io
 import json
 import time
 from collections.abc import Callable, Iterator
@@ -132,10 +133,10 @@ def train(env: OpenDrawerEnv, config: PpoConfig, out: Path) -> dict[str, Any]:
     """
     out.mkdir(parents=True, exist_ok=True)
     steps = iter(track(range(config.iterations * config.steps), "train"))
-    runner = make_runner(RslRlEnv(env, lambda: next(steps, None)), config, out)
     (out / "policy.json").write_text(json.dumps(asdict(config), indent=1))
-    begin = time.perf_counter()
     with (out / "train.log").open("w") as log, contextlib.redirect_stdout(log):
+        runner = make_runner(RslRlEnv(env, lambda: next(steps, None)), config, out)
+        begin = time.perf_counter()
         runner.learn(config.iterations, init_at_random_ep_len=True)
     seconds = time.perf_counter() - begin
     next(steps, None)
@@ -159,7 +160,8 @@ def load_policy(env: OpenDrawerEnv, checkpoint: Path) -> Callable[[torch.Tensor]
         if not file.is_file():
             raise InputError(f"{file}: no such file; give the model_N.pt in a folder that s2a train wrote")
     values = json.loads(settings.read_text())
-    runner = make_runner(RslRlEnv(env), PpoConfig(**{**values, "hidden": tuple(values["hidden"])}), None)
+    with contextlib.redirect_stdout(io.StringIO()):
+        runner = make_runner(RslRlEnv(env), PpoConfig(**{**values, "hidden": tuple(values["hidden"])}), None)
     try:
         runner.load(str(checkpoint), map_location=str(env.sim.device))
     except (KeyError, RuntimeError) as error:

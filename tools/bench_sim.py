@@ -1,0 +1,111 @@
+"""Throughput of a sim.usd on one device: physics alone, the whole environment step, PPO; with and without the room.
+
+    python tools/bench_sim.py STAGE [--worlds 4096 ...] [--iterations 20] [--out FILE]
+
+An environment step is one control step (4 physics steps) of one world. Actions are uniform random, resets included.
+Contacts and constraint rows are counted after the random steps. Rates are compared within one run only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import newton
+import torch
+import warp as wp
+
+from s2a import config
+from s2a.policy.ppo import PpoConfig, train
+from s2a.sim.build import read_stage
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.task.env import OpenDrawerEnv
+from s2a.task.open_drawer import OpenDrawerConfig
+
+STEPS = 200
+
+
+def main() -> None:
+    """Print a row for every number of worlds, with and without the room's colliders."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("stage", type=Path)
+    parser.add_argument("--worlds", type=int, nargs="+", default=[4096])
+    parser.add_argument("--iterations", type=int, default=20, help="PPO iterations of 40 steps, 8 epochs, 8 mini-batches")
+    parser.add_argument("--device", default="cuda:0" if torch.cuda.is_available() else "cpu")
+    parser.add_argument("--out", type=Path, help="write the rows as JSON")
+    args = parser.parse_args()
+    rows = [bench(args, n, room) for n in args.worlds for room in (True, False)]
+    cuda = args.device.startswith("cuda")
+    gpu = torch.cuda.get_device_name(args.device) if cuda else platform.processor() or "CPU"
+    report = {"device": gpu, "torch": torch.__version__, "newton": newton.__version__, "stage": args.stage.name, "rows": rows}
+    if args.out:
+        args.out.write_text(json.dumps(report, indent=1))
+
+
+def bench(args: argparse.Namespace, worlds: int, room: bool) -> dict:
+    """Measure one number of worlds."""
+    begin = time.perf_counter()
+    sim = Simulation(read_stage(args.stage), replace(_load(SimConfig, "sim/paper"), room=room), worlds, args.device)
+    env = OpenDrawerEnv(sim, _load(OpenDrawerConfig, "task/open_drawer"), config.compose("reward/paper")["reward"], 0)
+    _sync(args.device)
+    row: dict = {"worlds": worlds, "room": room, "build_and_compile_s": time.perf_counter() - begin}
+    actions = torch.rand(STEPS, worlds, env.num_actions, device=args.device) * 2.0 - 1.0
+    for action in actions:  # spreads the worlds over their episodes
+        env.step(action)
+    steps = iter([*actions, *actions])
+    row["env_step"] = worlds * _rate(args.device, lambda: env.step(next(steps)))
+    row |= _contacts(sim)
+    physics = sim.capture(sim.step)
+    row["physics"] = worlds * _rate(args.device, physics)
+    if args.iterations:
+        policy = replace(_load(PpoConfig, "policy/ppo"), iterations=args.iterations, save_interval=10**6)
+        with tempfile.TemporaryDirectory() as folder:
+            row["ppo_8x8x40"] = train(env, policy, Path(folder))["env_steps_per_second"]
+    if args.device.startswith("cuda"):
+        free, total = torch.cuda.mem_get_info(args.device)
+        row["gpu_memory_gb"] = (total - free) / 1e9
+    print(json.dumps({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}), flush=True)
+    return row
+
+
+def _rate(device: str, function: Callable[[], object]) -> float:
+    """Return calls a second."""
+    function()
+    _sync(device)
+    begin = time.perf_counter()
+    for _ in range(STEPS):
+        function()
+    _sync(device)
+    return STEPS / (time.perf_counter() - begin)
+
+
+def _contacts(sim: Simulation) -> dict[str, float]:
+    """Return contacts and constraint rows a world, mean and 95th percentile, as physics last saw them."""
+    data = sim.solver.mjw_data
+    count = int(data.nacon.numpy()[0])
+    world = wp.to_torch(data.contact.worldid)[:count].long()
+    contacts = torch.bincount(world, minlength=sim.worlds).float()
+    rows = wp.to_torch(data.nefc).float()
+    found = {"contacts": contacts, "rows": rows}
+    return {f"{n}_{k}": float(f) for n, x in found.items() for k, f in (("mean", x.mean()), ("p95", x.quantile(0.95)))}
+
+
+def _load(cls: type, name: str):  # noqa: ANN202
+    """Return the settings of one file of conf/."""
+    return config.load(cls, config.compose(name)[name.split("/")[0]])
+
+
+def _sync(device: str) -> None:
+    """Wait for the device."""
+    if device.startswith("cuda"):
+        torch.cuda.synchronize(device)
+
+
+if __name__ == "__main__":
+    main()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import tiny_scan
 from tiny_scan import ARTIC, PARTS, PLY
 
 from s2a import scan
+from s2a.cli import main
 from s2a.errors import InputError
 
 Files = dict[str, Any]
@@ -247,6 +249,36 @@ def test_the_articulations_of_another_scan_are_not_taken(tmp_path):
     folder = tiny_scan.write(tmp_path / "scan")
     (folder / ARTIC).rename(folder / "ffffffffff_artic.json")
     assert_refused(folder, ARTIC, "missing")
+
+
+# -- what the command line makes of it -------------------------------------------------------------------------------
+
+
+def test_exporting_damaged_scans_exits_with_2_in_one_line_and_leaves_earlier_outputs_alone(
+    tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # the command line sets it
+    good, bad, out = tiny_scan.write(tmp_path / "good"), tmp_path / "bad", tmp_path / "out"
+    assert main(["export", f"scan={good}", f"out={out}"]) == 0
+    earlier = {file.name: file.read_bytes() for file in out.iterdir()}
+    assert earlier
+    capsys.readouterr()
+    for mesh, _ in list(MESHES.values())[:6]:
+        assert_export_refused(tiny_scan.write(bad, mesh=mesh), out, capsys)
+    for find, key, value, _ in WRONG_VALUES.values():
+        files = tiny_scan.contents()
+        find(files)[key] = None if value is REMOVED else value
+        assert_export_refused(tiny_scan.write(bad, files), out, capsys)
+    assert_export_refused(tmp_path / "nowhere", tmp_path / "new", capsys)
+    assert {file.name: file.read_bytes() for file in out.iterdir()} == earlier
+    assert not (tmp_path / "new").exists()
+
+
+def assert_export_refused(folder: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Check that `s2a export` of a folder exits with 2 and says why in one line."""
+    assert main(["export", f"scan={folder}", f"out={out}"]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == "" and printed.err.count("\n") == 1 and str(folder) in printed.err, printed.err
 
 
 def assert_refused(path: Path, *words: str) -> None:

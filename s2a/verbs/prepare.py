@@ -33,4 +33,4 @@ def run(config: Config) -> str:
     with aside(config.out) as out:
         simready.write(scene, out)
     moving, room = len(scene.target.colliders), len(scene.static_colliders)
-    return f"{config.out}: {scene.target.id} on {scene.carcass.id}; convex pieces: {moving} of the target, {room} of the room"
+    return f"{config.out}: {scene.target.id} on {scene.carcass.id}; {moving} convex pieces, the room {room}"

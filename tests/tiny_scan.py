@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
+
+from s2a import scan
+from s2a.errors import InputError
+from s2a.scene import Part, Scene
 
 NAME = "0a5c013435"
 VERTICES = np.array([[i * 0.5, i % 2, 0.1 * i] for i in range(12)])
@@ -55,6 +61,45 @@ def write(folder: Path, files: dict[str, Any] | None = None, mesh: bytes | None 
     for name, content in (contents() if files is None else files).items():
         (folder / name).write_text(json.dumps(content))
     return folder
+
+
+def read(tmp_path: Path, files: dict[str, Any] | None = None, mesh: bytes | None = None) -> Scene:
+    """Write a scan, the tiny one by default, and read it."""
+    return scan.read(write(tmp_path / "scan", files, mesh))
+
+
+def triangles(part: Part) -> np.ndarray:
+    """Return the corners of a part's faces [m], shape [face 3 3]."""
+    return part.mesh.vertices[part.mesh.faces]
+
+
+def corners(*faces: int) -> np.ndarray:
+    """Return the corners of some faces of the tiny scan [m], shape [face 3 3]."""
+    return VERTICES[FACES[list(faces)]].astype(np.float32)
+
+
+def assert_refused(path: Path, *words: str) -> None:
+    """Check that reading fails in one line that names the path and contains the words."""
+    with pytest.raises(InputError) as caught:
+        scan.read(path)
+    message = str(caught.value)
+    assert "\n" not in message and str(path) in message and len(message) < 500, message
+    missing = [word for word in words if not re.search(rf"(?<![\w-]){re.escape(word)}(?!\w)", message)]
+    assert not missing, f"{missing} not in: {message}"
+
+
+def labels_of(tree: dict[int, int | None], names: dict[int, str] | None = None) -> dict[int, str]:
+    """Label parts by their place in a tree, as annotators do: "name.1", "name.1.1", "name.1.2" ..."""
+    position: dict[int, int] = {}
+    counted: dict[int | None, int] = {}
+    for number, parent in tree.items():
+        counted[parent] = position[number] = counted.get(parent, 0) + 1
+
+    def path(number: int) -> str:
+        parent = tree[number]
+        return f"{'' if parent is None else path(parent)}.{position[number]}"
+
+    return {number: f"{(names or {}).get(number, 'thing')}{path(number)}" for number in tree}
 
 
 def ply(

@@ -1,0 +1,85 @@
+"""Meshes of scans: every kind of PLY is read alike, a damaged one is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import tiny_scan
+from tiny_scan import PLY, assert_refused, read
+
+from s2a import scan
+from s2a.errors import InputError
+from s2a.scan import ply
+
+
+def test_every_kind_of_ply_reads_the_same(tmp_path):
+    plain = read(tmp_path / "plain").parts
+    for i, kind in enumerate(({"double": True}, {"extras": True}, {"text": True}, {"text": True, "extras": True})):
+        assert read(tmp_path / str(i), mesh=tiny_scan.ply(**kind)).parts == plain
+
+
+def test_a_mesh_without_colors_is_read(tmp_path):
+    assert all(part.mesh.colors is None for part in read(tmp_path, mesh=tiny_scan.ply(colors=None)).parts.values())
+
+
+def test_texture_coordinates_do_not_reorder_the_vertices(tmp_path):
+    mesh = tiny_scan.ply(faces=np.array([[11, 5, 3]]), extras=True)
+    (tmp_path / "mesh.ply").write_bytes(mesh.replace(b"float nx", b"float s").replace(b"float ny", b"float t"))
+    surface = ply.read(tmp_path / "mesh.ply")
+    assert np.array_equal(surface.vertices, tiny_scan.VERTICES.astype(np.float32))
+    assert surface.faces.tolist() == [[11, 5, 3]]
+
+
+VERTICES = tiny_scan.VERTICES
+
+
+def changed(array: np.ndarray, row: int, value: float) -> np.ndarray:
+    """Return a copy of an array with the middle of a row replaced."""
+    copy = array.copy()
+    copy[row, 1] = value
+    return copy
+
+
+MESHES = {
+    "truncated in its faces": (tiny_scan.ply()[:-5], ("truncated",)),
+    "truncated in its vertices": (tiny_scan.ply()[:300], ("truncated",)),
+    "truncated in its header": (tiny_scan.ply()[:60], ("truncated",)),
+    "text truncated in its faces": (tiny_scan.ply(text=True)[:-9], ("truncated",)),
+    "text truncated by whole faces": (b"\n".join(tiny_scan.ply(text=True).split(b"\n")[:-3]), ("truncated",)),
+    "text truncated in its vertices": (b"\n".join(tiny_scan.ply(text=True).split(b"\n")[:16]), ("truncated",)),
+    "empty": (b"", ("not a PLY",)),
+    "something else": (b"solid cube\n", ("not a PLY",)),
+    "longer than its header says": (tiny_scan.ply() + b"12345", ("truncated",)),
+    "of quadrangles": (tiny_scan.ply(faces=np.array([[0, 1, 2, 3]])), ("triangles",)),
+    "without faces": (tiny_scan.ply(faces=np.empty((0, 3), int)), ("triangles",)),
+    "without vertices": (tiny_scan.ply(np.empty((0, 3)), colors=None), ("triangles",)),
+    "with a coordinate that is not a number": (tiny_scan.ply(changed(VERTICES, 4, np.nan)), ("vertex 4", "nan")),
+    "with an infinite coordinate": (tiny_scan.ply(changed(VERTICES, 4, np.inf)), ("vertex 4", "inf")),
+    "with a coordinate out of this world": (tiny_scan.ply(changed(VERTICES, 4, 1e30)), ("1e+30 m", "metres")),
+    "with a face out of range": (tiny_scan.ply(faces=changed(tiny_scan.FACES, 3, 12)), ("12", "vertices")),
+    "with a negative face": (tiny_scan.ply(faces=changed(tiny_scan.FACES, 3, -1)), ("-1", "vertices")),
+    "with colors of another kind": (tiny_scan.ply().replace(b"uchar red", b"char red"), ("colors", "uchar")),
+}
+
+
+@pytest.mark.parametrize("case", MESHES)
+def test_a_damaged_mesh_is_refused(tmp_path, case):
+    mesh, words = MESHES[case]
+    assert_refused(tiny_scan.write(tmp_path / "scan", mesh=mesh), PLY, *words)
+
+
+def test_a_mesh_with_other_polygons_among_the_triangles_is_refused(tmp_path):
+    mesh = bytearray(tiny_scan.ply())
+    mesh[-13] = 4  # the length of the last face's list, the file's size being right all the same
+    assert_refused(tiny_scan.write(tmp_path / "scan", mesh=bytes(mesh)), PLY, "triangles")
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_mesh_with_a_damaged_byte_is_read_or_refused_but_never_crashes(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    mesh = bytearray(tiny_scan.ply(text=bool(seed % 2)))
+    mesh[rng.integers(len(mesh))] = rng.integers(256)
+    try:
+        scan.read(tiny_scan.write(tmp_path / "scan", mesh=bytes(mesh)))
+    except InputError as error:
+        assert PLY in str(error) and "\n" not in str(error)

@@ -11,7 +11,7 @@ from usd_room import box, room
 
 from s2a.scene import Mesh, Part, Scene
 from s2a.usd import descriptive
-from s2a.usd.boxes import upright_box
+from s2a.usd.boxes import silhouette, upright_box
 from s2a.usd.validate import problems
 
 
@@ -103,6 +103,15 @@ def test_the_box_of_a_turned_box_is_the_box(yaw: float) -> None:
     if found.yaw:
         assert np.allclose(found.size, (0.6, 0.3, 1.0), atol=1e-5)
     assert np.allclose(found.center, middle, atol=1e-5)
+
+
+def test_the_box_of_a_silhouette_is_the_box_of_all_points() -> None:
+    points = np.random.default_rng(3).normal(size=(5000, 3)) @ np.array(
+        [[2.0, 1.0, 0.3], [0.1, 0.5, 0.2], [0, 0.1, 1.0]]
+    )
+    few = silhouette(points)
+    assert len(few) < 100
+    assert upright_box(few) == upright_box(points)
 
 
 def test_round_things_are_not_turned() -> None:

@@ -3,9 +3,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import tiny_scan
 from cabinet import write_cabinet
 from usd_room import room
 
+from s2a import scan
 from s2a.errors import InputError
 from s2a.usd import descriptive, geometric
 from s2a.usd.tree import tree
@@ -55,6 +57,13 @@ def test_brackets_in_labels_are_no_markup(tmp_path: Path) -> None:
 def test_a_description_is_told_with_joints_in_words(tmp_path: Path) -> None:
     descriptive.write(room(), tmp_path / "descriptive.usda")
     assert "slides -10 to 400 mm along (0.9998, 0.02, 0.003)" in line(tree(tmp_path / "descriptive.usda"), "drawer_7")
+
+
+def test_a_folder_of_a_scan_is_told_as_its_geometric_stage_is(tmp_path: Path) -> None:
+    folder = tiny_scan.write(tmp_path / "scan")
+    geometric.write(scan.read(folder), tmp_path / "geometric.usd")
+    assert tree(folder) == tree(tmp_path / "geometric.usd")
+    assert "turns 0 to 90 deg" in line(tree(folder), "door_3")
 
 
 def test_a_simulation_ready_stage_is_told_with_bodies_colliders_and_joints(tmp_path: Path) -> None:

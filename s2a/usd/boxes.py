@@ -41,15 +41,32 @@ def upright_box(points: np.ndarray) -> Box:
     return Box(tuple(middle.tolist()), tuple((high - low).tolist()), yaw)
 
 
+def silhouette(points: np.ndarray) -> np.ndarray:
+    """Return the points, of those given [n 3], that their upright box depends on: hull from above, lowest, highest.
+
+    The box of several parts follows from their few silhouettes, instead of their many points.
+    """
+    outline = _hull(points[:, :2])
+    return points if outline is None else points[[*outline, points[:, 2].argmin(), points[:, 2].argmax()]]
+
+
+def _hull(points: np.ndarray) -> np.ndarray | None:
+    """Return the indices of the convex hull of points [n 2], in order; None if they all lie on one line."""
+    try:
+        return ConvexHull(points).vertices
+    except (QhullError, ValueError):  # too few points, or none
+        return None
+
+
 def _best_yaw(points: np.ndarray, footprint: float) -> float:
     """Return the yaw of the smallest rectangle around points [n 2]; 0 if none is clearly smaller than the footprint.
 
     One side of the smallest rectangle lies along an edge of the convex hull (Freeman and Shapira, 1975).
     """
-    try:
-        outline = points[ConvexHull(points).vertices].astype(float)
-    except (QhullError, ValueError):  # fewer than three points, or all on one line
+    hull = _hull(points)
+    if hull is None:
         return 0.0
+    outline = points[hull].astype(float)
     edges = np.roll(outline, -1, axis=0) - outline
     quarter = 0.5 * math.pi
     yaws = (np.arctan2(edges[:, 1], edges[:, 0]) + 0.5 * quarter) % quarter - 0.5 * quarter

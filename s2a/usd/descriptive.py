@@ -13,7 +13,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from s2a.scene import Joint, Part, Scene
-from s2a.usd.boxes import upright_box
+from s2a.usd.boxes import silhouette, upright_box
 from s2a.usd.joints import site_point
 from s2a.usd.stage import ROOT, check_ids, new_stage, save, write_attribute
 
@@ -42,9 +42,11 @@ def write(scene: Scene, path: Path) -> None:
     root = stage.GetDefaultPrim()
     write_attribute(root, "flavour", Types.String, FLAVOUR)
     write_attribute(root, "name", Types.String, scene.name)
-    _write_box(root, scene, tuple(scene.parts))
+    outlines = {part_id: silhouette(part.mesh.vertices) for part_id, part in scene.parts.items()}
+    _write_box(root, list(outlines.values()))
     for part_id in scene.parts:
-        _write_part(stage, scene, part_id)
+        prim = _write_part(stage, scene, part_id)
+        _write_box(prim, [outlines[i] for i in (part_id, *scene.descendants(part_id))])
     save(stage, path)
 
 
@@ -54,21 +56,21 @@ def prim_path(scene: Scene, part_id: str) -> str:
     return f"{ROOT if parent is None else prim_path(scene, parent)}/{part_id}"
 
 
-def _write_part(stage: Usd.Stage, scene: Scene, part_id: str) -> None:
+def _write_part(stage: Usd.Stage, scene: Scene, part_id: str) -> Usd.Prim:
     part = scene.parts[part_id]
     prim = UsdGeom.Xform.Define(stage, prim_path(scene, part_id)).GetPrim()
     _describe(prim, "label", Types.String, part.label)
-    _write_box(prim, scene, (part_id, *scene.descendants(part_id)))
     if part.graspable:
         _describe(prim, "graspable", Types.Bool, True)
     if part.mass is not None:
         _describe(prim, "mass", Types.Double, round(part.mass, MILLIMETRES))
     _write_motion(prim, scene, part_id, part)
+    return prim
 
 
-def _write_box(prim: Usd.Prim, scene: Scene, part_ids: Sequence[str]) -> None:
-    """Describe the box around some parts; nothing where they have no surface."""
-    points = np.concatenate([scene.parts[i].mesh.vertices for i in part_ids] or [np.zeros((0, 3))])
+def _write_box(prim: Usd.Prim, outlines: Sequence[np.ndarray]) -> None:
+    """Describe the box around some outlines [n 3]; nothing where there is no point."""
+    points = np.concatenate([np.zeros((0, 3)), *outlines])
     if not len(points):
         return
     box = upright_box(points)

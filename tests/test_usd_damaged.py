@@ -1,0 +1,87 @@
+"""What users see when a geometric stage is damaged, or cannot be written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from usd_room import box, room
+
+from s2a.errors import InputError
+from s2a.scene import Part, Scene
+from s2a.usd import geometric
+
+
+def edited(tmp_path: Path, edit: str, by: str) -> Path:
+    """Write the room as text and replace one piece of it."""
+    path = tmp_path / "edited.usda"
+    geometric.write(room(), path)
+    text = path.read_text()
+    assert edit in text
+    path.write_text(text.replace(edit, by))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("edit", "by", "says"),
+    [
+        ('s2a:flavour = "geometric"', 's2a:flavour = "other"', "flavour is 'other'"),
+        ('s2a:motion = "prismatic"', 's2a:motion = "screw"', "possible: fixed, free, prismatic, revolute"),
+        (
+            'def PhysicsPrismaticJoint "drawer_7"',
+            'def PhysicsPrismaticJoint "gone"',
+            "/scene/joints/drawer_7 is missing",
+        ),
+        ('def PhysicsPrismaticJoint "drawer_7"', 'def PhysicsSphericalJoint "drawer_7"', "PhysicsSphericalJoint"),
+        ("double2 s2a:limits = (-0.01, 0.4)", "double2 s2a:other = (-0.01, 0.4)", "no s2a:limits"),
+        ("double2 s2a:limits = (-0.01, 0.4)", "double2 s2a:limits = (0.5, 0.4)", "lower is above upper"),
+        ("double3 s2a:axis = (-1, 0, 0)", "double3 s2a:axis = (-2, 0, 0)", "not of unit length"),
+        ('s2a:parent = "drawer_7"', 's2a:parent = "drawer_70"', "drawer_70"),
+        ("int s2a:order = 3", 'string s2a:order = "3"', "expected int"),
+        ("metersPerUnit = 1", "metersPerUnit = 0.01", "metersPerUnit 0.01"),
+        ('upAxis = "Z"', 'upAxis = "Y"', "upAxis Y"),
+        ('defaultPrim = "scene"', 'defaultPrim = "world"', "default prim"),
+        ("int[] faceVertexCounts = [3,", "int[] faceVertexCounts = [4,", "not triangles"),
+        ("int[] faceVertexIndices = [1, 3, 0", "int[] faceVertexIndices = [1, 300, 0", "face indices"),
+        ('def Mesh "visual"', 'def Mesh "other"', "no visual"),
+        ("def Xform", "def Xf(orm", "damaged"),
+    ],
+)
+def test_a_damaged_stage_is_told_of_in_one_line(tmp_path: Path, edit: str, by: str, says: str) -> None:
+    path = edited(tmp_path, edit, by)
+    with pytest.raises(InputError) as error:
+        geometric.read(path)
+    assert says in str(error.value)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_or_truncated_file_is_told_of(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        geometric.read(tmp_path / "none.usd")
+    path = tmp_path / "cut.usd"
+    geometric.write(room(), path)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(InputError, match="damaged"):
+        geometric.read(path)
+
+
+@pytest.mark.parametrize("part_id", ["7_drawer", "a b", "joints", "door_20_anchor", ""])
+def test_an_id_that_cannot_name_a_prim_is_refused(tmp_path: Path, part_id: str) -> None:
+    parts = room().parts
+    scene = Scene("x", {**parts, part_id: Part("x", parts["wall_1"].mesh)})
+    with pytest.raises(InputError, match="cannot name a prim"):
+        geometric.write(scene, tmp_path / "x.usd")
+    assert not (tmp_path / "x.usd").exists()
+
+
+@pytest.mark.parametrize("label", ["zero\0byte", "half \ud800 letter"])
+def test_a_text_that_usd_cannot_store_is_refused(tmp_path: Path, label: str) -> None:
+    with pytest.raises(InputError, match="label"):
+        geometric.write(Scene("x", {"thing_1": Part(label, box((0, 0, 0), (1, 1, 1)))}), tmp_path / "x.usd")
+
+
+def test_another_ending_or_a_missing_folder_is_refused(tmp_path: Path) -> None:
+    for path, says in ((tmp_path / "x.obj", "ending"), (Path("/dev/null/x.usd"), "cannot be written")):
+        with pytest.raises(InputError, match=says):
+            geometric.write(room(), path)

@@ -1,0 +1,161 @@
+"""The zero level of a sparse distance field as a triangle mesh: naive surface nets.
+
+One vertex a cell that the surface crosses, one quad an edge that it crosses; only cells whose eight corners were observed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from s2a.geometry.field import UNKNOWN, Field, voxel_index, voxel_place, voxel_value
+
+
+@dataclass(frozen=True)
+class Net:
+    """A fused surface before it is thinned out.
+
+    Attributes:
+        points: [m], shape [vertex 3], float32.
+        normals: unit vectors towards free space, shape [vertex 3], float32.
+        faces: vertex indices, counter-clockwise seen from free space, shape [face 3], int32.
+        cells: storage index of each vertex's cell, ascending, shape [vertex]; cell // 64 is its block of 4 x 4 x 4.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    faces: np.ndarray
+    cells: np.ndarray
+
+
+@wp.kernel
+def _crossings(
+    blocks: wp.array(dtype=wp.vec3i),
+    table: wp.array3d(dtype=int),
+    values: wp.array(dtype=float),
+    kinds: wp.array(dtype=wp.uint8),
+):
+    """Bit 0: the cell holds a vertex. Bits 1 to 3: its edge along x, y, z crosses the surface."""
+    tid = wp.tid()
+    if values[tid] == UNKNOWN:
+        return
+    c = voxel_place(blocks, tid)
+    inside = values[tid] < 0.0
+    kind = int(0)
+    known = bool(True)
+    for corner in range(1, 8):
+        v = voxel_value(table, values, c[0] + corner // 4, c[1] + (corner // 2) % 2, c[2] + corner % 2)
+        if v == UNKNOWN:
+            known = False
+        elif (v < 0.0) != inside:
+            kind = kind | 1
+            if corner == 4:
+                kind = kind | 2
+            if corner == 2:
+                kind = kind | 4
+            if corner == 1:
+                kind = kind | 8
+    if not known:
+        kind = kind & 14
+    kinds[tid] = wp.uint8(kind)
+
+
+@wp.kernel
+def _vertices(
+    blocks: wp.array(dtype=wp.vec3i),
+    table: wp.array3d(dtype=int),
+    values: wp.array(dtype=float),
+    cells: wp.array(dtype=int),
+    origin: wp.vec3,
+    voxel: float,
+    points: wp.array(dtype=wp.vec3),
+    normals: wp.array(dtype=wp.vec3),
+):
+    """The mean of the places where a cell's edges cross the surface, and the field's gradient."""
+    tid = wp.tid()
+    c = voxel_place(blocks, cells[tid])
+    total = wp.vec3(0.0, 0.0, 0.0)
+    gradient = wp.vec3(0.0, 0.0, 0.0)
+    count = float(0.0)
+    for corner in range(8):
+        a = wp.vec3i(corner // 4, (corner // 2) % 2, corner % 2)
+        va = voxel_value(table, values, c[0] + a[0], c[1] + a[1], c[2] + a[2])
+        for axis in range(3):
+            if a[axis] == 0:
+                b = a
+                b[axis] = 1
+                vb = voxel_value(table, values, c[0] + b[0], c[1] + b[1], c[2] + b[2])
+                gradient[axis] = gradient[axis] + vb - va
+                if (va < 0.0) != (vb < 0.0):
+                    place = wp.vec3(float(a[0]), float(a[1]), float(a[2]))
+                    place[axis] = va / (va - vb)
+                    total += place
+                    count += 1.0
+    points[tid] = origin + voxel * (wp.vec3(float(c[0]), float(c[1]), float(c[2])) + total / count)
+    normals[tid] = wp.normalize(gradient)
+
+
+@wp.kernel
+def _quads(
+    blocks: wp.array(dtype=wp.vec3i),
+    table: wp.array3d(dtype=int),
+    values: wp.array(dtype=float),
+    edges: wp.array(dtype=int),
+    axis: int,
+    vertex: wp.array(dtype=int),
+    quads: wp.array2d(dtype=int),
+):
+    """The four cells around an edge that crosses the surface, counter-clockwise seen from free space; -1: no such vertex."""
+    tid = wp.tid()
+    c = voxel_place(blocks, edges[tid])
+    for corner in range(4):
+        side = corner
+        if values[edges[tid]] > 0.0:
+            side = 3 - corner
+        o = wp.vec3i(0, 0, 0)
+        if side == 1 or side == 2:
+            o[(axis + 1) % 3] = 1
+        if side >= 2:
+            o[(axis + 2) % 3] = 1
+        index = voxel_index(table, c[0] - o[0], c[1] - o[1], c[2] - o[2])
+        quads[tid, corner] = -1
+        if index >= 0:
+            quads[tid, corner] = vertex[index]
+
+
+def extract(field: Field) -> Net:
+    """Return the surface between free and filled space of a fused field."""
+    stored = [field.blocks, field.table, field.distance]
+    kinds = wp.zeros(len(field.distance), dtype=wp.uint8, device="cpu")
+    wp.launch(_crossings, len(kinds), inputs=stored, outputs=[kinds], device="cpu")
+    kind = kinds.numpy()
+    cells = np.flatnonzero(kind & 1).astype(np.int32)
+    points = wp.empty(len(cells), dtype=wp.vec3, device="cpu")
+    normals = wp.empty(len(cells), dtype=wp.vec3, device="cpu")
+    inputs = [*stored, wp.array(cells, dtype=int, device="cpu"), field.origin, field.voxel]
+    wp.launch(_vertices, len(cells), inputs=inputs, outputs=[points, normals], device="cpu")
+    vertex = np.full(len(kind), -1, np.int32)
+    vertex[cells] = np.arange(len(cells), dtype=np.int32)
+    index = wp.array(vertex, dtype=int, device="cpu", copy=False)
+    quads = np.concatenate([_axis_quads(stored, np.flatnonzero(kind & (2 << axis)), axis, index) for axis in range(3)])
+    return Net(points.numpy(), normals.numpy(), _split(points.numpy(), quads), cells)
+
+
+def _axis_quads(stored: list, edges: np.ndarray, axis: int, vertex: wp.array) -> np.ndarray:
+    """Return the complete quads around the crossed edges along one axis, shape [quad 4]."""
+    quads = wp.empty((len(edges), 4), dtype=int, device="cpu")
+    inputs = [*stored, wp.array(edges.astype(np.int32), dtype=int, device="cpu"), axis, vertex]
+    wp.launch(_quads, len(edges), inputs=inputs, outputs=[quads], device="cpu")
+    found = quads.numpy()
+    return found[(found >= 0).all(axis=1)]
+
+
+def _split(points: np.ndarray, quads: np.ndarray) -> np.ndarray:
+    """Return two triangles a quad, cut along the shorter diagonal, shape [2 quad 3]."""
+    a, b, c, d = quads.T
+    cut_ac = ((points[a] - points[c]) ** 2).sum(axis=1) <= ((points[b] - points[d]) ** 2).sum(axis=1)
+    first = np.where(cut_ac[:, None], np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
+    second = np.where(cut_ac[:, None], np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
+    return np.concatenate([first, second])

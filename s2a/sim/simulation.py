@@ -8,7 +8,6 @@ from typing import Literal
 
 import mujoco_warp
 import newton
-import torch
 import warp as wp
 
 from s2a.sim.build import SimStage, SpringConfig, body_index, build_world
@@ -106,14 +105,11 @@ class Simulation:
         if not self.model.device.is_cuda:
             return function
         function()  # compiles and loads every kernel, which capture forbids
-        stream = wp.stream_from_torch(torch.cuda.current_stream(self.device))
-        with wp.ScopedStream(stream), wp.ScopedCapture(device=self.model.device, stream=stream) as capture:
+        # Torch works on the device's null stream, which cannot be captured; Warp's own stream waits for it and it for
+        # Warp's, so both see each other's results in order.
+        with wp.ScopedDevice(self.model.device), wp.ScopedCapture() as capture:
             function()
-
-        def launch() -> None:
-            wp.capture_launch(capture.graph, stream=wp.stream_from_torch(torch.cuda.current_stream(self.device)))
-
-        return launch
+        return lambda: wp.capture_launch(capture.graph)
 
 
 def _solver(model: newton.Model, config: SimConfig) -> newton.solvers.SolverMuJoCo:

@@ -1,4 +1,4 @@
-"""Hand-made rooms for tests: a cabinet with the dimensions of the Sektion cabinet of the reference task, and its scan."""
+"""A hand-made room for tests: a cabinet with the dimensions of the Sektion cabinet of the reference task."""
 
 from __future__ import annotations
 
@@ -17,16 +17,21 @@ def box(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) 
 
 
 def clean_cabinet_room(yaw: float = 0.0) -> Scene:
-    """Return a room of clean solids: floor, two walls, a table and the cabinet, which opens along +x turned by yaw [rad]."""
+    """Return a room of clean solids: floor, two walls, a table and the cabinet, which opens along +x turned by yaw
+    [rad]."""
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1.0]])
     parts = {
-        "wall_1": _part("wall", turn, [box((-0.37, -0.33), (-2, 2), (0, 2.5)), box((-0.37, 2.5), (-2.04, -2), (0, 2.5))]),
+        "wall_1": _part(
+            "wall", turn, [box((-0.37, -0.33), (-2, 2), (0, 2.5)), box((-0.37, 2.5), (-2.04, -2), (0, 2.5))]
+        ),
         "floor_2": _part("floor", turn, [box((-0.37, 2.5), (-2, 2), (-0.05, 0))]),
         "cabinet_3": _part("cabinet", turn, _shifted(_carcass())),
         "table_4": _part("table", turn, [box((0.2, 0.9), (0.8, 1.6), (0.70, 0.74)), *_legs()], color=(150, 100, 60)),
     }
     for number, height in ((7, 0.3172), (8, 0.18795)):
-        joint = Joint("prismatic", tuple(turn @ [1.0, 0, 0]), tuple(turn @ [0.0515, 0, CABINET_HEIGHT + height]), (0, 0.4))
+        joint = Joint(
+            "prismatic", tuple(turn @ [1.0, 0, 0]), tuple(turn @ [0.0515, 0, CABINET_HEIGHT + height]), (0, 0.4)
+        )
         parts[f"drawer_{number}"] = _part("drawer", turn, _shifted(_drawer(), height), "cabinet_3", joint)
         handle = _part("handle", turn, _shifted(_handle(), height), f"drawer_{number}", color=(40, 40, 45))
         parts[f"handle_{number + 4}"] = Part(handle.label, handle.mesh, handle.parent, "fixed", True)
@@ -34,7 +39,9 @@ def clean_cabinet_room(yaw: float = 0.0) -> Scene:
         hinge = turn @ [0.3162, side * 0.3757, CABINET_HEIGHT - 0.12973]
         limits = (0.0, 1.57) if side > 0 else (-1.57, 0.0)
         panel = box((0.306, 0.326), sorted((side * 0.002, side * 0.38)), (-0.381, 0.122))
-        knob = trimesh.creation.cylinder(0.015, 0.0265, transform=trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
+        knob = trimesh.creation.cylinder(
+            0.015, 0.0265, transform=trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
+        )
         knob.apply_translation([0.339, side * 0.05, 0.06])
         joint = Joint("revolute", (0.0, 0.0, 1.0), tuple(hinge), limits)
         parts[f"door_{number}"] = _part("door", turn, _shifted([panel]), "cabinet_3", joint)

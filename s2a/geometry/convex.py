@@ -18,8 +18,8 @@ FLAT = 1e-3
 def hull(points: np.ndarray, max_vertices: int | None = None, thickness: float = FLAT) -> Mesh | None:
     """Return the convex hull of points [point 3] as a piece, at least `thickness` [m] thick in every direction.
 
-    None if fewer than three points differ. With `max_vertices`, extreme points along evenly spread directions stand for the
-    hull's vertices where it has more.
+    None if fewer than three points differ. With `max_vertices`, extreme points along evenly spread directions stand
+    for the hull's vertices where it has more.
     """
     points = np.unique(np.asarray(points, np.float64).round(6), axis=0)
     if len(points) < 3:
@@ -74,15 +74,29 @@ def overlap(a: Mesh, b: Mesh) -> float:
 
 
 def cut_free(piece: Mesh, obstacle: Mesh, margin: float = 1e-4) -> Mesh | None:
-    """Return the largest part of a piece beyond a single plane of an obstacle that it overlaps; None if nothing is left.
+    """Return the largest part of a piece beyond a single plane of an obstacle; None if nothing is left.
 
-    Stays convex, at the price of losing more than the overlap itself.
+    A piece that does not overlap the obstacle comes back as it is. What is cut stays convex, at the price of losing more than the overlap itself.
     """
     if overlap(piece, obstacle) <= margin:
         return piece
     planes = np.unique(halfspaces(obstacle).round(6), axis=0)
     parts = [clip(piece, -plane[:3], plane[3] - margin) for plane in planes]
     return max((part for part in parts if part is not None), key=volume, default=None)
+
+
+def subtract(piece: Mesh, obstacle: Mesh, thinnest: float = 2 * FLAT) -> list[Mesh]:
+    """Return what a piece has outside of an obstacle, as convex pieces, none thinner than `thinnest` [m]."""
+    outside, rest = [], piece
+    for plane in np.unique(halfspaces(obstacle).round(6), axis=0):
+        part = clip(rest, -plane[:3], plane[3])
+        if part is not None and _thickness(part) > thinnest:
+            outside.append(part)
+        inside = clip(rest, plane[:3], -plane[3])
+        if inside is None:
+            break
+        rest = inside
+    return outside
 
 
 def volume(piece: Mesh) -> float:
@@ -101,6 +115,12 @@ def column(base: np.ndarray, radius: float, height: float, sides: int = 16) -> M
     angles = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1) * radius / np.cos(np.pi / sides)
     return _closed(np.concatenate([base + ring, base + ring + [0, 0, height]]))
+
+
+def _thickness(piece: Mesh) -> float:
+    """Return the extent of a piece along its thinnest principal direction [m]."""
+    _, _, axes = np.linalg.svd(piece.vertices - piece.vertices.mean(axis=0), full_matrices=False)
+    return float(np.ptp(piece.vertices @ axes[-1]))
 
 
 def _closed(corners: np.ndarray) -> Mesh:
@@ -128,11 +148,14 @@ def _thicken(points: np.ndarray, thickness: float) -> np.ndarray:
 
 
 def _extremes(corners: np.ndarray, count: int) -> np.ndarray:
-    """Pick at most `count` corners, farthest first, so that what is cut off stays small."""
-    chosen = [int(np.argmin(corners @ axis * sign)) for axis in np.eye(3) for sign in (1, -1)]
-    chosen = list(dict.fromkeys(chosen))
+    """Pick `count` corners, each the one that stands out most from the hull of those before."""
+    chosen = list(dict.fromkeys(int(np.argmin(corners @ axis * sign)) for axis in np.eye(3) for sign in (1, -1)))
     distance = np.min([np.linalg.norm(corners - corners[i], axis=1) for i in chosen], axis=0)
     while len(chosen) < count:
         chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(corners - corners[chosen[-1]], axis=1))
+        try:
+            planes = ConvexHull(corners[chosen]).equations
+            distance = (corners @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        except QhullError:  # so far the chosen corners lie in one plane
+            distance = np.minimum(distance, np.linalg.norm(corners - corners[chosen[-1]], axis=1))
     return corners[chosen]

@@ -55,11 +55,16 @@ def normals(mesh: Mesh) -> np.ndarray:
 
 def sample(mesh: Mesh, count: int, seed: int) -> np.ndarray:
     """Return points spread evenly over a surface by area [m], shape [count 3], float64; the same for the same seed."""
+    return sample_with_faces(mesh, count, seed)[0]
+
+
+def sample_with_faces(mesh: Mesh, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `sample` does, and the index of the face that each point lies on, shape [count]."""
     random = np.random.default_rng(seed)
     total = mesh.face_areas.sum()
     if not total > 0:
-        return np.empty((0, 3))
+        return np.empty((0, 3)), np.empty(0, int)
     chosen = random.choice(len(mesh.faces), count, p=mesh.face_areas / total)
     u, v = np.sort(random.random((2, count)), axis=0)
     weights = np.stack([u, v - u, 1 - v], axis=1)
-    return np.einsum("pk,pkd->pd", weights, mesh.vertices[mesh.faces[chosen]].astype(np.float64))
+    return np.einsum("pk,pkd->pd", weights, mesh.vertices[mesh.faces[chosen]].astype(np.float64)), chosen

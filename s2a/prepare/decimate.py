@@ -1,4 +1,4 @@
-"""Fewer faces for what only has to be seen: walls, floor and ceiling to a tenth, the other immovable parts to a third."""
+"""Fewer faces for what only has to be seen: the immovable room."""
 
 from __future__ import annotations
 

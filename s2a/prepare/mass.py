@@ -20,14 +20,12 @@ class MassConfig:
         lowest: smallest estimate [kg].
         highest: largest estimate [kg].
         areal_density: [kg/m^2] of scanned surface, for labels without a prior.
-        carcass: [kg]; without effect on a body that is fixed to the world, but a simulator needs a number.
     """
 
     priors: dict[str, float]
     lowest: float
     highest: float
     areal_density: float
-    carcass: float
 
 
 def moving_mass(scene: Scene, members: tuple[str, ...], config: MassConfig) -> float:

@@ -44,7 +44,7 @@ def find_grasp(scene: Scene, target: str) -> Grasp:
 
 
 def grasp_frame(region: Mesh, inwards: np.ndarray) -> np.ndarray:
-    """Return a rotation [3 3] with columns x (along the region), y (across its thin section), z (into the furniture)."""
+    """Return a rotation [3 3]: x along the region, y across its thin section, z into the furniture."""
     centroids = region.vertices[region.faces].mean(axis=1, dtype=np.float64)
     flat = np.eye(3) - np.outer(inwards, inwards)
     centred = (centroids - np.average(centroids, axis=0, weights=region.face_areas)) @ flat

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from s2a.geometry.convex import column, cut_free
 from s2a.geometry.decompose import vhacd
+from s2a.geometry.planes import find_planes, slabs
 from s2a.geometry.surfaces import centroids, keep
+from s2a.prepare.decimate import is_shell
 from s2a.scene import Mesh, Scene
 from s2a.usd.simready import Collider
+
+SHOULDER = 0.333
+"""[m] The Panda's shoulder above its base."""
+UNEVEN = 0.01
+"""[m] A scanned floor may rise by so much under the robot's base."""
 
 
 @dataclass(frozen=True)
@@ -18,11 +26,15 @@ class RoomConfig:
     """Which pieces of the room are there to be bumped into.
 
     Attributes:
-        reach: distance from the robot's shoulder axis and from the handle [m] beyond which nothing collides.
-        pieces: largest number of pieces altogether.
+        reach: distance from the robot's shoulder and from the handle [m] beyond which nothing collides.
+        pieces: largest number of pieces altogether; the nearest are kept.
         part_pieces: largest number of pieces of one piece of furniture.
-        resolution: voxels of the decomposition.
+        resolution: voxels of its decomposition.
         max_vertices: largest number of vertices of a piece.
+        shell_labels: words that make a label one of a wall, floor or ceiling; those become thin boxes.
+        flatness: largest distance of a wall's surface from its box [m].
+        cell: grain of those boxes [m].
+        thickness: of those boxes [m].
         base_radius: radius of the upright column around the robot's base that stays free [m].
         base_height: its height [m].
     """
@@ -32,30 +44,68 @@ class RoomConfig:
     part_pieces: int
     resolution: int
     max_vertices: int
+    shell_labels: tuple[str, ...]
+    flatness: float
+    cell: float
+    thickness: float
     base_radius: float
     base_height: float
 
 
 def room_colliders(
-    scene: Scene, parts: tuple[str, ...], base: np.ndarray, grasp: np.ndarray, swept: list[Mesh], config: RoomConfig
+    scene: Scene, parts: Sequence[str], base: np.ndarray, grasp: np.ndarray, swept: Sequence[Mesh], config: RoomConfig
 ) -> tuple[Collider, ...]:
-    """Return convex pieces of the parts near the robot; none reaches into its base column or the way of the target."""
-    obstacles = [column(base, config.base_radius, config.base_height), *swept]
-    found: list[Collider] = []
+    """Return convex pieces of the parts near the robot.
+
+    None reaches into the column above the robot's base or into the way of the target: what would, is cut off.
+
+    Args:
+        scene: the room.
+        parts: ids of its immovable parts.
+        base: where the robot stands [m], shape [3].
+        grasp: where it takes hold [m], shape [3].
+        swept: convex pieces that cover the way of the target.
+        config: how many, how fine.
+    """
+    obstacles = [column(base + [0, 0, UNEVEN], config.base_radius, config.base_height - UNEVEN), *swept]
+    found: list[tuple[float, Collider]] = []
     for i in parts:
-        near = crop(scene.parts[i].mesh, base, grasp, config.reach)
-        for piece in vhacd(near, config.part_pieces, config.resolution, config.max_vertices) if len(near.faces) else []:
-            free: Mesh | None = piece
-            for obstacle in obstacles:
-                free = None if free is None else cut_free(free, obstacle)
+        near = _within_reach(scene.parts[i].mesh, base, grasp, config.reach)
+        if not len(near.faces):
+            continue
+        for piece in _pieces(near, is_shell(scene.parts[i].label, config.shell_labels), config):
+            free = cut_all(piece, obstacles)
             if free is not None:
-                found.append(Collider(i, free))
-    return tuple(found[: config.pieces])
+                found.append((_distance(free, base, grasp), Collider(i, free)))
+    nearest = sorted(range(len(found)), key=lambda k: found[k][0])[: config.pieces]
+    return tuple(found[k][1] for k in sorted(nearest))
 
 
-def crop(mesh: Mesh, base: np.ndarray, grasp: np.ndarray, reach: float) -> Mesh:
-    """Return the faces of a mesh within reach [m] of the upright axis through the base or of the grasp point."""
+def cut_all(piece: Mesh | None, obstacles: Sequence[Mesh]) -> Mesh | None:
+    """Return the largest part of a piece that is free of all obstacles, or None if there is none."""
+    for obstacle in obstacles:
+        piece = None if piece is None else cut_free(piece, obstacle)
+    return piece
+
+
+def _pieces(mesh: Mesh, is_flat: bool, config: RoomConfig) -> list[Mesh]:
+    """Return thin boxes for a wall, hulls for anything else."""
+    if not is_flat:
+        return vhacd(mesh, config.part_pieces, config.resolution, config.max_vertices)
+    planes = find_planes(mesh, config.flatness, min_area=20 * config.cell**2, count=6)
+    boxes = [slabs(mesh, plane, config.cell, closing=3, thickness=config.thickness, count=4) for plane in planes]
+    return [box for group in boxes for box in group]
+
+
+def _within_reach(mesh: Mesh, base: np.ndarray, grasp: np.ndarray, reach: float) -> Mesh:
+    """Return the faces of a mesh within reach [m] of the shoulder, in plan (floors count), or of the grasp point."""
     middle = centroids(mesh)
-    from_axis = np.linalg.norm(middle[:, :2] - base[:2], axis=1)
-    low = middle[:, 2] < base[2] + 0.33 + reach  # the Panda's shoulder is 0.333 m above its base
-    return keep(mesh, (from_axis < reach) & low | (np.linalg.norm(middle - grasp, axis=1) < reach))
+    in_plan = np.linalg.norm(middle[:, :2] - base[:2], axis=1) < reach
+    low = middle[:, 2] < base[2] + SHOULDER + reach
+    return keep(mesh, in_plan & low | (np.linalg.norm(middle - grasp, axis=1) < reach))
+
+
+def _distance(piece: Mesh, base: np.ndarray, grasp: np.ndarray) -> float:
+    """Return how near the box around a piece comes to the shoulder or the grasp point [m]."""
+    low, high = piece.bounds
+    return min(float(np.linalg.norm(p - np.clip(p, low, high))) for p in (base + [0, 0, SHOULDER], grasp))

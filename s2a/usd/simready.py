@@ -1,7 +1,7 @@
 """The simulation-ready flavour: what a simulator needs to open one part of a scanned room, and nothing else.
 
-Bodies are siblings whose points lie in scene coordinates; joints alone say what moves against what. Colliders are convex
-pieces, because MuJoCo takes the convex hull of every mesh it is given.
+Bodies are siblings whose points lie in scene coordinates; joints alone say what moves against what. Colliders are
+convex pieces, because MuJoCo takes the convex hull of every mesh it is given.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ class Grasp:
 
     Attributes:
         point: mean of the grasp region [m], scene coordinates.
-        orientation: quaternion xyzw of the grasp frame: z into the furniture, y across the region's thin section (fingers
-            close along it), x along the region.
+        orientation: quaternion xyzw of the grasp frame: z into the furniture, y across the region's thin section
+            (fingers close along it), x along the region.
         size: extent of the region along x, y, z of that frame [m].
         region: the annotated surface, as scanned.
     """

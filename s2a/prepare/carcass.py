@@ -1,0 +1,70 @@
+"""The body that the target moves against: its piece of furniture, with all other drawers and doors shut for good."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2a.geometry.convex import box
+from s2a.geometry.decompose import one_hull, vhacd
+from s2a.geometry.surfaces import merge
+from s2a.prepare.colliders import Handle
+from s2a.prepare.mass import box_mass
+from s2a.prepare.room import cut_all
+from s2a.scene import Mesh, Scene
+from s2a.usd.simready import Collider, Grasp, Mass, SimBody
+
+
+@dataclass(frozen=True)
+class CarcassConfig:
+    """How the furniture around the target becomes convex pieces.
+
+    Attributes:
+        pieces: largest number of pieces of the carcass's own surface; each frozen part gets one more.
+        resolution: voxels of the decomposition.
+        max_vertices: largest number of vertices of a piece.
+        mass: [kg]; without effect on a body that is fixed to the world, but a simulator needs a number.
+        corridor: width, height and length [m] of the hand's way to the handle, which no piece may block: along the
+            handle, across it, and outwards from 5 mm before the front.
+    """
+
+    pieces: int
+    resolution: int
+    max_vertices: int
+    mass: float
+    corridor: tuple[float, float, float]
+
+
+def freeze(scene: Scene, target: str, frozen: Sequence[str], corridor: Mesh, config: CarcassConfig) -> SimBody:
+    """Return the immovable body of the target's furniture, or an empty anchor where it belongs to none.
+
+    Args:
+        scene: the room.
+        target: the part that moves.
+        frozen: ids of all other parts of its object, the object first.
+        corridor: the hand's way to the handle.
+        config: how fine.
+    """
+    if not frozen:
+        return SimBody(f"{target}_anchor", merge([]), (), Mass(1.0, scene.joint(target).origin, (0.01, 0.01, 0.01)))
+    visual = merge([scene.parts[i].mesh for i in frozen])
+    found = []
+    for i in frozen:
+        mesh = scene.parts[i].mesh
+        if i == frozen[0]:
+            pieces = vhacd(mesh, config.pieces, config.resolution, config.max_vertices)
+        else:
+            pieces = one_hull(mesh, config.max_vertices)
+        free = [cut_all(piece, [corridor]) for piece in pieces]
+        found += [Collider(i, piece) for piece in free if piece is not None]
+    return SimBody(frozen[0], visual, tuple(found), box_mass(visual, config.mass, np.eye(3)))
+
+
+def hand_corridor(handle: Handle, grasp: Grasp, config: CarcassConfig) -> Mesh:
+    """Return the box through which the hand comes to the handle: from 5 mm before the front outwards."""
+    along = handle.frame.T @ np.array(grasp.point)
+    front = handle.front(np.array(grasp.point)) if handle.plane is not None else along[2]
+    along[2] = front - 0.005 - config.corridor[2] / 2
+    return box(handle.frame @ along, handle.frame, np.array(config.corridor))

@@ -6,7 +6,7 @@ import inspect
 import re
 from collections.abc import Mapping
 from dataclasses import is_dataclass
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from s2a import config
 
@@ -34,7 +34,7 @@ def verb(name: str, meaning: str, cls: type) -> str:
     lines = [f"s2a {name} key=value ...: {meaning}", ""]
     for key, value in values:
         shown = "(required)" if value == config.REQUIRED else f"{value}"
-        lines.append(f"  {key + '=' + shown:40} {meanings.get(key, '')}".rstrip())
+        lines.append(f"  {key + '=' + shown:40} {meaning_of(key, meanings)}".rstrip())
     return "\n".join([*lines, *options(name)])
 
 
@@ -46,13 +46,26 @@ def options(name: str) -> list[str]:
     return ["", *(f"  {group}=...  one of: {', '.join(names)}" for group, names in found.items())] if found else []
 
 
+def meaning_of(key: str, meanings: Mapping[str, str]) -> str:
+    """Find the meaning of a dotted key, for one inside a dictionary under `*`; empty where only the whole has one."""
+    names = key.split(".")
+    inside = (".".join([*names[:i], "*", *names[i + 1 :]]) for i in range(1, len(names)))
+    return next((meanings[name] for name in (key, *inside) if name in meanings), "")
+
+
 def attributes(cls: type, prefix: str = "") -> dict[str, str]:
-    """Read the meaning of every dotted key from the `Attributes:` sections of a dataclass and of those inside it."""
-    section = (inspect.getdoc(cls) or "").partition("Attributes:\n")[2]
-    entries = re.findall(r"^    (\w+): (.*(?:\n {8,}.*)*)", section, flags=re.MULTILINE)
-    found = {f"{prefix}{key}": " ".join(text.split()) for key, text in entries}
+    """Read the meaning of every dotted key from the `Attributes:` of a dataclass and of those inside it.
+
+    What lies in a dictionary of dataclasses is found under the key `*`.
+    """
+    found: dict[str, str] = {}
+    for part in reversed(cls.__mro__[:-1]):
+        section = inspect.cleandoc(part.__doc__ or "").partition("Attributes:\n")[2]
+        entries = re.findall(r"^    (\w+): (.*(?:\n {8,}.*)*)", section, flags=re.MULTILINE)
+        found |= {f"{prefix}{key}": " ".join(text.split()) for key, text in entries}
     hints: dict[str, Any] = get_type_hints(cls)
     for key, kind in hints.items():
-        if isinstance(kind, type) and is_dataclass(kind):
-            found |= attributes(kind, f"{prefix}{key}.")
+        inner, path = (get_args(kind)[1], f"{key}.*") if get_origin(kind) is dict else (kind, key)
+        if isinstance(inner, type) and is_dataclass(inner):
+            found |= attributes(inner, f"{prefix}{path}.")
     return found

@@ -1,0 +1,145 @@
+"""The YAML tree and its strict loader."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+
+from s2a import config, usage
+from s2a.cli import VERBS
+from s2a.errors import InputError
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A lamp.
+
+    Attributes:
+        power: of the bulb [W],
+            when it is on.
+        place: where it hangs [m].
+    """
+
+    power: float
+    place: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room.
+
+    Attributes:
+        kind: what it is for.
+        seed: of its dice.
+        out: where to write it.
+        plan: its drawing, or null.
+        lamp: the one in it.
+        weights: of the walls.
+    """
+
+    kind: Literal["office", "kitchen"]
+    seed: int
+    out: Path
+    plan: Path | None
+    lamp: Lamp
+    weights: dict[str, float]
+
+
+def room(**changes: Any) -> dict[str, Any]:
+    """Return the values of a room as YAML gives them; `lamp__power=1` changes a nested one."""
+    values = dict(kind="office", seed=3, out="a/b", plan=None, weights={"left": 1})
+    values |= {"lamp": {"power": 60, "place": [1, 2.5, 3]}}
+    for key, value in changes.items():
+        outer, _, inner = key.rpartition("__")
+        (values[outer] if outer else values)[inner] = value
+    return values
+
+
+def test_values_take_the_types_that_the_dataclass_says():
+    loaded = config.load(Room, room(seed=4, out="~/x"))
+    assert loaded == Room("office", 4, Path.home() / "x", None, Lamp(60.0, (1.0, 2.5, 3.0)), {"left": 1.0})
+    assert isinstance(loaded.lamp.power, float) and isinstance(loaded.lamp.place[0], float)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"kind": "ofice"}, ["'kind'", "'ofice'", "one of: office, kitchen"]),
+        ({"seed": 1.5}, ["'seed'", "1.5", "whole number"]),
+        ({"seed": True}, ["'seed'", "True", "whole number"]),
+        ({"out": 1.5}, ["'out'", "1.5", "path"]),
+        ({"plan": [1]}, ["'plan'", "(1,)", "Path | None"]),
+        ({"lamp__power": "bright"}, ["'lamp.power'", "'bright'", "number"]),
+        ({"lamp__power": False}, ["'lamp.power'", "False", "number"]),
+        ({"lamp__place": [1, 2]}, ["'lamp.place'", "tuple[float, float, float]"]),
+        ({"lamp__place": [1, 2, 3, 4]}, ["'lamp.place'", "tuple[float, float, float]"]),
+        ({"lamp__place": [1, 2, "x"]}, ["'lamp.place'", "'x'"]),
+        ({"weights": {"left": "heavy"}}, ["'weights'", "'heavy'"]),
+        ({"lamp": 7}, ["'lamp'", "7"]),
+        ({"sede": 1}, ["'sede'", "unknown", "seed"]),
+        ({"lamp__powr": 1}, ["'powr'", "unknown", "lamp.power"]),
+        ({"out": "???"}, ["'out'", "no value", "out=..."]),
+        ({"lamp__power": "???"}, ["'lamp.power'", "no value", "lamp.power=..."]),
+    ],
+)
+def test_a_wrong_value_is_named_with_its_key_and_what_is_possible(changes: dict[str, Any], words: list[str]):
+    with pytest.raises(InputError) as error:
+        config.load(Room, room(**changes))
+    assert "\n" not in str(error.value)
+    assert [word for word in words if word not in str(error.value)] == []
+
+
+def test_a_missing_key_is_named():
+    values = room()
+    del values["lamp"]["place"]
+    with pytest.raises(InputError, match="'lamp.place' is missing"):
+        config.load(Room, values)
+
+
+def test_the_meaning_of_every_key_comes_from_the_docstrings_nested_ones_too():
+    meanings = usage.attributes(Room)
+    assert meanings["kind"] == "what it is for."
+    assert meanings["lamp.power"] == "of the bulb [W], when it is on."
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_composes_loads_and_documents_each_of_its_keys(verb: str):
+    cls = importlib.import_module(f"s2a.verbs.{verb}").Config
+    values = config.compose(verb)
+    required = [f"{key}=given" for key, value in config.leaves(values) if value == config.REQUIRED]
+    config.load(cls, config.compose(verb, required))
+    meanings = usage.attributes(cls)
+    silent = [k for k in config.keys(values) if not usage.meaning_of(k, meanings)]
+    # A dictionary of numbers is documented as a whole.
+    assert [key for key in silent if key.rpartition(".")[0] not in meanings] == []
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_option_of_every_group_composes(verb: str):
+    cls = importlib.import_module(f"s2a.verbs.{verb}").Config
+    required = [f"{k}=given" for k, value in config.leaves(config.compose(verb)) if value == config.REQUIRED]
+    for line in usage.options(verb)[1:]:
+        group, names = re.fullmatch(r"  ([\w/]+)=...  one of: (.*)", line).groups()  # type: ignore[union-attr]
+        for name in names.split(", "):
+            values = config.compose(verb, [*required, f"{group}={name}"])
+            # Verbs share some groups: train takes policy=ppo, evaluate policy=planner.
+            if set(config.keys(values)) == set(config.keys(config.compose(verb))):
+                config.load(cls, values)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_no_key_shares_its_name_with_a_folder_because_hydra_would_look_for_the_value_there(verb: str):
+    groups = [line.split("=")[0].strip() for line in usage.options(verb)[1:]]
+    folders = {path.name for path in config.folder().iterdir() if path.is_dir()} - set(groups)
+    assert folders.isdisjoint(config.compose(verb))
+
+
+def test_overrides_reach_nested_values_and_options_of_groups():
+    values = config.compose("train", ["reward=handle", "policy.iterations=7"])
+    assert values["policy"]["iterations"] == 7
+    assert values["reward"]["distance"] == 50.5

@@ -1,0 +1,81 @@
+"""Outputs appear whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from s2a.errors import InputError
+from s2a.outputs import aside
+
+
+def write_folder(path: Path, **files: str) -> None:
+    path.mkdir()
+    for name, text in files.items():
+        (path / name).write_text(text)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_file_appears_under_its_name_only_when_it_is_whole(tmp_path: Path):
+    out = tmp_path / "new" / "x.usd"
+    with aside(out) as path:
+        path.write_text("half")
+        assert path.name == "x.usd" and not out.exists()
+    assert out.read_text() == "half"
+    assert names(tmp_path / "new") == ["x.usd"]
+
+
+def test_a_failure_leaves_the_earlier_file_and_nothing_else(tmp_path: Path):
+    out = tmp_path / "x.usd"
+    out.write_text("earlier")
+    with pytest.raises(ZeroDivisionError), aside(out) as path:
+        path.write_text("new")
+        raise ZeroDivisionError
+    assert out.read_text() == "earlier"
+    assert names(tmp_path) == ["x.usd"]
+
+
+def test_a_failure_leaves_no_new_folders(tmp_path: Path):
+    with pytest.raises(ZeroDivisionError), aside(tmp_path / "a" / "b" / "x.usd"):
+        raise ZeroDivisionError
+    assert names(tmp_path) == []
+
+
+def test_an_earlier_folder_is_replaced_whole(tmp_path: Path):
+    out = tmp_path / "scan"
+    write_folder(out, mark="", old="")
+    with aside(out, earlier="mark") as path:
+        write_folder(path, mark="", new="")
+    assert names(out) == ["mark", "new"]
+    assert names(tmp_path) == ["scan"]
+
+
+def test_an_earlier_folder_stays_when_the_new_one_fails_or_is_never_written(tmp_path: Path):
+    out = tmp_path / "scan"
+    write_folder(out, mark="", old="")
+    with pytest.raises(ZeroDivisionError), aside(out, earlier="mark") as path:
+        write_folder(path, mark="")
+        raise ZeroDivisionError
+    with pytest.raises(FileNotFoundError), aside(out, earlier="mark"):
+        pass
+    assert names(out) == ["mark", "old"]
+    assert names(tmp_path) == ["scan"]
+
+
+def test_a_folder_with_other_things_in_it_is_never_replaced(tmp_path: Path):
+    write_folder(tmp_path / "home", letters="")
+    with pytest.raises(InputError, match="not empty and has no mark"), aside(tmp_path / "home", earlier="mark"):
+        pass
+    with pytest.raises(InputError, match="folder where a file"), aside(tmp_path / "home"):
+        pass
+    assert names(tmp_path / "home") == ["letters"]
+
+
+def test_an_output_below_a_file_is_refused(tmp_path: Path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="not a folder"), aside(tmp_path / "file" / "x.usd"):
+        pass

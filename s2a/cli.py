@@ -6,6 +6,7 @@ the user overrides. Errors of the user are one line on stderr and exit code 2.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import logging
 import os
@@ -25,6 +26,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from s2a import config, usage
 from s2a.errors import InputError
+from s2a.progress import Chatter
 
 VERBS = {
     "sample": "furnish a virtual room and scan it: writes an annotated scan",
@@ -61,7 +63,9 @@ def run(verb: str, values: dict[str, Any]) -> None:
     module = importlib.import_module(f"s2a.verbs.{verb}")
     settings = config.load(module.Config, values)
     start = time.perf_counter()
-    print(module.run(settings))
+    with contextlib.redirect_stdout(Chatter()):
+        summary = module.run(settings)
+    print(summary)
     print(f"{verb}: {time.perf_counter() - start:.1f} s", file=sys.stderr)
 
 

@@ -1,7 +1,9 @@
-"""Progress bars: how far a long loop is, and when it will be done."""
+"""How far a long loop is and when it will be done, and what libraries print meanwhile."""
 
 from __future__ import annotations
 
+import io
+import sys
 from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
@@ -22,3 +24,17 @@ def track(items: Iterable[T], description: str, total: int | None = None) -> Ite
 
     console = Console(stderr=True)
     yield from bar(items, description, total, console=console, transient=True, disable=not console.is_terminal)
+
+
+class Chatter(io.TextIOBase):
+    """A stdout for libraries: Warp reports every kernel module that it loads; only that it compiles is worth a line."""
+
+    def __init__(self) -> None:
+        self._told = False
+
+    def write(self, text: str) -> int:
+        """Drop the text; say once, on stderr, that the wait is for a compiler."""
+        if "(compiled)" in text and not self._told:
+            sys.stderr.write("s2a: compiling kernels for this machine; later runs find them in Warp's cache\n")
+            self._told = True
+        return len(text)

@@ -22,7 +22,11 @@ def box(center: tuple[float, float, float], half: tuple[float, float, float]) ->
     return Mesh(mesh.vertices, mesh.faces)
 
 
-def write_cabinet(path: Path, room_boxes: int = 2) -> Path:
+def write_cabinet(
+    path: Path,
+    grasp: tuple[float, float, float] = tuple(HANDLE),
+    base: tuple[float, float, float] = (HANDLE[0] + 0.55, 0.0, 0.0),
+) -> Path:
     """Write a cabinet of the reference task's size with one drawer and a bar handle (two posts, a gap of 24 mm)."""
     carcass = [box((0.0, y, 0.4), (0.305, 0.0095, 0.381)) for y in (-0.3715, 0.3715)]
     carcass += [box((-0.2955, 0.0, 0.4), (0.0095, 0.36, 0.381)), box((0.0, 0.0, 0.795), (0.305, 0.381, 0.007))]
@@ -30,17 +34,16 @@ def write_cabinet(path: Path, room_boxes: int = 2) -> Path:
     posts = [box((0.3345, y, HANDLE[2]), (0.0115, 0.0175, 0.0119)) for y in (-0.0665, 0.0665)]
     front = box((0.31515, 0.0, 0.7172), (0.0095, 0.3594, 0.0619))
     floor = [box((0.5, 0.0, -0.01), (2.0, 2.0, 0.01)), box((-0.5, 0.0, 1.0), (0.02, 2.0, 1.0))]
-    far = [box((-0.4, 0.5 + 0.02 * i, 0.2), (0.005, 0.005, 0.005)) for i in range(room_boxes - 2)]
     scene = simready.SimScene(
         name="test",
         carcass=_body("cabinet_1", carcass, 60.0),
         target=_body("drawer_2", [bar, *posts, front], 5.32),
         joint=Joint("prismatic", (1.0, 0.0, 0.0), tuple(HANDLE), (0.0, TRAVEL)),
         # z into the cabinet (-x), y up, x = y cross z = -y of the world.
-        grasp=simready.Grasp(tuple(HANDLE), (0.5, -0.5, -0.5, 0.5), (0.168, 0.0238, 0.0142), bar),
+        grasp=simready.Grasp(grasp, (0.5, -0.5, -0.5, 0.5), (0.168, 0.0238, 0.0142), bar),
         static_visual=_joined(floor),
-        static_colliders=tuple(simready.Collider("room_3", mesh) for mesh in floor + far),
-        base_position=(HANDLE[0] + 0.55, 0.0, 0.0),
+        static_colliders=tuple(simready.Collider("room_3", mesh) for mesh in floor),
+        base_position=base,
         base_orientation=(0.0, 0.0, 1.0, 0.0),
     )
     simready.write(scene, path)

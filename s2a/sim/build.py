@@ -13,23 +13,21 @@ import warp as wp
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from s2a.errors import InputError
-from s2a.sim.franka import JOINTS, FrankaConfig, add_franka
-
-TARGET_COORD = JOINTS
-"""Coordinate (and degree of freedom) of the target's joint in a world: the first after the robot's."""
-
+from s2a.sim.franka import FrankaConfig, add_franka
 
 @dataclass(frozen=True)
-class SpringConfig:
-    """The spring that draws the manipulated part towards its scanned pose.
+class JointConfig:
+    """How the target's joint resists; forces act at the grasp point for a slide, torques about the axis for a hinge.
 
     Attributes:
-        stiffness: [N/m] or [N m/rad].
+        stiffness: of the spring that draws the part to its scanned pose [N/m] or [N m/rad].
         damping: [N s/m] or [N m s/rad].
+        friction: dry friction as a force at the grasp point [N]; holds a part whose annotated axis is not quite level.
     """
 
     stiffness: float
     damping: float
+    friction: float
 
 
 @dataclass(frozen=True)
@@ -88,14 +86,14 @@ def read_stage(path: Path) -> SimStage:
 
 
 def build_world(
-    stage: SimStage, robot: FrankaConfig | None, spring: SpringConfig, dt: float, room: bool = True
+    stage: SimStage, robot: FrankaConfig | None, joint: JointConfig, dt: float, room: bool = True
 ) -> newton.ModelBuilder:
     """Return a builder of one world.
 
     Args:
         stage: the stage to load.
         robot: how the robot is driven, or None for a world without it.
-        spring: of the target's joint.
+        joint: how the target's joint resists.
         dt: physics time step [s]; sets how stiff the joint's limits can be.
         room: whether the room's colliders are loaded.
     """
@@ -110,8 +108,9 @@ def build_world(
     builder.add_usd(str(stage.path), ignore_paths=ignore, load_visual_shapes=False)
     dof = builder.joint_qd_start[joint_index(builder, stage.target)]
     builder.joint_target_mode[dof] = newton.JointTargetMode.POSITION
-    builder.joint_target_ke[dof] = spring.stiffness
-    builder.joint_target_kd[dof] = spring.damping
+    builder.joint_target_ke[dof] = joint.stiffness
+    builder.joint_target_kd[dof] = joint.damping
+    builder.joint_friction[dof] = joint.friction * lever_arm(stage)
     _stiffen_limits(builder, dof, dt)
     return builder
 

@@ -10,7 +10,7 @@ import mujoco_warp
 import newton
 import warp as wp
 
-from s2a.sim.build import SimStage, SpringConfig, body_index, build_world
+from s2a.sim.build import JointConfig, SimStage, body_index, build_world
 from s2a.sim.franka import FrankaConfig
 
 IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
@@ -33,7 +33,7 @@ class SimConfig:
         multiccd: whether a pair of hulls may have several contacts.
         room: whether the room's colliders are there.
         robot: how the robot is driven.
-        spring: of the target's joint.
+        joint: how the target's joint resists.
     """
 
     dt: float
@@ -47,7 +47,7 @@ class SimConfig:
     multiccd: bool
     room: bool
     robot: FrankaConfig
-    spring: SpringConfig
+    joint: JointConfig
 
 
 class Simulation:
@@ -73,7 +73,7 @@ class Simulation:
         self.stage, self.config, self.worlds, self.device = stage, config, worlds, device
         with wp.ScopedDevice(device):
             robot = config.robot if with_robot else None
-            self.world = build_world(stage, robot, config.spring, config.dt, config.room)
+            self.world = build_world(stage, robot, config.joint, config.dt, config.room)
             builder = newton.ModelBuilder()
             newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
             builder.replicate(self.world, worlds)

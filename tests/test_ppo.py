@@ -1,0 +1,56 @@
+"""rsl-rl around the environment."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import torch
+from cabinet import write_cabinet
+from settings import load
+
+from s2a.policy.ppo import PpoConfig, RslRlEnv, load_policy, make_runner, train
+from s2a.sim.build import read_stage
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.task.env import OpenDrawerEnv
+from s2a.task.open_drawer import COUNTS, OBSERVATIONS, REWARD_TERMS, OpenDrawerConfig
+
+SMALL = {"steps": 8, "iterations": 2, "epochs": 2, "mini_batches": 2, "hidden": [16]}
+
+
+class CountingEnv:
+    """An environment whose one observation buffer, overwritten in place, counts the steps."""
+
+    def __init__(self) -> None:
+        self.num_envs, self.num_actions, self.max_episode_length = 2, 9, 500
+        self.sim = SimpleNamespace(device="cpu")
+        self.observation = torch.zeros(2, OBSERVATIONS)
+        self.reward, self.terms = torch.zeros(2), torch.zeros(2, len(REWARD_TERMS))
+        self.done = self.time_out = self.episode_step = torch.zeros(2, dtype=torch.int32)
+        self.counts = torch.zeros(len(COUNTS))
+
+    def step(self, action: torch.Tensor) -> None:
+        """Count."""
+        self.observation += 1.0
+        self.reward.copy_(self.observation[:, 0])
+
+
+def test_stored_observations_are_those_the_policy_saw() -> None:
+    runner = make_runner(RslRlEnv(CountingEnv()), load(PpoConfig, "policy/ppo", **SMALL), None)
+    runner.learn(1)
+    stored = runner.alg.storage.observations["policy"][:, 0, 0]
+    assert stored.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+
+
+def test_training_writes_a_checkpoint_that_acts_the_same_when_loaded(tmp_path: Path) -> None:
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
+    sim = Simulation(stage, load(SimConfig, "sim/paper"), 4)
+    env = OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer"), load(dict, "reward/paper"), 0)
+    metrics = train(env, load(PpoConfig, "policy/ppo", **SMALL), tmp_path / "run")
+    assert metrics["env_steps"] == 4 * 8 * 2
+    assert json.loads((tmp_path / "run/policy.json").read_text())["hidden"] == [16]
+    policies = [load_policy(env, tmp_path / "run/model_1.pt") for _ in range(2)]
+    actions = [policy(env.observation) for policy in policies]
+    assert actions[0].shape == (4, 9)
+    assert torch.equal(actions[0], actions[1])

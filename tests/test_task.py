@@ -1,0 +1,121 @@
+"""The decision process against the reference's own numbers, and the environment's bookkeeping."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+from cabinet import write_cabinet
+from settings import load
+
+from s2a.errors import InputError
+from s2a.sim.build import read_stage
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.task.env import OpenDrawerEnv
+from s2a.task.open_drawer import COUNTS, OBSERVATIONS, REWARD_TERMS, OpenDrawerConfig
+
+
+def make_env(stage: Path, worlds: int = 2, seed: int = 0, **task: object) -> OpenDrawerEnv:
+    """Return an environment of the reference's settings, some of the task's changed."""
+    sim = Simulation(read_stage(stage), load(SimConfig, "sim/paper"), worlds)
+    return OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer", **task), load(dict, "reward/paper"), seed)
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory: pytest.TempPathFactory) -> OpenDrawerEnv:
+    """The reference's layout: handle frame at (0.3515, 0.01, 0.7172) m, the robot's base 1 m in front of the cabinet."""
+    stage = write_cabinet(
+        tmp_path_factory.mktemp("reference") / "sim.usda", grasp=(0.3515, 0.01, 0.7172), base=(1.0, 0.0, 0.0)
+    )
+    env = make_env(stage, start_noise=0.0)
+    env.sim.step = lambda: None  # the state stays at the reset, whose numbers are known
+    return env
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A hand-made cabinet."""
+    return write_cabinet(tmp_path_factory.mktemp("cabinet") / "sim.usda")
+
+
+def test_reward_terms_at_the_reset_equal_the_reference(reference: OpenDrawerEnv) -> None:
+    reference.step(torch.zeros(2, 9))
+    terms = dict(zip(REWARD_TERMS, reference.terms[0].tolist(), strict=True))
+    # From forward kinematics of the panda URDF at IsaacLab's start position: hand frame (0.7844, 0.0823, 0.8199) m, so
+    # 0.4507 m away; alignment 0.437 forward, 0.991 up; left finger above, right finger 0.042 m too high.
+    assert terms["distance"] == pytest.approx(0.691, abs=1e-3)
+    assert terms["rotation"] == pytest.approx(0.587, abs=1e-3)
+    assert terms["finger"] == pytest.approx(-0.042, abs=1e-3)
+    assert terms["opening"] == terms["bonus"] == terms["action"] == 0.0
+    assert float(reference.reward[0]) == pytest.approx(1.5 * 0.691 + 1.5 * 0.587 - 2.0 * 0.042, abs=3e-3)
+
+
+def test_the_way_to_the_handle_is_seen_in_the_robot_base_frame(reference: OpenDrawerEnv) -> None:
+    # World (0.3515, 0.01, 0.7172) - (0.7844, 0.0823, 0.8199) m; the base is turned by 180 degrees about z.
+    assert reference.observation[0, 18:21].tolist() == pytest.approx([0.4329, 0.0723, -0.1027], abs=2e-4)
+
+
+def test_actions_are_clamped_and_integrated(reference: OpenDrawerEnv) -> None:
+    reference.reset_all()
+    before = reference.sim.joint_target_q[:, :9].clone()
+    reference.step(torch.full((2, 9), -3.0))
+    moved = reference.sim.joint_target_q[0, :9] - before[0]
+    assert moved[:7].tolist() == pytest.approx([-0.125] * 7, abs=1e-6)  # 7.5 rad/s for 1/60 s
+    assert moved[7:].tolist() == pytest.approx([-0.0125] * 2, abs=1e-6)
+    assert float(reference.terms[0, REWARD_TERMS.index("action")]) == 9.0
+
+
+def test_an_opening_gives_its_bonuses_and_ends_the_episode(reference: OpenDrawerEnv) -> None:
+    reference.reset_all()
+    reference.sim.joint_q[0, 9], reference.sim.joint_q[1, 9] = 0.395, 0.25
+    reference.step(torch.zeros(2, 9))
+    assert reference.terms[:, REWARD_TERMS.index("bonus")].tolist() == [3.0, 2.0]
+    assert reference.done.tolist() == [1, 0]
+    assert reference.time_out.tolist() == [0, 0]
+    assert float(reference.sim.joint_q[0, 9]) == 0.0, "an ended world starts again"
+    assert float(reference.sim.joint_q[1, 9]) == 0.25
+    counts = dict(zip(COUNTS, reference.counts.tolist(), strict=True))
+    assert counts["episodes"] == counts["success"] == counts["final_success"] == 1.0
+    assert counts["handle_success"] == 0.0, "no finger touched the handle"
+
+
+def test_a_world_that_is_not_finite_is_reset_and_counted(reference: OpenDrawerEnv) -> None:
+    reference.reset_all()
+    reference.sim.joint_qd[1, 3] = torch.nan
+    reference.step(torch.zeros(2, 9))
+    assert reference.done.tolist() == [0, 1]
+    assert float(reference.reward[1]) == 0.0
+    assert float(reference.counts[COUNTS.index("invalid")]) == 1.0
+    assert torch.isfinite(reference.observation).all()
+
+
+def test_a_reset_touches_no_other_world(stage: Path) -> None:
+    pair, single = make_env(stage, worlds=2), make_env(stage, worlds=2)
+    action = torch.rand(2, 9, generator=torch.Generator().manual_seed(1)) * 2.0 - 1.0
+    for step in range(6):
+        if step == 3:
+            pair.sim.joint_q[0, 9] = 0.395  # ends world 0's episode here, and not in the other environment
+        pair.step(action)
+        single.step(action)
+        assert torch.equal(pair.observation[1], single.observation[1])
+    assert not torch.equal(pair.observation[0], single.observation[0])
+
+
+def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(stage: Path) -> None:
+    def run(seed: int) -> torch.Tensor:
+        env = make_env(stage, seed=seed)
+        for _ in range(3):
+            env.step(torch.full((2, 9), 0.5))
+        return env.observation.clone()
+
+    assert run(0).shape == (2, OBSERVATIONS)
+    assert torch.equal(run(0), run(0))
+    assert not torch.equal(run(0), run(1))
+
+
+def test_an_unknown_reward_term_names_the_known_ones(stage: Path) -> None:
+    sim = Simulation(read_stage(stage), load(SimConfig, "sim/paper"), 1)
+    weights = {**load(dict, "reward/paper"), "fingers": 1.0}
+    with pytest.raises(InputError, match="'fingers' does not exist; known: distance, rotation, opening, finger"):
+        OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer"), weights, 0)

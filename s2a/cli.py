@@ -42,7 +42,7 @@ FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code: 0, 1 for a bug, 2 for bad input, 130 when interrupted."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    _log_in_lines()
+    _log_in_lines("--debug" in arguments)
     try:
         return _dispatch(arguments)
     except KeyboardInterrupt:
@@ -116,12 +116,27 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def _fail(message: str, code: int) -> int:
-    """Say on stderr, in one line, what went wrong."""
-    print("s2a:", " ".join(message.split()), file=sys.stderr)
+    """Say what went wrong; return the exit code."""
+    _say(message)
     return code
 
 
-def _log_in_lines() -> None:
-    """Send warnings and log records to stderr, one line each."""
-    logging.basicConfig(level=logging.WARNING, stream=sys.stderr, format="s2a: %(levelname)s: %(message)s")
-    warnings.showwarning = lambda message, *_: logging.getLogger("s2a").warning(" ".join(str(message).split()))
+class _Lines(logging.Handler):
+    """Writes each log record to stderr, in one line."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _say(f"{record.levelname.lower()}: {record.getMessage()}")
+
+
+def _log_in_lines(debug: bool = False) -> None:
+    """Show what the code logs as a warning; Python's own warnings are for developers, and shown to those who ask."""
+    root = logging.getLogger()
+    if not any(isinstance(handler, _Lines) for handler in root.handlers):
+        root.addHandler(_Lines(logging.WARNING))
+    if not debug and not sys.warnoptions:
+        warnings.simplefilter("ignore")
+
+
+def _say(message: str) -> None:
+    """Say something on stderr, in one line."""
+    print("s2a:", " ".join(message.split()), file=sys.stderr)

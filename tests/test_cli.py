@@ -93,6 +93,15 @@ def test_export_writes_both_flavours_and_says_so(scan: Path, tmp_path: Path, cap
     assert captured.err.startswith("export: ")
 
 
+def test_a_warning_is_one_line(scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    files = tiny_scan.contents()
+    files[tiny_scan.ARTIC]["data"]["articulations"] *= 2
+    tiny_scan.write(scan, files)
+    assert cli.main(["export", f"scan={scan}", f"out={tmp_path / 'usd'}"]) == 0
+    warnings = [line for line in capsys.readouterr().err.splitlines() if line.startswith("s2a: ")]
+    assert len(warnings) == 1 and "warning: " in warnings[0] and "several articulations of part 3" in warnings[0]
+
+
 def test_a_bug_is_one_line_and_the_earlier_output_stays(
     scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):

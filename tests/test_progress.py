@@ -1,0 +1,25 @@
+"""Progress and the prints of libraries."""
+
+from __future__ import annotations
+
+from contextlib import redirect_stdout
+
+import pytest
+
+from s2a.progress import Chatter, track
+
+
+def test_tracking_changes_neither_the_items_nor_what_is_printed(capsys: pytest.CaptureFixture[str]):
+    assert list(track((n * n for n in range(4)), "square", total=4)) == [0, 1, 4, 9]
+    assert capsys.readouterr() == ("", "")
+
+
+def test_of_what_libraries_print_only_compiling_is_told_and_only_once(capsys: pytest.CaptureFixture[str]):
+    with redirect_stdout(Chatter()):
+        print("Warp 1.19.0 initialized")
+        print("Module a 1f load on device 'cpu' took 0.1 ms  (cached)")
+        print("Module b 2f load on device 'cpu' took 900 ms  (compiled)")
+        print("Module c 3f load on device 'cpu' took 900 ms  (compiled)")
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("compiling kernels") == 1

@@ -76,7 +76,8 @@ def overlap(a: Mesh, b: Mesh) -> float:
 def cut_free(piece: Mesh, obstacle: Mesh, margin: float = 1e-4) -> Mesh | None:
     """Return the largest part of a piece beyond a single plane of an obstacle; None if nothing is left.
 
-    A piece that does not overlap the obstacle comes back as it is. What is cut stays convex, at the price of losing more than the overlap itself.
+    A piece that does not overlap the obstacle comes back as it is. What is cut stays convex, at the price of losing
+    more than the overlap itself.
     """
     if overlap(piece, obstacle) <= margin:
         return piece

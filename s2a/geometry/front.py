@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from s2a.geometry.planes import fit_plane
+from s2a.geometry.convex import box
+from s2a.geometry.planes import fit_plane, plane_axes, smallest_rectangle
 from s2a.geometry.surfaces import centroids, keep, merge, normals, sample_with_faces
 from s2a.scene import Mesh
 
@@ -28,11 +29,52 @@ def front_behind(front: Mesh, region: Mesh, frame: np.ndarray) -> tuple[np.ndarr
         frame: its grasp frame, axes as columns: z into the furniture.
     """
     outwards = -frame[:, 2]
-    points, faces = sample_with_faces(front, SAMPLES, seed=0)
-    flat = near_region(points, region, frame, AROUND) & (normals(front)[faces] @ outwards > 0.7)
-    if flat.sum() < 20:
+    points = _facing(front, outwards)
+    points = points[near_region(points, region, frame, AROUND)]
+    return _middle_plane(points, outwards) if len(points) >= 20 else None
+
+
+def slab(mesh: Mesh, outwards: np.ndarray, thickness: float) -> Mesh | None:
+    """Return a flat front as one solid piece behind its plane, or None if it is not flat or has a shape of its own.
+
+    Args:
+        mesh: a front as scanned: its outer surface, a strip of its sides, holes where a handle was in the way.
+        outwards: unit direction out of the furniture, shape [3].
+        thickness: of the piece [m].
+    """
+    points = _facing(mesh, outwards)
+    if len(points) < 100:
         return None
-    points = points[flat]
+    normal, offset = _middle_plane(points, outwards)
+    flat = np.abs(points @ normal - offset) < STRAY
+    axes = plane_axes(normal, points[flat])
+    across = points[flat] @ axes[:, :2]
+    turn = smallest_rectangle(across)
+    low, high = np.quantile(across @ turn, [0.003, 0.997], axis=0)
+    facing = mesh.face_areas.sum() * len(points) / SAMPLES
+    if flat.mean() < 0.85 or facing * flat.mean() < 0.7 * np.prod(high - low):
+        return None
+    axes[:, :2] = axes[:, :2] @ turn
+    center = axes[:, :2] @ ((low + high) / 2) + normal * (offset - thickness / 2)
+    return box(center, axes, np.array([*(high - low), thickness]))
+
+
+def patch(handle: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float], thickness: float) -> Mesh:
+    """Return a solid piece [m] of the front behind a handle, where the scanner often saw nothing."""
+    low, high = np.quantile(handle.vertices @ frame[:, :2], [0.01, 0.99], axis=0)
+    depth = front_coordinate(plane, frame, frame[:, :2] @ ((low + high) / 2)) + thickness / 2
+    center = frame @ np.array([*(low + high) / 2, depth])
+    return box(center, frame, np.array([*(high - low + 2 * STRAY), thickness]))
+
+
+def _facing(mesh: Mesh, outwards: np.ndarray) -> np.ndarray:
+    """Return points on the faces that look outwards [m], shape [point 3], evenly spread by area."""
+    points, faces = sample_with_faces(mesh, SAMPLES, seed=0)
+    return points[normals(mesh)[faces] @ outwards > 0.7]
+
+
+def _middle_plane(points: np.ndarray, outwards: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return normal and offset of the plane through most of the points."""
     normal, offset = outwards, float(np.median(points @ outwards))
     for tolerance in (2 * STRAY, STRAY, STRAY):
         inside = np.abs(points @ normal - offset) < tolerance

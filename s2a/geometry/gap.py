@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 
 from s2a.geometry.convex import box, contains, halfspaces, volume
+from s2a.geometry.surfaces import sample
 from s2a.scene import Mesh
 
 FINGER_WIDTH = 0.02
@@ -17,6 +18,10 @@ FINGER_DEPTH = 0.015
 """[m] Thickness of its tip (15.2 mm) across the handle."""
 CLEARANCE = 0.002
 """[m] What fingers keep from the front; a scan is not surer than that."""
+
+
+SAMPLES = 20000
+"""Points by which a handle is asked."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +51,10 @@ def finger_space(region: Mesh, point: np.ndarray, frame: np.ndarray, front: floa
         frame: grasp frame's axes as columns [3 3]: x along the region, y across, z into the furniture.
         front: coordinate along z of the front's surface behind the region [m].
     """
-    local = region.vertices @ frame
+    local = sample(region, SAMPLES, seed=0) @ frame
     middle = point @ frame
     here = local[np.abs(local[:, 0] - middle[0]) < FINGER_WIDTH / 2]
-    if len(here) < 8:
+    if len(here) < 50:
         return FingerSpace(None, ())
     (low, face), (high, back) = np.quantile(here[:, 1:], [0.01, 0.99], axis=0)
     end = front - CLEARANCE

@@ -75,7 +75,7 @@ def slabs(mesh: Mesh, plane: Plane, cell: float, closing: int, thickness: float,
         count: largest number of boxes.
     """
     triangles = mesh.vertices[mesh.faces[plane.faces]].astype(np.float64)
-    axes = _plane_axes(plane.normal, triangles.reshape(-1, 3))
+    axes = plane_axes(plane.normal, triangles.reshape(-1, 3))
     corners = triangles @ axes[:, :2]
     low = corners.min(axis=(0, 1))
     taken = _raster(corners - low, cell, closing)
@@ -94,7 +94,8 @@ def rectangles(taken: np.ndarray, count: int, share: float) -> list[tuple[np.nda
     Returns:
         Pairs of first cell and last cell + 1, shape [2] each; a rectangle holds true cells only.
     """
-    left, found = taken.copy(), []
+    left = taken.copy()
+    found: list[tuple[np.ndarray, np.ndarray]] = []
     while len(found) < count and left.sum() > (1 - share) * taken.sum():
         first, last = _largest_rectangle(left)
         left[first[0] : last[0], first[1] : last[1]] = False
@@ -126,7 +127,7 @@ def _best_plane(
     return Plane(normal, offset, faces)
 
 
-def _plane_axes(normal: np.ndarray, points: np.ndarray) -> np.ndarray:
+def plane_axes(normal: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return a rotation [3 3]: two directions in the plane and its normal.
 
     The first is horizontal in an upright plane; in others it runs along a side of the smallest rectangle around the
@@ -139,12 +140,12 @@ def _plane_axes(normal: np.ndarray, points: np.ndarray) -> np.ndarray:
     axes = np.stack([x, np.cross(normal, x), normal], axis=1)
     if abs(normal[2]) > 0.95:
         turn = np.eye(3)
-        turn[:2, :2] = _smallest_rectangle(points @ axes[:, :2])
+        turn[:2, :2] = smallest_rectangle(points @ axes[:, :2])
         axes = axes @ turn
     return axes
 
 
-def _smallest_rectangle(points: np.ndarray) -> np.ndarray:
+def smallest_rectangle(points: np.ndarray) -> np.ndarray:
     """Return the sides of the smallest rectangle around points [point 2] as columns of a rotation [2 2]."""
     corners = points[ConvexHull(points).vertices]
     edges = np.roll(corners, -1, axis=0) - corners

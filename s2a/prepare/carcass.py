@@ -9,11 +9,13 @@ import numpy as np
 
 from s2a.geometry.convex import box
 from s2a.geometry.decompose import one_hull, vhacd
+from s2a.geometry.front import slab
 from s2a.geometry.surfaces import merge
 from s2a.prepare.colliders import Handle
 from s2a.prepare.mass import box_mass
+from s2a.prepare.pose import opening_direction
 from s2a.prepare.room import cut_all
-from s2a.scene import Mesh, Scene
+from s2a.scene import Joint, Mesh, Scene
 from s2a.usd.simready import Collider, Grasp, Mass, SimBody
 
 
@@ -23,6 +25,7 @@ class CarcassConfig:
 
     Attributes:
         pieces: largest number of pieces of the carcass's own surface; each frozen part gets one more.
+        thickness: of a frozen front, inwards from its outer surface [m].
         resolution: voxels of the decomposition.
         max_vertices: largest number of vertices of a piece.
         mass: [kg]; without effect on a body that is fixed to the world, but a simulator needs a number.
@@ -31,6 +34,7 @@ class CarcassConfig:
     """
 
     pieces: int
+    thickness: float
     resolution: int
     max_vertices: int
     mass: float
@@ -52,19 +56,25 @@ def freeze(scene: Scene, target: str, frozen: Sequence[str], corridor: Mesh, con
     visual = merge([scene.parts[i].mesh for i in frozen])
     found = []
     for i in frozen:
-        mesh = scene.parts[i].mesh
-        if i == frozen[0]:
-            pieces = vhacd(mesh, config.pieces, config.resolution, config.max_vertices)
-        else:
-            pieces = one_hull(mesh, config.max_vertices)
-        free = [cut_all(piece, [corridor]) for piece in pieces]
+        free = [cut_all(piece, [corridor]) for piece in _pieces(scene, i, config)]
         found += [Collider(i, piece) for piece in free if piece is not None]
     return SimBody(frozen[0], visual, tuple(found), box_mass(visual, config.mass, np.eye(3)))
+
+
+def _pieces(scene: Scene, part: str, config: CarcassConfig) -> list[Mesh]:
+    """Return a flat front as a slab, a carcass as several hulls, anything else as one."""
+    mesh, motion = scene.parts[part].mesh, scene.parts[part].motion
+    if isinstance(motion, Joint) and len(mesh.faces):
+        front = slab(mesh, opening_direction(motion, mesh.bounds.mean(axis=0)), config.thickness)
+        if front is not None:
+            return [front]
+    if scene.parts[part].parent is None:
+        return vhacd(mesh, config.pieces, config.resolution, config.max_vertices)
+    return one_hull(mesh, config.max_vertices)
 
 
 def hand_corridor(handle: Handle, grasp: Grasp, config: CarcassConfig) -> Mesh:
     """Return the box through which the hand comes to the handle: from 5 mm before the front outwards."""
     along = handle.frame.T @ np.array(grasp.point)
-    front = handle.front(np.array(grasp.point)) if handle.plane is not None else along[2]
-    along[2] = front - 0.005 - config.corridor[2] / 2
+    along[2] = handle.front - 0.005 - config.corridor[2] / 2
     return box(handle.frame @ along, handle.frame, np.array(config.corridor))

@@ -8,9 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from s2a.geometry.convex import clip, overlap, subtract
+from s2a.geometry.bar import bar_pieces, bar_profile
+from s2a.geometry.convex import clip, hull, overlap, subtract
 from s2a.geometry.decompose import coacd_default, one_hull, vhacd
-from s2a.geometry.front import front_behind, front_coordinate, part_ways
+from s2a.geometry.front import front_behind, front_coordinate, part_ways, patch, slab
 from s2a.geometry.gap import FingerSpace, finger_space
 from s2a.geometry.surfaces import merge
 from s2a.scene import Mesh, Scene
@@ -29,6 +30,7 @@ class ColliderConfig:
             library's defaults on all parts fused) or "one_hull" (all parts in one convex hull; it swallows the handle).
         handle_pieces: largest number of pieces of the grasp region.
         front_pieces: largest number of pieces of each other part.
+        thickness: of the front, inwards from its outer surface, of which alone a scan knows [m].
         resolution: voxels of the decomposition.
         max_vertices: largest number of vertices of a piece.
         seed: of the decomposition.
@@ -37,6 +39,7 @@ class ColliderConfig:
     method: Literal["handle", "coacd", "one_hull"]
     handle_pieces: int
     front_pieces: int
+    thickness: float
     resolution: int
     max_vertices: int
     seed: int
@@ -50,18 +53,16 @@ class Handle:
         frame: the grasp frame's axes as columns [3 3]: z into the furniture.
         region: the grasp region, borders tidied.
         plane: the front behind it as outward normal and offset [m]; None where none was scanned.
+        front: where the line through the grasp point along z meets that plane: its coordinate on z [m]; without a plane
+            that of the grasp point.
         space: where the fingers go.
     """
 
     frame: np.ndarray
     region: Mesh
     plane: tuple[np.ndarray, float] | None
+    front: float
     space: FingerSpace
-
-    def front(self, point: np.ndarray) -> float:
-        """Return where the line through a point [3] along the frame's z meets the front: its coordinate on z [m]."""
-        assert self.plane is not None
-        return front_coordinate(self.plane, self.frame, point)
 
 
 def find_handle(scene: Scene, target: str, frame: np.ndarray) -> tuple[Handle, dict[str, Mesh]]:
@@ -70,12 +71,12 @@ def find_handle(scene: Scene, target: str, frame: np.ndarray) -> tuple[Handle, d
     region = merge([scene.parts[i].mesh for i in grasped])
     others = {i: scene.parts[i].mesh for i in (target, *scene.descendants(target)) if i not in grasped}
     plane = front_behind(others[target], region, frame) if target in others else None
-    if plane is None:
-        return Handle(frame, region, None, FingerSpace(None, ())), others
-    others[target], region = part_ways(others[target], region, frame, plane)
     point = scene.grasp_point(target)
-    space = finger_space(region, point, frame, front_coordinate(plane, frame, point))
-    return Handle(frame, region, plane, space), others
+    if plane is None:
+        return Handle(frame, region, None, float(point @ frame[:, 2]), FingerSpace(None, ())), others
+    others[target], region = part_ways(others[target], region, frame, plane)
+    front = front_coordinate(plane, frame, point)
+    return Handle(frame, region, plane, front, finger_space(region, point, frame, front)), others
 
 
 def target_colliders(
@@ -92,20 +93,44 @@ def target_colliders(
         return tuple(Collider(target, piece) for piece in pieces)
     found = []
     for i, mesh in others.items():
-        pieces = vhacd(mesh, config.front_pieces, config.resolution, config.max_vertices)
+        pieces = _front_pieces(mesh, handle, config) if i == target else _rough_pieces(mesh, config)
         found += [Collider(i, piece) for piece in flatten(pieces, handle)]
-    pieces = vhacd(handle.region, config.handle_pieces, config.resolution, config.max_vertices)
+    pieces = _handle_pieces(handle, config)
     found += [Collider(scene.grasp_parts(target)[0], piece) for piece in free_fingers(pieces, handle.space)]
     return tuple(found)
+
+
+def _front_pieces(mesh: Mesh, handle: Handle, config: ColliderConfig) -> list[Mesh]:
+    """Return a flat front as one slab; another shape as hulls, with what the handle hid from the scanner."""
+    whole = slab(mesh, -handle.frame[:, 2], config.thickness)
+    if whole is not None:
+        return [whole]
+    hidden = [] if handle.plane is None else [patch(handle.region, handle.frame, handle.plane, config.thickness)]
+    inwards = config.thickness * handle.frame[:, 2]
+    solid = [hull(np.concatenate([p.vertices, p.vertices + inwards])) for p in _rough_pieces(mesh, config)]
+    return [*(piece for piece in solid if piece is not None), *hidden]
+
+
+def _handle_pieces(handle: Handle, config: ColliderConfig) -> list[Mesh]:
+    """Return a bar in slices, which end where fingers need space; another handle as hulls."""
+    profile = bar_profile(handle.region, handle.frame, config.handle_pieces) if handle.plane is not None else None
+    if profile is not None:
+        pieces = bar_pieces(handle.region, handle.frame, profile, handle.front)
+        if pieces is not None:
+            return pieces
+    return vhacd(handle.region, config.handle_pieces, config.resolution, config.max_vertices)
+
+
+def _rough_pieces(mesh: Mesh, config: ColliderConfig) -> list[Mesh]:
+    return vhacd(mesh, config.front_pieces, config.resolution, config.max_vertices)
 
 
 def flatten(pieces: Iterable[Mesh], handle: Handle) -> list[Mesh]:
     """Cut pieces of the front that reach into the fingers' space off at the front's plane."""
     flat = []
     for piece in pieces:
-        if handle.plane is not None and any(overlap(piece, box) > SWALLOWED for box in handle.space.boxes):
-            piece = clip(piece, *handle.plane)
-        flat.append(piece)
+        reaches = any(overlap(piece, box) > SWALLOWED for box in handle.space.boxes)
+        flat.append(clip(piece, *handle.plane) if reaches and handle.plane is not None else piece)
     return [piece for piece in flat if piece is not None]
 
 

@@ -51,8 +51,8 @@ def decimate(mesh: Mesh, ratio: float, aggressiveness: float) -> Mesh:
     target = round(ratio * len(mesh.faces))
     if target >= len(mesh.faces) or len(mesh.faces) < 8:
         return mesh
-    for preserve_border in (True, False):
-        vertices, faces = _collapse(mesh, target, aggressiveness, preserve_border)
+    for preserve_border, effort in ((True, 1.0), (False, 1.0), (False, 2.0)):
+        vertices, faces = _collapse(mesh, target, effort * aggressiveness, preserve_border)
         if len(faces) <= 1.01 * target:
             break
     return Mesh(vertices, faces, _nearest_colors(mesh, vertices))

@@ -7,10 +7,13 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from s2a.geometry.bar import bar_profile
 from s2a.geometry.surfaces import centroids, merge, normals
 from s2a.scene import Joint, Mesh, Scene, Vec3
 from s2a.usd.simready import Grasp, Quat
 
+SLICES = 12
+"""Places along a bar at which its thickness is measured."""
 ROUND = 1.5
 """Grasp regions less elongated than this (knobs) are taken for round: the fingers then close along the vertical."""
 
@@ -39,8 +42,11 @@ def find_grasp(scene: Scene, target: str) -> Grasp:
     region = merge([scene.parts[i].mesh for i in scene.grasp_parts(target)])
     inwards = -opening_direction(scene.joint(target), point)
     frame = grasp_frame(region, inwards)
-    low, high = extents(region, frame)
-    return Grasp(_vec3(point), _quat(frame), _vec3(high - low), region)
+    size = np.subtract(*extents(region, frame)[::-1])
+    profile = bar_profile(region, frame, SLICES)
+    if profile is not None:
+        size[1] = profile.thickness
+    return Grasp(_vec3(point), _quat(frame), _vec3(size), region)
 
 
 def grasp_frame(region: Mesh, inwards: np.ndarray) -> np.ndarray:
@@ -61,7 +67,7 @@ def grasp_frame(region: Mesh, inwards: np.ndarray) -> np.ndarray:
     return np.stack([np.cross(y, inwards), y, inwards], axis=1)
 
 
-def extents(region: Mesh, frame: np.ndarray, tail: float = 0.002) -> tuple[np.ndarray, np.ndarray]:
+def extents(region: Mesh, frame: np.ndarray, tail: float = 0.005) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest and highest coordinates [m] of a surface along the columns of a frame, shape [3] each.
 
     Leaves out `tail` of the area at either end: single stray triangles are common at the borders of annotations.

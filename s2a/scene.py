@@ -53,12 +53,12 @@ class Mesh:
         """Whether both meshes hold the same arrays, bit for bit."""
         if not isinstance(other, Mesh):
             return NotImplemented
-        same_colors = (self.colors is None) == (other.colors is None) and (
-            self.colors is None or np.array_equal(self.colors, other.colors)
-        )
-        return (
-            same_colors and np.array_equal(self.vertices, other.vertices) and np.array_equal(self.faces, other.faces)
-        )
+        if self.colors is None or other.colors is None:
+            same_colors = self.colors is other.colors
+        else:
+            same_colors = np.array_equal(self.colors, other.colors)
+        same_shape = np.array_equal(self.vertices, other.vertices) and np.array_equal(self.faces, other.faces)
+        return same_colors and same_shape
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -246,9 +246,9 @@ class Scene:
         return np.average(centroids, axis=0, weights=areas)
 
 
-def _freeze(mesh: Mesh, name: str, dtype: type, shape: str) -> None:
+def _freeze(mesh: Mesh, name: str, dtype: np.typing.DTypeLike, shape: str) -> None:
     """Store an attribute of a mesh as a read-only array [n 3] of the given type."""
-    array = np.array(getattr(mesh, name), dtype=dtype)
+    array: np.ndarray = np.array(getattr(mesh, name), dtype=dtype)
     if array.size == 0:
         array = array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:

@@ -18,7 +18,9 @@ TRAVEL = 0.4
 
 def box(center: tuple[float, float, float], half: tuple[float, float, float]) -> Mesh:
     """Return a box by centre and half extents [m]."""
-    mesh = trimesh.creation.box(extents=2.0 * np.array(half), transform=trimesh.transformations.translation_matrix(center))
+    mesh = trimesh.creation.box(
+        extents=2.0 * np.array(half), transform=trimesh.transformations.translation_matrix(center)
+    )
     return Mesh(mesh.vertices, mesh.faces)
 
 
@@ -56,7 +58,9 @@ def _body(name: str, meshes: list[Mesh], mass: float) -> simready.SimBody:
     size = np.diff(joined.bounds, axis=0)[0]
     inertia = mass / 12.0 * (np.sum(size**2) - size**2)
     colliders = tuple(simready.Collider(name, mesh) for mesh in meshes)
-    return simready.SimBody(name, joined, colliders, simready.Mass(mass, tuple(joined.bounds.mean(axis=0)), tuple(inertia)))
+    return simready.SimBody(
+        name, joined, colliders, simready.Mass(mass, tuple(joined.bounds.mean(axis=0)), tuple(inertia))
+    )
 
 
 def _joined(meshes: list[Mesh]) -> Mesh:

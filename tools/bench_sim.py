@@ -36,14 +36,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stage", type=Path)
     parser.add_argument("--worlds", type=int, nargs="+", default=[4096])
-    parser.add_argument("--iterations", type=int, default=20, help="PPO iterations of 40 steps, 8 epochs, 8 mini-batches")
+    parser.add_argument(
+        "--iterations", type=int, default=20, help="PPO iterations of 40 steps, 8 epochs, 8 mini-batches"
+    )
     parser.add_argument("--device", default="cuda:0" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--out", type=Path, help="write the rows as JSON")
     args = parser.parse_args()
     rows = [bench(args, n, room) for n in args.worlds for room in (True, False)]
     cuda = args.device.startswith("cuda")
     gpu = torch.cuda.get_device_name(args.device) if cuda else platform.processor() or "CPU"
-    report = {"device": gpu, "torch": torch.__version__, "newton": newton.__version__, "stage": args.stage.name, "rows": rows}
+    report = {
+        "device": gpu,
+        "torch": torch.__version__,
+        "newton": newton.__version__,
+        "stage": args.stage.name,
+        "rows": rows,
+    }
     if args.out:
         args.out.write_text(json.dumps(report, indent=1))
 

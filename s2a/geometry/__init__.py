@@ -1,0 +1,1 @@
+"""What meshes are asked; Warp as a geometry library lives here."""

@@ -1,0 +1,1 @@
+"""Observations to actions: PPO and a planner."""

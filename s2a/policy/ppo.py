@@ -83,7 +83,7 @@ class RslRlEnv(VecEnv):
         self._recent = torch.zeros(len(COUNTS), device=self.device)
 
     @property
-    def episode_length_buf(self) -> torch.Tensor:  # type: ignore[override]
+    def episode_length_buf(self) -> torch.Tensor:
         """Control steps since each world's reset; assigning copies into the environment's buffer."""
         return self.env.episode_step
 
@@ -172,7 +172,12 @@ def load_policy(env: OpenDrawerEnv, checkpoint: Path) -> Callable[[torch.Tensor]
 
 def _settings(config: PpoConfig) -> dict[str, Any]:
     """Return the settings under rsl-rl's names."""
-    network = {"class_name": "MLPModel", "hidden_dims": list(config.hidden), "activation": "elu", "obs_normalization": True}
+    network = {
+        "class_name": "MLPModel",
+        "hidden_dims": list(config.hidden),
+        "activation": "elu",
+        "obs_normalization": True,
+    }
     distribution = {"class_name": "GaussianDistribution", "init_std": config.init_std, "std_type": "scalar"}
     return {
         "num_steps_per_env": config.steps,
@@ -203,7 +208,11 @@ def _curve(out: Path) -> list[dict[str, float]]:
     """Return what TensorBoard logged, a row an iteration."""
     events = EventAccumulator(str(out), size_guidance={"scalars": 0})
     events.Reload()
-    names = {"success": "/success", "final_success": "/final_success", "handle_use_of_successes": "/handle_use_of_successes"}
+    names = {
+        "success": "/success",
+        "final_success": "/final_success",
+        "handle_use_of_successes": "/handle_use_of_successes",
+    }
     names |= {"opening": "/opening", "reward": "Train/mean_reward", "invalid": "/invalid"}
     rows: dict[int, dict[str, float]] = {}
     for name, tag in names.items():

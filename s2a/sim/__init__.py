@@ -1,0 +1,1 @@
+"""sim.usd to batched Newton worlds."""

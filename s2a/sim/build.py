@@ -15,6 +15,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from s2a.errors import InputError
 from s2a.sim.franka import FrankaConfig, add_franka
 
+
 @dataclass(frozen=True)
 class JointConfig:
     """How the target's joint resists; forces act at the grasp point for a slide, torques about the axis for a hinge.
@@ -68,7 +69,9 @@ def read_stage(path: Path) -> SimStage:
     joint = stage.GetPrimAtPath(f"/scene/joints/{target}")
     grasp = stage.GetPrimAtPath(f"/scene/{target}/grasp")
     if not target or not joint or not grasp:
-        raise InputError(f"{path}: not a simulation-ready stage (no s2a:target with a joint and a grasp); run s2a prepare")
+        raise InputError(
+            f"{path}: not a simulation-ready stage (no s2a:target with a joint and a grasp); run s2a prepare"
+        )
     place = UsdGeom.Xformable(grasp).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
     rotation = place.ExtractRotationQuat()
     base = scene.GetAttribute("s2a:baseOrientation").Get()

@@ -1,0 +1,1 @@
+"""Reset, observe, reward, success: Warp kernels, one graph launch a step."""

@@ -36,7 +36,12 @@ class OpenDrawerEnv:
     num_actions = JOINTS
 
     def __init__(
-        self, sim: Simulation, config: task.OpenDrawerConfig, weights: Mapping[str, float], seed: int, graph: bool = True
+        self,
+        sim: Simulation,
+        config: task.OpenDrawerConfig,
+        weights: Mapping[str, float],
+        seed: int,
+        graph: bool = True,
     ) -> None:
         """Prepare the kernels' data, reset all worlds, capture the step where there is a GPU and `graph` is true."""
         self.sim, self.config = sim, config
@@ -121,9 +126,9 @@ class OpenDrawerEnv:
         self._region = _region(sim.stage, sim.device)
         self._geom_kind = wp.array(_geom_kinds(sim), dtype=int)
         self._action_view = wp.to_torch(self._action)
-        for name in ("observation", "terms", "touch", "result", "counts", "reward", "done", "time_out"):
-            setattr(self, name, wp.to_torch(getattr(self, f"_{name}")))
-        self.episode_step = wp.to_torch(self._steps)
+        self.observation, self.terms, self.touch = map(wp.to_torch, (self._observation, self._terms, self._touch))
+        self.reward, self.done, self.time_out = map(wp.to_torch, (self._reward, self._done, self._time_out))
+        self.result, self.counts, self.episode_step = map(wp.to_torch, (self._result, self._counts, self._steps))
 
 
 def _weights(weights: Mapping[str, float]) -> list[float]:

@@ -181,7 +181,9 @@ def judge(
     left = wp.transform_get_translation(body_q[world, c.left]) - point
     right = wp.transform_get_translation(body_q[world, c.right]) - point
     up = wp.transform_vector(grasp, wp.vec3(0.0, 1.0, 0.0))
-    forward = wp.dot(wp.transform_vector(hand, wp.vec3(0.0, 0.0, 1.0)), wp.transform_vector(grasp, wp.vec3(0.0, 0.0, 1.0)))
+    forward = wp.dot(
+        wp.transform_vector(hand, wp.vec3(0.0, 0.0, 1.0)), wp.transform_vector(grasp, wp.vec3(0.0, 0.0, 1.0))
+    )
     upward = wp.dot(wp.transform_vector(hand, wp.vec3(0.0, 1.0, 0.0)), up)
     opening = joint_q[world, JOINTS] * c.lever
     d = wp.length(wp.transform_get_translation(hand) - point)

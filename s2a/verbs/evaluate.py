@@ -10,6 +10,7 @@ from s2a.evaluate import evaluate
 from s2a.outputs import aside
 from s2a.policy.planner import Planner, PlannerConfig
 from s2a.policy.ppo import load_policy
+from s2a.provenance import provenance
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
@@ -52,7 +53,7 @@ def run(config: Config) -> str:
         sim = Simulation(read_stage(config.stage), config.sim, config.worlds, device(config.device))
         env = OpenDrawerEnv(sim, config.task, config.reward, config.seed)
         policy = load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.policy)
-        metrics = evaluate(env, policy)
+        metrics = evaluate(env, policy) | {"seed": config.seed, **provenance(sim.device)}
         out.write_text(json.dumps(metrics, indent=1))
     rates = {name: metrics[name] for name in ("success", "final_success", "handle_success")}
     lines = [f"  {name:16}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name, r in rates.items()]

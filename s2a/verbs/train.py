@@ -10,6 +10,7 @@ import torch
 
 from s2a.errors import InputError
 from s2a.policy import ppo
+from s2a.provenance import provenance
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
@@ -53,6 +54,7 @@ def run(config: Config) -> str:
     sim = Simulation(read_stage(config.stage), config.sim, config.worlds, device(config.device))
     env = OpenDrawerEnv(sim, config.task, config.reward, config.seed)
     metrics = ppo.train(env, config.policy, config.out)
+    metrics |= {"seed": config.seed, "worlds": config.worlds, "reward": config.reward, **provenance(sim.device)}
     (config.out / "metrics.json").write_text(json.dumps(metrics, indent=1))
     last = metrics["curve"][-1] if metrics["curve"] else {}
     curve = ", ".join(f"{name} {value:.3g}" for name, value in last.items())

@@ -25,7 +25,7 @@ class OpenDrawerEnv:
         observation: shape [world 23], overwritten by every step.
         reward: shape [world].
         done, time_out: 0 or 1, shape [world], int32; a time-out is not a termination.
-        terms: unweighted reward terms in the order of REWARD_TERMS, shape [world 6].
+        terms: unweighted reward terms in the order of REWARD_TERMS, shape [world 8].
         touch: largest normal force of the left and right finger on the grasp region [N], shape [world 2].
         result: of each world's last finished episode: success, success at the end, success with the handle (0 or 1),
             largest opening [m]; shape [world 4].

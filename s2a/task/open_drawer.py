@@ -15,8 +15,10 @@ from s2a.sim.franka import ARM_JOINTS, JOINTS
 
 OBSERVATIONS = 2 * JOINTS + 5
 """Joint positions (scaled to their range) and velocities, hand to grasp point (3, robot base frame), joint, its velocity."""
-REWARD_TERMS = ("distance", "rotation", "opening", "finger", "bonus", "action")
-"""Names of the unweighted reward terms, in the order of the kernel's columns."""
+REWARD_TERMS = ("distance", "rotation", "opening", "finger", "bonus", "action", "grip", "held_opening")
+"""Names of the unweighted reward terms, in the order of the kernel's columns. The first six are the reference's; "grip" is 1
+while both fingers touch the grasp region, "held_opening" the opening while they do."""
+TERMS = wp.constant(len(REWARD_TERMS))
 COUNTS = ("episodes", "success", "final_success", "handle_success", "opening", "invalid")
 """What is added up over finished episodes: their number, those that reached the success opening at any time, at the end,
 with both fingers on the grasp region; the sum of their largest openings [m]; episodes ended by a value that is not finite."""
@@ -168,7 +170,7 @@ def judge(
     result: wp.array2d(dtype=float),
     counts: wp.array(dtype=float),
 ):
-    """Compute the reward's terms [world 6], the reward, whether the episode ends, and its tally.
+    """Compute the reward's terms [world 8], the reward, whether the episode ends, and its tally.
 
     progress [world 3]: largest opening so far [m], steps in which it grew on the way from 10 % to 100 % of the success
     opening, those of them with both fingers on the grasp region. result [world 4]: of the last finished episode, whether
@@ -202,8 +204,11 @@ def judge(
         effort += action[world, i] * action[world, i]
         finite = finite and wp.isfinite(joint_q[world, i]) and wp.isfinite(joint_qd[world, i])
     terms[world, 5] = effort
+    grip = wp.where(wp.min(touch[world, 0], touch[world, 1]) >= c.touch_force, 1.0, 0.0)
+    terms[world, 6] = grip
+    terms[world, 7] = grip * opening
     total = float(0.0)
-    for i in range(6):
+    for i in range(TERMS):
         if not finite:
             terms[world, i] = 0.0
         total += weights[i] * terms[world, i]
@@ -212,8 +217,7 @@ def judge(
     if opening > progress[world, 0]:
         if opening >= 0.1 * c.success_opening and progress[world, 0] < c.success_opening:
             progress[world, 1] += 1.0
-            if wp.min(touch[world, 0], touch[world, 1]) >= c.touch_force:
-                progress[world, 2] += 1.0
+            progress[world, 2] += grip
         progress[world, 0] = opening
 
     step[world] += 1

@@ -23,7 +23,7 @@ def aside(path: Path, earlier: str | None = None) -> Iterator[Path]:
         earlier: a file, relative to `path`, by which a folder is known to be an earlier output, which may be replaced.
 
     Raises:
-        InputError: `path` is a folder that is neither empty nor an earlier output.
+        InputError: `path` is a folder that is neither empty nor an earlier output; one from the block names `path`.
     """
     _refuse_foreign(path, earlier)
     made = _make_parents(path)
@@ -32,6 +32,8 @@ def aside(path: Path, earlier: str | None = None) -> Iterator[Path]:
         yield room / path.name
         _swap(room, path)
         made = []
+    except InputError as error:
+        raise InputError(str(error).replace(str(room / path.name), str(path))) from error
     finally:
         shutil.rmtree(room)
         for folder in made:

@@ -56,7 +56,9 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
         (["view", "path=nowhere.usd", "text=true"], ["nowhere.usd"]),
         (["prepare", "stage=nowhere.usd", "target=drawer_7", "out=y.usd"], ["nowhere.usd"]),
         (["evaluate", "stage=nowhere.usd", "out=y.json"], ["nowhere.usd"]),
-        (["train", "stage=nowhere.usd", "out=y", "device=cuda:99"], ["nowhere.usd"]),
+        (["train", "stage=nowhere.usd", "out=y"], ["nowhere.usd"]),
+        (["train", "stage=x", "out=y", "device=cuda:99"], ["'device'", "'cuda:99'", "auto, cpu"]),
+        (["train", "stage=x", "out=y", "worlds=0"], ["'worlds'", "0", "1 or more"]),
     ],
 )
 def test_bad_input_is_one_line_that_names_it_and_the_remedy(

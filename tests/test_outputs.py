@@ -39,6 +39,12 @@ def test_a_failure_leaves_the_earlier_file_and_nothing_else(tmp_path: Path):
     assert names(tmp_path) == ["x.usd"]
 
 
+def test_an_error_names_the_output_and_not_the_place_beside_it(tmp_path: Path):
+    with pytest.raises(InputError) as error, aside(tmp_path / "x.txt") as path:
+        raise InputError(f"{path}: not an ending of USD")
+    assert str(error.value) == f"{tmp_path / 'x.txt'}: not an ending of USD"
+
+
 def test_a_failure_leaves_no_new_folders(tmp_path: Path):
     with pytest.raises(ZeroDivisionError), aside(tmp_path / "a" / "b" / "x.usd"):
         raise ZeroDivisionError

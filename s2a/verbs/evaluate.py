@@ -11,11 +11,10 @@ from s2a.outputs import aside
 from s2a.policy.planner import Planner, PlannerConfig
 from s2a.policy.ppo import load_policy
 from s2a.provenance import provenance
-from s2a.sim.build import read_stage
-from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.simulation import SimConfig
 from s2a.task.env import OpenDrawerEnv
 from s2a.task.open_drawer import OpenDrawerConfig
-from s2a.verbs.train import device
+from s2a.verbs.train import simulation
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class Config:
 def run(config: Config) -> str:
     """Run one episode in every world, write the metrics, and return the rates."""
     with aside(config.out) as out:
-        sim = Simulation(read_stage(config.stage), config.sim, config.worlds, device(config.device))
+        sim = simulation(config.stage, config.sim, config.worlds, config.device)
         env = OpenDrawerEnv(sim, config.task, config.reward, config.seed)
         policy = load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.policy)
         metrics = evaluate(env, policy) | {"seed": config.seed, **provenance(sim.device)}

@@ -51,7 +51,7 @@ def run(config: Config) -> str:
             f"out {str(config.out)!r} holds files; a run is never overwritten: choose another or delete it"
         )
     torch.manual_seed(config.seed)
-    sim = Simulation(read_stage(config.stage), config.sim, config.worlds, device(config.device))
+    sim = simulation(config.stage, config.sim, config.worlds, config.device)
     env = OpenDrawerEnv(sim, config.task, config.reward, config.seed)
     metrics = ppo.train(env, config.policy, config.out)
     metrics |= {"seed": config.seed, "worlds": config.worlds, "reward": config.reward, **provenance(sim.device)}
@@ -61,11 +61,16 @@ def run(config: Config) -> str:
     return f"{config.out}: {metrics['env_steps_per_second']:.0f} env steps/s; {curve}"
 
 
-def device(name: str) -> str:
-    """Return the device that a user's key means; InputError if this machine does not have it."""
-    if name == "auto":
-        return "cuda:0" if torch.cuda.is_available() else "cpu"
+def simulation(stage: Path, config: SimConfig, worlds: int, device: str) -> Simulation:
+    """Return the worlds that a user's keys mean.
+
+    Raises:
+        InputError: no world, a device that this machine does not have, or not a sim.usd.
+    """
+    if worlds < 1:
+        raise InputError(f"key 'worlds' is {worlds}; give 1 or more")
     known = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
-    if name not in known:
-        raise InputError(f"key 'device' is {name!r}; on this machine one of: auto, {', '.join(known)}")
-    return name
+    chosen = known[:2][-1] if device == "auto" else device
+    if chosen not in known:
+        raise InputError(f"key 'device' is {device!r}; on this machine one of: auto, {', '.join(known)}")
+    return Simulation(read_stage(stage), config, worlds, chosen)

@@ -28,6 +28,12 @@ SPAN = 0.5
 """Share of a bar's length, in its middle, that stands free of posts."""
 MARGIN = 0.001
 """[m] How far a bar may be thicker farther in than at its head."""
+SIDES = 16
+"""Of a prism that stands for a piece of a bar."""
+TAIL = 0.03
+"""Share of the points that may stand out of it in each direction."""
+LIKE = 0.002
+"""[m] Slices whose sections differ by less, from noise, become one piece."""
 FEW = 40
 """A slice with fewer points says nothing."""
 
@@ -88,9 +94,10 @@ def bar_profile(region: Mesh, frame: np.ndarray, slices: int) -> Profile | None:
 
 
 def bar_pieces(region: Mesh, frame: np.ndarray, profile: Profile, front: float) -> list[Mesh] | None:
-    """Return one convex piece a slice of a bar, or None if it stands too near the front for fingers.
+    """Return a bar as convex pieces along its length, or None if it stands too near the front for fingers.
 
     The middle of the bar ends where fingers need space; towards its ends a slice that reaches the front is a post.
+    Neighbouring slices of like section become one piece.
 
     Args:
         region: the handle as scanned.
@@ -101,33 +108,57 @@ def bar_pieces(region: Mesh, frame: np.ndarray, profile: Profile, front: float) 
     if front - np.median(profile.face) < SHALLOWEST + 0.6 * GAP:
         return None
     points = sample(region, SAMPLES, seed=0) @ frame
-    middle, reach = profile.edges.mean(), SPAN * profile.length / 2
+    sections = [_section(points, profile, k, front) for k in range(len(profile.low))]
+    supports = [_support(section) for section in sections]
     pieces = []
-    for k, (first, last) in enumerate(zip(profile.edges, profile.edges[1:], strict=False)):
-        low, high, face = profile.low[k], profile.high[k], profile.face[k]
-        here = points[(points[:, 0] >= first) & (points[:, 0] < last)][:, 1:]
-        here = here[(here[:, 0] > low - MARGIN) & (here[:, 0] < high + MARGIN)]
-        is_free = abs((first + last) / 2 - middle) < reach or here[:, 1].max() < front - HEAD
-        back = max(face + SHALLOWEST, front - GAP) if is_free else front
-        least = face + SHALLOWEST if is_free else front
-        here = np.concatenate([here[here[:, 1] < back], [[low, least], [high, least]]])
-        piece = _prism(here, first, last)
+    for first, last in _alike(supports):
+        piece = _prism(np.concatenate(sections[first:last]), profile.edges[first], profile.edges[last])
         if piece is not None:
             pieces.append(Mesh(piece.vertices @ frame.T, piece.faces))
     return pieces
 
 
-def _prism(section: np.ndarray, first: float, last: float, sides: int = 16, tail: float = 0.03) -> Mesh | None:
-    """Return the prism from x = first to last [m] around points (y, z), without the share `tail` that stands out most.
+def _section(points: np.ndarray, profile: Profile, k: int, front: float) -> np.ndarray:
+    """Return what a scan shows of a bar (or of its post) in one slice as points (y, z), without skirts."""
+    first, last = profile.edges[k : k + 2]
+    low, high, face = profile.low[k], profile.high[k], profile.face[k]
+    here = points[(points[:, 0] >= first) & (points[:, 0] < last)][:, 1:]
+    here = here[(here[:, 0] > low - MARGIN) & (here[:, 0] < high + MARGIN)]
+    in_middle = abs((first + last) / 2 - profile.edges.mean()) < SPAN * profile.length / 2
+    is_free = in_middle or here[:, 1].max() < front - HEAD
+    back = max(face + SHALLOWEST, front - GAP) if is_free else front
+    least = face + SHALLOWEST if is_free else front
+    return np.concatenate([here[here[:, 1] < back], [[low, least], [high, least]]])
+
+
+def _support(section: np.ndarray) -> np.ndarray:
+    """Return how far points (y, z) reach in each of SIDES directions [m], without the share TAIL that stands out most.
 
     Noise stands out; a plain hull would be as thick as its worst points.
     """
-    angles = 2 * np.pi * np.arange(sides) / sides
-    normals = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    bounds = np.quantile(section @ normals.T, 1 - tail, axis=0)
-    inside = np.median(section, axis=0)
+    return np.quantile(section @ _directions().T, 1 - TAIL, axis=0)
+
+
+def _directions() -> np.ndarray:
+    angles = 2 * np.pi * np.arange(SIDES) / SIDES
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def _alike(supports: list[np.ndarray]) -> list[tuple[int, int]]:
+    """Return runs (first, last + 1) of neighbouring slices whose sections differ by LIKE at most."""
+    runs, first = [], 0
+    for k in range(1, len(supports) + 1):
+        if k == len(supports) or np.ptp(supports[first : k + 1], axis=0).max() > LIKE:
+            runs.append((first, k))
+            first = k
+    return runs
+
+
+def _prism(section: np.ndarray, first: float, last: float) -> Mesh | None:
+    """Return the prism from x = first to last [m] around points (y, z)."""
+    planes = np.concatenate([_directions(), -_support(section)[:, None]], axis=1)
     try:
-        found = HalfspaceIntersection(np.concatenate([normals, -bounds[:, None]], axis=1), inside)
+        found = HalfspaceIntersection(planes, np.median(section, axis=0))
     except QhullError:
         return None
     corners = np.unique(found.intersections.round(6), axis=0)

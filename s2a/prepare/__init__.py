@@ -13,7 +13,7 @@ from s2a.prepare.colliders import ColliderConfig, find_handle, target_colliders
 from s2a.prepare.decimate import DecimateConfig, decimate_room
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
 from s2a.prepare.motion import sweep
-from s2a.prepare.pose import base_pose, find_grasp
+from s2a.prepare.pose import base_pose, find_grasp, lever_arm
 from s2a.prepare.room import RoomConfig, room_colliders
 from s2a.scene import Scene
 from s2a.usd.simready import SimBody, SimScene
@@ -25,6 +25,8 @@ class PrepareConfig:
 
     Attributes:
         base_distance: horizontal distance of the robot's base from the grasp point [m].
+        friction: dry friction of the target's joint as a force at the grasp point [N]; holds a drawer whose annotated axis
+            is not quite level.
         decimate: the immovable room's looks.
         colliders: the target's convex pieces.
         carcass: those of the furniture around it.
@@ -33,6 +35,7 @@ class PrepareConfig:
     """
 
     base_distance: float
+    friction: float
     decimate: DecimateConfig
     colliders: ColliderConfig
     carcass: CarcassConfig
@@ -72,6 +75,7 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
         ),
         base_position=position,
         base_orientation=orientation,
+        friction=config.friction * lever_arm(joint, np.array(grasp.point)),
     )
 
 

@@ -28,7 +28,8 @@ class ColliderConfig:
     Attributes:
         method: "handle" (each part on its own, the grasp region finer, the fingers' space kept free), "coacd" (the
             library's defaults on all parts fused) or "one_hull" (all parts in one convex hull; it swallows the handle).
-        handle_pieces: largest number of pieces of the grasp region.
+        bar_slices: places along a bar-like handle at which its section is taken; like neighbours become one piece.
+        handle_pieces: largest number of pieces of any other grasp region.
         front_pieces: largest number of pieces of each other part.
         thickness: of the front, inwards from its outer surface, of which alone a scan knows [m].
         resolution: voxels of the decomposition.
@@ -37,6 +38,7 @@ class ColliderConfig:
     """
 
     method: Literal["handle", "coacd", "one_hull"]
+    bar_slices: int
     handle_pieces: int
     front_pieces: int
     thickness: float
@@ -113,7 +115,7 @@ def _front_pieces(mesh: Mesh, handle: Handle, config: ColliderConfig) -> list[Me
 
 def _handle_pieces(handle: Handle, config: ColliderConfig) -> list[Mesh]:
     """Return a bar in slices, which end where fingers need space; another handle as hulls."""
-    profile = bar_profile(handle.region, handle.frame, config.handle_pieces) if handle.plane is not None else None
+    profile = bar_profile(handle.region, handle.frame, config.bar_slices) if handle.plane is not None else None
     if profile is not None:
         pieces = bar_pieces(handle.region, handle.frame, profile, handle.front)
         if pieces is not None:

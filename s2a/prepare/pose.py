@@ -32,6 +32,13 @@ def opening_direction(joint: Joint, point: np.ndarray) -> np.ndarray:
     return tangent / length if length > 1e-9 else np.cross(axis, [1.0, 0.0, 0.0])
 
 
+def lever_arm(joint: Joint, point: np.ndarray) -> float:
+    """Return how far a point [3] moves for a unit of the joint's coordinate: 1 for a slide, its radius [m] for a hinge."""
+    if joint.kind == "prismatic":
+        return 1.0
+    return float(np.linalg.norm(np.cross(joint.axis, point - np.array(joint.origin))))
+
+
 def find_grasp(scene: Scene, target: str) -> Grasp:
     """Return the grasp of a movable part: point, frame and extents of its annotated region.
 

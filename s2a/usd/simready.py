@@ -106,6 +106,7 @@ class SimScene:
         static_colliders: convex pieces of the room within the arm's reach.
         base_position: where the robot stands [m], scene coordinates.
         base_orientation: how it is turned, quaternion xyzw; its x axis points at the furniture.
+        friction: dry friction of the joint [N] or [N m].
     """
 
     name: str
@@ -117,6 +118,7 @@ class SimScene:
     static_colliders: tuple[Collider, ...]
     base_position: Vec3
     base_orientation: Quat
+    friction: float = 0.0
 
 
 def write(sim_scene: SimScene, path: Path) -> None:
@@ -141,7 +143,9 @@ def write(sim_scene: SimScene, path: Path) -> None:
     _write_grasp(stage, target, sim_scene.grasp)
     UsdGeom.Scope.Define(stage, f"{ROOT}/joints")
     write_fixed_joint(stage, f"{ROOT}/joints/{sim_scene.carcass.id}", carcass)
-    write_joint(stage, f"{ROOT}/joints/{sim_scene.target.id}", sim_scene.joint, carcass, target)
+    joint = write_joint(stage, f"{ROOT}/joints/{sim_scene.target.id}", sim_scene.joint, carcass, target).GetPrim()
+    joint.ApplyAPI("NewtonJointAPI")
+    joint.GetAttribute("newton:friction").Set(sim_scene.friction)
     save(stage, path)
 
 

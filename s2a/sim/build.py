@@ -14,6 +14,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 
 from s2a.errors import InputError
 from s2a.sim.franka import FrankaConfig, add_franka
+from s2a.usd.stage import open_stage
 
 
 @dataclass(frozen=True)
@@ -61,9 +62,7 @@ class SimStage:
 
 def read_stage(path: Path) -> SimStage:
     """Read what the simulation needs from a sim.usd; InputError if the file is missing or is another kind of stage."""
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; write one with: s2a prepare stage=geometric.usd target=ID out={path}")
-    stage = Usd.Stage.Open(str(path))
+    stage = open_stage(path)
     scene = stage.GetDefaultPrim()
     target = scene.GetAttribute("s2a:target").Get() if scene else None
     joint = stage.GetPrimAtPath(f"/scene/joints/{target}")

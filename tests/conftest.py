@@ -1,0 +1,26 @@
+"""What several test files share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from s2a import config, scan
+from s2a.scan.virtual import SampleConfig, sample
+from s2a.scene import Scene
+
+
+@pytest.fixture(scope="session")
+def office_scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A virtual office as the demo scans it (seed 0)."""
+    out = tmp_path_factory.mktemp("office") / "scan"
+    out.mkdir()
+    sample(config.load(SampleConfig, config.compose("sample", [f"out={out}"])), out)
+    return out
+
+
+@pytest.fixture(scope="session")
+def office(office_scan: Path) -> Scene:
+    """The scene in that scan."""
+    return scan.read(office_scan)

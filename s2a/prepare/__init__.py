@@ -58,21 +58,21 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
     position, orientation = base_pose(scene, target, config.base_distance)
     visual = merge([scene.parts[i].mesh for i in moving])
     handle, others = find_handle(scene, target, frame)
+    colliders = target_colliders(scene, target, handle, others, config.colliders)
+    way = sweep(merge([visual, *(collider.mesh for collider in colliders)]), joint)
     return SimScene(
         name=scene.name,
         carcass=freeze(scene, target, frozen, hand_corridor(handle, grasp, config.carcass), config.carcass),
         target=SimBody(
             target,
             visual,
-            target_colliders(scene, target, handle, others, config.colliders),
+            colliders,
             box_mass(visual, moving_mass(scene, moving, config.mass), frame),
         ),
         joint=joint,
         grasp=grasp,
         static_visual=decimate_room([scene.parts[i] for i in room], config.decimate),
-        static_colliders=room_colliders(
-            scene, room, np.array(position), np.array(grasp.point), sweep(visual, joint), config.room
-        ),
+        static_colliders=room_colliders(scene, room, np.array(position), np.array(grasp.point), way, config.room),
         base_position=position,
         base_orientation=orientation,
         friction=config.friction * lever_arm(joint, np.array(grasp.point)),

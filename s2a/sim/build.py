@@ -19,17 +19,15 @@ from s2a.usd.stage import open_stage
 
 @dataclass(frozen=True)
 class JointConfig:
-    """How the target's joint resists; forces act at the grasp point for a slide, torques about the axis for a hinge.
+    """How the target's joint resists, beside the dry friction that the stage gives it.
 
     Attributes:
         stiffness: of the spring that draws the part to its scanned pose [N/m] or [N m/rad].
         damping: [N s/m] or [N m s/rad].
-        friction: dry friction as a force at the grasp point [N]; holds a part whose annotated axis is not quite level.
     """
 
     stiffness: float
     damping: float
-    friction: float
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,6 @@ def build_world(
     builder.joint_target_mode[dof] = newton.JointTargetMode.POSITION
     builder.joint_target_ke[dof] = joint.stiffness
     builder.joint_target_kd[dof] = joint.damping
-    builder.joint_friction[dof] = joint.friction * lever_arm(stage)
     _stiffen_limits(builder, dof, dt)
     return builder
 

@@ -1,6 +1,6 @@
 """Many range panoramas, one surface: a sparse truncated signed distance field and its zero level.
 
-Each voxel near a measured point is projected into every panorama. Its distance to the plane measured there (not along the ray)
+Each voxel near a measured point is projected into every panorama. Its distance to the plane measured there, not along the ray,
 is averaged, so that surfaces seen at a grazing angle stay in place. Space that a ray has passed counts as free; space behind a
 surface counts less the deeper it lies. The surface is drawn by naive surface nets, only in cells whose eight corners have been
 observed (`s2a.geometry.nets`): what no scanner saw is missing.
@@ -61,6 +61,7 @@ class Field:
 
 @wp.func
 def voxel_place(blocks: wp.array(dtype=wp.vec3i), tid: int):
+    """Return the coordinates of a stored voxel."""
     b = blocks[tid // 64]
     k = tid % 64
     return wp.vec3i(b[0] * 4 + k // 16, b[1] * 4 + (k // 4) % 4, b[2] * 4 + k % 4)
@@ -77,6 +78,7 @@ def voxel_index(table: wp.array3d(dtype=int), i: int, j: int, k: int):
 
 @wp.func
 def voxel_value(table: wp.array3d(dtype=int), values: wp.array(dtype=float), i: int, j: int, k: int):
+    """Return the value of a voxel; UNKNOWN where none is stored."""
     index = voxel_index(table, i, j, k)
     if index < 0:
         return UNKNOWN
@@ -195,7 +197,6 @@ def _average(weight: wp.array(dtype=float), distance: wp.array(dtype=float)):
         distance[tid] = UNKNOWN
 
 
-
 def fuse(
     panoramas: list[np.ndarray], scanners: np.ndarray, spacing: float, bounds: np.ndarray, config: FusionConfig
 ) -> Field:
@@ -238,12 +239,11 @@ def _allocate(
     blocks = np.argwhere(rows).astype(np.int32)
     rows[...] = -1
     rows[tuple(blocks.T)] = np.arange(len(blocks), dtype=np.int32)
-    voxels = len(blocks) * 64
     return Field(
         voxel=config.voxel,
         origin=origin,
         table=table,
         blocks=wp.array(blocks, dtype=wp.vec3i, device="cpu"),
-        distance=wp.zeros(voxels, dtype=float, device="cpu"),
-        weight=wp.zeros(voxels, dtype=float, device="cpu"),
+        distance=wp.zeros(64 * len(blocks), dtype=float, device="cpu"),
+        weight=wp.zeros(64 * len(blocks), dtype=float, device="cpu"),
     )

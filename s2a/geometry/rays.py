@@ -14,6 +14,9 @@ import warp as wp
 BEND = 0.25
 """A cube-map face maps the tangent u in [-1, 1] to u (1 + BEND - BEND u^2): within 20 % of even angular spacing."""
 
+RayMesh = wp.Mesh
+"""What `ray_mesh` returns: triangles that rays and closest-point queries can ask."""
+
 LATTICE_RMS = (2.0 / 3.0) ** 1.5
 """Standard deviation of unit white noise on a cubic lattice once it is interpolated linearly along three axes."""
 
@@ -66,7 +69,9 @@ def _smooth_noise(lattice: wp.array3d(dtype=float), d: wp.vec3):
     v -= float(j)
     w -= float(k)
     low = wp.lerp(
-        wp.lerp(lattice[i, j, k], lattice[i, j, k + 1], w), wp.lerp(lattice[i, j + 1, k], lattice[i, j + 1, k + 1], w), v
+        wp.lerp(lattice[i, j, k], lattice[i, j, k + 1], w),
+        wp.lerp(lattice[i, j + 1, k], lattice[i, j + 1, k + 1], w),
+        v,
     )
     high = wp.lerp(
         wp.lerp(lattice[i + 1, j, k], lattice[i + 1, j, k + 1], w),
@@ -145,7 +150,7 @@ def pixel_tangents(spacing: float) -> np.ndarray:
 
 
 def cast_panorama(
-    mesh: wp.Mesh,
+    mesh: RayMesh,
     dropout: np.ndarray,
     T_mesh_scanner: np.ndarray,
     spacing: float,
@@ -178,7 +183,7 @@ def cast_panorama(
     return ranges.numpy()
 
 
-def ray_mesh(vertices: np.ndarray, faces: np.ndarray) -> wp.Mesh:
+def ray_mesh(vertices: np.ndarray, faces: np.ndarray) -> RayMesh:
     """Return a mesh that rays and closest-point queries can ask, on the CPU."""
     points = wp.array(np.asarray(vertices, np.float32), dtype=wp.vec3, device="cpu")
     return wp.Mesh(points, wp.array(np.asarray(faces, np.int32).ravel(), dtype=int, device="cpu"))
@@ -186,7 +191,11 @@ def ray_mesh(vertices: np.ndarray, faces: np.ndarray) -> wp.Mesh:
 
 @wp.kernel
 def _nearest(
-    mesh: wp.uint64, points: wp.array(dtype=wp.vec3), reach: float, face: wp.array(dtype=int), gap: wp.array(dtype=float)
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    reach: float,
+    face: wp.array(dtype=int),
+    gap: wp.array(dtype=float),
 ):
     tid = wp.tid()
     found = wp.mesh_query_point_no_sign(mesh, points[tid], reach)
@@ -196,7 +205,7 @@ def _nearest(
         gap[tid] = wp.length(wp.mesh_eval_position(mesh, found.face, found.u, found.v) - points[tid])
 
 
-def nearest_faces(mesh: wp.Mesh, points: np.ndarray, reach: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
+def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
     """Return the face nearest to each point, shape [point] (-1: none within reach), and its distance [m], shape [point]."""
     asked = wp.array(np.asarray(points, np.float32), dtype=wp.vec3, device="cpu")
     face = wp.empty(len(asked), dtype=int, device="cpu")

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import warp as wp
 
-from s2a.geometry.rays import nearest_faces
+from s2a.geometry.rays import RayMesh, nearest_faces
 from s2a.scan.virtual.catalog import Entry
 from s2a.scan.virtual.solids import rotation
 from s2a.scene import Joint
@@ -31,7 +30,7 @@ class AnnotationConfig:
 
 
 def face_numbers(
-    mesh: wp.Mesh, numbers: np.ndarray, centroids: np.ndarray, config: AnnotationConfig, rng: np.random.Generator
+    mesh: RayMesh, numbers: np.ndarray, centroids: np.ndarray, config: AnnotationConfig, rng: np.random.Generator
 ) -> np.ndarray:
     """Return the number of the part that each scanned face is given to, shape [face].
 

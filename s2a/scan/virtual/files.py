@@ -132,7 +132,8 @@ def artic_record(name: str, entries: list[Entry], joints: dict[int, Joint]) -> d
     """
     annotated = [entry for entry in entries if entry.articulated]
     parts = [
-        {"pid": entry.number, "label": entry.label, "group": GROUPS.get(entry.piece.name, "others")} for entry in annotated
+        {"pid": entry.number, "label": entry.label, "group": GROUPS.get(entry.piece.name, "others")}
+        for entry in annotated
     ]
     articulations = [_articulation(entry, joints[entry.number]) for entry in annotated if entry.number in joints]
     return {"modelId": f"virtual.{name}", "data": {"parts": parts, "articulations": articulations}}

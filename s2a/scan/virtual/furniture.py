@@ -7,7 +7,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.scan.virtual.solids import PLAIN, WOOD, Color, Piece, at, box, cylinder, join, prism, rotation, stadium
+from s2a.scan.virtual.solids import (
+    PLAIN,
+    WOOD,
+    Color,
+    Piece,
+    Surface,
+    at,
+    box,
+    cylinder,
+    join,
+    prism,
+    rotation,
+    stadium,
+)
 from s2a.scene import Joint
 
 WHITE, STEEL, BLACK = (226, 224, 218), (158, 160, 164), (42, 42, 45)
@@ -33,7 +46,9 @@ def bar(length: float, width: float, depth: float, gap: float, post: float, colo
 
 def knob(radius: float, depth: float, color: Color = STEEL) -> Piece:
     """Return a round knob on a front at x = 0."""
-    shape = join(cylinder(radius * 0.45, depth * 0.6, color), cylinder(radius, depth * 0.5, color).moved(at(0, 0, depth / 2)))
+    shape = join(
+        cylinder(radius * 0.45, depth * 0.6, color), cylinder(radius, depth * 0.5, color).moved(at(0, 0, depth / 2))
+    )
     return Piece("knob", shape.moved(rotation((0, QUARTER, 0))), style="knob")
 
 
@@ -50,7 +65,9 @@ def upright(handle: Piece) -> Piece:
     return handle.moved(rotation((QUARTER, 0, 0)))
 
 
-def drawer(size: tuple[float, float, float], tray: tuple[float, float], handle: Piece, color: Color, look: int) -> Piece:
+def drawer(
+    size: tuple[float, float, float], tray: tuple[float, float], handle: Piece, color: Color, look: int
+) -> Piece:
     """Return a drawer: its panel ends at x = 0, its tray lies behind, centred in y and z.
 
     Args:
@@ -90,8 +107,8 @@ def door(size: tuple[float, float, float], hinge: int, handle: Piece, color: Col
     return Piece("door", panel, (handle,), Joint("revolute", (0.0, 0.0, float(hinge)), origin, (0.0, QUARTER)))
 
 
-def carcass(size: tuple[float, float, float], wall: float, color: Color, look: int = PLAIN) -> list:
-    """Return the five panels of a box of given extents that is open towards +x; its front edge is at x = 0, its floor at z = 0."""
+def carcass(size: tuple[float, float, float], wall: float, color: Color, look: int = PLAIN) -> list[Surface]:
+    """Return five panels of a box that is open towards +x: its front edge is at x = 0, its floor at z = 0."""
     deep, half, high = size[0], size[1] / 2, size[2]
     return [
         box((-deep, -deep + wall), (-half, half), (0, high), color, look),
@@ -131,7 +148,9 @@ def pedestal(rng: np.random.Generator) -> Piece:
     grip = bar(0.128, 0.014, 0.012, 0.022, 0.012, BLACK)
     fronts = []
     for height, z in ((0.14, 0.095), (0.14, 0.24), (0.23, 0.43)):
-        front = drawer((0.018, 0.414, height), (0.36, height - 0.04), grip.moved(at(0, 0, height / 2 - 0.04)), grey, PLAIN)
+        front = drawer(
+            (0.018, 0.414, height), (0.36, height - 0.04), grip.moved(at(0, 0, height / 2 - 0.04)), grey, PLAIN
+        )
         fronts.append(front.tilted(rng, 0.3).moved(at(0.02, 0, z)))
     return Piece("storage cabinet", body, tuple(fronts)).moved(at(0, 0, 0.02))
 
@@ -165,7 +184,9 @@ def window(rng: np.random.Generator, width: float, height: float) -> Piece:
     paint = (240, 240, 238)
     outer = _ring(width, height, 0.05, (-0.08, 0.0), paint)
     inner = _ring(width - 0.07, height - 0.07, 0.065, (-0.04, 0.018), paint)
-    pane = box((-0.02, -0.012), (-width / 2 + 0.09, width / 2 - 0.09), (0.09, height - 0.09), (120, 150, 165), dropout=0.8)
+    pane = box(
+        (-0.02, -0.012), (-width / 2 + 0.09, width / 2 - 0.09), (0.09, height - 0.09), (120, 150, 165), dropout=0.8
+    )
     pane = pane.moved(at(0, 0, -height / 2))
     sash = join(inner.moved(at(0, 0, 0.035 - height / 2)), pane)
     grip = upright(lever(0.12, -1)).moved(at(0.018, -(width / 2 - 0.066), 0))
@@ -174,7 +195,7 @@ def window(rng: np.random.Generator, width: float, height: float) -> Piece:
     return Piece("window frame", outer, (leaf,))
 
 
-def _ring(width: float, height: float, bar_width: float, x: tuple[float, float], color: Color):
+def _ring(width: float, height: float, bar_width: float, x: tuple[float, float], color: Color) -> Surface:
     """Return four bars around a rectangle whose lower edge is at z = 0, centred in y."""
     half = width / 2
     uprights = [box(x, (y, y + bar_width), (0, height), color) for y in (-half, half - bar_width)]

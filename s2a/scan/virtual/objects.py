@@ -22,14 +22,23 @@ from s2a.scan.virtual.solids import (
 
 BLACK, GREY, STEEL, WHITE = (38, 38, 42), (120, 122, 126), (168, 170, 174), (235, 235, 232)
 CLOTH: tuple[Color, ...] = ((52, 74, 110), (120, 44, 48), (64, 96, 72), (90, 90, 96))
-SPINES: tuple[Color, ...] = ((150, 40, 40), (36, 70, 120), (40, 100, 70), (200, 160, 60), (90, 60, 110), (220, 214, 200))
+SPINES: tuple[Color, ...] = (
+    (150, 40, 40),
+    (36, 70, 120),
+    (40, 100, 70),
+    (200, 160, 60),
+    (90, 60, 110),
+    (220, 214, 200),
+)
 
 
 def desk(width: float) -> Piece:
     """Return a desk 0.75 m deep and 0.74 m high; its front edge is at x = 0."""
     top = box((-0.75, 0), (-width / 2, width / 2), (0.715, 0.74), (186, 150, 108), WOOD)
     legs = [
-        box((x, x + 0.05), (y, y + 0.05), (0, 0.715), GREY) for x in (-0.72, -0.08) for y in (0.02 - width / 2, width / 2 - 0.07)
+        box((x, x + 0.05), (y, y + 0.05), (0, 0.715), GREY)
+        for x in (-0.72, -0.08)
+        for y in (0.02 - width / 2, width / 2 - 0.07)
     ]
     rail = box((-0.7, -0.68), (-width / 2 + 0.05, width / 2 - 0.05), (0.45, 0.715), GREY)
     return Piece("desk", join(top, *legs, rail))
@@ -42,7 +51,9 @@ def office_chair(rng: np.random.Generator) -> Piece:
     wheels = [ellipsoid((0.06, 0.04, 0.06), BLACK).moved(at(0, 0, 0, 72 * i) @ at(0.29, 0, 0.03)) for i in range(5)]
     column = cylinder(0.03, 0.36, BLACK).moved(at(0, 0, 0.06))
     seat = box((-0.23, 0.25), (-0.24, 0.24), (0.42, 0.5), cloth, FABRIC)
-    back = box((-0.04, 0.04), (-0.22, 0.22), (0.12, 0.62), cloth, FABRIC).moved(at(-0.24, 0, 0.46) @ rotation((0, -0.15, 0)))
+    back = box((-0.04, 0.04), (-0.22, 0.22), (0.12, 0.62), cloth, FABRIC).moved(
+        at(-0.24, 0, 0.46) @ rotation((0, -0.15, 0))
+    )
     spine = box((-0.3, -0.2), (-0.03, 0.03), (0.42, 0.75), BLACK)
     return Piece("office chair", join(*arms, *wheels, column, seat, back, spine))
 
@@ -78,7 +89,9 @@ def book(rng: np.random.Generator, standing: bool = True) -> tuple[Piece, float]
     thick, tall, deep = rng.uniform(0.018, 0.05), rng.uniform(0.19, 0.27), rng.uniform(0.13, 0.19)
     color = SPINES[rng.integers(len(SPINES))]
     cover = box((-deep, 0), (-thick / 2, thick / 2), (0, tall), color)
-    pages = box((-deep - 0.001, -0.004), (-thick / 2 + 0.003, thick / 2 - 0.003), (0.003, tall + 0.001), (238, 232, 214))
+    pages = box(
+        (-deep - 0.001, -0.004), (-thick / 2 + 0.003, thick / 2 - 0.003), (0.003, tall + 0.001), (238, 232, 214)
+    )
     shape = join(cover, pages)
     if not standing:
         shape = shape.moved(at(deep / 2, -tall / 2, thick / 2) @ rotation((-np.pi / 2, 0, 0)))
@@ -116,7 +129,9 @@ def cup(rng: np.random.Generator) -> Piece:
 def table_lamp() -> Piece:
     """Return a desk lamp with a cone-shaped shade."""
     shade = lathe([(0.11, 0.3), (0.06, 0.44), (0.05, 0.44), (0.1, 0.3), (0.11, 0.3)], (236, 214, 160))
-    return Piece("table lamp", join(cylinder(0.08, 0.02, STEEL), cylinder(0.009, 0.42, STEEL).moved(at(0, 0, 0.02)), shade))
+    return Piece(
+        "table lamp", join(cylinder(0.08, 0.02, STEEL), cylinder(0.009, 0.42, STEEL).moved(at(0, 0, 0.02)), shade)
+    )
 
 
 def trash_can() -> Piece:
@@ -128,11 +143,20 @@ def trash_can() -> Piece:
 def plant(rng: np.random.Generator, height: float) -> Piece:
     """Return a pot with a leafy plant of given height [m]."""
     size = 0.3 * height
-    profile = [(0, 0), (0.35 * size, 0), (0.5 * size, size), (0.45 * size, size), (0.44 * size, 0.9 * size), (0, 0.9 * size)]
+    profile = [
+        (0, 0),
+        (0.35 * size, 0),
+        (0.5 * size, size),
+        (0.45 * size, size),
+        (0.44 * size, 0.9 * size),
+        (0, 0.9 * size),
+    ]
     leaves: list[Surface] = [cylinder(0.01 + 0.01 * height, 0.45 * height, (96, 76, 50)).moved(at(0, 0, size * 0.85))]
     for i in range(26):
         length = height * rng.uniform(0.25, 0.42)
-        leaf = ellipsoid((length, 0.4 * length, 0.012), (52 + int(rng.integers(30)), 118 + int(rng.integers(40)), 52), sides=8)
+        leaf = ellipsoid(
+            (length, 0.4 * length, 0.012), (52 + int(rng.integers(30)), 118 + int(rng.integers(40)), 52), sides=8
+        )
         pitch = rng.uniform(-1.2, 0.3)
         turn = rotation((0, 0, 2.4 * i)) @ rotation((0, pitch, 0)) @ at(0.45 * length, 0)
         leaves.append(leaf.moved(at(0, 0, size + height * rng.uniform(0.1, 0.42)) @ turn))
@@ -151,11 +175,11 @@ def picture(rng: np.random.Generator, width: float, height: float) -> Piece:
     frame = box((0, 0.02), (-width / 2, width / 2), (0, height), (60, 44, 30), WOOD)
     colors = rng.integers(60, 230, size=(12, 3))
     cells = []
-    for i, color in enumerate(colors):
+    for i, (red, green, blue) in enumerate(colors.tolist()):
         y = -width / 2 + 0.04 + (i % 4) * (width - 0.08) / 4
         z = 0.04 + (i // 4) * (height - 0.08) / 3
         cell = ((y, y + (width - 0.08) / 4), (z, z + (height - 0.08) / 3))
-        cells.append(box((0.015, 0.0215), *cell, tuple(int(c) for c in color)))
+        cells.append(box((0.015, 0.0215), *cell, (red, green, blue)))
     return Piece("picture", join(frame, *cells))
 
 
@@ -171,14 +195,17 @@ def clock() -> Piece:
     """Return a round wall clock with its back at x = 0."""
     face = join(cylinder(0.15, 0.03, BLACK), cylinder(0.135, 0.032, WHITE))
     hands = join(
-        box((-0.004, 0.1), (-0.004, 0.004), (0.032, 0.036), BLACK), box((-0.004, 0.004), (0.0, 0.07), (0.032, 0.036), BLACK)
+        box((-0.004, 0.1), (-0.004, 0.004), (0.032, 0.036), BLACK),
+        box((-0.004, 0.004), (0.0, 0.07), (0.032, 0.036), BLACK),
     )
     return Piece("clock", join(face, hands).moved(rotation((0, np.pi / 2, 0))))
 
 
 def heater(width: float) -> Piece:
     """Return a ribbed radiator 0.1 m deep and 0.55 m high; its back is at x = 0."""
-    ribs = [box((0.03, 0.1), (y, y + 0.035), (0.12, 0.66), WHITE) for y in np.arange(-width / 2, width / 2 - 0.03, 0.05)]
+    ribs = [
+        box((0.03, 0.1), (y, y + 0.035), (0.12, 0.66), WHITE) for y in np.arange(-width / 2, width / 2 - 0.03, 0.05)
+    ]
     return Piece("heater", join(box((0.045, 0.085), (-width / 2, width / 2), (0.14, 0.64), WHITE), *ribs))
 
 
@@ -197,7 +224,9 @@ def bag(rng: np.random.Generator) -> Piece:
 def paper_stack(rng: np.random.Generator) -> Piece:
     """Return a pile of paper."""
     sheets = [
-        box((-0.105, 0.105), (-0.148, 0.148), (0.008 * i, 0.008 * (i + 1)), WHITE, PLAIN).moved(at(0, 0, 0, rng.uniform(-8, 8)))
+        box((-0.105, 0.105), (-0.148, 0.148), (0.008 * i, 0.008 * (i + 1)), WHITE, PLAIN).moved(
+            at(0, 0, 0, rng.uniform(-8, 8))
+        )
         for i in range(4)
     ]
     return Piece("paper", join(*sheets))

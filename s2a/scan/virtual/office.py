@@ -77,7 +77,9 @@ def _articulated(rng: np.random.Generator, size: tuple[float, float, float]) -> 
         room_door(rng, 0.98, 2.1).moved(at(0.85, 0, 0, SOUTH)),
         main_cabinet(rng).moved(cabinet),
         pedestal(rng).moved(at(width - 0.84, 0.88, 0, EAST + rng.uniform(-2, 2))),
-        wall_cupboard(rng).moved(at(3.5 + rng.uniform(-0.08, 0.08), depth - 0.322, 1.4 + rng.uniform(-0.05, 0.05), NORTH)),
+        wall_cupboard(rng).moved(
+            at(3.5 + rng.uniform(-0.08, 0.08), depth - 0.322, 1.4 + rng.uniform(-0.05, 0.05), NORTH)
+        ),
         window(rng, 1.2, 1.3).moved(at(width + 0.02, 1.5, 0.95, EAST)),
     ]
 
@@ -98,7 +100,8 @@ def _wall(length: float, height: float, hole: tuple[float, float, float, float] 
 def _shell(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
     """Return walls, floor and ceiling."""
     width, depth, height = size
-    paint = tuple(int(c) for c in np.array((224, 220, 208)) + rng.integers(-8, 9, 3))
+    red, green, blue = (np.array((224, 220, 208)) + rng.integers(-8, 9, 3)).tolist()
+    paint = (red, green, blue)
     walls = [
         _wall(depth, height, None, paint).moved(at(0, 0, 0, WEST)),
         _wall(width, height, None, paint).moved(at(0, depth, 0, NORTH)),

@@ -1,4 +1,4 @@
-"""One virtual scan: furnish a room from a seed, scan it, annotate it, write the files of a real scan and, beside them, the truth."""
+"""One virtual scan: furnish a room from a seed, scan it, annotate it; write the files of a real scan, and the truth."""
 
 from __future__ import annotations
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import warp as wp
 
 from s2a.geometry.field import FusionConfig, fuse
 from s2a.geometry.nets import extract
-from s2a.geometry.rays import NoiseConfig, cast_panorama
+from s2a.geometry.rays import NoiseConfig, RayMesh, cast_panorama
 from s2a.progress import track
 from s2a.scan.virtual.solids import rotation, translation
 from s2a.scan.virtual.thin import ThinConfig, thin
@@ -35,7 +34,7 @@ class ScannerConfig:
 
 
 def scan(
-    mesh: wp.Mesh,
+    mesh: RayMesh,
     dropout: np.ndarray,
     yaw: float,
     scanners: np.ndarray,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from s2a.scene import Joint, Mesh
 
@@ -126,12 +127,13 @@ def join(*surfaces: Surface) -> Surface:
     return Surface(np.concatenate([s.vertices for s in surfaces]), np.concatenate(faces).astype(np.int32), *fields)
 
 
-def painted(vertices: np.ndarray, faces: np.ndarray, color: Color, texture: int = PLAIN, dropout: float = 0.0) -> Surface:
+def painted(vertices: ArrayLike, faces: ArrayLike, color: Color, texture: int = PLAIN, dropout: float = 0.0) -> Surface:
     """Return triangles that all look the same."""
-    n = len(faces)
+    corners = np.asarray(faces, np.int32)
+    n = len(corners)
     return Surface(
         np.asarray(vertices, np.float64),
-        np.asarray(faces, np.int32),
+        corners,
         np.tile(np.array(color, np.uint8), (n, 1)),
         np.full(n, texture, np.uint8),
         np.full(n, dropout, np.float32),
@@ -163,16 +165,11 @@ def lathe(
     angle = 2 * np.pi * np.arange(sides) / sides
     rings = [(r * np.cos(angle), squeeze * r * np.sin(angle), np.full(sides, z)) for r, z in profile]
     vertices = np.concatenate([np.stack(ring, axis=1) for ring in rings])
-    faces = []
-    for ring in range(len(profile) - 1):
-        for i in range(sides):
-            a, b = ring * sides + i, ring * sides + (i + 1) % sides
-            faces += [(a, b, b + sides), (a, b + sides, a + sides)]
-    return painted(vertices, [f for f in faces if _has_area(vertices[list(f)])], color, texture)
-
-
-def _has_area(corners: np.ndarray) -> bool:
-    return bool(np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0])) > 1e-12)
+    here = (np.arange(len(profile) - 1)[:, None] * sides + np.arange(sides)).ravel()
+    beside = here - here % sides + (here + 1) % sides
+    faces = np.stack([here, beside, beside + sides, here, beside + sides, here + sides], axis=1).reshape(-1, 3)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return painted(vertices, faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-12], color, texture)
 
 
 def cylinder(radius: float, height: float, color: Color, texture: int = PLAIN, sides: int = 24) -> Surface:

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
+from warp import Mesh as RayMesh
 
 BEND = 0.25
 """A cube-map face maps the tangent u in [-1, 1] to u (1 + BEND - BEND u^2): within 20 % of even angular spacing."""
-
-RayMesh = wp.Mesh
-"""What `ray_mesh` returns: triangles that rays and closest-point queries can ask."""
 
 LATTICE_RMS = (2.0 / 3.0) ** 1.5
 """Standard deviation of unit white noise on a cubic lattice once it is interpolated linearly along three axes."""
@@ -136,7 +134,7 @@ def _cast(
         return
     # Sharing the lattice between ranges and dropouts is harmless: glass has no other surface to be compared with.
     shared = _smooth_noise(errors.lattice, d)
-    if dropout[hit.face] > 0.5 + 0.3 * shared:
+    if dropout[hit.face] > wp.max(0.5 + 0.3 * shared, 0.0):
         return
     ranges[tid] = hit.t + errors.offset + errors.correlated * shared + errors.white * wp.randn(rng)
 

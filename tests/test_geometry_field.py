@@ -1,0 +1,82 @@
+"""Panoramas become one surface: where it was measured, and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from s2a.geometry.field import FusionConfig, fuse
+from s2a.geometry.nets import Net, extract
+from s2a.geometry.rays import NoiseConfig, cast_panorama, nearest_faces, pixel_tangents, ray_mesh
+from s2a.scan.virtual.solids import box, rotation, translation
+
+EXACT = NoiseConfig(white=0.0, correlated=0.0, correlation=0.1, registration=0.0, grazing=0.0, blind=np.pi / 2)
+FUSION = FusionConfig(voxel=0.02, truncation=3.0, reach=1.3, stencil=1)
+SPACING = 0.008
+SPAN = (-0.5, 0.5)
+
+
+def panorama(yaw: float, place: tuple[float, float, float], noise: NoiseConfig = EXACT, seed: int = 0) -> np.ndarray:
+    """Return what a scanner sees inside a cube of 1 m that stands at a yaw [rad]; ranges [m], shape [pixel]."""
+    cube = box(SPAN, SPAN, SPAN, (200, 200, 200))
+    pose = rotation((0.0, 0.0, -yaw)) @ translation(place)
+    mesh = ray_mesh(cube.vertices, cube.faces)
+    return cast_panorama(mesh, cube.dropout, pose, SPACING, noise, np.random.default_rng(seed))
+
+
+@pytest.fixture(scope="module")
+def net() -> Net:
+    """The inside of the cube at a yaw of 0.4, scanned from two places."""
+    places = np.array([(0.1, 0.0, 0.05), (-0.15, 0.1, -0.1)])
+    panoramas = [panorama(0.4, tuple(place)) for place in places]
+    return extract(fuse(panoramas, places, SPACING, np.array([(-0.8,) * 3, (0.8,) * 3]), FUSION))
+
+
+def test_pixels_are_almost_evenly_spaced() -> None:
+    steps = np.diff(np.arctan(pixel_tangents(0.01)))
+    assert 0.8 < steps.min() / steps.mean() < steps.max() / steps.mean() < 1.25
+
+
+def test_ranges_are_distances_along_the_ray() -> None:
+    """From the middle of a cube of 1 m: half a metre to a face, half the root of 3 to a corner."""
+    ranges = panorama(0.0, (0.0, 0.0, 0.0))
+    assert abs(ranges.min() - 0.5) < 1e-4
+    assert np.sqrt(3) / 2 - 0.01 < ranges.max() < np.sqrt(3) / 2 + 1e-6
+
+
+def test_a_turned_scanner_sees_what_a_turned_room_shows(net: Net) -> None:
+    """Without noise the surface lies on the cube to a tenth of a voxel, except along its edges, which are rounded."""
+    cube = box(SPAN, SPAN, SPAN, (200, 200, 200)).moved(rotation((0.0, 0.0, 0.4)))
+    gap = nearest_faces(ray_mesh(cube.vertices, cube.faces), net.points)[1]
+    inside = np.abs(net.points @ rotation((0.0, 0.0, 0.4))[:3, :3])
+    flat = (inside < 0.5 - 3 * FUSION.voxel).sum(axis=1) == 2
+    assert flat.sum() > 5000
+    assert gap[flat].max() < 0.1 * FUSION.voxel
+
+
+def test_faces_look_at_free_space(net: Net) -> None:
+    a, b, c = np.moveaxis(net.points[net.faces].astype(np.float64), 1, 0)
+    towards = -((a + b + c) / 3)
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), towards) > 0.0).mean() > 0.999
+
+
+def test_a_closed_room_gives_a_closed_surface(net: Net) -> None:
+    edges = np.sort(net.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    _, uses = np.unique(edges, axis=0, return_counts=True)
+    assert (uses == 2).mean() > 0.99
+
+
+def test_the_noise_has_the_stated_size() -> None:
+    noise = NoiseConfig(
+        white=0.0005, correlated=0.0012, correlation=0.05, registration=0.0, grazing=0.0, blind=np.pi / 2
+    )
+    error = panorama(0.0, (0.0, 0.0, 0.0), noise) - panorama(0.0, (0.0, 0.0, 0.0))
+    assert abs(error.std() / np.hypot(0.0005, 0.0012) - 1.0) < 0.15
+    assert abs(error.mean()) < 0.0003
+
+
+def test_nothing_returns_from_below_the_tripod() -> None:
+    noise = NoiseConfig(white=0.0, correlated=0.0, correlation=0.1, registration=0.0, grazing=0.0, blind=np.pi / 4)
+    ranges = panorama(0.0, (0.0, 0.0, 0.0), noise)
+    lost = (ranges == 0.0).mean()
+    assert 0.10 < lost < 0.20, "a cap of 45 degrees covers 14.6 % of the sphere"

@@ -16,8 +16,13 @@ Policy = Callable[[torch.Tensor], torch.Tensor]
 
 
 @torch.inference_mode()
-def evaluate(env: OpenDrawerEnv, policy: Policy) -> dict[str, Any]:
+def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lambda: None) -> dict[str, Any]:
     """Run one episode in every world from a fresh reset.
+
+    Args:
+        env: the worlds.
+        policy: what acts in them.
+        watch: called after the reset and after every step.
 
     Returns:
         Number of episodes and, each with its Wilson 95 % interval: success (the success opening reached at any time),
@@ -25,10 +30,12 @@ def evaluate(env: OpenDrawerEnv, policy: Policy) -> dict[str, Any]:
         the steps in which the part moved there); handle_use_of_successes; largest openings [m] (mean, min).
     """
     env.reset_all()
+    watch()
     result = torch.full((env.num_envs, 4), torch.nan, device=env.result.device)
     pending = torch.ones(env.num_envs, dtype=torch.bool, device=env.result.device)
     for _ in track(range(env.max_episode_length), "evaluate"):
         env.step(policy(env.observation.clone()))
+        watch()
         finished = pending & (env.done == 1)
         result[finished] = env.result[finished]
         pending &= ~finished

@@ -110,7 +110,7 @@ def build_world(
     builder.joint_target_mode[dof] = newton.JointTargetMode.POSITION
     builder.joint_target_ke[dof] = joint.stiffness
     builder.joint_target_kd[dof] = joint.damping
-    _stiffen_limits(builder, dof, dt)
+    stiffen_limits(builder, dof, dt)
     return builder
 
 
@@ -124,7 +124,7 @@ def joint_index(builder: newton.ModelBuilder, name: str) -> int:
     return next(i for i, label in enumerate(builder.joint_label) if label.split("/")[-1] == name)
 
 
-def _stiffen_limits(builder: newton.ModelBuilder, dof: int, dt: float) -> None:
+def stiffen_limits(builder: newton.ModelBuilder, dof: int, dt: float) -> None:
     """Make one joint's limits as stiff as the time step allows.
 
     Newton's default limit is so soft that a drawer pulled by 30 N passes it by 0.2 m. MuJoCo keeps a constraint stable

@@ -44,18 +44,24 @@ class FrankaConfig:
     start: tuple[float, ...]
 
 
-def add_franka(builder: newton.ModelBuilder, config: FrankaConfig, base: wp.transform) -> None:
-    """Add the robot, fixed at `base`, as the first articulation of a world.
+def add_franka(
+    builder: newton.ModelBuilder, config: FrankaConfig, base: wp.transform, visuals: bool = False
+) -> None:
+    """Add the robot, fixed at `base`, as the first articulation of a world; with its looks, if a camera is to see it.
 
     Colliders are the convex hulls of its links' collision meshes; the links do not collide with each other. The fingers
     are driven one by one: the URDF's mimic joint would become a soft equality in MuJoCo.
     """
     first_shape, first_body = builder.shape_count, builder.body_count
     builder.add_urdf(
-        _urdf(), package_dirs=[str(_share())], xform=base, enable_self_collisions=False, collapse_fixed_joints=False
+        _urdf(visuals),
+        package_dirs=[str(_share())],
+        xform=base,
+        enable_self_collisions=False,
+        collapse_fixed_joints=False,
     )
     shapes = range(first_shape, builder.shape_count)
-    meshes = [i for i in shapes if builder.shape_type[i] == newton.GeoType.MESH]
+    meshes = [i for i in shapes if builder.shape_type[i] == newton.GeoType.MESH and _collides(builder, i)]
     builder.approximate_meshes("convex_hull", shape_indices=meshes)
     for i in range(JOINTS):
         arm = i < ARM_JOINTS
@@ -71,12 +77,16 @@ def add_franka(builder: newton.ModelBuilder, config: FrankaConfig, base: wp.tran
         compensation.values = {**(compensation.values or {}), **{i: 1.0 for i in range(first_body, builder.body_count)}}
 
 
-def _urdf() -> str:
-    """Return the robot's URDF as text, without visuals (DAE files that physics never reads) and without the mimic tag."""
+def _collides(builder: newton.ModelBuilder, shape: int) -> bool:
+    return bool(builder.shape_flags[shape] & newton.ShapeFlags.COLLIDE_SHAPES)
+
+
+def _urdf(visuals: bool) -> str:
+    """Return the robot's URDF as text, without the mimic tag, and without visuals (DAE files) where nobody looks."""
     path = _share() / "example-robot-data/robots/panda_description/urdf/panda.urdf"
     robot = ElementTree.parse(path).getroot()
     for link in robot.iter("link"):
-        for visual in link.findall("visual"):
+        for visual in [] if visuals else link.findall("visual"):
             link.remove(visual)
     for joint in robot.iter("joint"):
         for mimic in joint.findall("mimic"):

@@ -6,11 +6,16 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
+from PIL import Image
+
 from s2a.evaluate import evaluate
 from s2a.outputs import aside
 from s2a.policy.planner import Planner, PlannerConfig
 from s2a.policy.ppo import load_policy
 from s2a.provenance import provenance
+from s2a.sim.camera import Camera, CameraConfig
+from s2a.sim.franka import JOINTS
 from s2a.sim.simulation import SimConfig
 from s2a.task.env import OpenDrawerEnv
 from s2a.task.open_drawer import OpenDrawerConfig
@@ -32,6 +37,8 @@ class Config:
         task: what the robot has to do.
         reward: weight of each reward term.
         policy: the planner's motion.
+        pictures: folder for before.png and after.png (world 0 at its widest opening), or null.
+        camera: how they are taken.
     """
 
     stage: Path
@@ -44,6 +51,30 @@ class Config:
     task: OpenDrawerConfig
     reward: dict[str, float]
     policy: PlannerConfig
+    pictures: Path | None
+    camera: CameraConfig
+
+
+class Album:
+    """World 0 as it began and at its widest opening, as joint coordinates."""
+
+    def __init__(self, env: OpenDrawerEnv) -> None:
+        """Keep the environment that is watched."""
+        self._env = env
+        self._poses: list[torch.Tensor] = []
+
+    def watch(self) -> None:
+        """Look at the environment after its reset or a step."""
+        pose = self._env.sim.joint_q[0].clone()
+        if len(self._poses) < 2:
+            self._poses.append(pose)
+        elif abs(pose[JOINTS]) > abs(self._poses[1][JOINTS]):
+            self._poses[1] = pose
+
+    def save(self, camera: Camera, folder: Path) -> None:
+        """Write before.png and after.png."""
+        for name, pose in zip(("before", "after"), self._poses, strict=True):
+            Image.fromarray(camera.picture(pose)).save(folder / f"{name}.png")
 
 
 def run(config: Config) -> str:
@@ -52,8 +83,12 @@ def run(config: Config) -> str:
         sim = simulation(config.stage, config.sim, config.worlds, config.device)
         env = OpenDrawerEnv(sim, config.task, config.reward, config.seed)
         policy = load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.policy)
-        metrics = evaluate(env, policy) | {"seed": config.seed, **provenance(sim.device)}
+        album = Album(env)
+        metrics = evaluate(env, policy, album.watch) | {"seed": config.seed, **provenance(sim.device)}
         out.write_text(json.dumps(metrics, indent=1))
+    if config.pictures:
+        config.pictures.mkdir(parents=True, exist_ok=True)
+        album.save(Camera(sim.stage, config.sim.robot, config.camera), config.pictures)
     rates = {name: metrics[name] for name in ("success", "final_success", "handle_success")}
     lines = [f"  {name:16}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name, r in rates.items()]
     opening = f"  opening         mean {metrics['opening']['mean']:.3f} m, least {metrics['opening']['min']:.3f} m"

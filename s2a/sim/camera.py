@@ -1,0 +1,135 @@
+"""What a camera sees of one world: Newton's own renderer, the scan's colours as a texture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import newton
+import numpy as np
+import torch
+import warp as wp
+from newton.sensors import SensorCamera
+from pxr import UsdGeom
+from scipy.spatial.transform import Rotation
+
+from s2a.sim.build import SimStage, body_index
+from s2a.sim.franka import FrankaConfig, add_franka
+from s2a.usd.stage import open_stage, read_mesh
+
+BLOCK = 4
+"""Texels along a triangle's edge in the texture."""
+
+
+@dataclass(frozen=True)
+class CameraConfig:
+    """A picture of the robot and what it opens.
+
+    Attributes:
+        width: [pixel].
+        height: [pixel].
+        fov: vertical field of view [rad].
+        distance: from the middle between robot and handle [m].
+        azimuth: how far the camera stands to the side of the line from robot to furniture, turned about z [rad].
+        elevation: above the horizon [rad].
+    """
+
+    width: int
+    height: int
+    fov: float
+    distance: float
+    azimuth: float
+    elevation: float
+
+
+class Camera:
+    """A camera on one world of a stage; it has a model of its own, with everything that can be seen."""
+
+    def __init__(self, stage: SimStage, robot: FrankaConfig, config: CameraConfig) -> None:
+        """Load the visuals; takes seconds, so make one camera and take many pictures."""
+        builder = newton.ModelBuilder()
+        newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+        add_franka(builder, robot, wp.transform(*stage.base[:3], *stage.base[3:]), visuals=True)
+        builder.add_usd(str(stage.path), load_visual_shapes=False, hide_collision_shapes=True, load_sites=False)
+        _add_visuals(builder, stage)
+        with wp.ScopedDevice("cpu"):
+            self._model = builder.finalize()
+            self._state = self._model.state()
+            self._camera = SensorCamera(self._model)
+            # Scans are open shells with light from everywhere: no shadows, both sides visible.
+            self._camera.create_default_light(enable_shadows=False)
+            self._camera.set_ambient_light((0.5, 0.5, 0.5))
+            self._camera.default_render_config.enable_textures = True
+            self._camera.default_render_config.enable_backface_culling = False
+            self._rays = SensorCamera.compute_camera_rays_pinhole(config.width, config.height, camera_fov=config.fov)
+            self._image = self._camera.allocate_image_color(1, config.width, config.height)
+            self._pose = wp.array([_pose(stage, config)], dtype=wp.transformf)
+
+    def picture(self, joint_q: torch.Tensor) -> np.ndarray:
+        """Return RGB [height width 3], uint8, for the joint coordinates of a world, shape [coord]."""
+        with wp.ScopedDevice("cpu"):
+            self._model.joint_q.assign(joint_q.cpu().numpy())
+            newton.eval_fk(self._model, self._model.joint_q, self._model.joint_qd, self._state)
+            # Without this the camera sees every body where the builder put it.
+            self._model.bvh_refit_shapes(self._state)
+            self._camera.update(self._state, self._pose, self._rays, color_image=self._image)
+            rgba = self._image.numpy()[0].view(np.uint8).reshape(*self._image.shape[1:], 4)
+        return rgba[..., :3]
+
+
+def _add_visuals(builder: newton.ModelBuilder, stage: SimStage) -> None:
+    """Add the visible surfaces of the room, the carcass and the target to their bodies; nothing of them collides."""
+    seen = newton.ModelBuilder.ShapeConfig(density=0.0, has_shape_collision=False, has_particle_collision=False)
+    file = open_stage(stage.path)
+    for prim in file.GetDefaultPrim().GetChildren():
+        visual = prim.GetChild("visual")
+        if visual and visual.IsA(UsdGeom.Mesh):
+            body = -1 if prim.GetName() == "static" else body_index(builder, prim.GetName())
+            mesh = read_mesh(visual)
+            uv, texture = bake(mesh.faces, mesh.colors)
+            points = mesh.vertices[mesh.faces].reshape(-1, 3)
+            surface = newton.Mesh(
+                points, np.arange(len(points)), uvs=uv, texture=texture, compute_inertia=False, is_solid=False
+            )
+            builder.add_shape_mesh(body, mesh=surface, cfg=seen, color=(1.0, 1.0, 1.0))  # else a palette tints the texture
+
+
+def bake(faces: np.ndarray, colors: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Turn colours per vertex into a texture, because Newton 1.8 gives a mesh one colour or a texture.
+
+    Every triangle gets a block of BLOCK x BLOCK texels, in which its corners' colours blend.
+
+    Args:
+        faces: shape [face 3].
+        colors: RGB, shape [vertex 3], uint8; None is grey.
+
+    Returns:
+        Texture coordinates of the corners, shape [3 face, 2], v upwards; texture RGBA [size size 4], uint8.
+    """
+    corners = np.full((len(faces), 3, 3), 170.0) if colors is None else colors[faces].astype(float)
+    side = int(np.ceil(np.sqrt(max(1, len(faces)))))
+    step = np.arange(BLOCK) / (BLOCK - 1)
+    u, v = np.meshgrid(step, step)
+    weights = np.stack([np.clip(1.0 - u - v, 0.0, 1.0), u, v])
+    blocks = np.einsum("fck,cij->fijk", corners, weights / weights.sum(axis=0))
+    padded = np.zeros((side * side, BLOCK, BLOCK, 3))
+    padded[: len(faces)] = blocks
+    image = padded.reshape(side, side, BLOCK, BLOCK, 3).swapaxes(1, 2).reshape(side * BLOCK, side * BLOCK, 3)
+    texture = np.concatenate([image, np.full((*image.shape[:2], 1), 255.0)], axis=2).round().astype(np.uint8)
+    index = np.arange(len(faces))
+    first = np.stack([index % side, index // side], axis=1)[:, None] * BLOCK + 0.5
+    texels = first + np.array([[0, 0], [1, 0], [0, 1]]) * (BLOCK - 1)
+    uv = texels.reshape(-1, 2) / (side * BLOCK)
+    return np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1).astype(np.float32), texture
+
+
+def _pose(stage: SimStage, config: CameraConfig) -> wp.transformf:
+    """Return the pose of a camera that looks along -z, y up, at the space between the robot and the handle."""
+    base, grasp = stage.base[:3], stage.grasp[:3]
+    target = 0.5 * (base + grasp) + [0.0, 0.0, 0.2]
+    heading = np.arctan2(*(grasp - base)[1::-1]) + np.pi + config.azimuth
+    level = np.cos(config.elevation)
+    back = np.array([level * np.cos(heading), level * np.sin(heading), np.sin(config.elevation)])
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    rotation = Rotation.from_matrix(np.stack([right, np.cross(back, right), back], axis=1))
+    return wp.transformf(wp.vec3(*(target + config.distance * back)), wp.quat(*rotation.as_quat()))

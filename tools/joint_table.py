@@ -19,12 +19,12 @@ from rich.console import Console
 from rich.table import Table
 
 from s2a.scene import Joint, Scene
-from s2a.sim.build import joint_index, stiffen_limits
+from s2a.sim.build import body_index, joint_index, stiffen_limits
 from s2a.usd import geometric
 
 DT, PUSH, SECONDS = 1.0 / 240.0, 30.0, 2.0
 MASS = 5.0
-"""[kg] of every body; the stage has no masses, and where a joint ends does not depend on them."""
+"""[kg] of every body, at its joint; the stage has no masses, and where a joint ends does not depend on them."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,8 @@ def push_all(scene: Scene, stage: Path) -> dict[str, Reached]:
     builder.add_usd(str(stage), load_visual_shapes=False)
     for body in range(builder.body_count):
         builder.body_mass[body], builder.body_inertia[body] = MASS, wp.mat33(np.eye(3))
+    for part_id in scene.movable:
+        builder.body_com[body_index(builder, part_id)] = wp.vec3(*scene.joint(part_id).origin)
     dofs = {i: builder.joint_qd_start[joint_index(builder, i)] for i in scene.movable}
     for dof in dofs.values():
         stiffen_limits(builder, dof, DT)
@@ -68,7 +70,7 @@ def push_all(scene: Scene, stage: Path) -> dict[str, Reached]:
         for _ in range(round(SECONDS / DT)):
             solver.step(*states, control, None, DT)
             states.reverse()
-        ends.append(states[0].joint_q.numpy())
+        ends.append(states[0].joint_q.numpy().copy())
     return {i: Reached(*(float(end[dof]) for end in ends)) for i, dof in dofs.items()}
 
 

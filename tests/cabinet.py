@@ -38,8 +38,8 @@ def write_cabinet(
     floor = [box((0.5, 0.0, -0.01), (2.0, 2.0, 0.01)), box((-0.5, 0.0, 1.0), (0.02, 2.0, 1.0))]
     scene = simready.SimScene(
         name="test",
-        carcass=_body("cabinet_1", carcass, 60.0),
-        target=_body("drawer_2", [bar, *posts, front], 5.32),
+        carcass=_body("cabinet_1", carcass, 60.0, (120, 90, 60)),
+        target=_body("drawer_2", [bar, *posts, front], 5.32, (200, 20, 20)),
         joint=Joint("prismatic", (1.0, 0.0, 0.0), tuple(HANDLE), (0.0, TRAVEL)),
         # z into the cabinet (-x), y up, x = y cross z = -y of the world.
         grasp=simready.Grasp(grasp, (0.5, -0.5, -0.5, 0.5), (0.168, 0.0238, 0.0142), bar),
@@ -52,9 +52,10 @@ def write_cabinet(
     return path
 
 
-def _body(name: str, meshes: list[Mesh], mass: float) -> simready.SimBody:
+def _body(name: str, meshes: list[Mesh], mass: float, color: tuple[int, int, int]) -> simready.SimBody:
     """Return a body of convex pieces with the inertia of its bounding box."""
     joined = _joined(meshes)
+    joined = Mesh(joined.vertices, joined.faces, np.tile(np.uint8(color), (len(joined.vertices), 1)))
     size = np.diff(joined.bounds, axis=0)[0]
     inertia = mass / 12.0 * (np.sum(size**2) - size**2)
     colliders = tuple(simready.Collider(name, mesh) for mesh in meshes)

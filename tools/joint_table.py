@@ -82,7 +82,13 @@ def _row(part_id: str, joint: Joint, reached: Reached, truth: Joint) -> tuple[st
     # A slide's origin may lie anywhere: only its direction has a truth.
     off = np.linalg.norm(np.cross(np.subtract(joint.origin, truth.origin), truth.axis))
     ranges = [f"{scale * a:.2f} to {scale * b:.2f} {unit}" for a, b in (joint.limits, (reached.lower, reached.upper))]
-    return part_id, "slide" if slides else "hinge", *ranges, f"{angle:.2f} deg", "-" if slides else f"{1e3 * off:.1f} mm"
+    return (
+        part_id,
+        "slide" if slides else "hinge",
+        *ranges,
+        f"{angle:.2f} deg",
+        "-" if slides else f"{1e3 * off:.1f} mm",
+    )
 
 
 if __name__ == "__main__":

@@ -90,7 +90,9 @@ def _add_visuals(builder: newton.ModelBuilder, stage: SimStage) -> None:
             surface = newton.Mesh(
                 points, np.arange(len(points)), uvs=uv, texture=texture, compute_inertia=False, is_solid=False
             )
-            builder.add_shape_mesh(body, mesh=surface, cfg=seen, color=(1.0, 1.0, 1.0))  # else a palette tints the texture
+            builder.add_shape_mesh(
+                body, mesh=surface, cfg=seen, color=(1.0, 1.0, 1.0)
+            )  # else a palette tints the texture
 
 
 def bake(faces: np.ndarray, colors: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

@@ -44,9 +44,7 @@ class FrankaConfig:
     start: tuple[float, ...]
 
 
-def add_franka(
-    builder: newton.ModelBuilder, config: FrankaConfig, base: wp.transform, visuals: bool = False
-) -> None:
+def add_franka(builder: newton.ModelBuilder, config: FrankaConfig, base: wp.transform, visuals: bool = False) -> None:
     """Add the robot, fixed at `base`, as the first articulation of a world; with its looks, if a camera is to see it.
 
     Colliders are the convex hulls of its links' collision meshes; the links do not collide with each other. The fingers

@@ -72,7 +72,7 @@ class Camera:
             # Without this the camera sees every body where the builder put it.
             self._model.bvh_refit_shapes(self._state)
             self._camera.update(self._state, self._pose, self._rays, color_image=self._image)
-            rgba = self._image.numpy()[0].view(np.uint8).reshape(*self._image.shape[1:], 4)
+            rgba = self._image.numpy()[0].copy().view(np.uint8).reshape(*self._image.shape[1:], 4)
         return rgba[..., :3]
 
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.geometry.convex import column, cut_free
-from s2a.geometry.decompose import vhacd
+from s2a.geometry.decompose import one_hull, vhacd
 from s2a.geometry.planes import find_planes, slabs
 from s2a.geometry.surfaces import centroids, keep
 from s2a.prepare.decimate import is_shell
+from s2a.progress import track
 from s2a.scene import Mesh, Scene
 from s2a.usd.simready import Collider
 
@@ -27,8 +28,9 @@ class RoomConfig:
 
     Attributes:
         reach: distance from the robot's shoulder and from the handle [m] beyond which nothing collides.
-        pieces: largest number of pieces altogether; the nearest are kept.
+        pieces: largest number of pieces altogether; walls and floor first, then the nearest parts.
         part_pieces: largest number of pieces of one piece of furniture.
+        small: parts whose bounding box has a shorter diagonal [m] become one hull.
         resolution: voxels of its decomposition.
         max_vertices: largest number of vertices of a piece.
         shell_labels: words that make a label one of a wall, floor or ceiling; those become thin boxes.
@@ -42,6 +44,7 @@ class RoomConfig:
     reach: float
     pieces: int
     part_pieces: int
+    small: float
     resolution: int
     max_vertices: int
     shell_labels: tuple[str, ...]
@@ -68,17 +71,19 @@ def room_colliders(
         config: how many, how fine.
     """
     obstacles = [column(base + [0, 0, UNEVEN], config.base_radius, config.base_height - UNEVEN), *swept]
-    found: list[tuple[float, Collider]] = []
-    for i in parts:
-        near = _within_reach(scene.parts[i].mesh, base, grasp, config.reach)
-        if not len(near.faces):
-            continue
-        for piece in _pieces(near, is_shell(scene.parts[i].label, config.shell_labels), config):
-            free = cut_all(piece, obstacles)
-            if free is not None:
-                found.append((_distance(free, base, grasp), Collider(i, free)))
-    nearest = sorted(range(len(found)), key=lambda k: found[k][0])[: config.pieces]
-    return tuple(found[k][1] for k in sorted(nearest))
+    near = {i: _within_reach(scene.parts[i].mesh, base, grasp, config.reach) for i in parts}
+    near = {i: mesh for i, mesh in near.items() if len(mesh.faces)}
+    flat = {i: is_shell(scene.parts[i].label, config.shell_labels) for i in parts}
+    # Walls and floor are few boxes, which no clutter may crowd out.
+    order = sorted(near, key=lambda i: (not flat[i], _distance(near[i], base, grasp)))
+    found: list[Collider] = []
+    for i in track(order, "room colliders"):
+        if len(found) >= config.pieces:
+            break
+        pieces = _pieces(near[i], flat[i], config)
+        free = [cut_all(piece, obstacles) for piece in pieces]
+        found += [Collider(i, piece) for piece in free if piece is not None]
+    return tuple(found[: config.pieces])
 
 
 def cut_all(piece: Mesh | None, obstacles: Sequence[Mesh]) -> Mesh | None:
@@ -90,6 +95,8 @@ def cut_all(piece: Mesh | None, obstacles: Sequence[Mesh]) -> Mesh | None:
 
 def _pieces(mesh: Mesh, is_flat: bool, config: RoomConfig) -> list[Mesh]:
     """Return thin boxes for a wall, hulls for anything else."""
+    if not is_flat and np.linalg.norm(np.ptp(mesh.bounds, axis=0)) < config.small:
+        return one_hull(mesh, config.max_vertices)
     if not is_flat:
         return vhacd(mesh, config.part_pieces, config.resolution, config.max_vertices)
     planes = find_planes(mesh, config.flatness, min_area=20 * config.cell**2, count=6)
@@ -105,7 +112,7 @@ def _within_reach(mesh: Mesh, base: np.ndarray, grasp: np.ndarray, reach: float)
     return keep(mesh, in_plan & low | (np.linalg.norm(middle - grasp, axis=1) < reach))
 
 
-def _distance(piece: Mesh, base: np.ndarray, grasp: np.ndarray) -> float:
-    """Return how near the box around a piece comes to the shoulder or the grasp point [m]."""
-    low, high = piece.bounds
+def _distance(mesh: Mesh, base: np.ndarray, grasp: np.ndarray) -> float:
+    """Return how near the box around a mesh comes to the shoulder or the grasp point [m]."""
+    low, high = mesh.bounds
     return min(float(np.linalg.norm(p - np.clip(p, low, high))) for p in (base + [0, 0, SHOULDER], grasp))

@@ -6,14 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from s2a import config, scan
-from s2a.scan.virtual import SampleConfig, sample
 from s2a.scene import Scene
 
 
 @pytest.fixture(scope="session")
 def office_scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A virtual office as the demo scans it (seed 0)."""
+    from s2a import config
+    from s2a.scan.virtual import SampleConfig, sample  # not needed where only the simulation is tested
+
     out = tmp_path_factory.mktemp("office") / "scan"
     out.mkdir()
     sample(config.load(SampleConfig, config.compose("sample", [f"out={out}"])), out)
@@ -23,4 +24,6 @@ def office_scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def office(office_scan: Path) -> Scene:
     """The scene in that scan."""
+    from s2a import scan
+
     return scan.read(office_scan)

@@ -10,15 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
-from s2a.scan import folder, joints, labels, parts, ply, segments
+from s2a.scan import folder, joints, labels, parts, ply, rest
 from s2a.scan.cut import cut
 from s2a.scan.parts import AnnotatedPart
-from s2a.scan.ply import Surface
 from s2a.scene import Joint, Mesh, Part, Scene
-
-UNANNOTATED = "unannotated"  # label of the part that takes the faces nobody annotated
 
 
 def read(path: Path) -> Scene:
@@ -38,27 +33,11 @@ def read(path: Path) -> Scene:
     parent_of = labels.parents(names)
     moving = joints.read(files.articulations, names, surface.origin)
     owner = parts.owners(annotated, labels.depths(parent_of), len(surface.faces))
-    further = _claim_rest(surface, owner, len(annotated), files.segments)
+    further = rest.claim(surface, owner, len(annotated), files.segments)
     meshes = cut(surface, owner, len(annotated) + len(further))
     nested = _nested_parts(annotated, parent_of, moving, meshes[: len(annotated)])
-    flat = _flat_parts(further, max(annotated, default=0) + 1, meshes[len(annotated) :])
+    flat = rest.parts(further, max(annotated, default=0) + 1, meshes[len(annotated) :])
     return Scene(files.name, nested | flat, tuple(surface.origin.tolist()))
-
-
-def _claim_rest(surface: Surface, owner: np.ndarray, count: int, files: tuple[Path, Path] | None) -> list[str]:
-    """Give faces without owner (in place) to further parts, at positions from count on; return the labels of those."""
-    found: list[str] = []
-    free = owner < 0
-    if files is not None:
-        groups = segments.read(*files, len(surface.vertices))
-        groups = segments.unclaimed(groups, surface.faces, ~free)
-        group = segments.face_groups(groups, surface.faces[free], len(surface.vertices))
-        owner[free] = np.where(group < 0, -1, group + count)
-        found = [group.label for group in groups]
-    if (owner < 0).any():
-        owner[owner < 0] = count + len(found)
-        found.append(UNANNOTATED)
-    return found
 
 
 def _nested_parts(
@@ -83,9 +62,3 @@ def _nested_parts(
         )
         for number in labels.parents_first(parent_of)
     }
-
-
-def _flat_parts(names: list[str], first_number: int, meshes: list[Mesh]) -> dict[str, Part]:
-    """Return flat, fixed parts by id, numbered from first_number on."""
-    numbered = enumerate(zip(names, meshes, strict=True), start=first_number)
-    return {labels.part_id(name, number): Part(name, mesh) for number, (name, mesh) in numbered}

@@ -1,4 +1,4 @@
-"""Which files of a folder make up an annotated scan."""
+"""Which files of a folder make up a scan on a ScanNet++ mesh."""
 
 from __future__ import annotations
 
@@ -31,13 +31,50 @@ class ScanFiles:
     segments: tuple[Path, Path] | None
 
 
+@dataclass(frozen=True)
+class BareFiles:
+    """The files of a scan whose motions nobody annotated: `name`, `mesh` and `segments` as in `ScanFiles`."""
+
+    name: str
+    mesh: Path
+    segments: tuple[Path, Path] | None
+
+
+def is_articulate3d(path: Path) -> bool:
+    """Whether a folder holds any of Articulate3D's files; maybe not all."""
+    patterns = ("[!.]*_parts.json", "[!.]*_artic.json", "[!.]*_articulation.json")
+    return any(any(folder.glob(pattern)) for folder in _folders(path) for pattern in patterns)
+
+
+def has_mesh(path: Path) -> bool:
+    """Whether a folder holds a mesh, or several."""
+    return bool(_meshes(path))
+
+
+def find_bare(path: Path) -> BareFiles:
+    """Find ScanNet++'s mesh, or the only PLY file, in a folder or in its subfolder `scans`, and the segments beside it.
+
+    The scan is named after the folder.
+
+    Raises:
+        InputError: no mesh there, several, or only one of the two files of segments.
+    """
+    meshes = _meshes(path)
+    if len(meshes) != 1:
+        found = ", ".join(file.name for file in meshes[:4]) or "none"
+        raise InputError(f"{path}: one mesh, {MESH}, belongs here (found: {found}); give the folder of one scan")
+    whole = path.resolve()
+    name = whole.parent.name if whole.name == "scans" else whole.name
+    return BareFiles(name, meshes[0], _segments(path, _folders(path)))
+
+
 def find(path: Path) -> ScanFiles:
     """Find the files of one scan in a folder, or in its subfolder `scans` where ScanNet++ keeps the mesh.
 
     Raises:
         InputError: no scan there, several, or an incomplete one.
     """
-    folders = [folder for folder in (path, path / "scans") if folder.is_dir()]
+    folders = _folders(path)
     if not path.is_dir():
         what = "is a file" if path.exists() else "does not exist"
         raise InputError(f"{path}: {what}; give the folder of one scan, which holds <scene>_parts.json")
@@ -57,6 +94,18 @@ def find(path: Path) -> ScanFiles:
     )
 
 
+def _folders(path: Path) -> list[Path]:
+    """Return the folder, and its subfolder `scans`, as far as they exist."""
+    return [folder for folder in (path, path / "scans") if folder.is_dir()]
+
+
+def _meshes(path: Path) -> list[Path]:
+    """Return ScanNet++'s mesh alone if it is there, or else every PLY file."""
+    folders = _folders(path)
+    mesh = _first(folders, MESH)
+    return [mesh] if mesh else [file for folder in folders for file in sorted(folder.glob("[!.]*.ply"))]
+
+
 def _why_not_one(path: Path, parts: list[Path]) -> str:
     """Say why a folder is not the folder of one scan."""
     if parts:
@@ -66,7 +115,10 @@ def _why_not_one(path: Path, parts: list[Path]) -> str:
     if below:
         return f"holds no annotated scan, but its subfolders do; give one of them: {', '.join(below)}"
     found = ", ".join(sorted(file.name for file in path.iterdir())[:6]) or "nothing"
-    return f"holds no annotated scan: <scene>_parts.json is missing (found: {found}); give the folder of one scan"
+    return (
+        f"holds no annotated scan: <scene>_parts.json is missing (found: {found}); "
+        f"give the folder of one scan by Articulate3D, MultiScan (<scene>.annotations.json) or ScanNet++ ({MESH})"
+    )
 
 
 def _segments(path: Path, folders: list[Path]) -> tuple[Path, Path] | None:

@@ -37,7 +37,32 @@ def read(path: Path, labels: Mapping[int, str], origin: np.ndarray) -> dict[int,
     records = _last_records(path, labels)
     _check_bases(path, records, labels)
     angle_unit = _angle_unit(path, records)
-    return {number: _joint(record, angle_unit, origin) for number, record in records.items()}
+    return {number: joint(record, angle_unit, origin) for number, record in records.items()}
+
+
+def joint(record: Record, angle_unit: float, origin: np.ndarray) -> Joint:
+    """Return the joint that a record describes by type, axis, origin, rangeMin and rangeMax.
+
+    Args:
+        record: the record, in the file's coordinates.
+        angle_unit: what the file counts angles in [rad].
+        origin: translation [m], shape [3], float64, that the scene's coordinates lie below the file's.
+
+    Raises:
+        InputError: an unknown type, a zero axis, a number that is not finite, limits in the wrong order.
+    """
+    if record.text("type") not in _KINDS:
+        record.refuse("type", f"possible: {', '.join(_KINDS)}")
+    kind = _KINDS[record.text("type")]
+    axis = record.vector("axis")
+    length = float(np.linalg.norm(axis))
+    if not _SHORTEST_AXIS < length < math.inf:
+        record.refuse("axis", "a direction of length 1 belongs here")
+    unit = angle_unit if kind == "revolute" else 1.0
+    limits = record.number("rangeMin") * unit, record.number("rangeMax") * unit
+    if limits[0] > limits[1]:
+        record.refuse("rangeMin", f"above rangeMax {record.number('rangeMax')}; swap them")
+    return Joint(kind, tuple(axis / length), tuple(record.vector("origin") - origin), limits)  # type: ignore[arg-type]
 
 
 def _last_records(path: Path, labels: Mapping[int, str]) -> dict[int, Record]:
@@ -85,19 +110,3 @@ def _angle_unit(path: Path, records: Mapping[int, Record]) -> float:
         turns[widest],
     )
     return math.pi / 180
-
-
-def _joint(record: Record, angle_unit: float, origin: np.ndarray) -> Joint:
-    """Return the joint that a record describes, in scene coordinates."""
-    if record.text("type") not in _KINDS:
-        record.refuse("type", f"possible: {', '.join(_KINDS)}")
-    kind = _KINDS[record.text("type")]
-    axis = record.vector("axis")
-    length = float(np.linalg.norm(axis))
-    if not _SHORTEST_AXIS < length < math.inf:
-        record.refuse("axis", "a direction of length 1 belongs here")
-    unit = angle_unit if kind == "revolute" else 1.0
-    limits = record.number("rangeMin") * unit, record.number("rangeMax") * unit
-    if limits[0] > limits[1]:
-        record.refuse("rangeMin", f"above rangeMax {record.number('rangeMax')}; swap them")
-    return Joint(kind, tuple(axis / length), tuple(record.vector("origin") - origin), limits)  # type: ignore[arg-type]

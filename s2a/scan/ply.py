@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ class Surface:
         faces: vertex indices, shape [face 3], int32.
         colors: RGB, shape [vertex 3], uint8, or None.
         origin: translation [m], shape [3], float64, already taken off the vertices; 0 for a scan near its zero.
+        face_numbers: the whole numbers that the file gives each face, by property, shape [face], int64; those asked for.
     """
 
     path: Path
@@ -32,16 +34,21 @@ class Surface:
     faces: np.ndarray
     colors: np.ndarray | None
     origin: np.ndarray
+    face_numbers: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
-def read(path: Path) -> Surface:
-    """Read a triangle mesh from a PLY file: ASCII or binary, float or double, further properties ignored.
+def read(path: Path, face_numbers: tuple[str, ...] = ()) -> Surface:
+    """Read a triangle mesh from a PLY file: ASCII or binary, float or double; properties not asked for are ignored.
 
     A mesh that reaches further than 100 m from zero is moved, in float64, so that its smallest corner becomes zero.
 
+    Args:
+        path: the file.
+        face_numbers: properties of the faces that hold whole numbers and that the caller needs.
+
     Raises:
         InputError: the file is truncated or no PLY, holds no triangles or also other polygons, coordinates are not
-            finite or span more than 10 km, or a face names a vertex that does not exist.
+            finite or span more than 10 km, a face names a vertex that does not exist, or faces lack a property.
     """
     content, elements = _load(path)
     vertices = content["vertices"].astype(np.float64)
@@ -49,7 +56,9 @@ def read(path: Path) -> Surface:
     _check_numbers(path, vertices, faces)
     far = np.abs(vertices).max() > _FAR
     origin = vertices.min(axis=0) if far else np.zeros(3)
-    return Surface(path, vertices - origin, faces.astype(np.int32), _colors(path, content.get("vertex_colors")), origin)
+    colors = _colors(path, content.get("vertex_colors"))
+    numbers = {name: _face_numbers(path, elements["face"]["data"], name, len(faces)) for name in face_numbers}
+    return Surface(path, vertices - origin, faces.astype(np.int32), colors, origin, numbers)
 
 
 def _load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -87,6 +96,19 @@ def _all_triangles(data: Any) -> bool:
         return True
     lists = [data[name]["f0"] for name in data.dtype.names or () if name in ("vertex_index", "vertex_indices")]
     return all(bool((lengths == 3).all()) for lengths in lists)
+
+
+def _face_numbers(path: Path, data: Any, name: str, count: int) -> np.ndarray:
+    """Return a property of the faces as whole numbers, shape [face], int64."""
+    known = list(data) if isinstance(data, dict) else list(data.dtype.names or ())
+    if name not in known:
+        raise InputError(f"{path}: faces have no {name}; properties found: {', '.join(known)}; take the annotated mesh")
+    values = np.ravel(data[name])
+    if values.dtype.kind not in "iu" or len(values) != count:
+        raise InputError(
+            f"{path}: {name} of the faces is not one whole number each (ushort, int ...); take the scan's own"
+        )
+    return values.astype(np.int64)
 
 
 def _check_numbers(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:

@@ -80,6 +80,19 @@ def test_what_annotators_named_remove_is_left_out_with_a_warning(tmp_path, caplo
     assert "remove" in caplog.text and not any("remove" in part_id for part_id in scene.parts)
 
 
+def test_the_parts_of_what_is_removed_are_left_out_too(tmp_path):
+    annotation = tiny.released()
+    annotation["objects"][3]["partIds"] = [7, 8]
+    annotation["parts"].append({"partId": 8, "label": "lid.1", "parentId": 7})
+    assert not [i for i in tiny.read_released(tmp_path, annotation).parts if i.startswith(("remove", "lid"))]
+
+
+def test_a_part_of_the_objects_name_that_belongs_to_another_part_stays_a_part(tmp_path):
+    annotation = tiny.released()
+    del annotation["parts"][4]["articulations"]
+    assert tiny.read_released(tmp_path, annotation).parts["door_9"].parent == "door_frame_10"
+
+
 def test_a_jointed_part_is_grasped_itself_and_nothing_is_free(tmp_path):
     scene = tiny.read_released(tmp_path)
     assert [i for i, part in scene.parts.items() if part.graspable] == ["door_6", "door_9"]

@@ -63,7 +63,9 @@ def read(path: Path) -> Scene:
     owner = np.where(number == 0, -1, np.searchsorted(list(items), number))  # the items' numbers ascend
     further = rest.claim(surface, owner, len(items), None)
     meshes = cut(surface, owner, len(items) + len(further))
-    parts = _parts(_without_removed(items), dict(zip(items, meshes[: len(items)], strict=True)), surface.origin)
+    parts = _parts(
+        _without_removed(files.annotations, items), dict(zip(items, meshes[: len(items)], strict=True)), surface.origin
+    )
     flat = rest.parts(further, max(items, default=0) + 1, meshes[len(items) :])
     return Scene(files.name, parts | flat, tuple(surface.origin.tolist()))
 
@@ -138,7 +140,7 @@ def _numbers_by_ids(files: _Files, annotation: Annotation, surface: Surface) -> 
     return number
 
 
-def _without_removed(items: Mapping[int, Annotated]) -> dict[int, Annotated]:
+def _without_removed(path: Path, items: Mapping[int, Annotated]) -> dict[int, Annotated]:
     """Return the objects and parts without those of objects named "remove", which the dataset's own tools skip too."""
     gone: set[int] = set()
     for number in labels.parents_first({n: item.parent for n, item in items.items()}):
@@ -146,7 +148,7 @@ def _without_removed(items: Mapping[int, Annotated]) -> dict[int, Annotated]:
         if item.parent in gone or (item.parent is None and item.label.lower().startswith("remove")):
             gone.add(number)
     if gone:
-        _log.warning("%d objects or parts that annotators named 'remove' are left out", len(gone))
+        _log.warning("%s: what annotators named 'remove' is left out (%d objects and parts)", path, len(gone))
     return {number: item for number, item in items.items() if number not in gone}
 
 

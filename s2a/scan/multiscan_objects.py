@@ -81,17 +81,8 @@ def _released(top: Record) -> Annotation:
     first = max(objects, default=0)
     owner: dict[int, str] = {}
     for number, record in objects.items():
-        pieces = {}
-        for part_id in record.integers("partIds").tolist() if record.has("partIds") else []:
-            if part_id not in parts:
-                record.refuse("partIds", f"{part_id} is no partId of the file; take an undamaged one")
-            if part_id in owner:
-                record.refuse("partIds", f"part {part_id} belongs to object {owner[part_id]!r} already")
-            owner[part_id] = record.text("label")
-            pieces[part_id] = _released_piece(parts[part_id])
-        _check_parents(pieces, parts)
-        number_of = {part_id: first + part_id for part_id in pieces}
-        _add(found, number, record.text("label"), pieces, number_of)
+        pieces = _released_pieces(record, parts, owner)
+        _add(found, number, record.text("label"), pieces, {part_id: first + part_id for part_id in pieces})
     orphans = [parts[part_id].text("label") for part_id in parts if part_id not in owner]
     if orphans:
         _log.warning("%s: %d parts of no object are left out: %s", top.where, len(orphans), ", ".join(orphans[:5]))
@@ -148,6 +139,20 @@ def _base(label: str, pieces: Mapping[int, _Piece]) -> int | None:
     name = labels.split(label)[0]
     same = [key for key, piece in pieces.items() if labels.split(piece.label)[0] == name and piece.parent is None]
     return next((key for key in same if pieces[key].articulation is None or len(pieces) == 1), None)
+
+
+def _released_pieces(record: Record, parts: Mapping[int, Record], owner: dict[int, str]) -> dict[int, _Piece]:
+    """Return the parts of an object of the released schema by partId, and enter in owner whose they are."""
+    found: dict[int, _Piece] = {}
+    for part_id in record.integers("partIds").tolist() if record.has("partIds") else []:
+        if part_id not in parts:
+            record.refuse("partIds", f"{part_id} is no partId of the file; take an undamaged one")
+        if part_id in owner:
+            record.refuse("partIds", f"part {part_id} belongs to object {owner[part_id]!r} already")
+        owner[part_id] = record.text("label")
+        found[part_id] = _released_piece(parts[part_id])
+    _check_parents(found, parts)
+    return found
 
 
 def _released_piece(record: Record) -> _Piece:

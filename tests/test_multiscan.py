@@ -80,11 +80,12 @@ def test_what_annotators_named_remove_is_left_out_with_a_warning(tmp_path, caplo
     assert "remove" in caplog.text and not any("remove" in part_id for part_id in scene.parts)
 
 
-def test_the_parts_of_what_is_removed_are_left_out_too(tmp_path):
+def test_the_parts_of_what_is_removed_are_left_out_too(tmp_path, caplog):
     annotation = tiny.released()
     annotation["objects"][3]["partIds"] = [7, 8]
     annotation["parts"].append({"partId": 8, "label": "lid.1", "parentId": 7})
     assert not [i for i in tiny.read_released(tmp_path, annotation).parts if i.startswith(("remove", "lid"))]
+    assert "2 objects and parts" in caplog.text
 
 
 def test_a_part_of_the_objects_name_that_belongs_to_another_part_stays_a_part(tmp_path):

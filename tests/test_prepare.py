@@ -146,7 +146,8 @@ def test_a_table_in_the_way_of_an_opening_drawer_is_cut_off_not_forgotten() -> N
 def test_clutter_does_not_crowd_out_the_floor() -> None:
     room = clean_cabinet_room()
     cups = {
-        f"cup_{i}": Part("cup", _box([0.005 * i - 0.2, 0.6, 0.8], [0.005 * i - 0.15, 0.65, 0.9])) for i in range(100, 180)
+        f"cup_{i}": Part("cup", _box([0.005 * i - 0.2, 0.6, 0.8], [0.005 * i - 0.15, 0.65, 0.9]))
+        for i in range(100, 180)
     }
     found = prepare(Scene("clutter", {**room.parts, **cups}), "drawer_7", config()).static_colliders
     assert len(found) == 64

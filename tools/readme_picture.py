@@ -1,0 +1,112 @@
+"""Compose docs/office.png: the scanned room from above, and the robot with the drawer it has opened.
+
+    python tools/readme_picture.py demo docs/office.png
+
+The first argument is the folder that `make demo` fills; it is read for `scan` and `sim.usd`.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import newton
+import numpy as np
+import warp as wp
+from scipy.spatial.transform import Rotation
+
+from s2a import config
+from s2a.evaluate import evaluate
+from s2a.geometry.look import LookConfig, frame, front_of
+from s2a.geometry.picture import draw, painted, write
+from s2a.policy.planner import Planner
+from s2a.scene import Mesh
+from s2a.sim.build import SimStage
+from s2a.sim.franka import JOINTS, FrankaConfig, add_franka
+from s2a.task.env import OpenDrawerEnv
+from s2a.usd.visible import visible
+from s2a.verbs.evaluate import Config
+from s2a.verbs.train import simulation
+
+SIZE = {"width": 640, "height": 480, "samples": 3}
+ROOM = {**SIZE, "elevation": 0.8, "margin": 1.0}
+ROBOT = {**SIZE, "azimuth": 0.95, "elevation": 0.5, "margin": 1.12}
+GAP = 16
+"""White between the two [pixel]."""
+PAINT = 0.85
+"""Of the links' colours, which are white as paper, so that their shading shows."""
+
+
+def main(demo: Path, out: Path) -> None:
+    """Draw both halves side by side."""
+    settings = config.load(Config, config.compose("evaluate", [f"stage={demo / 'sim.usd'}", "out=-", "worlds=1"]))
+    look = config.load(LookConfig, config.compose("view")["look"])
+    halves = [_room(demo / "scan", replace(look, **ROOM)), _robot(settings, replace(look, **ROBOT))]
+    white = np.full((SIZE["height"], GAP, 3), 255, dtype=np.uint8)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write(np.concatenate([halves[0], white, halves[1]], axis=1), out)
+    print(f"{out}: {out.stat().st_size / 1000:.0f} kB")
+
+
+def _room(folder: Path, look: LookConfig) -> np.ndarray:
+    """Draw a scan, seen towards the corner of the room at which most of what opens stands."""
+    room = visible(folder)
+    meshes = list(room.surfaces.values())
+    front = front_of([room.surfaces[part] for part in room.jointed])
+    return draw(meshes, frame(np.concatenate([mesh.vertices for mesh in meshes]), front, look), look)
+
+
+def _robot(settings: Config, look: LookConfig) -> np.ndarray:
+    """Draw the planner's robot where the part stands open widest."""
+    poses, stage = _widest(settings)
+    surfaces = dict(visible(settings.stage).surfaces)
+    room = surfaces.pop("static")
+    posed = [_moved(mesh, poses[name]) for name, mesh in surfaces.items()]
+    posed += [_moved(mesh, poses[name]) for name, mesh in _links(settings.sim.robot)]
+    points = np.concatenate([mesh.vertices for mesh in posed])
+    out_of_furniture = -Rotation.from_quat(stage.grasp[3:]).as_matrix()[:, 2]
+    return draw([room, *posed], frame(points, out_of_furniture, look), look)
+
+
+def _widest(settings: Config) -> tuple[dict[str, np.ndarray], SimStage]:
+    """Let the planner open the part; return the pose [7] of every body by name at the widest opening."""
+    sim = simulation(settings.stage, settings.sim, settings.worlds, settings.device)
+    env = OpenDrawerEnv(sim, settings.task, settings.reward, settings.seed)
+    seen = [(-1.0, sim.body_q[0])]
+
+    def watch() -> None:
+        opening = abs(float(sim.joint_q[0, JOINTS]))
+        if opening > seen[0][0]:
+            seen[0] = opening, sim.body_q[0].clone()
+
+    evaluate(env, Planner(env, settings.policy), watch)
+    names = [label.split("/")[-1] for label in sim.world.body_label]
+    return dict(zip(names, seen[0][1].cpu().numpy(), strict=True)), sim.stage
+
+
+def _links(robot: FrankaConfig) -> list[tuple[str, Mesh]]:
+    """Return the visible surfaces of the robot's links with the names of their bodies, in the bodies' frames."""
+    builder = newton.ModelBuilder()
+    newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+    add_franka(builder, robot, wp.transform(), visuals=True)
+    found = []
+    for i in range(builder.shape_count):
+        shape, collides = builder.shape_source[i], builder.shape_flags[i] & newton.ShapeFlags.COLLIDE_SHAPES
+        if builder.shape_type[i] == newton.GeoType.MESH and not collides:
+            mesh = Mesh(
+                np.array(shape.vertices) * np.array(builder.shape_scale[i]), np.array(shape.indices).reshape(-1, 3)
+            )
+            color = tuple(int(255 * PAINT * c) for c in builder.shape_color[i])
+            name = builder.body_label[builder.shape_body[i]].split("/")[-1]
+            found.append((name, painted(_moved(mesh, np.array(builder.shape_transform[i])), color)))
+    return found
+
+
+def _moved(mesh: Mesh, pose: np.ndarray) -> Mesh:
+    """Return a mesh moved by a pose [7]."""
+    return Mesh(Rotation.from_quat(pose[3:]).apply(mesh.vertices) + pose[:3], mesh.faces, mesh.colors)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -27,11 +27,12 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
     Returns:
         Number of episodes and, each with its Wilson 95 % interval: success (the success opening reached at any time),
         final_success (held at the end), handle_success (reached with both fingers on the grasp region in half or more of
-        the steps in which the part moved there); handle_use_of_successes; largest openings [m] (mean, min).
+        the steps in which the part moved there); handle_use_of_successes; largest openings [m] (mean, min);
+        invalid, the episodes that a value ended which is not finite.
     """
     env.reset_all()
     watch()
-    result = torch.full((env.num_envs, 4), torch.nan, device=env.result.device)
+    result = torch.full((env.num_envs, 5), torch.nan, device=env.result.device)
     pending = torch.ones(env.num_envs, dtype=torch.bool, device=env.result.device)
     for _ in track(range(env.max_episode_length), "evaluate"):
         env.step(policy(env.observation.clone()))
@@ -41,7 +42,7 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
         pending &= ~finished
         if not pending.any():
             break
-    success, final, handle, opening = result.cpu().unbind(dim=1)
+    success, final, handle, opening, invalid = result.cpu().unbind(dim=1)
     return {
         "episodes": env.num_envs,
         "success": _rate(success),
@@ -49,6 +50,7 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
         "handle_success": _rate(handle),
         "handle_use_of_successes": float(handle.sum() / success.sum().clamp(min=1.0)),
         "opening": {"mean": float(opening.mean()), "min": float(opening.min())},
+        "invalid": int(invalid.sum()),
     }
 
 

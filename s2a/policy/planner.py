@@ -15,7 +15,7 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
-from s2a.sim.build import SimStage, lever_arm
+from s2a.sim.build import SimStage, lever_arm, opening_sign, travel
 from s2a.sim.franka import ARM_JOINTS, JOINTS, FrankaConfig, add_franka
 from s2a.task.env import OpenDrawerEnv
 
@@ -86,7 +86,7 @@ class Planner:
 
 def _hand_path(stage: SimStage, config: PlannerConfig, rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Return poses of the tool, 7-vectors [step 7], and finger positions [step], at `rate` steps a second."""
-    way = min(config.opening, 0.95 * max(map(abs, stage.limits)) * lever_arm(stage))
+    way = min(config.opening, 0.95 * travel(stage))
     counts = [round(t * rate) for t in (config.approach_time, config.close_time, config.pull_time)]
     approach, close, pull = (np.arange(1, n + 1) / n for n in counts)
     inwards = np.concatenate([config.approach * (approach - 1.0), 0.0 * close, 0.0 * pull]) + config.depth
@@ -100,7 +100,7 @@ def _tool_pose(stage: SimStage, opened: float, inwards: float) -> np.ndarray:
     """Return the tool's pose [7] when the grasp point moved by `opened` [m], `inwards` [m] past it."""
     grasp = Rotation.from_quat(stage.grasp[3:])
     point = stage.grasp[:3] + inwards * grasp.as_matrix()[:, 2]
-    q = np.sign(sum(stage.limits)) * opened / lever_arm(stage)
+    q = opening_sign(stage) * opened / lever_arm(stage)
     if stage.kind == "prismatic":
         return np.concatenate([point + q * stage.axis, stage.grasp[3:]])
     turn = Rotation.from_rotvec(q * stage.axis)

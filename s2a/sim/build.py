@@ -143,7 +143,11 @@ def lever_arm(stage: SimStage) -> float:
     return float(np.linalg.norm(np.cross(stage.axis, stage.grasp[:3] - stage.origin)))
 
 
+def opening_sign(stage: SimStage) -> float:
+    """Return 1 if the joint opens towards its upper limit, -1 if the lower one is farther from the scanned pose."""
+    return 1.0 if abs(stage.limits[1]) >= abs(stage.limits[0]) else -1.0
+
+
 def travel(stage: SimStage) -> float:
     """Return the way of the grasp point from the scanned pose to the far limit [m]."""
-    far = max(stage.limits, key=abs)
-    return abs(far) * lever_arm(stage)
+    return max(map(abs, stage.limits)) * lever_arm(stage)

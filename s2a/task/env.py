@@ -11,10 +11,11 @@ import warp as wp
 from pxr import Usd, UsdGeom
 
 from s2a.errors import InputError
-from s2a.sim.build import SimStage, lever_arm, travel
+from s2a.sim.build import SimStage, lever_arm, opening_sign, travel
 from s2a.sim.franka import JOINTS
 from s2a.sim.simulation import Simulation
-from s2a.task import open_drawer as task
+from s2a.task import judge, kernels
+from s2a.task.open_drawer import COUNTS, OBSERVATIONS, REWARD_TERMS, OpenDrawerConfig
 
 
 class OpenDrawerEnv:
@@ -28,7 +29,7 @@ class OpenDrawerEnv:
         terms: unweighted reward terms in the order of REWARD_TERMS, shape [world 8].
         touch: largest normal force of the left and right finger on the grasp region [N], shape [world 2].
         result: of each world's last finished episode: success, success at the end, success with the handle (0 or 1),
-            largest opening [m]; shape [world 4].
+            largest opening [m], ended by a value that is not finite; shape [world 5].
         counts: sums over finished episodes in the order of COUNTS since they were last set to zero, shape [6].
         episode_step: control steps since the reset, shape [world], int32.
     """
@@ -38,7 +39,7 @@ class OpenDrawerEnv:
     def __init__(
         self,
         sim: Simulation,
-        config: task.OpenDrawerConfig,
+        config: OpenDrawerConfig,
         weights: Mapping[str, float],
         seed: int,
         graph: bool = True,
@@ -68,16 +69,17 @@ class OpenDrawerEnv:
         """Do one control step: act, physics, judge, reset, observe (all on the device, nothing allocated)."""
         sim, q = self.sim, self._views
         inputs = [self._constants, self._lower, self._upper, self._action, self._targets, self._touch]
-        self._launch(task.act, inputs)
+        self._launch(kernels.act, inputs)
         sim.step()
         data = sim.solver.mjw_data
         contact = data.contact
         inputs = [self._constants, self._region.id, self._geom_kind, data.nacon, contact.geom, contact.worldid]
         inputs += [contact.pos, contact.efc_address, data.efc.force, q["body_q"], self._touch]
-        self._launch(task.feel, inputs, dim=data.naconmax)
+        self._launch(judge.feel, inputs, dim=data.naconmax)
         inputs = [self._constants, self._weights, q["joint_q"], q["joint_qd"], q["body_q"], self._action, self._touch]
-        inputs += [self._steps, self._progress, self._terms, self._reward, self._done, self._time_out]
-        self._launch(task.judge, [*inputs, self._result, self._counts])
+        self._launch(judge.give_reward, [*inputs, self._terms, self._reward])
+        inputs = [self._constants, q["joint_q"], q["joint_qd"], self._terms, self._steps, self._progress]
+        self._launch(judge.tally, [*inputs, self._done, self._time_out, self._result, self._counts])
         self._reset_and_observe()
 
     def _reset_and_observe(self) -> None:
@@ -85,13 +87,13 @@ class OpenDrawerEnv:
         sim, q = self.sim, self._views
         inputs = [self._constants, self._start, self._lower, self._upper, self._done, self._rng]
         inputs += [q["joint_q"], q["joint_qd"], self._targets, self._steps, self._progress]
-        self._launch(task.reset, [*inputs, self._world_mask, self._articulation_mask])
+        self._launch(kernels.reset, [*inputs, self._world_mask, self._articulation_mask])
         # Clears warm starts and forces; the coordinates were just written (flags=0 leaves them alone).
         sim.solver.reset(sim.state, world_mask=self._world_mask, flags=0)
         mask = self._articulation_mask.flatten()
         newton.eval_fk(sim.model, sim.state.joint_q, sim.state.joint_qd, sim.state, mask=mask)
         inputs = [self._constants, self._lower, self._upper, q["joint_q"], q["joint_qd"], q["body_q"]]
-        self._launch(task.observe, [*inputs, self._observation])
+        self._launch(kernels.observe, [*inputs, self._observation])
 
     def _launch(self, kernel: wp.Kernel, inputs: list, dim: int | None = None) -> None:
         wp.launch(kernel, dim=dim or self.num_envs, inputs=inputs, device=self.sim.device)
@@ -105,7 +107,7 @@ class OpenDrawerEnv:
         self._upper = wp.array(sim.model.joint_limit_upper.numpy()[:JOINTS], dtype=float)
         self._start = wp.array(sim.config.robot.start, dtype=float)
         self._rng = wp.zeros(n, dtype=wp.uint32)
-        self._launch(task.seed_worlds, [seed, self._rng])
+        self._launch(kernels.seed_worlds, [seed, self._rng])
         self._views = {
             "joint_q": sim.state.joint_q.reshape((n, -1)),
             "joint_qd": sim.state.joint_qd.reshape((n, -1)),
@@ -113,12 +115,12 @@ class OpenDrawerEnv:
         }
         self._targets = sim.control.joint_target_q.reshape((n, -1))
         self._action = wp.zeros((n, JOINTS), dtype=float)
-        self._observation = wp.zeros((n, task.OBSERVATIONS), dtype=float)
-        self._terms = wp.zeros((n, len(task.REWARD_TERMS)), dtype=float)
+        self._observation = wp.zeros((n, OBSERVATIONS), dtype=float)
+        self._terms = wp.zeros((n, len(REWARD_TERMS)), dtype=float)
         self._touch = wp.zeros((n, 2), dtype=float)
         self._progress = wp.zeros((n, 3), dtype=float)
-        self._result = wp.zeros((n, 4), dtype=float)
-        self._counts = wp.zeros(len(task.COUNTS), dtype=float)
+        self._result = wp.zeros((n, 5), dtype=float)
+        self._counts = wp.zeros(len(COUNTS), dtype=float)
         self._reward = wp.zeros(n, dtype=float)
         self._done, self._time_out, self._steps = (wp.zeros(n, dtype=int) for _ in range(3))
         self._world_mask = wp.zeros(n + 1, dtype=bool)
@@ -134,17 +136,17 @@ class OpenDrawerEnv:
 def _weights(weights: Mapping[str, float]) -> list[float]:
     """Return the reward weights in the kernel's order; InputError for an unknown or missing name."""
     for name in weights:
-        if name not in task.REWARD_TERMS:
-            raise InputError(f"reward term {name!r} does not exist; known: {', '.join(task.REWARD_TERMS)}")
-    missing = [name for name in task.REWARD_TERMS if name not in weights]
+        if name not in REWARD_TERMS:
+            raise InputError(f"reward term {name!r} does not exist; known: {', '.join(REWARD_TERMS)}")
+    missing = [name for name in REWARD_TERMS if name not in weights]
     if missing:
         raise InputError(f"reward weights lack {', '.join(missing)}; give 0 for a term that shall not count")
-    return [float(weights[name]) for name in task.REWARD_TERMS]
+    return [float(weights[name]) for name in REWARD_TERMS]
 
 
-def _constants(sim: Simulation, config: task.OpenDrawerConfig) -> task.Constants:
+def _constants(sim: Simulation, config: OpenDrawerConfig) -> kernels.Constants:
     """Return the kernels' constants for a stage; openings are scaled down where the part travels a shorter way."""
-    stage, c = sim.stage, task.Constants()
+    stage, c = sim.stage, kernels.Constants()
     scale = min(1.0, travel(stage) / config.full_travel)
     c.link7, c.left, c.right = (sim.body(f"panda_{name}") for name in ("link7", "leftfinger", "rightfinger"))
     c.target = sim.body(stage.target)
@@ -152,13 +154,14 @@ def _constants(sim: Simulation, config: task.OpenDrawerConfig) -> task.Constants
     c.hand = wp.transform(config.hand_point, wp.quat_from_axis_angle(wp.vec3(0.0, 0.0, 1.0), -np.pi / 4))
     c.grasp = wp.transform(*stage.grasp[:3], *stage.grasp[3:])
     c.base = wp.quat(*stage.base[3:])
-    c.lever = lever_arm(stage) * (1.0 if abs(stage.limits[1]) >= abs(stage.limits[0]) else -1.0)
+    c.lever = opening_sign(stage) * lever_arm(stage)
     c.action_step = config.action_scale * sim.config.dt * sim.config.substeps
     c.bonus = wp.vec3(*(scale * x for x in config.bonus_openings))
     c.end_opening = scale * config.end_opening
     c.success_opening = scale * config.success_opening
     for name in ("finger_speed", "velocity_scale", "observation_limit", "start_noise", "close_distance"):
         setattr(c, name, getattr(config, name))
+    c.pyramidal = int(sim.config.cone == "pyramidal")
     c.episode_steps, c.touch_distance, c.touch_force = config.episode_steps, config.touch_distance, config.touch_force
     return c
 

@@ -31,14 +31,16 @@ def _version(name: str) -> str:
 
 
 def _commit() -> str | None:
-    """Return the commit of the checkout that the package runs from."""
+    """Return the commit of the checkout that the package runs from, not of one that merely surrounds an installed copy."""
     folder = Path(__file__).resolve().parent
 
     def git(*arguments: str) -> str:
         return subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, text=True).stdout.strip()
 
     try:
+        if not git("ls-files", Path(__file__).name):
+            return None
         changed = git("status", "--porcelain", "--untracked-files=no")
-        return git("rev-parse", "--short", "HEAD") + ("+" if changed else "") or None
+        return git("rev-parse", "--short", "HEAD") + ("+" if changed else "")
     except FileNotFoundError:
         return None

@@ -1,0 +1,178 @@
+"""The task's kernels against plain torch, on parts that slide and turn either way, and the bookkeeping of episodes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import warp as wp
+from cabinet import HANDLE, write_cabinet
+from scipy.spatial.transform import Rotation
+from settings import load
+
+from s2a.evaluate import evaluate
+from s2a.policy.planner import Planner, PlannerConfig
+from s2a.sim.build import SimStage, read_stage
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.task.env import OpenDrawerEnv
+from s2a.task.open_drawer import COUNTS, REWARD_TERMS, OpenDrawerConfig
+
+WORLDS = 64
+RADIUS = 0.3
+"""From the hinge to the handle [m], where a test makes the stage a hinge's."""
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> SimStage:
+    """A hand-made cabinet with a drawer of 0.4 m."""
+    return read_stage(write_cabinet(tmp_path_factory.mktemp("cabinet") / "sim.usda"))
+
+
+def make_env(stage: SimStage, worlds: int = 2, still: bool = True, sim: str = "sim/paper", **task: object):  # noqa: ANN202
+    """Return worlds of a stage; where they are `still`, physics leaves the state as the test puts it."""
+    env = OpenDrawerEnv(
+        Simulation(stage, load(SimConfig, sim), worlds),
+        load(OpenDrawerConfig, "task/open_drawer", **task),
+        load(dict, "reward/paper"),
+        0,
+    )
+    if still:
+        env.sim.step = lambda: None
+    return env
+
+
+def opens_backwards(stage: SimStage) -> SimStage:
+    """Return a stage whose joint opens towards its lower limit."""
+    return replace(stage, limits=(-0.4, 0.0))
+
+
+def hinge(stage: SimStage) -> SimStage:
+    """Return a stage that says of itself it is a hinge, RADIUS beside the handle."""
+    origin = HANDLE + [0.0, RADIUS, 0.0]
+    return replace(stage, kind="revolute", axis=np.array([0.0, 0.0, 1.0]), origin=origin, limits=(-0.5, 1.2))
+
+
+def frames(poses: torch.Tensor, point: tuple[float, ...], turn: Rotation) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return origins [world 3] and axes [world 3 axis] of a frame fixed to bodies, scipy doing the turning."""
+    rotation = Rotation.from_quat(poses[:, 3:].numpy())
+    return poses[:, :3] + torch.tensor(rotation.apply(point)), torch.tensor((rotation * turn).as_matrix())
+
+
+@pytest.mark.parametrize(
+    ("change", "lever"), [(replace, 1.0), (opens_backwards, -1.0), (hinge, RADIUS)], ids=["slide", "backwards", "hinge"]
+)
+def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, change, lever: float) -> None:  # noqa: ANN001
+    env = make_env(change(stage), WORLDS)
+    sim, generator = env.sim, torch.Generator().manual_seed(0)
+    sim.body_q[:, :, :3] = torch.rand(sim.body_q[:, :, :3].shape, generator=generator) * 0.4
+    quaternions = torch.randn(sim.body_q[:, :, 3:].shape, generator=generator)
+    sim.body_q[:, :, 3:] = quaternions / quaternions.norm(dim=-1, keepdim=True)
+    sim.joint_q[:, 9] = torch.rand(WORLDS, generator=generator) * 0.38 / lever
+    body_q, opening = sim.body_q.double().clone(), sim.joint_q[:, 9].double() * lever
+    action = torch.randn(WORLDS, 9, generator=generator)
+    env.step(action)
+
+    hand, hand_axes = frames(
+        body_q[:, sim.body("panda_link7")], (0.0, 0.04, 0.1654), Rotation.from_euler("z", -45, degrees=True)
+    )
+    point, axes = frames(
+        body_q[:, sim.body("drawer_2")], tuple(sim.stage.grasp[:3]), Rotation.from_quat(sim.stage.grasp[3:])
+    )
+    left, right = (body_q[:, sim.body(f"panda_{side}finger"), :3] - point for side in ("left", "right"))
+    way, up = (hand - point).norm(dim=1), axes[:, :, 1]
+    near = (1.0 / (1.0 + way**2)) ** 2
+    dots = [(hand_axes[:, :, i] * axes[:, :, i]).sum(dim=1) for i in (2, 1)]
+    travel = min(1.0, max(map(abs, sim.stage.limits)) * abs(lever) / 0.4)
+    expected = {
+        "distance": torch.where(way <= 0.02, 2.0 * near, near),
+        "rotation": 0.5 * sum(d.sign() * d**2 for d in dots),
+        "opening": opening,
+        "finger": (left * up).sum(dim=1).clamp(max=0.0) + (-(right * up).sum(dim=1)).clamp(max=0.0),
+        "bonus": sum((opening > travel * x).double() for x in (0.01, 0.2, 0.35)),
+        "action": (action.clamp(-1.0, 1.0) ** 2).sum(dim=1).double(),
+        "grip": torch.zeros(WORLDS).double(),
+        "held_opening": torch.zeros(WORLDS).double(),
+    }
+    for i, name in enumerate(REWARD_TERMS):
+        assert torch.allclose(env.terms[:, i].double(), expected[name], atol=1e-5), name
+    weights = load(dict, "reward/paper")
+    total = sum(weights[name] * value for name, value in expected.items())
+    assert torch.allclose(env.reward.double(), total, atol=1e-4)
+    assert torch.equal(env.done == 1, opening > travel * 0.39)
+
+
+def test_a_shorter_way_scales_the_openings_that_count(stage: SimStage) -> None:
+    # 1.2 rad at 0.3 m is 0.36 m of way: success at 0.9 x 0.2 m, which is 0.6 rad.
+    env = make_env(hinge(stage), 2, episode_steps=2)
+    env.sim.joint_q[:, 9] = torch.tensor([0.59, 0.61])
+    env.step(torch.zeros(2, 9))
+    assert env.result[:, 0].tolist() == [0.0, 1.0]
+    assert env.result[:, 3].tolist() == pytest.approx([0.59 * RADIUS, 0.61 * RADIUS])
+
+
+def test_an_episode_is_cut_after_one_step_less_than_its_length_and_that_is_a_time_out(stage: SimStage) -> None:
+    env = make_env(stage, 2, episode_steps=6)
+    for step in range(1, 6):
+        if step == 5:
+            env.sim.joint_q[1, 9] = 0.395  # ends by itself in the step in which it would be cut
+        env.step(torch.zeros(2, 9))
+        assert env.done.tolist() == ([1, 1] if step == 5 else [0, 0])
+    assert env.time_out.tolist() == [1, 0]
+    assert env.episode_step.tolist() == [0, 0]
+    env.step(torch.zeros(2, 9))
+    assert env.done.tolist() == env.time_out.tolist() == [0, 0]
+
+
+def test_an_opening_that_is_not_finite_is_no_success(stage: SimStage) -> None:
+    env = make_env(stage, 2)
+    env.sim.joint_q[0, 9] = torch.inf
+    env.step(torch.zeros(2, 9))
+    assert dict(zip(COUNTS, env.counts.tolist(), strict=True)) == {
+        **dict.fromkeys(COUNTS, 0.0),
+        "episodes": 1.0,
+        "invalid": 1.0,
+    }
+    assert env.result[0].tolist() == [0.0, 0.0, 0.0, 0.0, 1.0]
+
+
+def test_the_handle_counts_if_held_for_half_of_the_way(stage: SimStage) -> None:
+    env = make_env(stage, 3, episode_steps=9)
+    touch = wp.to_torch(env._touch)
+    # Both fingers in 3 of the 4 steps on the way, both in 1 of them, the right finger alone in all.
+    held = torch.tensor([[3.0, 1.0, 0.0]]).T > torch.arange(4.0)
+    for step, opening in enumerate((0.05, 0.10, 0.15, 0.25)):
+        env.sim.joint_q[:, 9] = opening
+        env.sim.step = lambda step=step: touch.copy_(torch.stack([held[:, step], torch.ones(3)], dim=1) * 2.0)
+        env.step(torch.zeros(3, 9))
+    assert env.terms[:, REWARD_TERMS.index("grip")].tolist() == [0.0, 0.0, 0.0]
+    while not env.done.any():
+        env.step(torch.zeros(3, 9))
+    assert env.result[:, 0].tolist() == [1.0, 1.0, 1.0]
+    assert env.result[:, 2].tolist() == [1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("cone", ["elliptic", pytest.param("pyramidal", marks=pytest.mark.slow)])
+def test_a_grip_is_felt_on_the_region_and_not_beside_it(stage: SimStage, cone: str) -> None:
+    sim = Simulation(stage, load(SimConfig, "sim/planner", cone=cone), 2)
+    env = OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer"), load(dict, "reward/paper"), 0)
+    planner = Planner(env, load(PlannerConfig, "policy/planner"))
+    for _ in range(240):  # the fingers close at 3.6 s = step 216
+        env.step(planner(env.observation.clone()))
+    # The fingers press with stiffness 2000 N/m over half the bar's thickness, 11.9 mm.
+    assert env.touch.flatten().tolist() == pytest.approx([23.8] * 4, rel=0.2)
+    assert env.terms[:, REWARD_TERMS.index("grip")].tolist() == [1.0, 1.0]
+    env._region.points = wp.array(env._region.points.numpy() + [0.0, 0.0, 0.04], dtype=wp.vec3)
+    env.step(planner(env.observation.clone()))
+    assert env.touch.tolist() == [[0.0, 0.0], [0.0, 0.0]]
+
+
+@pytest.mark.slow
+def test_openings_without_the_region_in_the_fingers_use_no_handle(stage: SimStage) -> None:
+    env = make_env(stage, 2, still=False, sim="sim/planner")
+    env._region.points = wp.array(env._region.points.numpy() + [0.0, 0.0, 0.04], dtype=wp.vec3)
+    result = evaluate(env, Planner(env, load(PlannerConfig, "policy/planner")))
+    assert result["success"]["rate"] == 1.0
+    assert result["handle_success"]["rate"] == 0.0
+    assert result["invalid"] == 0

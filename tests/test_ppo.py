@@ -6,10 +6,12 @@ import json
 from pathlib import Path
 from types import SimpleNamespace
 
+import pytest
 import torch
 from cabinet import write_cabinet
 from settings import load
 
+from s2a.errors import InputError
 from s2a.policy.ppo import PpoConfig, RslRlEnv, load_policy, make_runner, train
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
@@ -54,3 +56,7 @@ def test_training_writes_a_checkpoint_that_acts_the_same_when_loaded(tmp_path: P
     actions = [policy(env.observation) for policy in policies]
     assert actions[0].shape == (4, 9)
     assert torch.equal(actions[0], actions[1])
+    for content in (b"", b"no checkpoint"):
+        (tmp_path / "run/model_9.pt").write_bytes(content)
+        with pytest.raises(InputError, match="model_9.pt: not a checkpoint of this policy"):
+            load_policy(env, tmp_path / "run/model_9.pt")

@@ -6,6 +6,7 @@ import contextlib
 import copy
 import io
 import json
+import pickle
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
@@ -164,8 +165,10 @@ def load_policy(env: OpenDrawerEnv, checkpoint: Path) -> Callable[[torch.Tensor]
         runner = make_runner(RslRlEnv(env), PpoConfig(**{**values, "hidden": tuple(values["hidden"])}), None)
     try:
         runner.load(str(checkpoint), map_location=str(env.sim.device))
-    except (KeyError, RuntimeError) as error:
-        raise InputError(f"{checkpoint}: not a checkpoint of this policy ({str(error).splitlines()[0]})") from error
+    except (KeyError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
+        raise InputError(
+            f"{checkpoint}: not a checkpoint of this policy ({(str(error) or 'empty').splitlines()[0]})"
+        ) from error
     policy = runner.get_inference_policy(device=str(env.sim.device))
     return lambda observation: policy(TensorDict({"policy": observation}, batch_size=[env.num_envs]))
 

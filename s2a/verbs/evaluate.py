@@ -20,6 +20,7 @@ from s2a.sim.simulation import SimConfig
 from s2a.task.env import OpenDrawerEnv
 from s2a.task.open_drawer import OpenDrawerConfig
 from s2a.verbs.train import simulation
+from s2a.verbs.trained import check_world
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,8 @@ class Album:
 
 def run(config: Config) -> str:
     """Run one episode in every world, write the metrics, and return the rates."""
+    if config.checkpoint:
+        check_world(config.sim, config.task, config.checkpoint)
     with aside(config.out) as out:
         sim = simulation(config.stage, config.sim, config.worlds, config.device)
         env = OpenDrawerEnv(sim, config.task, config.reward, config.seed)

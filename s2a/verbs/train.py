@@ -15,6 +15,7 @@ from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
 from s2a.task.open_drawer import OpenDrawerConfig
+from s2a.verbs.trained import write_world
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,8 @@ def run(config: Config) -> str:
     torch.manual_seed(config.seed)
     sim = simulation(config.stage, config.sim, config.worlds, config.device)
     env = OpenDrawerEnv(sim, config.task, config.reward, config.seed)
+    config.out.mkdir(parents=True, exist_ok=True)
+    write_world(config.sim, config.task, config.out)
     metrics = ppo.train(env, config.policy, config.out)
     metrics |= {"seed": config.seed, "worlds": config.worlds, "reward": config.reward, **provenance(sim.device)}
     (config.out / "metrics.json").write_text(json.dumps(metrics, indent=1))

@@ -29,8 +29,8 @@ from s2a.usd.visible import visible
 from s2a.verbs.evaluate import Config
 from s2a.verbs.train import simulation
 
-SIZE = {"width": 640, "height": 480, "samples": 3}
-ROOM = {**SIZE, "elevation": 0.8, "margin": 1.0}
+SIZE = {"width": 576, "height": 432, "samples": 3}
+ROOM = {**SIZE, "elevation": 0.8, "margin": 1.02}
 ROBOT = {**SIZE, "azimuth": 0.95, "elevation": 0.5, "margin": 1.12}
 GAP = 16
 """White between the two [pixel]."""

@@ -34,7 +34,7 @@ VERBS = {
     "prepare": "make one jointed part of a geometric stage ready for simulation",
     "train": "train a policy by reinforcement learning (PPO)",
     "evaluate": "measure how well a policy or the planner does",
-    "view": "look at a stage",
+    "view": "look at a scan or a stage: its tree as text, or a picture",
 }
 FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 

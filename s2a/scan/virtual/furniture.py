@@ -7,62 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.scan.virtual.solids import (
-    PLAIN,
-    WOOD,
-    Color,
-    Piece,
-    Surface,
-    at,
-    box,
-    cylinder,
-    join,
-    prism,
-    rotation,
-    stadium,
-)
+from s2a.scan.virtual.handles import QUARTER, bar, knob, lever, upright
+from s2a.scan.virtual.solids import PLAIN, WOOD, Color, Piece, Surface, at, box, join
 from s2a.scene import Joint
 
-WHITE, STEEL, BLACK = (226, 224, 218), (158, 160, 164), (42, 42, 45)
-QUARTER = float(np.pi / 2)
-
-
-def bar(length: float, width: float, depth: float, gap: float, post: float, color: Color = STEEL) -> Piece:
-    """Return a bar with round ends on two posts, long along y, on a front at x = 0.
-
-    Args:
-        length: of the bar along y [m].
-        width: of the bar along z [m].
-        depth: of the bar along x [m].
-        gap: between the front and the back of the bar [m].
-        post: width of each post along y [m]; posts are flush with the bar's ends.
-        color: of everything.
-    """
-    rod = prism(stadium(length, width), (gap, gap + depth), color)
-    half = length / 2
-    posts = [box((0, gap + depth / 2), (y, y + post), (-width / 2, width / 2), color) for y in (-half, half - post)]
-    return Piece("handle", join(rod, *posts), style="bar")
-
-
-def knob(radius: float, depth: float, color: Color = STEEL) -> Piece:
-    """Return a round knob on a front at x = 0."""
-    shape = join(
-        cylinder(radius * 0.45, depth * 0.6, color), cylinder(radius, depth * 0.5, color).moved(at(0, 0, depth / 2))
-    )
-    return Piece("knob", shape.moved(rotation((0, QUARTER, 0))), style="knob")
-
-
-def lever(length: float, side: int, color: Color = STEEL) -> Piece:
-    """Return a handle base with a lever that points along y to a side (+1 or -1), on a front at x = 0."""
-    plate = box((0, 0.008), (-0.021, 0.021), (-0.13, 0.06), color)
-    neck = cylinder(0.009, 0.05, color).moved(rotation((0, QUARTER, 0)))
-    rod = prism(stadium(length, 0.022), (0.042, 0.058), color).moved(at(0, side * (length / 2 - 0.011)))
-    return Piece("handle base", plate, (Piece("handle", join(neck, rod), style="lever"),))
-
-
-def upright(handle: Piece) -> Piece:
-    """Return a handle turned from horizontal to vertical."""
-    return handle.moved(rotation((QUARTER, 0, 0)))
+WHITE, BLACK = (226, 224, 218), (42, 42, 45)
 
 
 def drawer(

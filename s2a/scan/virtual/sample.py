@@ -15,12 +15,11 @@ from s2a.scan.virtual import files
 from s2a.scan.virtual.annotate import AnnotationConfig, annotated_joints, face_numbers
 from s2a.scan.virtual.appearance import vertex_colors
 from s2a.scan.virtual.catalog import Entry, cad, catalog, clean_scene
-from s2a.scan.virtual.office import Room, office
+from s2a.scan.virtual.room import Room
+from s2a.scan.virtual.rooms import ROOMS
 from s2a.scan.virtual.scanner import ScannerConfig, scan
 from s2a.scan.virtual.solids import rotation
 from s2a.scene import Joint, Mesh
-
-ROOMS = {"office": office}
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class SampleConfig:
         annotation: the annotator's errors.
     """
 
-    room: Literal["office"]
+    room: Literal["office", "bedroom", "kitchen", "bathroom", "living_room"]
     seed: int
     detail: Literal["demo", "full"]
     out: Path

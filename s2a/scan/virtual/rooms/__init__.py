@@ -1,0 +1,14 @@
+"""The rooms that can be furnished, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from s2a.scan.virtual.room import Room
+from s2a.scan.virtual.rooms.office import office
+
+ROOMS: dict[str, Callable[[np.random.Generator], Room]] = {
+    "office": office,
+}

@@ -39,7 +39,7 @@ class CountingEnv:
 
 
 def test_stored_observations_are_those_the_policy_saw() -> None:
-    runner = make_runner(RslRlEnv(CountingEnv()), load(PpoConfig, "policy/ppo", **SMALL), None)
+    runner = make_runner(RslRlEnv(CountingEnv(), 1.0), load(PpoConfig, "policy/ppo", **SMALL), None)
     runner.learn(1)
     stored = runner.alg.storage.observations["policy"][:, 0, 0]
     assert stored.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]

@@ -41,7 +41,10 @@ class PpoConfig:
         desired_kl: divergence of a policy from the one before it.
         gamma: discount of a control step.
         lam: of the generalised advantage estimate.
-        clip: of the probability ratio and of the value's change.
+        clip: of the probability ratio, and of the value's change where `clip_value` is true.
+        clip_value: whether the value's change is clipped. It is clipped in units of the return, so that returns in the hundreds
+            are learned slowly.
+        reward_scale: factor of the reward that rsl-rl is given.
         value_loss: weight of the value's loss.
         entropy: weight of the entropy.
         max_grad_norm: where the gradient is cut.
@@ -59,6 +62,8 @@ class PpoConfig:
     gamma: float
     lam: float
     clip: float
+    clip_value: bool
+    reward_scale: float
     value_loss: float
     entropy: float
     max_grad_norm: float
@@ -74,9 +79,9 @@ class RslRlEnv(VecEnv):
     environment's own buffer in place.
     """
 
-    def __init__(self, env: OpenDrawerEnv, on_step: Callable[[], object] = lambda: None) -> None:
+    def __init__(self, env: OpenDrawerEnv, reward_scale: float, on_step: Callable[[], object] = lambda: None) -> None:
         """Wrap an environment; `on_step` is called after every control step."""
-        self.env, self._on_step = env, on_step
+        self.env, self._reward_scale, self._on_step = env, reward_scale, on_step
         self.num_envs, self.num_actions = env.num_envs, env.num_actions
         self.max_episode_length = env.max_episode_length
         self.device = env.sim.device
@@ -104,7 +109,7 @@ class RslRlEnv(VecEnv):
         env.counts.zero_()
         self._on_step()
         extras = {"time_outs": env.time_out.float(), "log": self._log()}
-        return self.get_observations(), env.reward.clone(), env.done.long(), extras
+        return self.get_observations(), env.reward * self._reward_scale, env.done.long(), extras
 
     def _log(self) -> dict[str, torch.Tensor]:
         """Return rates over the recent episodes, of those that finished, and the mean of each unweighted reward term."""
@@ -136,7 +141,7 @@ def train(env: OpenDrawerEnv, config: PpoConfig, out: Path) -> dict[str, Any]:
     steps = iter(track(range(config.iterations * config.steps), "train"))
     (out / "policy.json").write_text(json.dumps(asdict(config), indent=1))
     with (out / "train.log").open("w") as log, contextlib.redirect_stdout(log):
-        runner = make_runner(RslRlEnv(env, lambda: next(steps, None)), config, out)
+        runner = make_runner(RslRlEnv(env, config.reward_scale, lambda: next(steps, None)), config, out)
         begin = time.perf_counter()
         runner.learn(config.iterations, init_at_random_ep_len=True)
     seconds = time.perf_counter() - begin
@@ -162,7 +167,8 @@ def load_policy(env: OpenDrawerEnv, checkpoint: Path) -> Callable[[torch.Tensor]
             raise InputError(f"{file}: no such file; give the model_N.pt in a folder that s2a train wrote")
     values = json.loads(settings.read_text())
     with contextlib.redirect_stdout(io.StringIO()):
-        runner = make_runner(RslRlEnv(env), PpoConfig(**{**values, "hidden": tuple(values["hidden"])}), None)
+        config = PpoConfig(**{**values, "hidden": tuple(values["hidden"])})
+        runner = make_runner(RslRlEnv(env, config.reward_scale), config, None)
     try:
         runner.load(str(checkpoint), map_location=str(env.sim.device))
     except (KeyError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
@@ -197,7 +203,7 @@ def _settings(config: PpoConfig) -> dict[str, Any]:
             "gamma": config.gamma,
             "lam": config.lam,
             "clip_param": config.clip,
-            "use_clipped_value_loss": True,
+            "use_clipped_value_loss": config.clip_value,
             "value_loss_coef": config.value_loss,
             "entropy_coef": config.entropy,
             "max_grad_norm": config.max_grad_norm,

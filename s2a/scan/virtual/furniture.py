@@ -15,7 +15,12 @@ WHITE, BLACK = (226, 224, 218), (42, 42, 45)
 
 
 def drawer(
-    size: tuple[float, float, float], tray: tuple[float, float], handle: Piece, color: Color, look: int
+    size: tuple[float, float, float],
+    tray: tuple[float, float],
+    handle: Piece,
+    color: Color,
+    look: int,
+    travel: float = 0.4,
 ) -> Piece:
     """Return a drawer: its panel ends at x = 0, its tray lies behind, centred in y and z.
 
@@ -25,9 +30,10 @@ def drawer(
         handle: what it is pulled by.
         color: of the panel.
         look: texture of the panel.
+        travel: how far it comes out [m].
     """
     thick, width, height = (size[0], size[1] / 2, size[2] / 2)
-    y, z, back = tray[0] / 2, tray[1] / 2, -thick - 0.5117
+    y, z, back = tray[0] / 2, tray[1] / 2, -thick - travel - 0.1117
     wood = (205, 186, 150)
     walls = [
         box((-thick, 0), (-width, width), (-height, height), color, look),
@@ -36,7 +42,7 @@ def drawer(
         box((back, back + 0.004), (-y, y), (-z, z), wood),
         box((back, -thick), (-y, y), (-z, -z + 0.002), wood),
     ]
-    joint = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))
+    joint = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, travel))
     return Piece("drawer", join(*walls), (handle,), joint)
 
 

@@ -60,6 +60,7 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
     handle, others = find_handle(scene, target, frame)
     colliders = target_colliders(scene, target, handle, others, config.colliders)
     way = sweep(merge([visual, *(collider.mesh for collider in colliders)]), joint)
+    looks = decimate_room(scene, room, config.decimate)
     return SimScene(
         name=scene.name,
         carcass=freeze(scene, target, frozen, hand_corridor(handle, grasp, config.carcass), config.carcass),
@@ -71,10 +72,13 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
         ),
         joint=joint,
         grasp=grasp,
-        static_visual=decimate_room([scene.parts[i] for i in room], config.decimate),
+        static_visual=looks.mesh,
         static_colliders=room_colliders(scene, room, np.array(position), np.array(grasp.point), way, config.room),
         base_position=position,
         base_orientation=orientation,
+        static_parts=looks.parts,
+        static_face_part=looks.face_part,
+        reductions=looks.reductions,
         friction=config.friction * lever_arm(joint, np.array(grasp.point)),
     )
 

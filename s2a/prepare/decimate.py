@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pyfqmr
-from scipy.spatial import cKDTree
 
-from s2a.geometry.surfaces import merge, weld
-from s2a.scene import Mesh, Part
+from s2a.errors import InputError
+from s2a.geometry.deviation import Deviation, deviation
+from s2a.geometry.rays import RayMesh, nearest_faces, ray_mesh
+from s2a.geometry.surfaces import centroids, merge, weld
+from s2a.progress import track
+from s2a.scene import Mesh, Scene
+from s2a.usd.simscene import Reduction
+
+HALVINGS = 6
+"""Times that the range of possible reductions is halved (on a logarithmic scale) to find the largest allowed one."""
+FEWEST = 0.01
+"""Smallest share of the faces that mode "error" tries."""
 
 
 @dataclass(frozen=True)
@@ -17,16 +29,48 @@ class DecimateConfig:
     """How many faces of the immovable room are kept.
 
     Attributes:
-        shell: share of the faces of walls, floor and ceiling, 0 to 1.
+        mode: "ratio" (a share of the faces), "error" (as few as stay within an error) or "none" (all).
+        shell: share of the faces of walls, floor and ceiling that mode "ratio" keeps, 0 to 1.
         other: share of the faces of everything else, 0 to 1.
+        max_error: what 99 % of the points of either surface may be off the other in mode "error" [m].
         shell_labels: words that make a label one of a wall, floor or ceiling.
-        aggressiveness: how fast the error bound grows from pass to pass; smaller is slower and more exact.
+        aggressiveness: how fast the bound on the collapses grows from pass to pass; smaller is slower and more exact.
+        samples: points on either surface by which the error is measured.
     """
 
+    mode: Literal["ratio", "error", "none"]
     shell: float
     other: float
+    max_error: float
     shell_labels: tuple[str, ...]
     aggressiveness: float
+    samples: int
+
+    def __post_init__(self) -> None:
+        for name in ("shell", "other"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise InputError(
+                    f"decimate.{name} is {getattr(self, name)}; give a share of the faces, above 0, up to 1"
+                )
+        if not self.max_error > 0.0:
+            raise InputError(f"decimate.max_error is {self.max_error}; give a distance above 0 m")
+
+
+@dataclass(frozen=True, eq=False)
+class Decimated:
+    """The room with fewer faces.
+
+    Attributes:
+        mesh: all parts in one.
+        parts: their ids.
+        face_part: index into `parts` of the part that each face belongs to, shape [face], int32.
+        reductions: what happened to walls, floor and ceiling, and to the rest.
+    """
+
+    mesh: Mesh
+    parts: tuple[str, ...]
+    face_part: np.ndarray
+    reductions: tuple[Reduction, ...]
 
 
 def is_shell(label: str, shell_labels: tuple[str, ...]) -> bool:
@@ -35,27 +79,72 @@ def is_shell(label: str, shell_labels: tuple[str, ...]) -> bool:
     return bool(words) and words[-1] in shell_labels
 
 
-def decimate_room(parts: list[Part], config: DecimateConfig) -> Mesh:
-    """Return the parts as one mesh with fewer faces, colours carried over."""
-    shell = [part.mesh for part in parts if is_shell(part.label, config.shell_labels)]
-    other = [part.mesh for part in parts if not is_shell(part.label, config.shell_labels)]
-    groups = ((shell, config.shell), (other, config.other))
-    return merge([decimate(weld(merge(meshes)), ratio, config.aggressiveness) for meshes, ratio in groups if meshes])
+def decimate_room(scene: Scene, parts: Sequence[str], config: DecimateConfig) -> Decimated:
+    """Return parts as one mesh with fewer faces, with the colours and the part of each face carried over."""
+    flat = np.array([is_shell(scene.parts[i].label, config.shell_labels) for i in parts], bool)
+    groups = [("shell", flat, config.shell), ("other", ~flat, config.other)]
+    found = [
+        _decimate_group(scene, name, [(k, parts[k]) for k in np.flatnonzero(chosen)], ratio, config)
+        for name, chosen, ratio in track(groups, "decimate")
+        if chosen.any()
+    ]
+    meshes, owners, reductions = zip(*found, strict=True) if found else ((), (), ())
+    owner = np.concatenate(owners) if owners else np.empty(0)
+    return Decimated(merge(meshes), tuple(parts), owner.astype(np.int32), tuple(reductions))
 
 
 def decimate(mesh: Mesh, ratio: float, aggressiveness: float) -> Mesh:
-    """Return a mesh with a share of the faces, by quadric edge collapses; colours come from the nearest old vertex.
+    """Return a mesh with a share of the faces, by quadric edge collapses, without colours.
 
     Open borders are kept as they are where the ratio can be reached without touching them.
     """
     target = round(ratio * len(mesh.faces))
     if target >= len(mesh.faces) or len(mesh.faces) < 8:
-        return mesh
-    for preserve_border, effort in ((True, 1.0), (False, 1.0), (False, 2.0)):
+        return Mesh(mesh.vertices, mesh.faces)
+    for preserve_border, effort in ((True, 1.0), (True, 2.0), (False, 1.0), (False, 2.0)):
         vertices, faces = _collapse(mesh, target, effort * aggressiveness, preserve_border)
         if len(faces) <= 1.01 * target:
             break
-    return Mesh(vertices, faces, _nearest_colors(mesh, vertices))
+    return Mesh(vertices, faces)
+
+
+def decimate_within(mesh: Mesh, tree: RayMesh, config: DecimateConfig) -> tuple[Mesh, Deviation]:
+    """Return a mesh with as few faces as keep 99 % of the points of both surfaces within `config.max_error`."""
+    low, high = math.log(FEWEST), 0.0
+    best, error = mesh, Deviation(0.0, 0.0, 0.0)
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        tried = decimate(mesh, math.exp(middle), config.aggressiveness)
+        found = deviation(mesh, tried, config.samples, tree=tree)
+        if found.p99 <= config.max_error:
+            best, error, high = tried, found, middle
+        else:
+            low = middle
+    return best, error
+
+
+def _decimate_group(
+    scene: Scene, name: str, members: Sequence[tuple[int, str]], ratio: float, config: DecimateConfig
+) -> tuple[Mesh, np.ndarray, Reduction]:
+    """Return the decimated mesh of some parts, the number of the part that each face belongs to, and what was done."""
+    meshes = [scene.parts[i].mesh for _, i in members]
+    owner = np.repeat([k for k, _ in members], [len(mesh.faces) for mesh in meshes])
+    whole = weld(merge(meshes))
+    if config.mode == "none" or not whole.face_areas.sum() > 0:
+        count = len(whole.faces)
+        return whole, owner, Reduction(name, count, count, count, 0.0, 0.0, 0.0)
+    tree = ray_mesh(whole.vertices, whole.faces)
+    if config.mode == "error":
+        fewer, error = decimate_within(whole, tree, config)
+        asked = len(fewer.faces)
+    else:
+        fewer, asked = decimate(whole, ratio, config.aggressiveness), round(ratio * len(whole.faces))
+        error = deviation(whole, fewer, config.samples, tree=tree)
+    reduction = Reduction(name, len(whole.faces), len(fewer.faces), asked, error.mean, error.p99, error.max)
+    if len(fewer.faces) == len(whole.faces):
+        return whole, owner, reduction
+    colored = Mesh(fewer.vertices, fewer.faces, _nearest_colors(whole, tree, fewer.vertices))
+    return colored, owner[nearest_faces(tree, centroids(fewer))[0]], reduction
 
 
 def _collapse(mesh: Mesh, target: int, aggressiveness: float, preserve_border: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +157,10 @@ def _collapse(mesh: Mesh, target: int, aggressiveness: float, preserve_border: b
     return vertices, faces
 
 
-def _nearest_colors(mesh: Mesh, vertices: np.ndarray) -> np.ndarray | None:
-    if mesh.colors is None or not len(vertices):
+def _nearest_colors(mesh: Mesh, tree: RayMesh, vertices: np.ndarray) -> np.ndarray | None:
+    """Return the colour of the nearest face's corner for each vertex [vertex 3]."""
+    if mesh.colors is None:
         return None
-    return mesh.colors[cKDTree(mesh.vertices).query(vertices)[1]]
+    corners = mesh.faces[nearest_faces(tree, vertices)[0]]
+    distance = np.linalg.norm(mesh.vertices[corners] - vertices[:, None], axis=2)
+    return mesh.colors[corners[np.arange(len(corners)), distance.argmin(axis=1)]]

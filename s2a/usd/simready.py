@@ -6,119 +6,25 @@ convex pieces, because MuJoCo takes the convex hull of every mesh it is given.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
-from s2a.scene import Joint, Mesh, Vec3
 from s2a.usd.joints import write_body, write_fixed_joint, write_joint, write_site
+from s2a.usd.simscene import Collider, Grasp, Mass, Quat, Reduction, SimBody, SimScene
 from s2a.usd.stage import ROOT, new_stage, save, write_attribute, write_mesh
 
-Quat = tuple[float, float, float, float]
 Types = Sdf.ValueTypeNames
 
 FLAVOUR = "simready"
+
+__all__ = ["Collider", "Grasp", "Mass", "Quat", "Reduction", "SimBody", "SimScene", "write"]
 
 GRAVITY = 9.81
 """[m/s^2], along -z."""
 FRICTION = 1.0
 """Coulomb coefficient of every collider, as in the reference task (IsaacLab's Franka cabinet)."""
-
-
-@dataclass(frozen=True)
-class Collider:
-    """One convex piece.
-
-    Attributes:
-        part: id of the part it stands for.
-        mesh: a closed convex mesh in scene coordinates.
-    """
-
-    part: str
-    mesh: Mesh
-
-
-@dataclass(frozen=True)
-class Mass:
-    """How a body resists motion.
-
-    Attributes:
-        mass: [kg].
-        center: centre of mass [m], scene coordinates.
-        inertia: principal moments about the centre [kg m^2].
-        axes: orientation of the principal axes in the scene, quaternion xyzw.
-    """
-
-    mass: float
-    center: Vec3
-    inertia: Vec3
-    axes: Quat = (0.0, 0.0, 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class SimBody:
-    """A rigid body.
-
-    Attributes:
-        id: id of the part that gives it its name.
-        visual: everything that moves with it, at full resolution; may be empty.
-        colliders: its convex pieces.
-        mass: mass, centre, inertia.
-    """
-
-    id: str
-    visual: Mesh
-    colliders: tuple[Collider, ...]
-    mass: Mass
-
-
-@dataclass(frozen=True)
-class Grasp:
-    """Where and how a parallel gripper takes hold of the moving part.
-
-    Attributes:
-        point: mean of the grasp region [m], scene coordinates.
-        orientation: quaternion xyzw of the grasp frame: z into the furniture, y across the region's thin section
-            (fingers close along it), x along the region.
-        size: extent of the region along x, y, z of that frame [m].
-        region: the annotated surface, as scanned.
-    """
-
-    point: Vec3
-    orientation: Quat
-    size: Vec3
-    region: Mesh
-
-
-@dataclass(frozen=True)
-class SimScene:
-    """Everything that a simulation-ready file holds.
-
-    Attributes:
-        name: the scan's name.
-        carcass: the immovable body that the target moves against.
-        target: the moving body.
-        joint: how it moves.
-        grasp: where to take hold of it.
-        static_visual: the rest of the room as one decimated mesh.
-        static_colliders: convex pieces of the room within the arm's reach.
-        base_position: where the robot stands [m], scene coordinates.
-        base_orientation: how it is turned, quaternion xyzw; its x axis points at the furniture.
-        friction: dry friction of the joint [N] or [N m].
-    """
-
-    name: str
-    carcass: SimBody
-    target: SimBody
-    joint: Joint
-    grasp: Grasp
-    static_visual: Mesh
-    static_colliders: tuple[Collider, ...]
-    base_position: Vec3
-    base_orientation: Quat
-    friction: float = 0.0
 
 
 def write(sim_scene: SimScene, path: Path) -> None:
@@ -134,8 +40,7 @@ def write(sim_scene: SimScene, path: Path) -> None:
     stage = new_stage()
     _write_root(stage, sim_scene)
     surface = _write_surface(stage)
-    UsdGeom.Xform.Define(stage, f"{ROOT}/static")
-    write_mesh(stage, f"{ROOT}/static/visual", sim_scene.static_visual)
+    _write_static(stage, sim_scene)
     _write_colliders(stage, f"{ROOT}/static", sim_scene.static_colliders, surface, by_part=True)
     carcass, target = f"{ROOT}/{sim_scene.carcass.id}", f"{ROOT}/{sim_scene.target.id}"
     _write_body(stage, carcass, sim_scene.carcass, surface, root=True)
@@ -160,6 +65,25 @@ def _write_root(stage: Usd.Stage, sim_scene: SimScene) -> None:
     physics = UsdPhysics.Scene.Define(stage, f"{ROOT}/physics")
     physics.CreateGravityDirectionAttr((0.0, 0.0, -1.0))
     physics.CreateGravityMagnitudeAttr(GRAVITY)
+
+
+def _write_static(stage: Usd.Stage, sim_scene: SimScene) -> None:
+    """Write how the room looks, which part each face belongs to, and what decimation did to it."""
+    room = UsdGeom.Xform.Define(stage, f"{ROOT}/static").GetPrim()
+    for reduction in sim_scene.reductions:
+        group = reduction.group
+        write_attribute(room, f"{group}:facesBefore", Types.Int, reduction.before)
+        write_attribute(room, f"{group}:facesAfter", Types.Int, reduction.after)
+        write_attribute(room, f"{group}:facesAsked", Types.Int, reduction.asked)
+        write_attribute(room, f"{group}:errorMean", Types.Double, reduction.mean)
+        write_attribute(room, f"{group}:errorP99", Types.Double, reduction.p99)
+        write_attribute(room, f"{group}:errorMax", Types.Double, reduction.max)
+    visual = write_mesh(stage, f"{ROOT}/static/visual", sim_scene.static_visual)
+    if sim_scene.static_face_part is None or not len(sim_scene.static_face_part):
+        return
+    write_attribute(visual.GetPrim(), "parts", Types.StringArray, list(sim_scene.static_parts))
+    part = UsdGeom.PrimvarsAPI(visual).CreatePrimvar("s2a:part", Types.IntArray, UsdGeom.Tokens.uniform)
+    part.Set(Vt.IntArray.FromNumpy(sim_scene.static_face_part))
 
 
 def _write_surface(stage: Usd.Stage) -> UsdShade.Material:

@@ -1,0 +1,50 @@
+"""How far two surfaces are from each other, by points sampled on both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2a.geometry.rays import RayMesh, nearest_faces, ray_mesh
+from s2a.geometry.surfaces import sample
+from s2a.scene import Mesh
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Distances between two surfaces [m], each the larger one of both directions.
+
+    Attributes:
+        mean: of all sampled points.
+        p99: what 99 % of them stay below.
+        max: the largest one found.
+    """
+
+    mean: float
+    p99: float
+    max: float
+
+
+def deviation(a: Mesh, b: Mesh, count: int, seed: int = 0, tree: RayMesh | None = None) -> Deviation:
+    """Return how far two surfaces are from each other, from a to b and from b to a.
+
+    Args:
+        a: a surface.
+        b: another one.
+        count: points sampled on either, evenly by area.
+        seed: of the points.
+        tree: `ray_mesh` of a, if it is at hand.
+
+    Raises:
+        ValueError: one of them has no surface and the other one has.
+    """
+    empty = [not mesh.face_areas.sum() > 0 for mesh in (a, b)]
+    if all(empty):
+        return Deviation(0.0, 0.0, 0.0)
+    if any(empty):
+        raise ValueError("the distance to a mesh without surface is infinite")
+    there = nearest_faces(ray_mesh(b.vertices, b.faces), sample(a, count, seed))[1]
+    back = nearest_faces(tree or ray_mesh(a.vertices, a.faces), sample(b, count, seed))[1]
+    both = [(float(d.mean()), float(np.quantile(d, 0.99)), float(d.max())) for d in (there, back)]
+    return Deviation(*(max(pair) for pair in zip(*both, strict=True)))

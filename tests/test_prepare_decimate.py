@@ -1,0 +1,147 @@
+"""Fewer faces for the immovable room, and how far its surface moved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cabinet_rooms import clean_cabinet_room
+from pxr import Usd, UsdGeom
+from settings import load
+
+from s2a.errors import InputError
+from s2a.geometry.deviation import deviation
+from s2a.geometry.surfaces import centroids
+from s2a.prepare import PrepareConfig, prepare
+from s2a.prepare.decimate import DecimateConfig, Decimated, decimate_room
+from s2a.scene import Mesh, Part, Scene
+from s2a.usd import simready
+
+SIDE = 120
+"""Cells along a sheet of 1.2 m."""
+
+
+def sheet(height: float, color: tuple[int, int, int], noise: float = 0.001, start: float = 0.0) -> Mesh:
+    """Return a rough square sheet of 10 mm cells whose lower corner lies at x = start [m]."""
+    steps = np.arange(SIDE + 1) * 0.01
+    x, y = np.meshgrid(start + steps, steps, indexing="ij")
+    z = height + noise * np.random.default_rng(0).standard_normal(x.shape)
+    corner = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, -1)
+    a, b, c, d = corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]
+    faces = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+    vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    return Mesh(vertices, faces, np.tile(np.uint8(color), (len(vertices), 1)))
+
+
+ROOM = Scene(
+    "sheets",
+    {
+        "floor_1": Part("floor", sheet(0.0, (10, 10, 10))),
+        "table_2": Part("table", sheet(0.7, (200, 0, 0))),
+        "desk_3": Part("desk", sheet(0.7, (0, 0, 200), start=1.3)),
+    },
+)
+
+
+def config(**changes: object) -> DecimateConfig:
+    return replace(load(PrepareConfig, "prepare/handle").decimate, **changes)
+
+
+@cache
+def decimated(mode: str = "ratio") -> Decimated:
+    return decimate_room(ROOM, tuple(ROOM.parts), config(mode=mode))
+
+
+def border(mesh: Mesh) -> set[bytes]:
+    """Return the places of the vertices on open edges."""
+    edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    open_edges, uses = np.unique(edges, axis=0, return_counts=True)
+    return {place.tobytes() for place in mesh.vertices[np.unique(open_edges[uses == 1])]}
+
+
+def test_the_shares_are_reached_within_one_percent() -> None:
+    faces = 2 * SIDE**2
+    found = {r.group: r for r in decimated().reductions}
+    assert found["shell"].before == faces and found["other"].before == 2 * faces
+    assert found["shell"].after == pytest.approx(0.1 * faces, rel=0.01)
+    assert found["other"].after == pytest.approx(0.3 * 2 * faces, rel=0.01)
+    assert all(r.reached for r in found.values())
+    assert len(decimated().mesh.faces) == sum(r.after for r in found.values())
+
+
+def test_open_borders_stay_where_they_are() -> None:
+    before = set().union(*(border(part.mesh) for part in ROOM.parts.values()))
+    assert before <= border(decimated().mesh)
+
+
+@pytest.mark.parametrize("mode", ["ratio", "none"])
+def test_each_face_keeps_its_part_and_its_color(mode: str) -> None:
+    found = decimated(mode)
+    middle = centroids(found.mesh)
+    expected = np.where(middle[:, 2] < 0.3, 0, np.where(middle[:, 0] < 1.25, 1, 2))
+    assert (found.face_part == expected).all()
+    colors = found.mesh.colors[found.mesh.faces[:, 0]]
+    assert (colors == np.array([(10, 10, 10), (200, 0, 0), (0, 0, 200)])[expected]).all()
+
+
+def test_two_parallel_sheets_are_as_far_apart_as_they_are() -> None:
+    a, b = sheet(0.0, (0, 0, 0), noise=0.0), sheet(0.003, (0, 0, 0), noise=0.0)
+    found = deviation(a, b, 1000)
+    assert (found.mean, found.p99, found.max) == pytest.approx((0.003,) * 3, abs=1e-6)
+
+
+def test_a_surface_that_is_missing_counts_though_what_is_left_is_exact() -> None:
+    whole = sheet(0.0, (0, 0, 0), noise=0.0)
+    half = Mesh(whole.vertices, whole.faces[: SIDE**2])
+    # Half of the sheet is missing; its farthest points are 0.6 m away.
+    for pair in ((whole, half), (half, whole)):
+        assert deviation(*pair, 4000).max == pytest.approx(0.6, abs=0.01)
+
+
+def test_the_stated_error_is_that_of_the_surfaces() -> None:
+    found, whole = decimated(), decimated("none")
+    shell = next(r for r in found.reductions if r.group == "shell")
+    floors = [Mesh(m.mesh.vertices, m.mesh.faces[m.face_part == 0]) for m in (whole, found)]
+    again = deviation(*floors, 50000, seed=1)
+    assert shell.mean == pytest.approx(again.mean, rel=0.05)
+    assert shell.p99 == pytest.approx(again.p99, rel=0.05)
+    assert 0.0 < shell.mean < shell.p99 < shell.max < 0.01
+
+
+def test_no_decimation_changes_nothing() -> None:
+    assert len(decimated("none").mesh.faces) == sum(len(part.mesh.faces) for part in ROOM.parts.values())
+    assert [(r.before, r.max) for r in decimated("none").reductions] == [(2 * SIDE**2, 0.0), (4 * SIDE**2, 0.0)]
+
+
+def test_a_bound_on_the_error_is_kept_with_as_few_faces_as_it_allows() -> None:
+    loose, tight = (decimate_room(ROOM, ("floor_1",), config(mode="error", max_error=e)) for e in (0.0015, 0.0005))
+    assert loose.reductions[0].p99 <= 0.0015 and tight.reductions[0].p99 <= 0.0005
+    assert loose.reductions[0].after < tight.reductions[0].after < 2 * SIDE**2
+
+
+def test_what_the_robot_moves_keeps_every_face_and_the_stage_says_what_the_room_lost(tmp_path: Path) -> None:
+    room = clean_cabinet_room()
+    settings = load(PrepareConfig, "prepare/handle")
+    scene = prepare(Scene("more", {**room.parts, **ROOM.parts}), "drawer_7", settings)
+    moving = ("drawer_7", "handle_11")
+    assert len(scene.target.visual.faces) == sum(len(room.parts[i].mesh.faces) for i in moving)
+    simready.write(scene, tmp_path / "sim.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "sim.usda"))
+    static = stage.GetPrimAtPath("/scene/static")
+    shell = next(r for r in scene.reductions if r.group == "shell")
+    assert static.GetAttribute("s2a:shell:facesAfter").Get() == shell.after
+    assert static.GetAttribute("s2a:shell:errorP99").Get() == shell.p99
+    visual = stage.GetPrimAtPath("/scene/static/visual")
+    part = UsdGeom.PrimvarsAPI(visual).GetPrimvar("s2a:part").Get()
+    names = [visual.GetAttribute("s2a:parts").Get()[k] for k in part]
+    assert len(names) == len(scene.static_visual.faces)
+    assert set(names) == {"wall_1", "floor_2", "table_4", "floor_1", "table_2", "desk_3"}
+
+
+def test_impossible_settings_are_refused() -> None:
+    for changes in ({"shell": 0.0}, {"other": 1.5}, {"max_error": 0.0}):
+        with pytest.raises(InputError, match=next(iter(changes))):
+            config(**changes)

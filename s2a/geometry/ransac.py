@@ -1,0 +1,57 @@
+"""The plane that most points of a cloud lie near, by random sampling: the baseline to the grown regions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2a.geometry.planes import Plane
+
+
+@dataclass(frozen=True)
+class RansacConfig:
+    """How a plane is sought among points.
+
+    Attributes:
+        threshold: largest distance of an inlier [m].
+        tries: number of planes tried, each through three random points.
+        lean: largest angle between the plane's normal and the direction wanted, up or level [rad].
+        seed: of the random choices.
+    """
+
+    threshold: float
+    tries: int
+    lean: float
+    seed: int
+
+
+def ransac_plane(points: np.ndarray, upright: bool, config: RansacConfig) -> Plane | None:
+    """Return the level (or upright) plane with the most inliers, as it was drawn; None if no draw had that direction.
+
+    Args:
+        points: shape [point 3], [m].
+        upright: whether an upright plane is wanted instead of a level one.
+        config: threshold and number of tries.
+
+    Returns:
+        A plane whose `faces` are the indices of its inliers among the points.
+    """
+    if len(points) < 3:
+        return None
+    points = np.asarray(points, np.float64)
+    a, b, c = points[np.random.default_rng(config.seed).integers(len(points), size=(3, config.tries))]
+    across = np.cross(b - a, c - a)
+    length = np.linalg.norm(across, axis=1)
+    normal = across / np.maximum(length, 1e-12)[:, None]
+    tilt = np.abs(normal[:, 2])
+    wanted = (length > 1e-12) & ((tilt < np.sin(config.lean)) if upright else (tilt > np.cos(config.lean)))
+    if not wanted.any():
+        return None
+    normal, offset = normal[wanted], np.einsum("ij,ij->i", normal, a)[wanted]
+    best = int(
+        np.argmax([np.sum(np.abs(points @ n - d) < config.threshold) for n, d in zip(normal, offset, strict=True)])
+    )
+    up = normal[best] * (-1.0 if normal[best][2] < 0 else 1.0)
+    offset = float(up @ a[wanted][best])
+    return Plane(up, offset, np.flatnonzero(np.abs(points @ up - offset) < config.threshold))

@@ -7,8 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from s2a.scan.virtual.room import Room
+from s2a.scan.virtual.rooms.bedroom import bedroom
 from s2a.scan.virtual.rooms.office import office
 
 ROOMS: dict[str, Callable[[np.random.Generator], Room]] = {
     "office": office,
+    "bedroom": bedroom,
 }

@@ -210,3 +210,29 @@ def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tu
     gap = wp.zeros(len(asked), dtype=float, device="cpu")
     wp.launch(_nearest, dim=len(asked), inputs=[mesh.id, asked, reach], outputs=[face, gap], device="cpu")
     return face.numpy(), gap.numpy()
+
+
+@wp.kernel
+def _hit(
+    mesh: wp.uint64,
+    starts: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    distance: wp.array(dtype=float),
+):
+    tid = wp.tid()
+    hit = wp.mesh_query_ray(mesh, starts[tid], directions[tid], 1.0e3)
+    distance[tid] = wp.where(hit.result, hit.t, wp.inf)
+
+
+def first_hits(mesh: RayMesh, starts: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Return how far each ray flies until it meets the mesh [m], shape [ray]; inf where it meets nothing.
+
+    Args:
+        mesh: what is hit, from either side.
+        starts: of the rays [m], shape [ray 3].
+        directions: unit vectors, shape [ray 3].
+    """
+    rays = [wp.array(np.asarray(a, np.float32), dtype=wp.vec3, device="cpu") for a in (starts, directions)]
+    distance = wp.empty(len(starts), dtype=float, device="cpu")
+    wp.launch(_hit, dim=len(starts), inputs=[mesh.id, *rays], outputs=[distance], device="cpu")
+    return distance.numpy()

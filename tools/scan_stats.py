@@ -1,0 +1,205 @@
+"""How like a real scan a virtual one is: its figures, beside those of real scans.
+
+    python tools/scan_stats.py SCAN... [--out FIGURES.json]
+
+noise    rms distance of the scan from the true surface, without what is more than 10 mm off (webs, skirts)
+holes    connected pieces of border, per square metre of surface; short: shorter than 0.5 m around
+webbed   handles with a gap behind them of whose length at least half is closed by surface that is not there
+seen     share of the true surface that has scanned surface within 10 mm that faces the same way; floors, walls and
+         ceilings count with their outsides and with what furniture covers, as everything else does
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+from rich.console import Console
+from rich.table import Table
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from webs import webs
+
+from s2a.geometry.rays import nearest_faces, ray_mesh
+from s2a.geometry.surfaces import merge, normals, sample, sample_with_faces
+from s2a.scan import ply
+from s2a.scene import Mesh, Scene
+from s2a.usd import geometric
+
+SAMPLES = 200_000
+"""Points by which noise is measured."""
+NEAR = 0.010
+"""[m] Farther off, a scanned point is no measurement of that surface."""
+SHORT = 0.5
+"""[m] Length of border below which a hole is short."""
+
+REAL = (
+    # ScanNet++ 30f4a2b44d, 4.86 x 3.69 x 3.34 m: 1 304 672 vertices, 278 336 voxels of 2 cm (some 80 to 110 m2).
+    ("ScanNet++ 30f4a2b44d", "1305", "12-16 k", "8-10", "", "", "", "", "", "github.com/Uspfe/USDNet, notebook.ipynb"),
+    # 117 borders on 23 m2, 71 % of them under 0.5 m; a depth camera's noise for contrast.
+    ("ScanNet scene0470_00", "", "", "", "6-11", "5.1", "71 %", "5", "", "github.com/ScanNet/ScanNet, measured"),
+    ("MultiScan, documented", "150", "", "", "", "", "", "", "", "github.com/smartscenes/multiscan, annotation.rst"),
+    ("Faro Focus Premium", "", "", "", "1-2", "", "", "", "", "the scanner's data sheet, after registration"),
+)
+"""What is known of real scans: a name, the columns of the table after it (without "seen"), the source."""
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What is measured of a scan.
+
+    Attributes:
+        scan: its folder.
+        vertices: their number.
+        area: of the surface [m^2].
+        density: vertices per square metre.
+        edge: median length of an edge [m].
+        noise: rms distance from the true surface, of points within NEAR [m].
+        off: share of the surface farther off than that.
+        holes: borders per square metre.
+        short: share of borders shorter than SHORT.
+        components: connected pieces.
+        webs: share of each handle's gap that is closed, by part id.
+        seen: share of each object's true surface that was scanned, by part id.
+    """
+
+    scan: str
+    vertices: int
+    area: float
+    density: float
+    edge: float
+    noise: float
+    off: float
+    holes: float
+    short: float
+    components: int
+    webs: dict[str, float]
+    seen: dict[str, float]
+
+
+def measure(folder: Path) -> Figures:
+    """Return the figures of a virtual scan.
+
+    Raises:
+        InputError: the folder holds no mesh, or no truth.
+    """
+    surface = ply.read(folder / "mesh_aligned_0.05.ply")
+    mesh = Mesh(surface.vertices, surface.faces)
+    truth = geometric.read(folder / "truth" / "truth.usda")
+    facts = json.loads((folder / "truth" / "truth.json").read_text())["parts"]
+    area = float(mesh.face_areas.sum())
+    clean = merge([part.mesh for part in truth.parts.values()])
+    points = sample(mesh, SAMPLES, seed=0)
+    gap = nearest_faces(ray_mesh(clean.vertices, clean.faces), points)[1]
+    lengths = border_lengths(mesh)
+    poses = {i: np.array(fact["pose"]) for i, fact in facts.items() if fact["style"] not in (None, "knob")}
+    return Figures(
+        scan=str(folder),
+        vertices=len(mesh.vertices),
+        area=area,
+        density=len(mesh.vertices) / area,
+        edge=median_edge(mesh),
+        noise=float(np.sqrt(np.mean(gap[gap < NEAR] ** 2))),
+        off=float(np.mean(gap >= NEAR)),
+        holes=len(lengths) / area,
+        short=float(np.mean(lengths < SHORT)) if len(lengths) else 1.0,
+        components=components(mesh),
+        webs=webs(mesh, truth, poses),
+        seen=seen(mesh, truth),
+    )
+
+
+def edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return each edge once, shape [edge 2], and the number of faces that have it, shape [edge]."""
+    pairs = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
+    codes, counts = np.unique(pairs[:, 0].astype(np.int64) * len(mesh.vertices) + pairs[:, 1], return_counts=True)
+    return np.stack(np.divmod(codes, len(mesh.vertices)), axis=1), counts
+
+
+def median_edge(mesh: Mesh) -> float:
+    """Return the median length of the edges [m]."""
+    ends = mesh.vertices[edges(mesh)[0]].astype(np.float64)
+    return float(np.median(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)))
+
+
+def border_lengths(mesh: Mesh) -> np.ndarray:
+    """Return the length of each connected piece of border [m], shape [piece]; borders are edges of one face alone."""
+    pairs, counts = edges(mesh)
+    border = pairs[counts == 1]
+    if not len(border):
+        return np.empty(0)
+    ends = mesh.vertices[border].astype(np.float64)
+    return np.bincount(_pieces(border), np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1))
+
+
+def components(mesh: Mesh) -> int:
+    """Return the number of pieces of surface that share no vertex."""
+    pairs = np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
+    return int(_pieces(pairs).max()) + 1
+
+
+def _pieces(pairs: np.ndarray) -> np.ndarray:
+    """Return the number of the connected piece that each edge belongs to, shape [edge]."""
+    used, flat = np.unique(pairs, return_inverse=True)
+    ends = flat.reshape(pairs.shape)
+    graph = coo_array((np.ones(len(ends), bool), ends.T), shape=(len(used), len(used)))
+    return connected_components(graph, directed=False)[1][ends[:, 0]]
+
+
+def seen(mesh: Mesh, truth: Scene, spacing: float = 0.02) -> dict[str, float]:
+    """Return the share of each object's true surface, all its parts together, that the scan shows.
+
+    Args:
+        mesh: the scan.
+        truth: what was scanned.
+        spacing: about the distance between the points that are asked [m].
+    """
+    scanned, facing = ray_mesh(mesh.vertices, mesh.faces), normals(mesh)
+    shares = {}
+    for root in (i for i, part in truth.parts.items() if part.parent is None):
+        whole = merge([truth.parts[i].mesh for i in (root, *truth.descendants(root))])
+        count = int(np.clip(whole.face_areas.sum() / spacing**2, 2_000, 100_000))
+        points, faces = sample_with_faces(whole, count, seed=0)
+        near, _ = nearest_faces(scanned, points, NEAR)
+        alike = np.einsum("ij,ij->i", facing[near], normals(whole)[faces]) > 0.3
+        shares[root] = float(np.mean(alike & (near >= 0)))
+    return shares
+
+
+def table(all_figures: list[Figures]) -> Table:
+    """Return the table of all scans and of what is known of real ones."""
+    found = Table(
+        "scan", "vertices k", "per m2", "edge mm", "noise mm", "holes/m2", "short", "pieces", "webbed", "seen"
+    )
+    for f in all_figures:
+        closed = sum(share >= 0.5 for share in f.webs.values())
+        found.add_row(
+            *(f.scan, f"{f.vertices / 1e3:.0f}", f"{f.density / 1e3:.1f} k", f"{1e3 * f.edge:.1f}"),
+            *(f"{1e3 * f.noise:.2f}", f"{f.holes:.1f}", f"{f.short:.0%}", str(f.components)),
+            *(f"{closed} of {len(f.webs)}", f"{np.median(list(f.seen.values())):.0%}"),
+        )
+    found.add_section()
+    for name, *columns, source in REAL:
+        found.add_row(name, *columns, source)
+    return found
+
+
+def main() -> None:
+    """Print the table, and the figures of every handle and object with --out."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scans", type=Path, nargs="+", metavar="SCAN", help="folder written by `s2a sample`")
+    parser.add_argument("--out", type=Path, help="JSON file for all figures")
+    args = parser.parse_args()
+    wp.config.quiet = True
+    figures = [measure(folder) for folder in args.scans]
+    if args.out:
+        args.out.write_text(json.dumps([asdict(f) for f in figures], indent=1) + "\n")
+    Console(width=150).print(table(figures))
+
+
+if __name__ == "__main__":
+    main()

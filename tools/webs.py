@@ -47,6 +47,11 @@ class Gap:
         """The axis along which the handle is long: 0 for y, 1 for z."""
         return int(np.argmax(np.ptp(self.places, axis=0)))
 
+    @property
+    def length(self) -> float:
+        """How long it is [m]; 0 if there is none."""
+        return float(np.ptp(self.places, axis=0).max()) if len(self.places) else 0.0
+
 
 def webs(mesh: Mesh, truth: Scene, poses: dict[str, np.ndarray]) -> dict[str, float]:
     """Return the share of each handle's gap, along the handle, that a scan closes; handles without a gap are left out.
@@ -59,7 +64,7 @@ def webs(mesh: Mesh, truth: Scene, poses: dict[str, np.ndarray]) -> dict[str, fl
     clean = merge([part.mesh for part in truth.parts.values()])
     true = ray_mesh(clean.vertices, clean.faces)
     gaps = {i: find_gap(truth, i, pose) for i, pose in poses.items()}
-    return {i: closed_share(mesh, true, gap) for i, gap in gaps.items() if len(gap.places) >= 10}
+    return {i: closed_share(mesh, true, gap) for i, gap in gaps.items() if gap.length > 4 * SLICE}
 
 
 def find_gap(truth: Scene, part_id: str, pose: np.ndarray) -> Gap:
@@ -86,7 +91,8 @@ def find_gap(truth: Scene, part_id: str, pose: np.ndarray) -> Gap:
 def closed_share(mesh: Mesh, true: RayMesh, gap: Gap) -> float:
     """Return the share of a gap's slices across the handle that are closed in the middle half of their depth.
 
-    A slice is closed if it holds at least half the area of a flat web from the front to the handle.
+    A slice is closed if it holds at least half the area of a flat web from the front to the handle. The outermost slices are
+    left out: webs there are too close to posts to be told from them.
     """
     along, across = 1 + gap.along, 2 - gap.along
     low, high = gap.places[:, across - 1].min() - FINGER, gap.places[:, across - 1].max() + FINGER
@@ -94,7 +100,7 @@ def closed_share(mesh: Mesh, true: RayMesh, gap: Gap) -> float:
     points = points[(points[:, across] > low) & (points[:, across] < high)]
     column = np.floor(gap.places[:, along - 1] / SLICE)
     closed = []
-    for k in np.unique(column):
+    for k in np.unique(column)[1:-1]:
         front, back = (np.median(x[column == k]) for x in (gap.front, gap.back))
         quarter = (back - front) / 4
         here = (points[:, 0] > front + quarter) & (points[:, 0] < back - quarter) & (points[:, along] // SLICE == k)

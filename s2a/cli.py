@@ -25,13 +25,14 @@ from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
 from s2a import config, usage
-from s2a.errors import InputError
+from s2a.errors import InputError, NotPassed
 from s2a.progress import Chatter
 
 VERBS = {
     "sample": "furnish a virtual room and scan it: writes an annotated scan",
     "export": "turn an annotated scan into two flavours of USD, descriptive and geometric",
     "prepare": "make one jointed part of a geometric stage ready for simulation",
+    "certify": "measure how ready for simulation a stage is; exits with 1 if a check fails",
     "train": "train a policy by reinforcement learning (PPO)",
     "evaluate": "measure how well a policy or the planner does",
     "view": "look at a scan or a stage: its tree as text, or a picture",
@@ -40,13 +41,15 @@ FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code: 0, 1 for a bug, 2 for bad input, 130 when interrupted."""
+    """Run the command line and return its exit code: 0, 1 for a verdict of no or a bug, 2 for bad input, 130 if interrupted."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     _log_in_lines("--debug" in arguments)
     try:
         return _dispatch(arguments)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
+    except NotPassed:
+        return 1
     except BrokenPipeError:  # the reader of our output, such as head, has seen enough
         sys.stdout = None
         return 0
@@ -59,14 +62,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run(verb: str, values: dict[str, Any]) -> None:
-    """Run a verb with composed values and print what it says of its work."""
+    """Run a verb with composed values and print what it says of its work; a NotPassed is printed, and goes on."""
     module = importlib.import_module(f"s2a.verbs.{verb}")
     settings = config.load(module.Config, values)
     start = time.perf_counter()
+    verdict: NotPassed | None = None
     with contextlib.redirect_stdout(Chatter()):
-        summary = module.run(settings)
+        try:
+            summary = module.run(settings)
+        except NotPassed as no:
+            verdict, summary = no, str(no)
     print(summary)
     print(f"{verb}: {time.perf_counter() - start:.1f} s", file=sys.stderr)
+    if verdict is not None:
+        raise verdict
 
 
 def job(composed: Any) -> None:
@@ -86,12 +95,28 @@ def sweep(verb: str, overrides: Sequence[str]) -> None:
         InputError: an override that cannot be read, or that names an unknown key or option.
     """
     # Hydra reads its arguments from sys.argv, and prints errors itself unless told to raise them.
-    sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *overrides]
+    folder = _sweep_folder(overrides)
+    sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *overrides, f"hydra.sweep.dir={folder}"]
     os.environ["HYDRA_FULL_ERROR"] = "1"
     try:
         hydra.main(config_path=str(config.folder()), config_name=verb, version_base="1.3")(job)()
     except (HydraException, OmegaConfBaseException) as error:
         raise InputError(config.explain(error, config.keys(config.compose(verb)))) from error
+    finally:
+        _overview(verb, folder)
+
+
+def _sweep_folder(overrides: Sequence[str]) -> Path:
+    """Return the folder of a sweep: the one asked for, else a new one, named as Hydra would."""
+    asked = [text.partition("=")[2] for text in overrides if text.startswith("hydra.sweep.dir=")]
+    return Path(asked[-1] if asked else time.strftime("multirun/%Y-%m-%d/%H-%M-%S"))
+
+
+def _overview(verb: str, folder: Path) -> None:
+    """Print what a verb says of all jobs of a sweep together, if it does."""
+    module = importlib.import_module(f"s2a.verbs.{verb}")
+    if hasattr(module, "overview") and (said := module.overview(folder)):
+        print(said)
 
 
 def _dispatch(arguments: list[str]) -> int:

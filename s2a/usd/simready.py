@@ -62,6 +62,8 @@ def _write_root(stage: Usd.Stage, sim_scene: SimScene) -> None:
     write_attribute(root, "basePosition", Types.Double3, sim_scene.base_position)
     x, y, z, w = sim_scene.base_orientation
     write_attribute(root, "baseOrientation", Types.Quatd, Gf.Quatd(w, x, y, z))
+    write_attribute(root, "basePose", Types.String, sim_scene.base_reason)
+    write_attribute(root, "notes", Types.StringArray, list(sim_scene.notes))
     physics = UsdPhysics.Scene.Define(stage, f"{ROOT}/physics")
     physics.CreateGravityDirectionAttr((0.0, 0.0, -1.0))
     physics.CreateGravityMagnitudeAttr(GRAVITY)
@@ -124,6 +126,9 @@ def _write_colliders(
         prim = write_mesh(stage, path, collider.mesh, purpose=UsdGeom.Tokens.guide).GetPrim()
         UsdPhysics.CollisionAPI.Apply(prim)
         UsdPhysics.MeshCollisionAPI.Apply(prim).CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
+        # What NVIDIA's SimReady asks of a collider for Newton; the values stay Newton's own.
+        prim.ApplyAPI("NewtonCollisionAPI")
+        prim.ApplyAPI("NewtonMeshCollisionAPI")
         binding = UsdShade.MaterialBindingAPI.Apply(prim)
         binding.Bind(surface, UsdShade.Tokens.weakerThanDescendants, "physics")
         write_attribute(prim, "part", Types.String, collider.part)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pxr import UsdValidation
+from pxr import Usd, UsdValidation
 
 from s2a.usd.stage import open_stage
 
@@ -20,7 +20,11 @@ def problems(path: Path) -> list[str]:
     Raises:
         InputError: the file is not a stage in metres with z up and the default prim `/scene`.
     """
-    stage = open_stage(path)
+    return broken_rules(open_stage(path))
+
+
+def broken_rules(stage: Usd.Stage) -> list[str]:
+    """Run all validators over an open stage of any kind; one line for each error or warning."""
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     found = UsdValidation.ValidationContext(validators).Validate(stage)
     return [" ".join(error.GetErrorAsString().split()) for error in found if error.GetType() in SERIOUS]

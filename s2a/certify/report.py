@@ -1,0 +1,132 @@
+"""A certificate as JSON, as a page to read, and many of them as a table."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import html
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from s2a.certify.check import Certificate, Check
+
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 76em; color: #222 }
+table { border-collapse: collapse; width: 100% } td, th { text-align: left; padding: .25em .8em; vertical-align: top }
+tr { border-bottom: 1px solid #ddd } td.number { text-align: right; white-space: nowrap }
+.pass { color: #187a2f } .fail { color: #b3261e; font-weight: 600 } .reported, .not { color: #777 }
+figure { display: inline-block; margin: 0 .6em 1em 0 } img { width: 24em; max-width: 100%; border: 1px solid #ddd }
+"""
+
+
+def to_json(certificate: Certificate) -> str:
+    """Return a certificate as JSON; NaN and infinity, which JSON has not, become null."""
+    return json.dumps({"passed": certificate.passed, **_plain(dataclasses.asdict(certificate))}, indent=1)
+
+
+def from_json(text: str) -> Certificate:
+    """Read a certificate back; ValueError, KeyError or TypeError if the text is none."""
+    values = json.loads(text)
+    values.pop("passed")
+    checks = tuple(Check(**check) for check in values.pop("checks"))
+    return Certificate(checks=checks, **values)
+
+
+def kept(path: Path, sha256: str, settings: dict[str, object]) -> Certificate | None:
+    """Return the certificate in a file if it is of this very stage with these settings, else None."""
+    try:
+        earlier = from_json(path.read_text())
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    same = earlier.sha256 == sha256 and earlier.settings == _plain(settings)
+    return earlier if same else None
+
+
+def to_html(certificate: Certificate, pictures: Mapping[str, np.ndarray]) -> str:
+    """Return a page that stands alone.
+
+    Args:
+        certificate: what to tell.
+        pictures: RGB images [row column 3], uint8, by their captions.
+    """
+    verdict = "passed" if certificate.passed else f"failed: {', '.join(c.name for c in certificate.failed)}"
+    title = html.escape(f"{certificate.target or Path(certificate.stage).name}: {verdict}")
+    figures = "".join(
+        f"<figure><img src='{_embedded(image)}' alt=''><figcaption>{html.escape(caption)}</figcaption></figure>"
+        for caption, image in pictures.items()
+    )
+    rows = "".join(_row(check) for check in certificate.checks)
+    source = html.escape(f"{certificate.stage}, SHA-256 {certificate.sha256}; {certificate.provenance}")
+    return (
+        f"<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title><style>{STYLE}</style>"
+        f"<h1>{title}</h1><p>{html.escape(grip(certificate))}; {certificate.seconds:.1f} s</p>{figures}"
+        "<table><tr><th>check<th><th>measured<th>bound<th>prim<th>what<th>remedy</tr>"
+        f"{rows}</table><p><small>{source}</small></p></html>\n"
+    )
+
+
+def grip(certificate: Certificate) -> str:
+    """Return in words whether a parallel gripper can hold the part."""
+    words = {True: "graspable", False: "not graspable by a parallel gripper", None: "grasp not asked"}
+    return words[certificate.graspable]
+
+
+def summary(certificate: Certificate) -> str:
+    """Return a certificate as a few lines: its verdict, and each failed check with what to do."""
+    counts = {status: sum(c.status == status for c in certificate.checks) for status in ("pass", "fail", "not run")}
+    verdict = "PASSED" if certificate.passed else "FAILED"
+    head = f"{certificate.stage}: {verdict}; {certificate.target or 'no target'}: {grip(certificate)}"
+    lines = [f"  {c.name} at {c.prim or '/scene'}: {number(c)} {c.message}; {c.remedy}" for c in certificate.failed]
+    tail = ", ".join(f"{count} {status}" for status, count in counts.items() if count)
+    return "\n".join([head, *lines, f"  {tail}"])
+
+
+def table(certificates: Sequence[Certificate]) -> str:
+    """Return many certificates as text, one a line, and how many passed."""
+    lines = [f"{'stage':40} {'target':16} {'verdict':8} {'grip':14} failed checks"]
+    for c in certificates:
+        grasp = {True: "graspable", False: "not graspable", None: "not asked"}[c.graspable]
+        verdict = "passed" if c.passed else "FAILED"
+        failed = ", ".join(check.name for check in c.failed)
+        lines.append(f"{c.stage[-40:]:40} {c.target:16} {verdict:8} {grasp:14} {failed}".rstrip())
+    return "\n".join([*lines, f"{sum(c.passed for c in certificates)} of {len(certificates)} passed"])
+
+
+def number(check: Check) -> str:
+    """Return what was measured, with its unit."""
+    return "" if check.value is None else f"{check.value:.4g} {check.unit}".strip()
+
+
+def _row(check: Check) -> str:
+    """Return one check as a row of the page's table."""
+    bound = "" if check.bound is None else f"{check.bound:.4g} {check.unit}".strip()
+    cells = [check.prim, check.message, check.remedy]
+    return (
+        f"<tr><td>{html.escape(check.name)}<td class='{check.status}'>{check.status}"
+        f"<td class=number>{html.escape(number(check))}<td class=number>{html.escape(bound)}"
+        + "".join(f"<td>{html.escape(cell)}" for cell in cells)
+        + "</tr>"
+    )
+
+
+def _embedded(image: np.ndarray) -> str:
+    """Return an image as a data address."""
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, format="PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def _plain(value: object) -> object:
+    """Return a value as JSON keeps it: tuples as lists, what is not finite as None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,128 @@
+"""What the surfaces of a sim.usd must be: finite, convex where they collide, few, and the grasp where it was annotated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
+from scipy.spatial import ConvexHull, QhullError
+
+from s2a.certify.check import Check, decide, judge
+from s2a.certify.contents import Contents, faces, points
+from s2a.usd.stage import ROOT
+
+PREPARE = "run s2a prepare again"
+OPEN = 0.02
+"""Share of its hull's volume that a piece may lack: more is a hole or a dent."""
+
+
+@dataclass(frozen=True)
+class ShapeConfig:
+    """Bounds of the static rules about surfaces.
+
+    Attributes:
+        dent: how far a point or face of a collider may lie inside of its convex hull [m].
+        target_pieces: most colliders of the moving part.
+        room_pieces: most colliders of the room.
+        site: how far the grasp site may lie from the middle of the grasp region [m].
+    """
+
+    dent: float
+    target_pieces: int
+    room_pieces: int
+    site: float
+
+
+def finite(contents: Contents, config: ShapeConfig) -> Check:
+    """Every coordinate of every surface is a number."""
+    bad = [(str(prim.GetPath()), int((~np.isfinite(points(prim))).any(axis=1).sum())) for prim in contents.meshes]
+    problems = [(path, f"{count} points are not finite") for path, count in bad if count]
+    return decide("finite", problems, "mend the scan's points and export it again", f"{len(bad)} surfaces")
+
+
+def collision(contents: Contents, config: ShapeConfig) -> Check:
+    """Every piece in a folder of colliders collides, as a convex hull, and says which part it stands for."""
+    problems = []
+    for prim in contents.colliders:
+        path, mesh = str(prim.GetPath()), UsdPhysics.MeshCollisionAPI(prim)
+        if not prim.HasAPI(UsdPhysics.CollisionAPI):
+            problems.append((path, "no PhysicsCollisionAPI: a simulator passes through it"))
+        elif UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is False:
+            problems.append((path, "its collision is switched off"))
+        approximation = mesh.GetApproximationAttr().Get() if prim.HasAPI(UsdPhysics.MeshCollisionAPI) else None
+        if approximation != UsdPhysics.Tokens.convexHull:
+            problems.append((path, f"its approximation is {approximation}, not convexHull"))
+        if not prim.GetAttribute("s2a:part").Get():
+            problems.append((path, "no s2a:part says what it stands for"))
+    return decide("collision", problems, PREPARE, f"{len(contents.colliders)} colliders")
+
+
+def convex(contents: Contents, config: ShapeConfig) -> Check:
+    """Every collider is a closed convex surface; MuJoCo would silently fill what is not."""
+    worst, where, message = 0.0, "", f"{len(contents.colliders)} pieces against their hulls"
+    for prim in contents.colliders:
+        depth = dent(points(prim), faces(prim))
+        if not depth <= worst:
+            worst, where = depth, str(prim.GetPath())
+    remedy = "cut the piece into convex ones; " + PREPARE
+    return judge("convex", worst, config.dent, "m", prim=where, message=message, remedy=remedy)
+
+
+def dent(vertices: np.ndarray, triangles: np.ndarray) -> float:
+    """Return how far a surface's points and face centres reach into its convex hull [m]; inf if it is flat or not closed.
+
+    Args:
+        vertices: shape [vertex 3].
+        triangles: shape [face 3].
+    """
+    if len(triangles) < 4 or not np.isfinite(vertices).all():
+        return math.inf
+    try:
+        hull = ConvexHull(vertices)
+    except QhullError:
+        return math.inf
+    asked = np.concatenate([vertices, vertices[triangles].mean(axis=1)])
+    depth = -(asked @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+    a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
+    volume = abs(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6.0
+    return float(max(0.0, depth.max())) if volume > (1.0 - OPEN) * hull.volume else math.inf
+
+
+def collider_count(contents: Contents, config: ShapeConfig) -> Check:
+    """The moving part has colliders, and there are no more than a simulator handles by the thousand."""
+    name, room = "collider_count", contents.stage.GetPrimAtPath(f"{ROOT}/static")
+    own = len(contents.colliders_of(contents.target)) if contents.target else 0
+    around = len(contents.colliders_of(room)) if room else 0
+    problems = []
+    if not 1 <= own <= config.target_pieces:
+        problems.append((f"{ROOT}/*", f"{own} colliders on the moving part, possible: 1 to {config.target_pieces}"))
+    if around > config.room_pieces:
+        problems.append((f"{ROOT}/static", f"{around} colliders in the room, possible: {config.room_pieces} or fewer"))
+    return decide(name, problems, PREPARE, f"{own} on the moving part, {around} in the room")
+
+
+def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
+    """The grasp site is the mean of the annotated grasp region."""
+    name = "grasp_site"
+    site, region = (contents.target and contents.target.GetChild(key) for key in ("grasp", "region"))
+    if not site or not region:
+        path = f"{contents.target.GetPath()}/grasp" if contents.target else ROOT
+        return judge(name, math.nan, config.site, "m", prim=path, message="no grasp site or region", remedy=PREPARE)
+    place = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractTranslation()
+    vertices, triangles = points(region), faces(region)
+    if not len(triangles):
+        return judge(name, math.nan, config.site, "m", prim=str(region.GetPath()), message="empty", remedy=PREPARE)
+    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    middle = np.average((a + b + c) / 3.0, axis=0, weights=areas)
+    return judge(
+        name, float(np.linalg.norm(middle - np.array(Gf.Vec3d(place)))), config.site, "m", prim=str(site.GetPath()),
+        message="from the middle of the grasp region", remedy="put the site where the region is; " + PREPARE,
+    )  # fmt: skip
+
+
+RULES: tuple[Callable[[Contents, ShapeConfig], Check], ...] = (finite, collision, convex, collider_count, grasp_site)
+"""Every rule about surfaces."""

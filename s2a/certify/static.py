@@ -1,0 +1,242 @@
+"""What the prims of a sim.usd must say, whatever a simulator makes of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
+
+from s2a.certify.check import Check, decide, judge
+from s2a.certify.contents import Contents, ends
+from s2a.usd.stage import ROOT
+from s2a.usd.validate import broken_rules
+
+EXACT = 1e-6
+"""Largest difference of an exact value and its float32 copy [m or 1]."""
+WIDEST = {"PhysicsPrismaticJoint": 3.0, "PhysicsRevoluteJoint": 2.0 * math.pi}
+"""No drawer is longer [m], no door turns further [rad]; degrees read as radians are."""
+NARROWEST = 0.01
+"""Least range of a joint [m or rad]: what moves less is not worth a robot."""
+INWARDS = 0.5
+"""Cosine between sliding and pushing at the grasp above which a part opens into its furniture."""
+PREPARE = "run s2a prepare again"
+
+
+def units(contents: Contents) -> Check:
+    """Metres, kilograms, z up, gravity down."""
+    stage, problems = contents.stage, []
+    if UsdGeom.GetStageMetersPerUnit(stage) != 1.0:
+        problems.append((ROOT, f"metersPerUnit is {UsdGeom.GetStageMetersPerUnit(stage):g}, not 1"))
+    if UsdPhysics.GetStageKilogramsPerUnit(stage) != 1.0:
+        problems.append((ROOT, f"kilogramsPerUnit is {UsdPhysics.GetStageKilogramsPerUnit(stage):g}, not 1"))
+    if UsdGeom.GetStageUpAxis(stage) != UsdGeom.Tokens.z:
+        problems.append((ROOT, f"upAxis is {UsdGeom.GetStageUpAxis(stage)}, not Z"))
+    scenes = [UsdPhysics.Scene(prim) for prim in stage.Traverse() if prim.IsA(UsdPhysics.Scene)]
+    down = [s for s in scenes if Gf.IsClose(s.GetGravityDirectionAttr().Get(), Gf.Vec3f(0, 0, -1), 1e-6)]
+    if len(scenes) != 1 or not down:
+        problems.append((ROOT, f"{len(scenes)} physics scenes, {len(down)} with gravity along -z; expected one"))
+    return decide("units", problems, "convert the stage to metres, kilograms and z up", "metres, kilograms, z up")
+
+
+def self_contained(contents: Contents) -> Check:
+    """Nothing of the stage lies in another file, is instanced or loaded later."""
+    stage, problems = contents.stage, []
+    for prim in stage.TraverseAll():
+        if prim.IsInstance() or prim.IsPrototype():
+            problems.append((str(prim.GetPath()), "an instance"))
+        if prim.HasAuthoredReferences() or prim.HasAuthoredPayloads() or prim.HasAuthoredInherits():
+            problems.append((str(prim.GetPath()), "a reference or payload"))
+    _, _, missing = UsdUtils.ComputeAllDependencies(stage.GetRootLayer().identifier)
+    problems += [(ROOT, f"the file {name!r} cannot be found") for name in missing]
+    return decide("self_contained", problems, "flatten the stage into one file", "one file, nothing instanced")
+
+
+def target(contents: Contents) -> Check:
+    """Exactly one body is the target, and the root prim names it."""
+    stage = contents.stage
+    name = stage.GetDefaultPrim().GetAttribute("s2a:target").Get() if stage.GetDefaultPrim() else None
+    marked = [prim for prim in stage.Traverse() if prim.GetName() != ROOT[1:] and prim.GetAttribute("s2a:target").Get()]
+    problems = []
+    if not name:
+        problems.append((ROOT, "no s2a:target names the part that moves"))
+    elif not contents.target or not contents.target.HasAPI(UsdPhysics.RigidBodyAPI):
+        problems.append((f"{ROOT}/{name}", f"s2a:target names {name!r}, which is no rigid body of the stage"))
+    if [str(prim.GetPath()) for prim in marked] != [f"{ROOT}/{name}"]:
+        extra = [prim for prim in marked if prim.GetName() != name]
+        where = str(extra[0].GetPath()) if extra else f"{ROOT}/{name}"
+        problems.append((where, f"{len(marked)} bodies are marked with s2a:target, not {name!r} alone"))
+    return decide("target", problems, PREPARE, f"{name!r} is the target", f"{ROOT}/{name}")
+
+
+def bodies(contents: Contents) -> Check:
+    """Bodies are siblings at the identity, and each hangs on a joint."""
+    problems = []
+    moved = {path for joint in contents.joints for path in ends(joint)[1]}
+    for body in contents.bodies:
+        path, matrix = body.GetPath(), UsdGeom.Xformable(body).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
+        if path.GetParentPath() != ROOT:
+            problems.append((str(path), "a body below another prim than the scene; bodies are siblings"))
+        if path not in moved and body.GetAttribute("s2a:free").Get() is None:
+            problems.append((str(path), "no joint holds the body, so its pose is never updated or it falls"))
+        if not Gf.IsClose(matrix, Gf.Matrix4d(1.0), EXACT):
+            mirrored = " and mirrors it" if matrix.GetDeterminant() < 0 else ""
+            problems.append((str(path), f"a transform moves the body away from its joint's frame{mirrored}"))
+    return decide("bodies", problems, PREPARE, f"{len(contents.bodies)} bodies, siblings at the identity")
+
+
+def root_joint(contents: Contents) -> Check:
+    """The carcass is fixed to the world and is the root of the articulation."""
+    problems = []
+    roots = [prim for prim in contents.stage.Traverse() if prim.HasAPI(UsdPhysics.ArticulationRootAPI)]
+    if contents.carcass is None:
+        problems.append((_path(contents.joint), "the target's joint has no body to move against"))
+    else:
+        here = contents.carcass.GetPath()
+        fixed = [j for j in contents.joints if j.IsA(UsdPhysics.FixedJoint) and ends(j) == ([], [here])]
+        if len(fixed) != 1:
+            problems.append((str(here), f"{len(fixed)} fixed joints hold the carcass in the world, not one"))
+        if not {p.GetPath() for p in roots} & {here, *(j.GetPath() for j in fixed)}:
+            problems.append((str(here), "no articulation root: Newton would leave the joint outside of articulations"))
+    return decide("root_joint", problems, "fix the carcass to the world and apply PhysicsArticulationRootAPI to it")
+
+
+def target_joint(contents: Contents) -> Check:
+    """One slide or hinge moves the target, between two bodies of the stage."""
+    problems = []
+    moving = [j for j in contents.joints if contents.target and contents.target.GetPath() in ends(j)[1]]
+    if len(moving) != 1:
+        problems.append((_path(contents.target), f"{len(moving)} joints move the target, not one"))
+    for joint in contents.joints:
+        known = {body.GetPath() for body in contents.bodies}
+        lost = [path for paths in ends(joint) for path in paths if path not in known]
+        problems += [(str(joint.GetPath()), f"the joint holds {path}, which is no body") for path in lost]
+    for joint in moving:
+        if joint.GetTypeName() not in WIDEST:
+            problems.append((str(joint.GetPath()), f"a {joint.GetTypeName()} moves the target, not a slide or hinge"))
+        if not ends(joint)[0]:
+            text = "the joint hangs on the world itself: poses stay stale in Newton 1.8; hang it on an anchor body"
+            problems.append((str(joint.GetPath()), text))
+        if UsdPhysics.Joint(joint).GetJointEnabledAttr().Get() is False:
+            problems.append((str(joint.GetPath()), "the joint is switched off"))
+    return decide("target_joint", problems, PREPARE, prim=_path(contents.joint))
+
+
+def joint_limits(contents: Contents) -> Check:
+    """The exact limits are ordered, hold the scanned pose, are of a piece of furniture, and the physics limits agree."""
+    name, joint = "joint_limits", contents.joint
+    if joint is None or joint.GetTypeName() not in WIDEST:
+        return _unasked(name, "target_joint")
+    low, high = joint.GetAttribute("s2a:limits").Get() or (math.nan, math.nan)
+    turn = math.degrees(1.0) if joint.GetTypeName() == "PhysicsRevoluteJoint" else 1.0
+    physics = [joint.GetAttribute(f"physics:{end}Limit").Get() for end in ("lower", "upper")]
+    problems = []
+    if not low <= 0.0 <= high:
+        problems.append(f"limits {low:g} to {high:g} do not hold 0, the scanned pose")
+    if not NARROWEST <= high - low <= WIDEST[joint.GetTypeName()]:
+        problems.append(f"a range of {high - low:g}, possible: {NARROWEST} to {WIDEST[joint.GetTypeName()]:.2f}")
+    if not all(
+        value is not None and abs(value / turn - exact) <= EXACT * max(1.0, abs(exact))
+        for value, exact in zip(physics, (low, high), strict=True)
+    ):
+        problems.append(f"physics limits {physics[0]} to {physics[1]} say other than s2a:limits {low:g} to {high:g}")
+    path = str(joint.GetPath())
+    remedy = "mend the annotation's range (metres or radians, from the scanned pose) and " + PREPARE
+    return decide(name, [(path, problem) for problem in problems], remedy, f"{low:.3f} to {high:.3f}", path)
+
+
+def joint_frames(contents: Contents) -> Check:
+    """The exact axis and origin agree with the physics frames in both bodies."""
+    name, joint = "joint_frames", contents.joint
+    if joint is None:
+        return _unasked(name, "target_joint")
+    axis, origin = (joint.GetAttribute(f"s2a:{key}").Get() for key in ("axis", "origin"))
+    letter = joint.GetAttribute("physics:axis").Get()
+    worst = math.nan
+    if axis is not None and origin is not None and letter in ("X", "Y", "Z"):
+        physics, worst = UsdPhysics.Joint(joint), abs(np.linalg.norm(axis) - 1.0)
+        unit = Gf.Vec3d(*np.eye(3)["XYZ".index(letter)])
+        for rotation, place in (
+            (physics.GetLocalRot0Attr(), physics.GetLocalPos0Attr()),
+            (physics.GetLocalRot1Attr(), physics.GetLocalPos1Attr()),
+        ):
+            turned = Gf.Rotation(Gf.Quatd(rotation.Get() or Gf.Quatf(math.nan))).TransformDir(unit)
+            scale = max(1.0, float(np.abs(origin).max()))
+            away = np.subtract(place.Get() or [math.nan] * 3, origin) / scale
+            worst = float(np.max([worst, np.abs(np.subtract(turned, axis)).max(), np.abs(away).max()]))
+        # Frames turned against each other about the axis itself would move a hinge's zero.
+        here, there = (np.array([q.GetReal(), *q.GetImaginary()]) for q in _turns(physics))
+        worst = float(np.max([worst, min(np.abs(here - there).max(), np.abs(here + there).max())]))
+    return judge(
+        name, worst, EXACT, prim=str(joint.GetPath()), message="axis and origin against the physics frames",
+        remedy="write axis and origin through s2a, which keeps both in step; " + PREPARE,
+    )  # fmt: skip
+
+
+def opens_outwards(contents: Contents) -> Check:
+    """A slide that moves along the approach of the hand comes out of its furniture, not into it."""
+    name, joint = "opens_outwards", contents.joint
+    grasp = contents.target and contents.target.GetChild("grasp")
+    values = [joint.GetAttribute(f"s2a:{key}").Get() for key in ("axis", "limits")] if joint else [None]
+    if not grasp or any(value is None for value in values):
+        return _unasked(name, "target_joint")
+    if joint.GetTypeName() != "PhysicsPrismaticJoint":  # a door may open away from the hand; its way is swept
+        return Check(name, "pass", prim=str(joint.GetPath()), message="a hinge, which may open either way")
+    place = UsdGeom.Xformable(grasp).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
+    inwards = np.array(place.TransformDir(Gf.Vec3d(0, 0, 1)))
+    axis, (low, high) = np.array(values[0]), values[1]
+    along = float((axis if abs(high) >= abs(low) else -axis) @ inwards)
+    return judge(
+        name, along, INWARDS, "cosine", prim=str(joint.GetPath()), message="opening direction against the approach",
+        remedy="turn the annotated axis or the sign of its range round and " + PREPARE,
+    )  # fmt: skip
+
+
+def mass(contents: Contents) -> Check:
+    """Masses and principal moments are positive and possible: no moment is larger than the other two together."""
+    problems = []
+    for body in contents.bodies:
+        api, path = UsdPhysics.MassAPI(body), str(body.GetPath())
+        value, inertia = api.GetMassAttr().Get() or 0.0, sorted(api.GetDiagonalInertiaAttr().Get() or (0.0,) * 3)
+        center = api.GetCenterOfMassAttr().Get()
+        if not (math.isfinite(value) and value > 0):
+            problems.append((path, f"a mass of {value:g} kg"))
+        if not (np.isfinite(inertia).all() and inertia[0] > 0):
+            problems.append((path, f"principal moments {np.round(inertia, 4).tolist()} kg m^2"))
+        elif inertia[2] > (inertia[0] + inertia[1]) * (1.0 + 1e-5):
+            problems.append((path, f"moments {np.round(inertia, 4).tolist()} that no body has (triangle inequality)"))
+        if center is None or not np.isfinite(center).all():
+            problems.append((path, f"the centre of mass is {center}"))
+    return decide("mass", problems, "author mass, centre and inertia; " + PREPARE)
+
+
+def usd(contents: Contents) -> Check:
+    """Everything that usd-core itself checks."""
+    problems = [(_mentioned(line), line) for line in broken_rules(contents.stage)]
+    return decide("usd", problems, "see the rule's name in OpenUSD's documentation", "all validators of usd-core")
+
+
+RULES: tuple[Callable[[Contents], Check], ...] = (
+    units, self_contained, target, bodies, root_joint, target_joint, joint_limits, joint_frames, opens_outwards, mass, usd,
+)  # fmt: skip
+"""Every rule, in the order in which a defect is best understood."""
+
+
+def _turns(joint: UsdPhysics.Joint) -> tuple[Gf.Quatf, Gf.Quatf]:
+    nothing = Gf.Quatf(math.nan)
+    return joint.GetLocalRot0Attr().Get() or nothing, joint.GetLocalRot1Attr().Get() or nothing
+
+
+def _unasked(name: str, needs: str) -> Check:
+    return Check(name, "not run", message=f"needs what {needs} asks for")
+
+
+def _path(prim: Usd.Prim | None) -> str:
+    return str(prim.GetPath()) if prim else ROOT
+
+
+def _mentioned(line: str) -> str:
+    """Return the path of the first prim that a validator's message names."""
+    words = (word.strip("<>'\"(),.;:") for word in line.split())
+    return next((word for word in words if word.startswith(ROOT)), ROOT)

@@ -1,0 +1,1 @@
+"""A language model adds objects to a room: what it proposes is checked, confined and compared before anything is written."""

@@ -1,0 +1,352 @@
+"""Whether the text of a script holds only what placing an object takes: an allowlist on the syntax tree.
+
+Everything that is not known to be harmless is refused: statements, operators, names, operations (`s2a.edit.operations`) and
+the files they are given. It is the first of three walls, and the one that says which line is wrong and why.
+"""
+
+from __future__ import annotations
+
+import ast
+import posixpath
+import re
+from dataclasses import dataclass
+
+from s2a.edit.fold import Values
+from s2a.edit.operations import BUILTINS, DOTTED, FILES, GROWING, METADATA, METHODS, MODULES, STORES, WRAPPING
+from s2a.edit.refusal import Refusal
+
+FORMS = (
+    "Module Expr Assign AnnAssign AugAssign FunctionDef Return If For With withitem Try ExceptHandler Raise Assert Pass "
+    "Break Continue ImportFrom alias arguments arg keyword Call Name Attribute Subscript Slice Constant Starred JoinedStr "
+    "FormattedValue List Tuple Dict ListComp comprehension IfExp BoolOp And Or UnaryOp USub UAdd Not BinOp Add Sub Mult Div "
+    "Mod Compare Eq NotEq Lt LtE Gt GtE Is IsNot In NotIn Load Store"
+).split()
+"""Kinds of nodes in a syntax tree that a script may have."""
+HIDDEN = re.compile(r"__|(?<![A-Za-z0-9])_(?=[A-Za-z])")
+"""A text that spells a name which begins with an underscore."""
+LOOPS_IN_LOOPS, NESTING, FUNCTIONS = 3, 60, 20
+
+
+@dataclass(frozen=True)
+class AllowConfig:
+    """How long a script, and what it spells out, may be.
+
+    Attributes:
+        length: of the script [characters].
+        text: of a text in it [characters].
+        number: largest, in magnitude.
+        items: in a list.
+        repeats: of a loop.
+    """
+
+    length: int
+    text: int
+    number: float
+    items: int
+    repeats: int
+
+
+@dataclass(frozen=True)
+class _Check:
+    """What the rules need to know.
+
+    Attributes:
+        values: what the script's expressions can be.
+        files: which file "stage" and "object" are.
+        config: bounds.
+    """
+
+    values: Values
+    files: dict[str, str]
+    config: AllowConfig
+
+
+def check(text: str, stage: str, reference: str, config: AllowConfig) -> None:
+    """Refuse a script that holds anything but harmless operations on the stage and the object it is given.
+
+    Args:
+        text: Python.
+        stage: file name of the only stage it may open; it may also say `STAGE`.
+        reference: path of the only file it may refer to; it may also say `OBJECT`.
+        config: bounds.
+
+    Raises:
+        Refusal: with the line and the reason.
+    """
+    tree = _parse(text, config)
+    check = _Check(Values(tree, {"STAGE": stage, "OBJECT": reference}), {"stage": stage, "object": reference}, config)
+    _refuse_entangled(tree, check)
+    for node in ast.walk(tree):
+        for rule in (_forms, _identifiers, _constants, _imports, _names, _attributes, _calls, _files, _loops):
+            if reason := rule(node, check):
+                raise Refusal("allowlist", reason, getattr(node, "lineno", None))
+
+
+def _parse(text: str, config: AllowConfig) -> ast.Module:
+    """Return the syntax tree, without the one dunder that every script may have: `if __name__ == "__main__":`."""
+    if len(text) > config.length:
+        raise Refusal("allowlist", f"it is {len(text)} characters long; at most {config.length}")
+    try:
+        tree = ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        line = error.lineno if isinstance(error, SyntaxError) else None
+        raise Refusal("allowlist", f"it is not Python: {str(error)[:100]}", line) from error
+    for node in tree.body:
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'":
+            node.test = ast.copy_location(ast.Constant(True), node.test)
+    return tree
+
+
+def _refuse_entangled(tree: ast.Module, check: _Check) -> None:
+    """Refuse nesting that would exhaust a stack, and functions that may call themselves."""
+    level: list[ast.AST] = [tree]
+    for _ in range(NESTING):
+        level = [child for node in level for child in ast.iter_child_nodes(node)]
+    if level:
+        raise Refusal(
+            "allowlist", "it is nested too deeply; use shorter expressions", getattr(level[0], "lineno", None)
+        )
+    if len(check.values.functions) > FUNCTIONS:
+        raise Refusal("allowlist", f"it has {len(check.values.functions)} functions; at most {FUNCTIONS}")
+    for function in check.values.functions.values():
+        for node in ast.walk(function):
+            callee = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else None
+            if callee in check.values.functions and check.values.functions[callee].lineno >= function.lineno:
+                raise Refusal("allowlist", f"{callee} is called before it is defined, or by itself", node.lineno)
+
+
+def _forms(node: ast.AST, check: _Check) -> str | None:
+    """Statements and operators."""
+    name = type(node).__name__
+    if name not in FORMS:
+        return f"{name} is not possible in such a script"
+    if isinstance(node, ast.FunctionDef) and (check.values.functions.get(node.name) is not node or node.decorator_list):
+        return f"function {node.name} is inside another, defined twice, or decorated"
+    if (
+        isinstance(node, ast.keyword)
+        and node.arg is None
+        or isinstance(node, ast.arguments)
+        and (node.vararg or node.kwarg)
+    ):
+        return "arguments with * or ** are not possible; write them out"
+    return None
+
+
+def _identifiers(node: ast.AST, check: _Check) -> str | None:
+    """Everything that is spelled as a name."""
+    for field in ("id", "attr", "arg", "name", "asname"):
+        name = getattr(node, field, None)
+        if isinstance(name, str) and name != "_" and (name.startswith("_") or "__" in name):
+            return f"{name!r} begins with an underscore"
+    return None
+
+
+def _constants(node: ast.AST, check: _Check) -> str | None:
+    """Texts, numbers and lists, also those that are put together from others."""
+    if isinstance(node, ast.Constant) and not isinstance(node.value, (str, int, float, bool, type(None))):
+        return f"a constant of type {type(node.value).__name__} is not possible"
+    if isinstance(node, (ast.List, ast.Tuple, ast.Dict)) and len(list(ast.iter_child_nodes(node))) > check.config.items:
+        return f"a list of more than {check.config.items} items"
+    for value in _known_parts(node, check):
+        if isinstance(value, str) and HIDDEN.search(value):
+            return f"the text {value[:60]!r} spells a name that begins with an underscore"
+        if isinstance(value, str) and (len(value) > check.config.text or "\0" in value):
+            return f"a text of {len(value)} characters, or with a zero byte; at most {check.config.text}"
+        if isinstance(value, (int, float)) and not abs(value) <= check.config.number:
+            return f"a number beyond {check.config.number:g}"
+    if isinstance(node, ast.FormattedValue) and node.format_spec and check.values.of(node.format_spec) is None:
+        return "a format whose width does not follow from the text"
+    return _grows(node, check)
+
+
+def _known_parts(node: ast.AST, check: _Check) -> list[object]:
+    """Return the values of an expression, those within a list one by one."""
+    known = check.values.of(node) if isinstance(node, ast.expr) else None
+    parts: list[object] = []
+    for value in known or ():
+        parts += (
+            [*value.keys(), *value.values()]
+            if isinstance(value, dict)
+            else value
+            if isinstance(value, tuple)
+            else [value]
+        )
+    return parts
+
+
+def _grows(node: ast.AST, check: _Check) -> str | None:
+    """Products of texts or lists, and formats with a width."""
+    if not isinstance(node, ast.BinOp) or not isinstance(node.op, (ast.Mult, ast.Mod)):
+        return None
+    for side in (node.left, node.right):
+        if isinstance(node.op, ast.Mult) and not _is_number(side, check.values):
+            return "only numbers may be multiplied"
+    if isinstance(node.op, ast.Mod) and check.values.of(node) is None and not _is_number(node.left, check.values):
+        return "% only with texts and numbers that are written out; use an f-string"
+    return None
+
+
+def _is_number(node: ast.expr, values: Values) -> bool:
+    """Whether an expression is no text or list, as far as its text tells."""
+    known = values.of(node)
+    if known is not None:
+        return all(isinstance(value, (int, float)) for value in known)
+    match node:
+        case ast.BinOp():
+            return _is_number(node.left, values) and _is_number(node.right, values)
+        case ast.UnaryOp():
+            return _is_number(node.operand, values)
+        case ast.Call():
+            numbers = ("float", "int", "len", "abs", "round", "sum")
+            return values.dotted(node.func) is not None or isinstance(node.func, ast.Name) and node.func.id in numbers
+        case ast.Name():
+            nodes = values.names.get(node.id, [])
+            return bool(nodes) and all(
+                isinstance(n, ast.expr) and not _names_itself(n, node.id) and _is_number(n, values) for n in nodes
+            )
+    return False
+
+
+def _names_itself(node: ast.expr, name: str) -> bool:
+    return any(isinstance(inner, ast.Name) and inner.id == name for inner in ast.walk(node))
+
+
+def _imports(node: ast.AST, check: _Check) -> str | None:
+    if not isinstance(node, ast.ImportFrom):
+        return None
+    others = [alias.name for alias in node.names if alias.name not in MODULES]
+    if node.module != "pxr" or node.level or others:
+        given = others[0] if node.module == "pxr" and others else node.module
+        return f"{given} may not be imported; only `from pxr import ...` with {', '.join(MODULES)}"
+    return None
+
+
+def _names(node: ast.AST, check: _Check) -> str | None:
+    """Names must be the script's own or known; what is known may not be given another meaning."""
+    values = check.values
+    if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+        if not (
+            node.id in values.names or node.id in values.functions or node.id in values.modules or node.id in BUILTINS
+        ):
+            return f"{node.id!r} is neither the script's own name nor among: {', '.join(sorted(BUILTINS))}"
+    taken = [*values.modules, *values.functions, *BUILTINS, "STAGE", "OBJECT"]
+    given = None
+    if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+        given = node.id
+    elif isinstance(node, (ast.arg, ast.ExceptHandler)):
+        given = node.arg if isinstance(node, ast.arg) else node.name
+    elif isinstance(node, ast.FunctionDef):
+        given, taken = node.name, [*values.modules, *values.names, *BUILTINS]
+    elif isinstance(node, ast.alias):
+        given, taken = node.asname or node.name, [*values.names, *values.functions, *BUILTINS]
+    return f"{given!r} already means something else; choose another name" if given in taken else None
+
+
+def _attributes(node: ast.AST, check: _Check) -> str | None:
+    """What stands behind a dot."""
+    if not isinstance(node, ast.Attribute):
+        return None
+    name = check.values.dotted(node)
+    if name is not None:
+        # Parts of a longer name are looked at, too: every one of them must be known, or a module.
+        known = name in DOTTED or any(longer.startswith(f"{name}.") for longer in DOTTED)
+        return None if known else f"{name} is not among the operations that place an object"
+    if isinstance(node.ctx, ast.Store):
+        return None if node.attr in STORES else f"{node.attr!r} may not be assigned"
+    return None if node.attr in METHODS else f"{node.attr!r} is not among the operations that place an object"
+
+
+def _calls(node: ast.AST, check: _Check) -> str | None:
+    """What is called must be known by its name, and some arguments are looked at."""
+    if not isinstance(node, ast.Call):
+        return None
+    values = check.values
+    name = values.dotted(node.func)
+    if isinstance(node.func, ast.Name):
+        known = node.func.id in values.functions or node.func.id in BUILTINS
+        return None if known else f"{node.func.id!r} is called, but is no function of the script"
+    if not isinstance(node.func, ast.Attribute):
+        return "what is called has no name"
+    if name is not None and name not in DOTTED:
+        return f"{name} is not among the operations that place an object"
+    if node.func.attr == "format" and values.of(node) is None:
+        return "format only with texts that are written out, and without looking into them; use an f-string"
+    if node.func.attr == "SetMetadata" and not _within(values.of(node.args[0]) if node.args else None, METADATA):
+        return f"SetMetadata only of {', '.join(sorted(METADATA))}, written out"
+    return None
+
+
+def _files(node: ast.AST, check: _Check) -> str | None:
+    """Files must be the given ones, and it must follow from the text that they are."""
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+        return None
+    name = check.values.dotted(node.func) or node.func.attr
+    if name not in FILES:
+        return None
+    named = [
+        keyword.value for keyword in node.keywords if keyword.arg in ("assetPath", "filePath", "identifier", "items")
+    ]
+    given = [*node.args[:1], *named]
+    if len(given) != 1:
+        return f"{name} needs its file as first argument"
+    allowed = check.files[FILES[name]]
+    for path in _known_parts(given[0], check) or [None]:
+        same = (
+            path == allowed or FILES[name] == "stage" and isinstance(path, str) and posixpath.normpath(path) == allowed
+        )
+        if not same:
+            return (
+                f"{name} is given {str(path)[:80]!r}; only {allowed!r} is possible, written out"
+                if path
+                else (
+                    f"{name} is given a file that does not follow from the text; only {allowed!r} is possible, written out"
+                )
+            )
+    return None
+
+
+def _within(values: list | None, known: frozenset[str]) -> bool:
+    return values is not None and all(value in known for value in values)
+
+
+def _loops(node: ast.AST, check: _Check) -> str | None:
+    """Loops must end soon, which must follow from the text."""
+    if not isinstance(node, (ast.For, ast.comprehension)):
+        return None
+    if not _bounded(node.iter, check, set()):
+        return f"a loop whose number of rounds does not follow from the text, or is above {check.config.repeats}"
+    inside = node
+    for _ in range(LOOPS_IN_LOOPS):
+        inside = next(
+            (n for n in ast.walk(inside) if isinstance(n, (ast.For, ast.comprehension)) and n is not inside), None
+        )
+        if inside is None:
+            return None
+    return f"more than {LOOPS_IN_LOOPS} loops inside each other"
+
+
+def _bounded(node: ast.expr | tuple | None, check: _Check, seen: set[str]) -> bool:
+    """Whether something to run over is short: a literal, a range, the stage's own lists, or several of these side by side."""
+    known = check.values.of(node)
+    if known is not None:
+        return all(isinstance(value, (tuple, dict, str)) and len(value) <= check.config.repeats for value in known)
+    match node:
+        case ast.List() | ast.Tuple() | ast.Dict():
+            return not any(isinstance(item, ast.Starred) for item in ast.iter_child_nodes(node))
+        case ast.Call(func=ast.Name(id="range")):
+            ends = [check.values.of(argument) for argument in node.args]
+            return all(end is not None and all(_short(e, check) for e in end) for end in ends) and not node.keywords
+        case ast.Call(func=ast.Name()) if node.func.id in WRAPPING:
+            return bool(node.args) and all(
+                _bounded(argument, check, seen) for argument in node.args[: 1 if node.func.id != "zip" else None]
+            )
+        case ast.Call(func=ast.Attribute()):
+            return check.values.dotted(node.func) is None and node.func.attr in GROWING
+        case ast.Name() if node.id not in seen:
+            nodes = check.values.names.get(node.id) or [None]
+            return all(_bounded(inner, check, {*seen, node.id}) for inner in nodes)
+    return False
+
+
+def _short(end: object, check: _Check) -> bool:
+    return isinstance(end, int) and abs(end) <= check.config.repeats // 2

@@ -1,0 +1,71 @@
+"""The plan that a script carries out: which object, where, how large."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Sdf
+
+from s2a.errors import InputError
+from s2a.scene import Vec3
+from s2a.usd.stage import RESERVED
+
+
+@dataclass(frozen=True)
+class Placement:
+    """One object in the room.
+
+    Attributes:
+        part_id: what its prim will be called; new in the stage.
+        label: what it is, in plain words.
+        reference: path of its USD file, relative to the overlay's folder, with / between folders.
+        position: of its origin, world frame [m].
+        orientation: unit quaternion xyzw, object to world.
+        scale: factor on its size.
+
+    Raises:
+        InputError: one of them is not so.
+    """
+
+    part_id: str
+    label: str
+    reference: str
+    position: Vec3
+    orientation: tuple[float, float, float, float]
+    scale: float
+
+    def __post_init__(self) -> None:
+        if not Sdf.Path.IsValidIdentifier(self.part_id) or self.part_id in RESERVED or self.part_id.startswith("_"):
+            raise InputError(f"id {self.part_id!r} cannot name a prim; use letters, digits and _, a letter first")
+        folders = self.reference.split("/")
+        if (
+            not self.reference.isprintable()
+            or set('@\\:"[]') & set(self.reference)
+            or ".." in folders
+            or not folders[0]
+        ):
+            raise InputError(f"reference {self.reference!r}: give a plain path below the overlay's folder")
+        if not all(map(math.isfinite, (*self.position, *self.orientation, self.scale))) or not self.scale > 0.0:
+            raise InputError(
+                f"{self.part_id}: its pose {self.position}, {self.orientation}, {self.scale} is not finite"
+            )
+        if abs(math.hypot(*self.orientation) - 1.0) > 1e-6:
+            raise InputError(f"{self.part_id}: its orientation {self.orientation} is not of unit length")
+        if not self.label.strip() or not self.label.isprintable() or len(self.label) > 200:
+            raise InputError(f"{self.part_id}: label {self.label!r} is empty, longer than 200 letters or not printable")
+
+    def matrix(self) -> np.ndarray:
+        """Return the transform from object to world, shape [4 4], for column vectors."""
+        x, y, z, w = np.array(self.orientation) / math.hypot(*self.orientation)
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.scale * np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        matrix[:3, 3] = self.position
+        return matrix

@@ -1,0 +1,82 @@
+"""The last word of an insertion: a script adds the planned prim to a skeleton of the stage; nothing else may come of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from pxr import Sdf
+
+from s2a.edit.allow import check
+from s2a.edit.compare import TAXONOMY, compare
+from s2a.edit.confine import STAGE, ConfinementConfig, confine
+from s2a.edit.placement import Placement
+
+TEMPLATE = """\
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics
+
+stage = Usd.Stage.Open({stage!r})
+xform = UsdGeom.Xform.Define(stage, {path!r})
+prim = xform.GetPrim()
+prim.GetReferences().AddReference({reference!r})
+xform.AddTranslateOp().Set(Gf.Vec3d({x!r}, {y!r}, {z!r}))
+xform.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd({qw!r}, {qx!r}, {qy!r}, {qz!r}))
+xform.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d({scale!r}, {scale!r}, {scale!r}))
+prim.CreateAttribute("s2a:partId", Sdf.ValueTypeNames.String).Set({part_id!r})
+prim.CreateAttribute("s2a:label", Sdf.ValueTypeNames.String).Set({label!r})
+UsdSemantics.LabelsAPI.Apply(prim, {taxonomy!r}).CreateLabelsAttr([{label!r}])
+stage.Save()
+"""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a script.
+
+    Attributes:
+        layer: `/scene` with the new prim, as the script wrote it; `s2a.edit.overlay.write` puts it over a stage.
+        record: plain values for the JSON record: the locks that held, seconds, the script.
+    """
+
+    layer: Sdf.Layer
+    record: dict[str, Any]
+
+
+def run_script(
+    text: str, skeleton: str, plan: Placement, config: ConfinementConfig, *, trusted: bool = False
+) -> Outcome:
+    """Check a script, run it confined on a skeleton, and compare what it saved with the plan.
+
+    The script finds the stage as `scene.usda` in its current folder, and as `STAGE` and `OBJECT` that name and the path of
+    the object's file.
+
+    Args:
+        text: Python.
+        skeleton: text of the stage, from `s2a.edit.skeleton`.
+        plan: what it is to add.
+        config: what it may say and use.
+        trusted: run it although the system lacks locks: for scripts of our own.
+
+    Raises:
+        Refusal: it is not allowed, failed, or made something else; the stage is untouched.
+        InputError: the system cannot confine an untrusted script.
+    """
+    check(text, STAGE, plan.reference, config.allow)
+    run = confine(text, skeleton, {"STAGE": STAGE, "OBJECT": plan.reference}, config, trusted)
+    layer = compare(run.saved, skeleton, plan)
+    return Outcome(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
+
+
+def write_script(plan: Placement) -> str:
+    """Return the script that a model is asked for: what is run where no model is, and an example for those that are."""
+    (x, y, z), (qx, qy, qz, qw) = plan.position, plan.orientation
+    return TEMPLATE.format(
+        stage=STAGE,
+        path=f"/scene/{plan.part_id}",
+        reference=plan.reference,
+        part_id=plan.part_id,
+        label=plan.label,
+        taxonomy=TAXONOMY,
+        scale=plan.scale,
+        **{"x": x, "y": y, "z": z, "qx": qx, "qy": qy, "qz": qz, "qw": qw},
+    )

@@ -93,7 +93,7 @@ def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, 
         "bonus": sum((opening > travel * x).double() for x in (0.01, 0.2, 0.35)),
         "action": (action.clamp(-1.0, 1.0) ** 2).sum(dim=1).double(),
         "grip": torch.zeros(WORLDS).double(),
-        "held_opening": torch.zeros(WORLDS).double(),
+        "led_opening": torch.zeros(WORLDS).double(),
     }
     for i, name in enumerate(REWARD_TERMS):
         assert torch.allclose(env.terms[:, i].double(), expected[name], atol=1e-5), name
@@ -147,6 +147,10 @@ def test_the_handle_counts_if_held_for_half_of_the_way(stage: SimStage) -> None:
         env.sim.step = lambda step=step: touch.copy_(torch.stack([held[:, step], torch.ones(3)], dim=1) * 2.0)
         env.step(torch.zeros(3, 9))
     assert env.terms[:, REWARD_TERMS.index("grip")].tolist() == [0.0, 0.0, 0.0]
+    assert env.terms[:, REWARD_TERMS.index("led_opening")].tolist() == pytest.approx([0.15, 0.05, 0.0], abs=1e-3)
+    env.sim.joint_q[:, 9] = 0.10  # what closes again is led no longer
+    env.step(torch.zeros(3, 9))
+    assert env.terms[:, REWARD_TERMS.index("led_opening")].tolist() == pytest.approx([0.10, 0.05, 0.0], abs=1e-3)
     while not env.done.any():
         env.step(torch.zeros(3, 9))
     assert env.result[:, 0].tolist() == [1.0, 1.0, 1.0]

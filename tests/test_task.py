@@ -119,3 +119,16 @@ def test_an_unknown_reward_term_names_the_known_ones(stage: Path) -> None:
     weights = {**load(dict, "reward/paper"), "fingers": 1.0}
     with pytest.raises(InputError, match="'fingers' does not exist; known: distance, rotation, opening, finger"):
         OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer"), weights, 0)
+
+
+def test_a_share_of_the_episodes_starts_on_the_way_ahead(stage: Path) -> None:
+    sim = Simulation(read_stage(stage), load(SimConfig, "sim/paper"), 64)
+    start = torch.tensor(sim.config.robot.start)
+    ahead = start.clone()
+    ahead[0] -= 1.0
+    task = load(OpenDrawerConfig, "task/open_drawer", start_noise=0.0)
+    env = OpenDrawerEnv(sim, task, load(dict, "reward/paper"), 0, ahead=(ahead.tolist(), 0.5))
+    moved = (start - env.sim.joint_q[:, :9])[:, 0]
+    assert 16 < int((moved > 1e-6).sum()) < 48  # half of 64, give or take four standard deviations
+    assert float(moved.min()) >= 0.0 and 0.8 < float(moved.max()) <= 1.0
+    assert torch.allclose(env.sim.joint_q[:, 1:9], start[1:].expand(64, 8))

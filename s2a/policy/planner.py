@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from s2a.errors import InputError
 from s2a.sim.build import SimStage, lever_arm, opening_sign, travel
 from s2a.sim.franka import ARM_JOINTS, JOINTS, FrankaConfig, add_franka
+from s2a.sim.simulation import Simulation
 from s2a.task.env import OpenDrawerEnv
 
 TOOL = "panda_hand_tcp"
@@ -82,6 +83,16 @@ class Planner:
         follow = self.path[(step - self.reach_steps + 1).clamp(0, len(self.path) - 1)]
         target = torch.where((step < self.reach_steps)[:, None], reach, follow)
         return (target - now) / self._speed
+
+
+def approach_position(sim: Simulation, config: PlannerConfig) -> tuple[float, ...]:
+    """Return joint positions [9] with the open hand before the grasp, from where it only moves straight on.
+
+    Raises:
+        InputError: the arm cannot reach along the whole way.
+    """
+    poses, fingers = _hand_path(sim.stage, config, 1.0 / (sim.config.dt * sim.config.substeps))
+    return (*_track(sim.stage, sim.config.robot, poses, config)[0].tolist(), fingers[0], fingers[0])
 
 
 def _hand_path(stage: SimStage, config: PlannerConfig, rate: float) -> tuple[np.ndarray, np.ndarray]:

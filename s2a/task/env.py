@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import newton
 import numpy as np
@@ -43,13 +43,25 @@ class OpenDrawerEnv:
         weights: Mapping[str, float],
         seed: int,
         graph: bool = True,
+        ahead: tuple[Sequence[float], float] | None = None,
     ) -> None:
-        """Prepare the kernels' data, reset all worlds, capture the step where there is a GPU and `graph` is true."""
+        """Prepare the kernels' data, reset all worlds, capture the step where there is a GPU and `graph` is true.
+
+        Args:
+            sim: the worlds.
+            config: the task.
+            weights: of all reward terms, by name.
+            seed: of the start noise.
+            graph: whether to capture the step on a GPU.
+            ahead: joint positions [9], and the share of episodes that start somewhere on the way there; None: none does.
+        """
         self.sim, self.config = sim, config
         self.num_envs, self.max_episode_length = sim.worlds, config.episode_steps
         self._weights_given = _weights(weights)
+        ahead_pose, self._ahead_share = ahead or (sim.config.robot.start, 0.0)
         with wp.ScopedDevice(sim.device):
             self._allocate(seed)
+            self._ahead = wp.array(ahead_pose, dtype=float)
         self._whole_step = sim.capture(self._step) if graph else self._step
         self.reset_all()
 
@@ -77,7 +89,7 @@ class OpenDrawerEnv:
         inputs += [contact.pos, contact.efc_address, data.efc.force, q["body_q"], self._touch]
         self._launch(judge.feel, inputs, dim=data.naconmax)
         inputs = [self._constants, self._weights, q["joint_q"], q["joint_qd"], q["body_q"], self._action, self._touch]
-        self._launch(judge.give_reward, [*inputs, self._terms, self._reward])
+        self._launch(judge.give_reward, [*inputs, self._lead, self._terms, self._reward])
         inputs = [self._constants, q["joint_q"], q["joint_qd"], self._terms, self._steps, self._progress]
         self._launch(judge.tally, [*inputs, self._done, self._time_out, self._result, self._counts])
         self._reset_and_observe()
@@ -85,8 +97,17 @@ class OpenDrawerEnv:
     def _reset_and_observe(self) -> None:
         """Reset the worlds that are done, then write every world's observation."""
         sim, q = self.sim, self._views
-        inputs = [self._constants, self._start, self._lower, self._upper, self._done, self._rng]
-        inputs += [q["joint_q"], q["joint_qd"], self._targets, self._steps, self._progress]
+        inputs = [
+            self._constants,
+            self._start,
+            self._ahead,
+            self._ahead_share,
+            self._lower,
+            self._upper,
+            self._done,
+            self._rng,
+        ]
+        inputs += [q["joint_q"], q["joint_qd"], self._targets, self._steps, self._progress, self._lead]
         self._launch(kernels.reset, [*inputs, self._world_mask, self._articulation_mask])
         # Clears warm starts and forces; the coordinates were just written (flags=0 leaves them alone).
         sim.solver.reset(sim.state, world_mask=self._world_mask, flags=0)
@@ -119,6 +140,7 @@ class OpenDrawerEnv:
         self._terms = wp.zeros((n, len(REWARD_TERMS)), dtype=float)
         self._touch = wp.zeros((n, 2), dtype=float)
         self._progress = wp.zeros((n, 3), dtype=float)
+        self._lead = wp.zeros((n, 2), dtype=float)
         self._result = wp.zeros((n, 5), dtype=float)
         self._counts = wp.zeros(len(COUNTS), dtype=float)
         self._reward = wp.zeros(n, dtype=float)

@@ -73,10 +73,14 @@ def give_reward(
     body_q: wp.array2d(dtype=wp.transform),
     action: wp.array2d(dtype=float),
     touch: wp.array2d(dtype=float),
+    lead: wp.array2d(dtype=float),
     terms: wp.array2d(dtype=float),
     reward: wp.array(dtype=float),
 ):
-    """Compute the reward's terms [world 8] and the reward; all zero where the state is not finite."""
+    """Compute the reward's terms [world 8] and the reward; all zero where the state is not finite.
+
+    lead [world 2] is kept between steps: the opening, and how much of it both fingers led the part on the grasp region [m].
+    """
     world = wp.tid()
     hand = body_q[world, c.link7] * c.hand
     grasp = body_q[world, c.target] * c.grasp
@@ -97,6 +101,9 @@ def give_reward(
     for i in range(JOINTS):
         effort += action[world, i] * action[world, i]
     grip = wp.where(wp.min(touch[world, 0], touch[world, 1]) >= c.touch_force, 1.0, 0.0)
+    led = wp.clamp(lead[world, 1] + grip * wp.max(opening - lead[world, 0], 0.0), 0.0, wp.max(opening, 0.0))
+    lead[world, 0] = opening
+    lead[world, 1] = led
     # In the order of REWARD_TERMS.
     terms[world, 0] = near * near * wp.where(d <= c.close_distance, 2.0, 1.0)
     terms[world, 1] = 0.5 * (signed_square(forward) + signed_square(upward))
@@ -105,7 +112,7 @@ def give_reward(
     terms[world, 4] = bonus
     terms[world, 5] = effort
     terms[world, 6] = grip
-    terms[world, 7] = grip * opening
+    terms[world, 7] = led
     finite = state_is_finite(joint_q, joint_qd, world)
     total = float(0.0)
     for i in range(TERMS):

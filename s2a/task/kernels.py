@@ -64,6 +64,8 @@ def act(
 def reset(
     c: Constants,
     start: wp.array(dtype=float),
+    ahead: wp.array(dtype=float),
+    ahead_share: float,
     lower: wp.array(dtype=float),
     upper: wp.array(dtype=float),
     done: wp.array(dtype=int),
@@ -73,11 +75,13 @@ def reset(
     target_q: wp.array2d(dtype=float),
     step: wp.array(dtype=int),
     progress: wp.array2d(dtype=float),
+    lead: wp.array2d(dtype=float),
     world_mask: wp.array(dtype=bool),
     articulation_mask: wp.array2d(dtype=bool),
 ):
     """Put the worlds whose episode ended back to the start, with noise; mark them in both masks.
 
+    A share of them starts on the straight way in joint space from `start` to `ahead` [9], anywhere on it alike.
     Targets start at the sampled positions. (The reference leaves them where the last episode ended, which pulls the arm
     away in the first step.)
     """
@@ -91,14 +95,20 @@ def reset(
         for i in range(joint_q.shape[1]):
             joint_q[world, i] = 0.0
             joint_qd[world, i] = 0.0
+        way = float(0.0)
+        if ahead_share > 0.0:  # the stream of random numbers stays as it was where nothing starts ahead
+            if wp.randf(state) < ahead_share:
+                way = wp.randf(state)
         for i in range(JOINTS):
-            q = start[i] + wp.randf(state, -c.start_noise, c.start_noise)
+            q = start[i] + way * (ahead[i] - start[i]) + wp.randf(state, -c.start_noise, c.start_noise)
             joint_q[world, i] = wp.clamp(q, lower[i], upper[i])
             target_q[world, i] = joint_q[world, i]
         rng[world] = state
         step[world] = 0
         for i in range(3):
             progress[world, i] = 0.0
+        lead[world, 0] = 0.0
+        lead[world, 1] = 0.0
 
 
 @wp.kernel

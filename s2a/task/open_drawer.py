@@ -14,9 +14,10 @@ from s2a.sim.franka import JOINTS
 
 OBSERVATIONS = 2 * JOINTS + 5
 """Joint positions (scaled to their range) and velocities, hand to grasp point (3, robot base frame), joint, its velocity."""
-REWARD_TERMS = ("distance", "rotation", "opening", "finger", "bonus", "action", "grip", "held_opening")
+REWARD_TERMS = ("distance", "rotation", "opening", "finger", "bonus", "action", "grip", "led_opening")
 """Names of the unweighted reward terms, in the order of the kernel's columns. The first six are the reference's; "grip" is 1
-while both fingers touch the grasp region, "held_opening" the opening while they do."""
+while both fingers press on the grasp region, "led_opening" how far they led the part there [m]: it grows with the opening while
+both press, and never exceeds it."""
 COUNTS = ("episodes", "success", "final_success", "handle_success", "opening", "invalid")
 """What is added up over finished episodes: their number, those that reached the success opening at any time, at the end,
 with both fingers on the grasp region; the sum of their largest openings [m]; episodes ended by a value that is not finite."""

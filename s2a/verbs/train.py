@@ -10,6 +10,7 @@ import torch
 
 from s2a.errors import InputError
 from s2a.policy import ppo
+from s2a.policy.planner import PlannerConfig, approach_position
 from s2a.provenance import provenance
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
@@ -32,6 +33,8 @@ class Config:
         task: what the robot has to do.
         reward: weight of each reward term.
         policy: what rsl-rl is told.
+        starts_ahead: share of episodes that start somewhere on the way to the planner's point of approach; evaluation has none.
+        plan: the planner's motion, for that point.
     """
 
     stage: Path
@@ -43,6 +46,8 @@ class Config:
     task: OpenDrawerConfig
     reward: dict[str, float]
     policy: ppo.PpoConfig
+    starts_ahead: float
+    plan: PlannerConfig
 
 
 def run(config: Config) -> str:
@@ -53,7 +58,8 @@ def run(config: Config) -> str:
         )
     torch.manual_seed(config.seed)
     sim = simulation(config.stage, config.sim, config.worlds, config.device)
-    env = OpenDrawerEnv(sim, config.task, config.reward, config.seed)
+    approach = (approach_position(sim, config.plan), config.starts_ahead) if config.starts_ahead > 0.0 else None
+    env = OpenDrawerEnv(sim, config.task, config.reward, config.seed, ahead=approach)
     config.out.mkdir(parents=True, exist_ok=True)
     write_world(config.sim, config.task, config.out)
     metrics = ppo.train(env, config.policy, config.out)

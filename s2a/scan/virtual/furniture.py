@@ -5,6 +5,8 @@ The main cabinet has the dimensions of the "Sektion" drawer cabinet that robot-l
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from s2a.scan.virtual.handles import QUARTER, bar, knob, lever, upright
@@ -130,8 +132,10 @@ def room_door(rng: np.random.Generator, width: float, height: float) -> Piece:
     head = box((-0.1, 0.015), (-half, half), (height - 0.06, height), paint)
     size = (0.04, width - 0.13, height - 0.075)
     grip = lever(0.125, 1).moved(at(0, -(size[1] / 2 - 0.06), 1.05 - size[2] / 2))
-    leaf = door(size, 1, grip, leaf_color, WOOD).tilted(rng, 0.3).moved(at(0.004, 0, 0.008 + size[2] / 2))
-    return Piece("door frame", join(*jambs, head), (leaf,))
+    # The hinges' pins are in the front's plane: about an axis inside the leaf, its edge would turn into the jamb.
+    swing = Joint("revolute", (0.0, 0.0, 1.0), (0.0, size[1] / 2, 0.0), (0.0, QUARTER))
+    leaf = replace(door(size, 1, grip, leaf_color, WOOD), joint=swing).tilted(rng, 0.3)
+    return Piece("door frame", join(*jambs, head), (leaf.moved(at(0.004, 0, 0.008 + size[2] / 2)),))
 
 
 def window(rng: np.random.Generator, width: float, height: float) -> Piece:

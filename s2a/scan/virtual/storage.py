@@ -13,12 +13,12 @@ from s2a.scene import Joint
 def chest_of_drawers(
     rng: np.random.Generator, width: float, rows: tuple[float, ...], columns: int, style: str, finish: Finish
 ) -> Piece:
-    """Return a chest of drawers 0.46 m deep on legs 0.1 m high; its drawers open by 0.34 m."""
+    """Return a chest of drawers 0.46 m deep on legs 0.1 m high; its drawers open by 0.33 m."""
     high, edges = 0.12 + sum(rows), np.linspace(-width / 2, width / 2, columns + 1)
     body = case((0.46, width, high), 0.1, finish)
     body += [box((-0.44, 0), (y - 0.009, y + 0.009), (0.1, high - 0.02), *paint(finish)) for y in edges[1:-1]]
     spans = [(float(a), float(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
-    drawers = [d for span in spans for d in bank(rng, span, 0.1, rows, style, finish, 0.34)]
+    drawers = [d for span in spans for d in bank(rng, span, 0.1, rows, style, finish, 0.33)]
     return Piece("chest of drawers", join(*body), tuple(drawers))
 
 
@@ -78,7 +78,7 @@ def tv_stand(rng: np.random.Generator, finish: Finish) -> Piece:
     body += [box((-0.45, 0), (y - 0.009, y + 0.009), (0.1, 0.48), *paint(finish)) for y in (-inner, inner)]
     body.append(box((-0.45, 0), (-inner, inner), (0.282, 0.3), *paint(finish)))
     drawers = [
-        d for span in ((inner, half), (-half, -inner)) for d in bank(rng, span, 0.1, (0.19, 0.19), "bar", finish, 0.34)
+        d for span in ((inner, half), (-half, -inner)) for d in bank(rng, span, 0.1, (0.19, 0.19), "bar", finish, 0.33)
     ]
     return Piece("tv stand", join(*body), tuple(drawers))
 

@@ -8,9 +8,13 @@ import numpy as np
 
 from s2a.scan.virtual.room import Room
 from s2a.scan.virtual.rooms.bedroom import bedroom
+from s2a.scan.virtual.rooms.kitchen import kitchen
+from s2a.scan.virtual.rooms.living_room import living_room
 from s2a.scan.virtual.rooms.office import office
 
 ROOMS: dict[str, Callable[[np.random.Generator], Room]] = {
     "office": office,
     "bedroom": bedroom,
+    "kitchen": kitchen,
+    "living_room": living_room,
 }

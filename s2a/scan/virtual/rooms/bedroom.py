@@ -42,7 +42,7 @@ def bedroom(rng: np.random.Generator) -> Room:
     return Room(tuple(pieces), _scanners(rng, size), size)
 
 
-BED_Y, WARDROBE_X, DRESSER_X, TALLBOY_Y, BENCH_X = 1.5, 1.6, 3.25, 3.15, 2.64
+BED_Y, WARDROBE_X, DRESSER_X, TALLBOY_Y, BENCH_X = 1.5, 1.72, 3.32, 3.22, 2.64
 """Middles of bed, wardrobe, chests of drawers; front of the bench [m]."""
 
 
@@ -118,12 +118,12 @@ def _walls(rng: np.random.Generator, size: tuple[float, float, float]) -> list[P
     """Return what hangs on walls and ceiling."""
     width, depth, height = size
     color = CLOTHS[rng.integers(len(CLOTHS))]
-    shelf = at(1.7, 0, 1.45, SOUTH)
-    row = [book.moved(shelf @ at(0.19, -0.42)) for book in decor.books(rng, 0.45)]
+    shelf = at(2.15, 0, 1.45, SOUTH)
+    row = [book.moved(shelf @ at(0.215, -0.42)) for book in decor.books(rng, 0.45)]
     return [
         objects.picture(rng, 0.6, 0.45).moved(at(0, BED_Y + 0.4, 1.4 + rng.uniform(-0.05, 0.05), WEST)),
         objects.picture(rng, 0.45, 0.6).moved(at(0, BED_Y - 0.4, 1.35 + rng.uniform(-0.05, 0.05), WEST)),
-        decor.mirror(0.5, 1.2).moved(at(2.75, 0, 0.6, SOUTH)),
+        decor.mirror(0.5, 1.2).moved(at(2.92, 0, 0.6, SOUTH)),
         decor.wall_shelf(0.9).moved(shelf),
         *row,
         objects.plant(rng, 0.26).moved(shelf @ at(0.11, 0.28)),
@@ -141,11 +141,11 @@ def _floor(rng: np.random.Generator, size: tuple[float, float, float]) -> list[P
         cloth.rug(1.7, 1.0, CLOTHS[rng.integers(len(CLOTHS))], (206, 200, 188)).moved(
             at(3.4, BED_Y, 0, rng.uniform(-3, 3))
         ),
-        decor.slippers(rng).moved(around(rng, 1.1, BED_Y + 1.15, 0, 20)),
-        decor.basket(0.2, 0.5).moved(around(rng, 1.75, 0.28, 0, 0)),
-        objects.plant(rng, 1.1).moved(around(rng, 0.32, depth - 0.5, 0, 0)),
+        decor.slippers(rng).moved(around(rng, 2.62, 0.42, 0, 60)),
+        decor.basket(0.2, 0.5).moved(around(rng, 2.05, 0.26, 0, 0)),
+        objects.plant(rng, 0.9).moved(around(rng, 0.46, depth - 0.47, 0, 0)),
         objects.trash_can().moved(around(rng, width - 0.2, 0.62, 0, 0)),
-        objects.bag(rng).moved(around(rng, width - 0.2, 3.72, 0, EAST)),
+        objects.bag(rng).moved(around(rng, width - 0.22, 3.85, 0.01, EAST)),
     ]
 
 

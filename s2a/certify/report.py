@@ -26,7 +26,7 @@ figure { display: inline-block; margin: 0 .6em 1em 0 } img { width: 24em; max-wi
 
 def to_json(certificate: Certificate) -> str:
     """Return a certificate as JSON; NaN and infinity, which JSON has not, become null."""
-    return json.dumps({"passed": certificate.passed, **_plain(dataclasses.asdict(certificate))}, indent=1)
+    return json.dumps(_plain({"passed": certificate.passed, **dataclasses.asdict(certificate)}), indent=1)
 
 
 def from_json(text: str) -> Certificate:

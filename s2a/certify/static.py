@@ -155,7 +155,7 @@ def joint_frames(contents: Contents) -> Check:
     letter = joint.GetAttribute("physics:axis").Get()
     worst = math.nan
     if axis is not None and origin is not None and letter in ("X", "Y", "Z"):
-        physics, worst = UsdPhysics.Joint(joint), abs(np.linalg.norm(axis) - 1.0)
+        physics, worst = UsdPhysics.Joint(joint), abs(float(np.linalg.norm(axis)) - 1.0)
         unit = Gf.Vec3d(*np.eye(3)["XYZ".index(letter)])
         for rotation, place in (
             (physics.GetLocalRot0Attr(), physics.GetLocalPos0Attr()),
@@ -179,7 +179,7 @@ def opens_outwards(contents: Contents) -> Check:
     name, joint = "opens_outwards", contents.joint
     grasp = contents.target and contents.target.GetChild("grasp")
     values = [joint.GetAttribute(f"s2a:{key}").Get() for key in ("axis", "limits")] if joint else [None]
-    if not grasp or any(value is None for value in values):
+    if joint is None or not grasp or values[0] is None or values[1] is None:
         return _unasked(name, "target_joint")
     if joint.GetTypeName() != "PhysicsPrismaticJoint":  # a door may open away from the hand; its way is swept
         return Check(name, "pass", prim=str(joint.GetPath()), message="a hinge, which may open either way")

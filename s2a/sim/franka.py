@@ -17,6 +17,8 @@ ARM_JOINTS = 7
 """Joints of the arm; coordinates 0 to 6 of a world."""
 JOINTS = 9
 """Joints of the arm and the two fingers; coordinates 0 to 8 of a world."""
+TOOL_OFFSET = 0.1034
+"""[m] From the hand's frame forward to the point between the finger pads."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,41 @@ def add_franka(builder: newton.ModelBuilder, config: FrankaConfig, base: wp.tran
     if config.gravity_compensation:
         compensation = builder.custom_attributes["mujoco:gravcomp"]
         compensation.values = {**(compensation.values or {}), **{i: 1.0 for i in range(first_body, builder.body_count)}}
+
+
+def add_hand(builder: newton.ModelBuilder, pose: wp.transform) -> None:
+    """Add the robot's hand alone, held at `pose`: two free fingers, convex colliders, no drive, weightless.
+
+    Its frame is `panda_hand`: z forward, the fingers move along y, the point between their pads is TOOL_OFFSET ahead.
+    """
+    first_shape, first_body = builder.shape_count, builder.body_count
+    builder.add_urdf(
+        _hand_urdf(),
+        package_dirs=[str(_share())],
+        xform=pose,
+        enable_self_collisions=False,
+        collapse_fixed_joints=False,
+    )
+    shapes = range(first_shape, builder.shape_count)
+    meshes = [i for i in shapes if builder.shape_type[i] == newton.GeoType.MESH and _collides(builder, i)]
+    builder.approximate_meshes("convex_hull", shape_indices=meshes)
+    compensation = builder.custom_attributes["mujoco:gravcomp"]
+    compensation.values = {**(compensation.values or {}), **{i: 1.0 for i in range(first_body, builder.body_count)}}
+
+
+def _hand_urdf() -> str:
+    """Return the part of the URDF that is the hand and its fingers."""
+    robot = ElementTree.fromstring(_urdf(visuals=False))
+    kept = {"panda_hand", "panda_leftfinger", "panda_rightfinger"}
+    for tag, names in (("link", lambda e: {e.get("name")}), ("joint", _ends)):
+        for element in robot.findall(tag):
+            if not names(element) <= kept:
+                robot.remove(element)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _ends(joint: ElementTree.Element) -> set[str | None]:
+    return {link.get("link") for end in ("parent", "child") for link in joint.findall(end)}
 
 
 def _collides(builder: newton.ModelBuilder, shape: int) -> bool:

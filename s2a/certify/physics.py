@@ -1,0 +1,155 @@
+"""One Newton model of a sim.usd with a hand parked out of reach, and MuJoCo's own view of it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import newton
+import numpy as np
+import warp as wp
+from scipy.spatial.transform import Rotation
+
+from s2a.sim.build import JointConfig, SimStage, build_world, lever_arm, opening_sign, read_stage
+from s2a.sim.franka import add_hand
+
+PARKED = 50.0
+"""[m] How high the hand waits."""
+FINGERS = ("panda_leftfinger", "panda_rightfinger")
+
+
+@dataclass(frozen=True)
+class PhysicsConfig:
+    """How physics is stepped.
+
+    Attributes:
+        dt: time step [s].
+        iterations: of the constraint solver.
+        impratio: ratio of friction to normal impedance.
+    """
+
+    dt: float
+    iterations: int
+    impratio: float
+
+
+class World:
+    """A stage under physics on the CPU.
+
+    Attributes:
+        stage: what sim.usd says beside the physics.
+        model: the Newton model, built once for all checks.
+        solver: Newton's MuJoCo solver, on MuJoCo's C library.
+        mj: the solver's MjModel.
+        xml: the same model as MuJoCo's own text.
+        labels: path of each geom's prim, or the name of the hand's link.
+        dt: time step [s].
+        joint: index of the target's joint coordinate, the same in Newton and in MuJoCo.
+        fingers: those of the hand's two fingers.
+    """
+
+    def __init__(self, path: Path, config: PhysicsConfig) -> None:
+        """Build the model; the first one on a machine compiles kernels for a minute."""
+        self.stage, self.dt = read_stage(path), config.dt
+        with tempfile.TemporaryDirectory() as folder, wp.ScopedDevice("cpu"):
+            # Neither a spring nor damping: what stays, stays by the dry friction that the stage itself has.
+            builder = build_world(self.stage, None, JointConfig(0.0, 0.0), config.dt)
+            add_hand(builder, wp.transform(wp.vec3(0.0, 0.0, PARKED), wp.quat_identity()))
+            for i, label in enumerate(builder.joint_label):
+                if "finger" in label:
+                    builder.joint_armature[builder.joint_qd_start[i]] = 0.1
+            self.model = builder.finalize()
+            self.solver = newton.solvers.SolverMuJoCo(
+                self.model,
+                use_mujoco_cpu=True,
+                cone="elliptic",
+                impratio=config.impratio,
+                iterations=config.iterations,
+                ls_iterations=config.iterations,
+                enable_multiccd=True,
+                save_to_mjcf=f"{folder}/scene.xml",
+            )
+            self.xml = Path(folder, "scene.xml").read_text()
+        self.mj: mujoco.MjModel = self.solver.mj_model
+        self.mj.opt.timestep = config.dt
+        shapes = self.solver.mjc_geom_to_newton_shape.numpy()[0]
+        links = [self.mj.body(i).name.removeprefix("panda_") for i in range(self.mj.nbody)]
+        paths = [str(self.model.shape_label[shape]) for shape in shapes]
+        owners = [links[body] for body in self.mj.geom_bodyid]
+        self.labels = [path if path.startswith("/scene/") else owner for path, owner in zip(paths, owners, strict=True)]
+        ends = [label.split("/")[-1] for label in self.model.joint_label]
+        starts = self.model.joint_qd_start.numpy()
+        self.joint = int(starts[ends.index(self.stage.target)])
+        self.fingers = [int(starts[i]) for i, end in enumerate(ends) if "finger_joint" in end]
+        self._hand = int(self.mj.body_mocapid[links.index("panda_hand")])
+
+    def data(self, q: float = 0.0, finger: float = 0.0) -> mujoco.MjData:
+        """Return a state at rest: the target's coordinate [m or rad], both fingers' [m]."""
+        data = mujoco.MjData(self.mj)
+        data.qpos[self.joint] = q
+        data.qpos[self.fingers] = finger
+        mujoco.mj_kinematics(self.mj, data)
+        return data
+
+    def geoms(self, *parts: str) -> list[int]:
+        """Return the colliders below /scene/<part>, or of a link of the hand."""
+        owners = [label.split("/")[2] if label.startswith("/scene/") else label for label in self.labels]
+        return [i for i, owner in enumerate(owners) if owner in parts]
+
+    @property
+    def carcass(self) -> str:
+        """Name of the body that the target moves against."""
+        names = [label.split("/")[-1] for label in self.model.body_label]
+        return next(name for name in names if name != self.stage.target and "panda" not in name)
+
+    def place_hand(self, data: mujoco.MjData, pose: np.ndarray) -> None:
+        """Hold the hand at a pose, 7-vector in the scene."""
+        data.mocap_pos[self._hand] = pose[:3]
+        data.mocap_quat[self._hand] = np.roll(pose[3:], 1)
+        mujoco.mj_kinematics(self.mj, data)
+
+    def deepest(
+        self, data: mujoco.MjData, one: Iterable[int], other: Iterable[int], within: float = 0.0
+    ) -> tuple[float, int, int]:
+        """Return the largest penetration of two groups of geoms [m], and the two; negative where there is a gap.
+
+        Args:
+            data: a state with up-to-date kinematics.
+            one: geoms.
+            other: geoms.
+            within: gaps wider than this [m] are not told apart.
+        """
+        worst, pair = -within, (-1, -1)
+        radius, center = self.mj.geom_rbound, data.geom_xpos
+        others = np.array(list(other), int)
+        for a in one:
+            if not len(others):
+                break
+            gaps = np.linalg.norm(center[others] - center[a], axis=1) - radius[others] - radius[a]
+            for b in others[gaps < within]:
+                depth = -mujoco.mj_geomDistance(self.mj, data, a, int(b), max(within, 1e-6), None)
+                if depth > worst:
+                    worst, pair = depth, (a, int(b))
+        return worst, *pair
+
+    def grasp_pose(self, q: float) -> np.ndarray:
+        """Return the grasp frame's pose, 7-vector, when the joint's coordinate is q [m or rad]."""
+        stage = self.stage
+        if stage.kind == "prismatic":
+            return np.concatenate([stage.grasp[:3] + q * stage.axis, stage.grasp[3:]])
+        turn = Rotation.from_rotvec(q * stage.axis)
+        point = stage.origin + turn.apply(stage.grasp[:3] - stage.origin)
+        return np.concatenate([point, (turn * Rotation.from_quat(stage.grasp[3:])).as_quat()])
+
+    @property
+    def lever(self) -> float:
+        """Way of the grasp point for a unit of the joint's coordinate [1 or m]."""
+        return lever_arm(self.stage)
+
+    @property
+    def sign(self) -> float:
+        """1 if the joint opens towards its upper limit, else -1."""
+        return opening_sign(self.stage)

@@ -1,0 +1,176 @@
+"""What the moving part does by itself, along its whole way, and in MuJoCo without Newton."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import newton
+import numpy as np
+
+from s2a.certify.check import Check, judge
+from s2a.certify.physics import World
+
+MEND = "mend the colliders or the annotated axis and range, then run s2a prepare again"
+GAIN = 200.0
+"""[N s/m] How hard the sweep corrects its speed; its force is bounded, so that this is of no consequence."""
+SLACK = 0.002
+"""[m] How near to a limit the sweep has to come: limits are soft."""
+
+
+@dataclass(frozen=True)
+class MotionConfig:
+    """Bounds of the checks without a hand.
+
+    Attributes:
+        settle_time: how long nothing may move [s].
+        settle: how far anything may have moved then [m].
+        open_time: how long the part may not open by itself [s].
+        open: how far its grasp point may have moved then [m].
+        force: at the grasp point, with which the joint is swept [N].
+        speed: of the grasp point during the sweep [m/s].
+        poses: places along the way at which penetration is measured.
+        penetration: of colliders that no joint connects [m].
+    """
+
+    settle_time: float
+    settle: float
+    open_time: float
+    open: float
+    force: float
+    speed: float
+    poses: int
+    penetration: float
+
+
+def motion(world: World, config: MotionConfig) -> list[Check]:
+    """Return the checks of a stage without a hand."""
+    return [
+        *rest(world, config),
+        joint_sweep(world, config),
+        penetration(world, "rest_penetration", np.zeros(1), config),
+        penetration(world, "sweep_penetration", np.linspace(*world.stage.limits, config.poses), config),
+        carcass_overlap(world, config),
+        reload(world, config),
+    ]
+
+
+def rest(world: World, config: MotionConfig) -> list[Check]:
+    """Watch the stage under gravity, stepped by Newton: whether it settles, and whether it opens by itself."""
+    model, solver = world.model, world.solver
+    state, other, control = model.state(), model.state(), model.control()
+    newton.eval_fk(model, model.joint_q, model.joint_qd, state)
+    names = [label.split("/")[-1] for label in model.body_label]
+    own = [i for i, name in enumerate(names) if "panda" not in name]
+    start = state.body_q.numpy()[own]
+    moved, worst, coordinate = np.zeros(len(own)), 0, 0.0
+    for step in range(round(config.open_time / world.dt)):
+        solver.step(state, other, control, None, world.dt)
+        state, other = other, state
+        if (step + 1) % 12 == 0 and (step + 1) * world.dt <= config.settle_time + 1e-9:
+            moved = np.fmax(moved, _ways(start, state.body_q.numpy()[own], world.stage.grasp[:3]))
+    coordinate = float(state.joint_q.numpy()[world.joint]) * world.lever
+    moved = np.where(np.isfinite(state.body_q.numpy()[own]).all(axis=1), moved, np.nan)
+    worst = int(np.argmax(np.where(np.isnan(moved), np.inf, moved)))
+    joint = f"/scene/joints/{world.stage.target}"
+    return [
+        judge(
+            "settle", float(moved[worst]), config.settle, "m", prim=f"/scene/{names[own[worst]]}",
+            message=f"largest way of a body within {config.settle_time:g} s, no robot", remedy=MEND,
+        ),
+        judge(
+            "self_opening", abs(coordinate), config.open, "m", prim=joint,
+            message=f"way of the grasp point after {config.open_time:g} s under gravity alone",
+            remedy="level the annotated axis, or give the joint dry friction (prepare.friction)",
+        ),
+    ]  # fmt: skip
+
+
+def joint_sweep(world: World, config: MotionConfig) -> Check:
+    """Push the part with a small force to its far limit and back to the near one."""
+    data, lever, limits = world.data(), world.lever, world.stage.limits
+    far, near = (limits[1], limits[0]) if world.sign > 0 else limits
+    reached = []
+    for goal in (far, near):
+        reached.append(abs(goal - _push(world, data, goal, config)) * lever)
+    worst = int(np.argmax(reached))
+    return judge(
+        "joint_sweep", float(reached[worst]), SLACK, "m", prim=f"/scene/joints/{world.stage.target}",
+        message=f"short of its {('open', 'closed')[worst]} limit when pushed with {config.force:g} N at the grasp",
+        remedy="free the way of what blocks it, or lower the joint's dry friction",
+    )  # fmt: skip
+
+
+def penetration(world: World, name: str, coordinates: np.ndarray, config: MotionConfig) -> Check:
+    """Measure how deep the moving part's colliders are in the room's, at some coordinates of the joint."""
+    stage = world.stage
+    moving, room = world.geoms(stage.target), world.geoms("static")
+    found = [(*world.deepest(world.data(float(q)), moving, room, 0.001), float(q)) for q in coordinates]
+    depth, a, b, q = max(found)
+    return judge(
+        name, max(depth, 0.0), config.penetration, "m", prim=world.labels[a] if depth > 0 else f"/scene/{stage.target}",
+        message=f"in {world.labels[b]} at {q:.3f}" if depth > 0 else "nothing of the room in the way", remedy=MEND,
+    )  # fmt: skip
+
+
+def carcass_overlap(world: World, config: MotionConfig) -> Check:
+    """Report how deep the moving part is in its carcass: a joint connects the two, so that simulators let them overlap."""
+    stage = world.stage
+    moving, still = world.geoms(stage.target), world.geoms(world.carcass)
+    found = [world.deepest(world.data(float(q)), moving, still, 0.001) for q in np.linspace(*stage.limits, 9)]
+    depth, a, _ = max(found)
+    path = world.labels[a] if depth > 0 else f"/scene/{stage.target}"
+    return Check(
+        "carcass_overlap", "reported", max(depth, 0.0), None, "m", path, f"deepest in {world.carcass}; filtered"
+    )
+
+
+def reload(world: World, config: MotionConfig) -> Check:
+    """Compile the model anew from its own XML with MuJoCo alone, and compare what moves, its limits and its mass."""
+    problems = []
+    again = mujoco.MjModel.from_xml_string(world.xml)
+    joint = world.joint
+    if again.nv != world.model.joint_dof_count or again.nv != 1 + len(world.fingers):
+        problems.append(f"{again.nv} degrees of freedom, not {1 + len(world.fingers)}")
+    elif np.abs(again.jnt_range[joint] - world.stage.limits).max() > 1e-5:
+        problems.append(f"limits {again.jnt_range[joint].tolist()}, not {list(world.stage.limits)}")
+    mass = world.model.body_mass.numpy().sum()
+    if abs(again.body_mass.sum() - mass) > 1e-3 * mass:
+        problems.append(f"{again.body_mass.sum():.3f} kg in all, not {mass:.3f}")
+    data = mujoco.MjData(again)
+    for _ in range(100):
+        mujoco.mj_step(again, data)
+    if not np.isfinite(data.qpos).all():
+        problems.append("coordinates that are not finite after 100 steps")
+    path, count = f"/scene/joints/{world.stage.target}", float(len(problems))
+    message = "; ".join(problems) or f"MuJoCo {mujoco.__version__} alone has the same joint, limits and mass"
+    return judge("mujoco_reload", count, 0.0, "problems", prim=path, message=message, remedy=MEND)
+
+
+def _push(world: World, data: mujoco.MjData, goal: float, config: MotionConfig) -> float:
+    """Drive the joint towards a coordinate at an even speed with a bounded force; return where it ends."""
+    lever, model = world.lever, world.mj
+    way = abs(goal - data.qpos[world.joint]) * lever
+    direction = np.sign(goal - data.qpos[world.joint])
+    for _ in range(round((2.0 * way / config.speed + 2.0) / world.dt)):
+        speed = data.qvel[world.joint] * lever * direction
+        left = abs(goal - data.qpos[world.joint]) * lever
+        # Slower towards the end: the check is whether the limit is reached, not how hard it is hit.
+        force = np.clip(GAIN * (min(config.speed, 2.0 * left + 0.01) - speed), -config.force, config.force)
+        data.qfrc_applied[world.joint] = direction * force * lever
+        mujoco.mj_step(model, data)
+        if left < 0.2 * SLACK:
+            break
+    return float(data.qpos[world.joint])
+
+
+def _ways(start: np.ndarray, now: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Return how far a point of the scene [3], held fast by each body, and the bodies' origins moved [m], shape [body]."""
+
+    def carried(poses: np.ndarray, at: np.ndarray) -> np.ndarray:
+        x, y, z, w = poses[:, 3:].T
+        axis = np.stack([x, y, z], axis=1)
+        turned = at + 2.0 * np.cross(axis, np.cross(axis, at) + w[:, None] * at)
+        return turned + poses[:, :3]
+
+    return np.fmax(*(np.linalg.norm(carried(now, at) - carried(start, at), axis=1) for at in (point, np.zeros(3))))

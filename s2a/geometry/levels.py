@@ -43,16 +43,16 @@ def smoothed_normals(mesh: Mesh, direction: np.ndarray, rounds: int) -> np.ndarr
 
     Only faces that look roughly along `direction` are averaged, so that a step of the surface keeps its edge.
     """
-    smooth = normals(mesh) * mesh.face_areas[:, None]
-    smooth[normals(mesh) @ direction < ROUGH] = 0.0
-    chosen = np.flatnonzero(smooth.any(axis=1))
-    faces, field = mesh.faces[chosen], smooth[chosen]
+    facing = normals(mesh)
+    chosen = np.flatnonzero(facing @ direction > ROUGH)
+    faces, field = mesh.faces[chosen], facing[chosen] * mesh.face_areas[chosen, None]
     for _ in range(rounds):
         at_vertex = np.stack(
             [np.bincount(faces.ravel(), np.repeat(axis, 3), len(mesh.vertices)) for axis in field.T], axis=1
         )
         field = at_vertex[faces].sum(axis=1)
-    length = np.linalg.norm(field, axis=1, keepdims=True)
+    smooth = np.zeros(mesh.faces.shape)
+    length = np.sqrt(np.einsum("ij,ij->i", field, field))[:, None]
     smooth[chosen] = np.divide(field, length, out=np.zeros_like(field), where=length > 0)
     return smooth
 

@@ -78,7 +78,7 @@ def slabs(mesh: Mesh, plane: Plane, cell: float, closing: int, thickness: float,
     axes = plane_axes(plane.normal, triangles.reshape(-1, 3))
     corners = triangles @ axes[:, :2]
     low = corners.min(axis=(0, 1))
-    taken = raster(corners - low, cell, closing)
+    taken = _raster(corners - low, cell, closing)
     boxes = []
     for first, last in rectangles(taken, count, share=0.97):
         size = (last - first) * cell
@@ -155,7 +155,7 @@ def smallest_rectangle(points: np.ndarray) -> np.ndarray:
     return turns[np.argmin(sizes)]
 
 
-def raster(corners: np.ndarray, cell: float, closing: int) -> np.ndarray:
+def _raster(corners: np.ndarray, cell: float, closing: int) -> np.ndarray:
     """Return the cells that triangles [face 3 2] touch (by points no farther apart than half a cell), gaps closed."""
     shape = np.ceil(corners.max(axis=(0, 1)) / cell).astype(int) + 1
     taken = np.zeros(shape, bool)

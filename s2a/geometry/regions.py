@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -10,11 +11,10 @@ import numpy as np
 from scipy import ndimage
 from skimage.measure import approximate_polygon, find_contours
 
+from s2a.geometry.columns import Grid, columns
 from s2a.geometry.levels import LevelConfig, horizontal_levels, upright_planes
 from s2a.geometry.planes import Plane, plane_axes
-from s2a.geometry.planes import raster as covered
-from s2a.geometry.rays import ray_mesh
-from s2a.geometry.sight import sight
+from s2a.geometry.surfaces import keep
 from s2a.scene import Mesh
 
 Kind = Literal["horizontal", "vertical", "inside"]
@@ -34,9 +34,9 @@ class RegionConfig:
         upright: area below which an upright region is none [m^2].
         free: room above a cell below which something stands on it [m].
         reach: what is higher above a region does not count [m].
-        lift: rays start this far above the plane [m], beyond the noise of the scan.
+        lift: what is lower above the plane belongs to it [m]: the noise of the scan.
         cover: share of a region below its own object that makes it an inside.
-        wall: how far the object rises at a walled border [m].
+        wall: the target rises within this distance of a walled border, to no more than twice as high above it [m].
     """
 
     level: LevelConfig
@@ -137,80 +137,88 @@ class Region:
 
 
 def support_regions(
-    mesh: Mesh, config: RegionConfig, around: Mesh | None = None, kinds: tuple[Kind, ...] = KINDS
+    mesh: Mesh, config: RegionConfig, around: Sequence[Mesh] = (), kinds: tuple[Kind, ...] = KINDS
 ) -> list[Region]:
     """Return the regions of a target, largest first, level ones before upright ones.
 
     Args:
         mesh: the target's surface in the scene, looking outwards; noise of 1 to 2 mm, holes and open edges are expected.
         config: how they are grown.
-        around: what else is there and takes room, the target's surface included; None: the target alone.
+        around: what else is there and takes room.
         kinds: the wanted ones; looking for upright ones takes longest.
     """
     if not len(mesh.faces):
         return []
-    level = (
-        [(plane, config.smallest) for plane in horizontal_levels(mesh, config.level)]
-        if set(kinds) != {"vertical"}
-        else []
-    )
-    upright = [(plane, config.upright) for plane in upright_planes(mesh, config.level)] if "vertical" in kinds else []
-    own, whole = ray_mesh(mesh.vertices, mesh.faces), None
-    if around is not None:
-        whole = ray_mesh(around.vertices, around.faces)
-    found = []
-    for planes in (level, upright):
-        some = [region for plane, area in planes for region in _split(mesh, plane, area, own, whole, config)]
+    found: list[Region] = []
+    if set(kinds) != {"vertical"}:
+        planes = horizontal_levels(mesh, config.level)
+        some = [region for plane in planes for region in _split(mesh, plane, config.smallest, around, config)]
         found += sorted((region for region in some if region.kind in kinds), key=lambda region: -region.area)
+    if "vertical" in kinds:
+        planes = upright_planes(mesh, config.level)
+        some = [region for plane in planes for region in _split(mesh, plane, config.upright, around, config)]
+        found += sorted(some, key=lambda region: -region.area)
     return found
 
 
-def _split(mesh: Mesh, plane: Plane, smallest: float, own, whole, config: RegionConfig) -> list[Region]:
-    """Return the connected regions of a plane."""
-    corners = mesh.vertices[mesh.faces[plane.faces]].astype(np.float64)
-    axes = plane_axes(plane.normal, corners.reshape(-1, 3))
-    flat = corners @ axes[:, :2]
-    low, extent = flat.min(axis=(0, 1)), np.ptp(flat, axis=(0, 1))
-    cell = max(config.cell, float(extent.max()) / config.cells)
-    labels, count = ndimage.label(covered(flat - low, cell, config.closing))
+def _split(mesh: Mesh, plane: Plane, smallest: float, around: Sequence[Mesh], config: RegionConfig) -> Iterator[Region]:
+    """Yield the connected regions of a plane."""
+    part = keep(Mesh(mesh.vertices, mesh.faces), plane.faces)
+    axes = plane_axes(plane.normal, part.vertices[:: max(1, len(part.vertices) // 20000)].astype(np.float64))
+    flat = part.vertices @ axes[:, :2]
+    cell = max(config.cell, float(np.ptp(flat, axis=0).max()) / config.cells)
+    # A margin, so that the walls around a region are on its grid too.
+    margin = config.closing + 1 + int(np.ceil(config.wall / cell))
+    low = flat.min(axis=0) - margin * cell
+    rows, columns_ = (np.ceil((flat.max(axis=0) - low) / cell).astype(int) + margin + 1).tolist()
     origin = axes[:, :2] @ low + plane.normal * plane.offset
-    found = []
-    for place, number in zip(ndimage.find_objects(labels), range(1, count + 1), strict=True):
-        support = labels[place] == number
-        if support.sum() * cell**2 >= smallest:
-            corner = origin + cell * axes[:, :2] @ np.array([place[0].start, place[1].start])
-            found.append(_measured(axes, corner, cell, support, own, whole, config))
-    return found
+    grid = Grid(axes, origin, cell, (rows, columns_), -1.0, 1.0, 1)
+    taken = columns([part], grid)[0][0]
+    taken = ndimage.binary_closing(taken, np.ones((2 * config.closing + 1,) * 2))
+    labels, count = ndimage.label(taken)
+    large = [i for i in range(1, count + 1) if (labels == i).sum() * cell**2 >= smallest]
+    if not large:
+        return
+    own, others = (_above(meshes, grid, config) for meshes in ([mesh], around))
+    whole = np.minimum(own[0], others[0]), np.where(own[0] <= others[0], own[1], others[1])
+    for number in large:
+        yield _measured(labels == number, grid, own, whole, config)
 
 
-def _measured(axes, origin, cell: float, support: np.ndarray, own, whole, config: RegionConfig) -> Region:
-    """Return a region with its clearances, its walls and its kind."""
-    normal = axes[:, 2]
-    cells = np.argwhere(support)
-    start = origin + cell * (cells + 0.5) @ axes[:, :2].T + config.lift * normal
-    above, _ = sight(own, start, normal, config.reach)
-    kind: Kind = "horizontal" if np.mean(above < config.reach) < config.cover else "inside"
-    if abs(normal[2]) < 0.5:
-        kind = "vertical"
-    clearances = np.zeros(support.shape)
-    # From behind: another thing stands here, or the target's own next board, whose underside was not scanned, is above.
-    room, behind = (above, above < 0) if whole is None else sight(whole, start, normal, config.reach)
-    standing = behind & (room < above - config.lift)
-    clearances[support] = np.where(standing, 0.0, np.minimum(room, above))
-    walled = _walled(axes, origin, cell, support, own, config)
-    return Region(kind, axes, origin, cell, support, clearances, walled, config.free)
+def _above(meshes: Sequence[Mesh], grid: Grid, config: RegionConfig) -> tuple[np.ndarray, np.ndarray]:
+    """Return the room above each cell [m], and whether what ends it is seen from behind, shape [row column] each."""
+    _, (down, up) = columns(meshes, replace(grid, bottom=config.lift, top=config.reach))
+    return np.minimum(np.minimum(down, up), config.reach), up < down
 
 
-def _walled(axes, origin, cell: float, support: np.ndarray, own, config: RegionConfig) -> float:
-    """Return the share of a region's border cells beyond which the target rises.
+def _measured(support: np.ndarray, grid: Grid, own, whole, config: RegionConfig) -> Region:
+    """Return a region with its clearances, its walls and its kind.
 
-    From each border cell a level ray runs outwards, at the height that a wall has at least, as far as a wall may lie back.
+    Args:
+        support: which cells of the grid belong to it.
+        grid: of its plane.
+        own: what `_above` says of the target alone.
+        whole: what it says of everything.
+        config: what makes an inside.
     """
+    (above, _), (room, behind) = own, whole
+    kind: Kind = "horizontal" if np.mean(above[support] < config.reach) < config.cover else "inside"
+    if abs(grid.axes[2, 2]) < 0.5:
+        kind = "vertical"
+    # From behind: another thing stands here, or the target's own next board, whose underside was not scanned, is above.
+    standing = behind & (room < above - config.lift)
+    clearances = np.where(support & ~standing, room, 0.0)
     solid = ndimage.binary_fill_holes(support)
-    border = np.argwhere(solid & ~ndimage.binary_erosion(solid))
-    slope = np.stack(np.gradient(ndimage.gaussian_filter(np.pad(solid, 2).astype(float), 1.5)), axis=-1)[2:-2, 2:-2]
-    out = -slope[tuple(border.T)] @ axes[:, :2].T
-    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
-    start = origin + cell * (border + 0.5) @ axes[:, :2].T + config.wall * axes[:, 2]
-    way, _ = sight(own, start, out, 4 * config.wall)
-    return float(np.mean(way < 4 * config.wall))
+    border = solid & ~ndimage.binary_erosion(solid)
+    raised = (above > config.wall / 3) & (above < 2 * config.wall) & ~ndimage.binary_erosion(solid)
+    distance = ndimage.distance_transform_edt(~raised) * grid.cell
+    walled = float(np.mean(distance[border] < config.wall)) if raised.any() else 0.0
+    return _cropped(Region(kind, grid.axes, grid.origin, grid.cell, support, clearances, walled, config.free))
+
+
+def _cropped(region: Region) -> Region:
+    """Return a region whose grid ends with it."""
+    rows, columns_ = (np.flatnonzero(region.support.any(axis=axis)) for axis in (1, 0))
+    part = np.s_[rows[0] : rows[-1] + 1, columns_[0] : columns_[-1] + 1]
+    origin = region.points(np.array([[rows[0], columns_[0]]]))[0]
+    return replace(region, origin=origin, support=region.support[part], clearances=region.clearances[part])

@@ -1,0 +1,303 @@
+"""Where on a region an object goes, and how it is turned.
+
+The object's own frame: upright, standing on z = 0, front towards +x, metres. Places come from a search over the grid of the
+region (`s2a.edit.search`); the best are tried in turn: the object is lowered (or pushed against the wall) until it touches, and
+kept if no triangle of it cuts anything, nothing is within anything, and every drawer and door can still open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.edit.openings import Opening, blocked, openings
+from s2a.edit.search import Candidate, SearchConfig, Wish, board, candidates
+from s2a.edit.surfaces import facing, nearby, target_mesh
+from s2a.errors import InputError
+from s2a.geometry.clash import crossing, inside
+from s2a.geometry.planes import Plane
+from s2a.geometry.rays import ray_mesh
+from s2a.geometry.regions import Region
+from s2a.geometry.sight import sight
+from s2a.geometry.surfaces import sample
+from s2a.scene import Mesh, Scene, Vec3
+
+Relation = Literal["on", "in", "against", "hanging"]
+
+
+class NoRoom(InputError):
+    """No pose was found; the message says what stood in the way."""
+
+
+@dataclass(frozen=True)
+class PaperConfig:
+    """The baseline's rule.
+
+    Attributes:
+        tries: random offsets before giving up.
+        spread: standard deviation of the first offset [m]; it grows linearly with the tries, to this times ten.
+        seed: of the offsets.
+    """
+
+    tries: int
+    spread: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class PoseConfig:
+    """How poses are found.
+
+    Attributes:
+        pose: "search" looks for the best place; "paper" shifts the object at random until nothing collides.
+        search: the coarse search.
+        paper: the baseline.
+        attempts: candidates tested exactly before giving up.
+        apart: distance of one candidate from those that failed, as a share of the object's radius.
+        back: left between a back and what it is against [m].
+        gap: left between the object and what it touches [m].
+        lift: objects are lowered from this far above the region [m].
+        slack: how far an object may reach into the way of a part, whose annotated surface is noisy [m].
+    """
+
+    pose: Literal["search", "paper"]
+    search: SearchConfig
+    paper: PaperConfig
+    attempts: int
+    apart: float
+    back: float
+    gap: float
+    lift: float
+    slack: float
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where an object is.
+
+    Attributes:
+        position: of the object's origin in the scene [m].
+        quaternion: of its turn, xyzw.
+        clearance: distance from the nearest other thing or the border of the support [m]; 0 where it was not looked for.
+        tried: candidates that were tested exactly.
+    """
+
+    position: Vec3
+    quaternion: tuple[float, float, float, float]
+    clearance: float
+    tried: int
+
+    @property
+    def yaw(self) -> float:
+        """The turn about z [rad]."""
+        return float(Rotation.from_quat(self.quaternion).as_euler("zyx")[0])
+
+    def moved(self, object: Mesh) -> Mesh:
+        """Return an object at this pose in the scene."""
+        turned = Rotation.from_quat(self.quaternion).apply(object.vertices.astype(np.float64))
+        return Mesh(turned + self.position, object.faces, object.colors)
+
+
+def place(
+    scene: Scene,
+    object: Mesh,
+    region: Region,
+    relation: Relation,
+    config: PoseConfig,
+    target: str,
+    near: str | None = None,
+) -> Pose:
+    """Return the best pose of an object on a region.
+
+    Args:
+        scene: the room.
+        object: upright, standing on z = 0, front towards +x, in metres.
+        region: one of the target's.
+        relation: "on" or "in" stands, "against" stands with its back to something, "hanging" hangs on an upright region.
+        config: how it is found.
+        target: id of the part that the region belongs to.
+        near: id of a part that it should be near, if it can.
+
+    Raises:
+        NoRoom: no pose is free.
+        InputError: a relation that the region cannot have.
+    """
+    if (relation == "hanging") != (region.kind == "vertical"):
+        raise InputError(f"relation {relation!r} on a region of kind {region.kind!r}; only hanging goes with vertical")
+    base, radius, height = _frame(scene, object, region, target)
+    low, high = _box(region, radius, height)
+    ways = openings(scene, low, high, target)
+    grid = board(region, radius, height, [part.mesh for part in scene.parts.values()], ways, config.search)
+    wish = Wish(relation == "against", None if near is None else target_mesh(scene, near).vertices)
+    found = candidates(grid, region, object, base, wish, config.search)
+    if not found:
+        raise NoRoom(_why(region, object))
+    stopped: list[str] = []
+    apart = max(2.0, config.apart * radius / region.cell)
+    for number, one in enumerate(_spread(found, apart, config.attempts), start=1):
+        pose, reason = _tried(scene, object, region, one, base, ways, relation, config, number)
+        if pose is not None:
+            return pose
+        stopped.append(reason)
+    worst = max(set(stopped), key=stopped.count)
+    raise NoRoom(f"none of {len(stopped)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
+
+
+def place_paper(scene: Scene, object: Mesh, plane: Plane, inliers: np.ndarray, config: PoseConfig) -> Pose:
+    """Return the baseline's pose: the mean of the plane's points plus half the object, shifted until nothing collides.
+
+    Half the object is half its extent along the normal. Offsets are random, until no triangle of the object cuts anything;
+    it is not turned, and nothing asks what carries it.
+
+    Args:
+        scene: the room.
+        object: upright, standing on z = 0, in metres.
+        plane: from `s2a.geometry.ransac`.
+        inliers: the plane's points [m], shape [point 3].
+        config: number and spread of the offsets.
+
+    Raises:
+        NoRoom: every offset collides.
+    """
+    middle = object.bounds.mean(axis=0)
+    half = float(np.ptp(object.vertices @ plane.normal) / 2)
+    start = inliers.mean(axis=0) + half * plane.normal - middle
+    random = np.random.default_rng(config.paper.seed)
+    for number in range(config.paper.tries):
+        spread = config.paper.spread * min(10.0, number / 10)
+        pose = Pose(tuple(start + random.normal(size=3) * spread), (0.0, 0.0, 0.0, 1.0), 0.0, number + 1)
+        moved = pose.moved(object)
+        if crossing(moved, _rays(nearby(scene, *moved.bounds))) is None:
+            return pose
+    raise NoRoom(f"all of {config.paper.tries} random offsets collide; give surface=regions pose=search")
+
+
+def _frame(scene: Scene, object: Mesh, region: Region, target: str) -> tuple[np.ndarray, float, float]:
+    """Return the rotation from the object's frame to the region's, and the object's radius and height there [m]."""
+    if region.kind == "vertical":
+        base = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    else:
+        front = facing(scene, target, region) @ region.axes[:, :2]
+        x, y = front / np.linalg.norm(front)
+        base = np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])
+    local = object.vertices @ base.T
+    return base, float(np.linalg.norm(local[:, :2], axis=1).max()), float(np.ptp(local[:, 2]))
+
+
+def _box(region: Region, radius: float, height: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the box in the scene that an object on a region may reach [m]."""
+    rows, columns = region.support.shape
+    corners = region.points(np.array([(0, 0), (rows, 0), (0, columns), (rows, columns)]))
+    corners = np.concatenate([corners, corners + height * region.normal])
+    return corners.min(axis=0) - radius - 0.05, corners.max(axis=0) + radius + 0.05
+
+
+def _spread(found: list[Candidate], apart: float, count: int) -> Iterator[Candidate]:
+    """Yield candidates best first, none nearer than some cells to one before it: what failed there, fails beside it too."""
+    left, places = found, np.array([one.place for one in found])
+    for _ in range(count):
+        if not left:
+            return
+        first = left[0]
+        yield first
+        far = np.linalg.norm(places - first.place, axis=1) >= apart
+        left, places = [one for one, stays in zip(left, far, strict=True) if stays], places[far]
+
+
+def _tried(scene, object, region, one: Candidate, base, ways, relation, config, number):  # type: ignore[no-untyped-def]
+    """Return the exact pose of a candidate and None, or None and what stands in its way."""
+    toward = -region.normal if region.kind == "vertical" else np.array([0.0, 0.0, -1.0])
+    turn = _turn(region, base, one.turn)
+    lowest = float((object.vertices @ turn.T @ -toward).min())
+    start = region.points(one.place[None])[0] + (lowest - config.lift) * toward
+    quaternion = tuple(Rotation.from_matrix(turn).as_quat().tolist())
+    pose = Pose(tuple(start.tolist()), quaternion, one.room, number)
+    reach = 0.1 if relation == "against" else 2 * config.lift
+    local = nearby(scene, *_grown(pose.moved(object).bounds, reach + 0.01))
+    pose = _pushed(pose, object, local, toward, 2 * config.lift, config.gap)
+    if pose is None:
+        return None, "carry nothing"
+    if relation == "against":
+        back = turn @ np.array([-1.0, 0.0, 0.0])
+        pose = _pushed(pose, object, local, back, reach, config.back) or pose
+    for _ in range(4):
+        moved = pose.moved(object)
+        reason = in_the_way(scene, moved, local, ways, config.slack)
+        if reason != "collide":
+            break
+        # Between two edges the way may be shorter than from any point that was asked.
+        pose = replace(pose, position=tuple((np.array(pose.position) - config.gap * toward).tolist()))
+    return (None, reason) if reason else (pose, None)
+
+
+def in_the_way(scene: Scene, moved: Mesh, local: Mesh, ways: list[Opening], slack: float) -> str | None:
+    """Return what is wrong with an object at its place, or None.
+
+    Args:
+        scene: the room.
+        moved: the object in the scene.
+        local: the scene's triangles around it.
+        ways: what drawers and doors pass through.
+        slack: how far it may reach into that [m].
+    """
+    if len(local.faces) and crossing(moved, ray_mesh(local.vertices, local.faces)) is not None:
+        return "collide"
+    if len(local.faces) and inside(moved, local.vertices).any():
+        return "enclose something else"
+    points = np.concatenate([moved.vertices[:: max(1, len(moved.vertices) // 8)], moved.vertices.mean(axis=0)[None]])
+    for part_id, part in scene.parts.items():
+        if len(part.mesh.faces) and inside(part.mesh, points).any():
+            return f"are within {part_id!r}"
+    surface = np.concatenate([moved.vertices, sample(moved, 1000, seed=0)])
+    for way in ways:
+        if blocked(way, surface, slack):
+            return f"keep {way.part!r} from opening"
+    return None
+
+
+def _turn(region: Region, base: np.ndarray, turn: float) -> np.ndarray:
+    """Return the rotation from the object's frame to the scene's, upright however the region slopes, shape [3 3]."""
+    front = region.axes @ base @ np.array([np.cos(turn), np.sin(turn), 0.0])
+    yaw = np.arctan2(front[1], front[0])
+    return Rotation.from_euler("z", yaw).as_matrix()
+
+
+def _pushed(pose: Pose, object: Mesh, local: Mesh, toward: np.ndarray, reach: float, gap: float) -> Pose | None:
+    """Return a pose moved along a direction until the object almost touches; None if there is nothing within reach.
+
+    Rays run from the object's points to the surroundings, and back from their vertices to the object: between two meshes
+    the shortest way starts at a vertex of either, or lies between two edges, which costs a fraction of a millimetre.
+    """
+    moved = pose.moved(object)
+    if not len(local.faces):
+        return None
+    points = np.concatenate([moved.vertices, sample(moved, 2000, seed=0)])
+    there, _ = sight(_rays(local), points, toward, reach)
+    back, _ = sight(_rays(moved), local.vertices, -toward, reach)
+    way = float(min(there.min(), back.min()))
+    if way >= reach:
+        return None
+    position = np.array(pose.position) + (way - gap) * toward
+    return Pose(tuple(position.tolist()), pose.quaternion, pose.clearance, pose.tried)
+
+
+def _why(region: Region, object: Mesh) -> str:
+    """Return what keeps an object from every place on a region."""
+    size = " x ".join(f"{extent:.2f}" for extent in np.ptp(object.bounds, axis=0))
+    room = " x ".join(f"{extent:.2f}" for extent in region.size)
+    return (
+        f"an object of {size} m finds no place on a {region.kind} region of {room} m at {region.height:.2f} m with"
+        f" {region.free_area:.3f} m^2 free and {region.clearance:.2f} m of room; choose another region or a smaller object"
+    )
+
+
+def _grown(bounds: np.ndarray, margin: float) -> np.ndarray:
+    return bounds + np.array([[-margin], [margin]])
+
+
+def _rays(mesh: Mesh):  # type: ignore[no-untyped-def]
+    return ray_mesh(mesh.vertices, mesh.faces)

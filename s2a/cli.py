@@ -35,6 +35,7 @@ VERBS = {
     "certify": "measure how ready for simulation a stage is; exits with 1 if a check fails",
     "train": "train a policy by reinforcement learning (PPO)",
     "evaluate": "measure how well a policy or the planner does",
+    "zoo": "write a hundred labelled objects as they come off the web, to insert",
     "view": "look at a scan or a stage: its tree as text, or a picture",
 }
 FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")

@@ -1,0 +1,56 @@
+"""Draw docs/zoo.png: all things of the zoo with their labels, one row for each half of a category.
+
+python tools/zoo_sheet.py docs/zoo.png
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from s2a.geometry.look import LookConfig, frame
+from s2a.geometry.picture import draw
+from s2a.scan.virtual.zoo import Thing, zoo
+from s2a.scene import Mesh
+
+COLUMNS = 10
+TILE, CAPTION = 168, 22
+"""Side of a picture, and height of the label below it [pixel]."""
+LOOK = LookConfig(TILE, TILE, 3, fov=0.5, azimuth=0.45, elevation=0.5, margin=1.06, see_through=False)
+COLORS = 255
+"""Of the palette, which halves the file."""
+
+
+def main(out: Path, chosen: list[str]) -> None:
+    """Draw the things of the chosen labels and categories, or all."""
+    shown = [thing for thing in zoo() if not chosen or {thing.label, thing.category} & set(chosen)]
+    columns = min(COLUMNS, len(shown))
+    rows = -(-len(shown) // columns)
+    sheet = Image.new("RGB", (columns * TILE, rows * (TILE + CAPTION)), "white")
+    font = ImageFont.load_default(13)
+    for number, thing in enumerate(shown):
+        corner = number % columns * TILE, number // columns * (TILE + CAPTION)
+        sheet.paste(Image.fromarray(_picture(thing)), corner)
+        place = (corner[0] + TILE // 2, corner[1] + TILE + 2)
+        ImageDraw.Draw(sheet).text(place, thing.label, "black", font, anchor="ma")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    sheet.quantize(COLORS).save(out, optimize=True)
+    print(f"{out}: {len(shown)} things, {out.stat().st_size / 1000:.0f} kB")
+
+
+def _picture(thing: Thing) -> np.ndarray:
+    """Draw a thing from the front, the right and above; what hangs on walls is seen more level."""
+    mesh = thing.surface.mesh
+    # As large as a room, so that its own small parts throw shadows.
+    size = 1.0 / np.ptp(mesh.vertices, axis=0).max()
+    large = Mesh(mesh.vertices * size, mesh.faces, mesh.colors)
+    look = replace(LOOK, elevation=0.15, azimuth=0.35) if thing.placement == "hanging" else LOOK
+    return draw([large], frame(large.vertices, np.array([1.0, 0.0, 0.0]), look), look)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2:])

@@ -18,8 +18,9 @@ from s2a.geometry.convex import column, overlap
 from s2a.geometry.gap import share_inside, surface_distance
 from s2a.geometry.surfaces import keep, sample
 from s2a.prepare import PrepareConfig, prepare
+from s2a.prepare.base import find_base
 from s2a.prepare.motion import sweep
-from s2a.prepare.pose import base_pose
+from s2a.prepare.pose import find_grasp
 from s2a.scene import Mesh, Part, Scene
 from s2a.usd import simready
 from s2a.usd.simready import SimScene
@@ -94,7 +95,9 @@ def test_pieces_have_few_vertices_and_a_volume() -> None:
 @pytest.mark.parametrize(("target", "yaw"), [("drawer_7", 0.0), ("drawer_8", 1.1), ("door_5", 0.0), ("door_6", -2.0)])
 def test_the_robot_stands_on_the_floor_before_the_handle_and_looks_at_it(target: str, yaw: float) -> None:
     scene = clean_cabinet_room(yaw)
-    position, orientation = base_pose(scene, target, 0.55)
+    grasp = find_grasp(scene, target)
+    found = find_base(scene, target, grasp, (target,), [], replace(config().base, search=False))
+    position, orientation = found.position, found.orientation
     away = np.array(position) - scene.grasp_point(target)
     assert np.hypot(*away[:2]) == pytest.approx(0.55, abs=1e-6)
     assert away[:2] @ [np.cos(yaw), np.sin(yaw)] > 0.53

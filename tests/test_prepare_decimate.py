@@ -20,13 +20,13 @@ from s2a.prepare.decimate import DecimateConfig, Decimated, decimate_room
 from s2a.scene import Mesh, Part, Scene
 from s2a.usd import simready
 
-SIDE = 120
+SIDE = 60
 """Cells along a sheet of 1.2 m."""
 
 
 def sheet(height: float, color: tuple[int, int, int], noise: float = 0.001, start: float = 0.0) -> Mesh:
-    """Return a rough square sheet of 10 mm cells whose lower corner lies at x = start [m]."""
-    steps = np.arange(SIDE + 1) * 0.01
+    """Return a rough square sheet of 20 mm cells whose lower corner lies at x = start [m]."""
+    steps = np.arange(SIDE + 1) * 0.02
     x, y = np.meshgrid(start + steps, steps, indexing="ij")
     z = height + noise * np.random.default_rng(0).standard_normal(x.shape)
     corner = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, -1)
@@ -125,7 +125,10 @@ def test_a_bound_on_the_error_is_kept_with_as_few_faces_as_it_allows() -> None:
 def test_what_the_robot_moves_keeps_every_face_and_the_stage_says_what_the_room_lost(tmp_path: Path) -> None:
     room = clean_cabinet_room()
     settings = load(PrepareConfig, "prepare/handle")
-    scene = prepare(Scene("more", {**room.parts, **ROOM.parts}), "drawer_7", settings)
+    coarse = replace(settings, carcass=replace(settings.carcass, resolution=3000))
+    scene = prepare(
+        Scene("more", {**room.parts, **ROOM.parts}), "drawer_7", replace(coarse, room=replace(settings.room, pieces=1))
+    )
     moving = ("drawer_7", "handle_11")
     assert len(scene.target.visual.faces) == sum(len(room.parts[i].mesh.faces) for i in moving)
     simready.write(scene, tmp_path / "sim.usda")

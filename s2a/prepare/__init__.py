@@ -8,12 +8,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.geometry.surfaces import merge
+from s2a.prepare.base import BaseConfig, find_base
 from s2a.prepare.carcass import CarcassConfig, freeze, hand_corridor
 from s2a.prepare.colliders import ColliderConfig, find_handle, target_colliders
 from s2a.prepare.decimate import DecimateConfig, decimate_room
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
 from s2a.prepare.motion import sweep
-from s2a.prepare.pose import base_pose, find_grasp, lever_arm
+from s2a.prepare.pose import find_grasp, lever_arm
 from s2a.prepare.room import RoomConfig, room_colliders
 from s2a.scene import Scene
 from s2a.usd.simready import SimBody, SimScene
@@ -24,9 +25,9 @@ class PrepareConfig:
     """How a scene is prepared.
 
     Attributes:
-        base_distance: horizontal distance of the robot's base from the grasp point [m].
         friction: dry friction of the target's joint as a force at the grasp point [N]; holds a drawer whose annotated axis
             is not quite level.
+        base: where the robot may stand.
         decimate: the immovable room's looks.
         colliders: the target's convex pieces.
         carcass: those of the furniture around it.
@@ -34,8 +35,8 @@ class PrepareConfig:
         mass: what the target weighs.
     """
 
-    base_distance: float
     friction: float
+    base: BaseConfig
     decimate: DecimateConfig
     colliders: ColliderConfig
     carcass: CarcassConfig
@@ -55,11 +56,11 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
     joint, grasp = scene.joint(target), find_grasp(scene, target)
     frame = Rotation.from_quat(grasp.orientation).as_matrix()
     moving, frozen, room = split(scene, target)
-    position, orientation = base_pose(scene, target, config.base_distance)
     visual = merge([scene.parts[i].mesh for i in moving])
     handle, others = find_handle(scene, target, frame)
     colliders = target_colliders(scene, target, handle, others, config.colliders)
     way = sweep(merge([visual, *(collider.mesh for collider in colliders)]), joint)
+    base = find_base(scene, target, grasp, moving, way, config.base)
     looks = decimate_room(scene, room, config.decimate)
     return SimScene(
         name=scene.name,
@@ -73,12 +74,13 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
         joint=joint,
         grasp=grasp,
         static_visual=looks.mesh,
-        static_colliders=room_colliders(scene, room, np.array(position), np.array(grasp.point), way, config.room),
-        base_position=position,
-        base_orientation=orientation,
+        static_colliders=room_colliders(scene, room, np.array(base.position), np.array(grasp.point), way, config.room),
+        base_position=base.position,
+        base_orientation=base.orientation,
         static_parts=looks.parts,
         static_face_part=looks.face_part,
         reductions=looks.reductions,
+        base_reason=base.reason,
         friction=config.friction * lever_arm(joint, np.array(grasp.point)),
     )
 

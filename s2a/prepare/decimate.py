@@ -84,7 +84,7 @@ def decimate_room(scene: Scene, parts: Sequence[str], config: DecimateConfig) ->
     flat = np.array([is_shell(scene.parts[i].label, config.shell_labels) for i in parts], bool)
     groups = [("shell", flat, config.shell), ("other", ~flat, config.other)]
     found = [
-        _decimate_group(scene, name, [(k, parts[k]) for k in np.flatnonzero(chosen)], ratio, config)
+        _decimate_group(scene, name, [(k, i) for k, i in enumerate(parts) if chosen[k]], ratio, config)
         for name, chosen, ratio in track(groups, "decimate")
         if chosen.any()
     ]

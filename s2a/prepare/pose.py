@@ -23,8 +23,7 @@ def opening_direction(joint: Joint, point: np.ndarray) -> np.ndarray:
 
     The longer side of the range is the opening one, since a scan's zero is the pose in which it was found.
     """
-    sign = 1.0 if abs(joint.limits[1]) >= abs(joint.limits[0]) else -1.0
-    axis = sign * np.array(joint.axis)
+    axis = math.copysign(1.0, widest(joint)) * np.array(joint.axis)
     if joint.kind == "prismatic":
         return axis
     tangent = np.cross(axis, point - np.array(joint.origin))
@@ -90,21 +89,20 @@ def extents(region: Mesh, frame: np.ndarray, tail: float = 0.005) -> tuple[np.nd
     return low, high
 
 
-def base_pose(scene: Scene, target: str, distance: float) -> tuple[Vec3, Quat]:
-    """Return where the robot's base stands (position [m], quaternion xyzw) to open a part.
+def widest(joint: Joint) -> float:
+    """Return the limit of a joint [m] or [rad] that is farther from the scanned pose: where the part is open."""
+    lower, upper = joint.limits
+    return upper if abs(upper) >= abs(lower) else lower
 
-    On the floor, `distance` [m] horizontally from the grasp point, on the side to which the part opens, x towards it.
-    """
+
+def heading(scene: Scene, target: str) -> np.ndarray:
+    """Return the level unit direction (x, y) in which a robot before the handle of a part looks at it."""
     point = scene.grasp_point(target)
     outwards = opening_direction(scene.joint(target), point)
     if math.hypot(outwards[0], outwards[1]) < 0.3:  # a lid opens upwards: stand before the middle of its front edge
         outwards = point - np.nanmean(scene.parts[target].mesh.bounds, axis=0)
     length = math.hypot(outwards[0], outwards[1])
-    heading = outwards[:2] / length if length > 1e-6 else np.array([1.0, 0.0])
-    place = point[:2] + distance * heading
-    yaw = math.atan2(-heading[1], -heading[0])
-    orientation = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-    return (float(place[0]), float(place[1]), floor_height(scene, place)), orientation
+    return -outwards[:2] / length if length > 1e-6 else np.array([-1.0, 0.0])
 
 
 def floor_height(scene: Scene, place: np.ndarray, radius: float = 0.4) -> float:

@@ -8,6 +8,7 @@ from pathlib import Path
 from s2a.outputs import aside
 from s2a.prepare import PrepareConfig, prepare
 from s2a.usd import geometric, simready
+from s2a.usd.simscene import Reduction
 
 
 @dataclass(frozen=True)
@@ -33,4 +34,16 @@ def run(config: Config) -> str:
     with aside(config.out) as out:
         simready.write(scene, out)
     moving, room = len(scene.target.colliders), len(scene.static_colliders)
-    return f"{config.out}: {scene.target.id} on {scene.carcass.id}; {moving} convex pieces, the room {room}"
+    lines = [f"{config.out}: {scene.target.id} on {scene.carcass.id}; {moving} convex pieces, the room {room}"]
+    lines += [_told(reduction) for reduction in scene.reductions]
+    lines += [f"  robot: {scene.base_reason}", *(f"  {note}" for note in scene.notes)]
+    return "\n".join(lines)
+
+
+def _told(reduction: Reduction) -> str:
+    """Return what decimation did to a group of surfaces, and whether it kept to what was asked."""
+    missed = "" if reduction.reached else f", though {reduction.asked} were asked for"
+    return (
+        f"  {reduction.group}: {reduction.after} of {reduction.before} faces{missed}; "
+        f"off by {1e3 * reduction.mean:.2f} mm on average, {1e3 * reduction.p99:.2f} mm at 99 %"
+    )

@@ -9,10 +9,21 @@ from __future__ import annotations
 import ast
 import posixpath
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from s2a.edit.fold import Values
-from s2a.edit.operations import BUILTINS, DOTTED, FILES, GROWING, METADATA, METHODS, MODULES, STORES, WRAPPING
+from s2a.edit.bounds import AllowConfig, growth, refuse_entangled, repetition
+from s2a.edit.fold import WIDTH, Values
+from s2a.edit.operations import (
+    BUILTINS,
+    DOTTED,
+    FILES,
+    METADATA,
+    METHODS,
+    MODULES,
+    PROPERTIES,
+    STORES,
+)
 from s2a.edit.refusal import Refusal
 
 FORMS = (
@@ -24,26 +35,6 @@ FORMS = (
 """Kinds of nodes in a syntax tree that a script may have."""
 HIDDEN = re.compile(r"__|(?<![A-Za-z0-9])_(?=[A-Za-z])")
 """A text that spells a name which begins with an underscore."""
-LOOPS_IN_LOOPS, NESTING, FUNCTIONS = 3, 60, 20
-
-
-@dataclass(frozen=True)
-class AllowConfig:
-    """How long a script, and what it spells out, may be.
-
-    Attributes:
-        length: of the script [characters].
-        text: of a text in it [characters].
-        number: largest, in magnitude.
-        items: in a list.
-        repeats: of a loop.
-    """
-
-    length: int
-    text: int
-    number: float
-    items: int
-    repeats: int
 
 
 @dataclass(frozen=True)
@@ -53,11 +44,13 @@ class _Check:
     Attributes:
         values: what the script's expressions can be.
         files: which file "stage" and "object" are.
+        called: the expressions that are called.
         config: bounds.
     """
 
     values: Values
     files: dict[str, str]
+    called: frozenset[ast.expr]
     config: AllowConfig
 
 
@@ -74,12 +67,38 @@ def check(text: str, stage: str, reference: str, config: AllowConfig) -> None:
         Refusal: with the line and the reason.
     """
     tree = _parse(text, config)
-    check = _Check(Values(tree, {"STAGE": stage, "OBJECT": reference}), {"stage": stage, "object": reference}, config)
-    _refuse_entangled(tree, check)
-    for node in ast.walk(tree):
-        for rule in (_forms, _identifiers, _constants, _imports, _names, _attributes, _calls, _files, _loops):
-            if reason := rule(node, check):
-                raise Refusal("allowlist", reason, getattr(node, "lineno", None))
+    try:
+        found = _findings(tree, stage, reference, config)
+    except RecursionError as error:
+        raise Refusal("allowlist", "it is too entangled; use fewer names") from error
+    if found:
+        line, _, reason = min(found)
+        raise Refusal("allowlist", reason, line)
+
+
+def _findings(tree: ast.Module, stage: str, reference: str, config: AllowConfig) -> list[tuple[int, int, str]]:
+    """Return the line, the rank and the reason of everything that is wrong with a script."""
+    values = Values(tree, {"STAGE": stage, "OBJECT": reference})
+    refuse_entangled(tree, values)
+    called = frozenset(node.func for node in ast.walk(tree) if isinstance(node, ast.Call))
+    check = _Check(values, {"stage": stage, "object": reference}, called, config)
+    rules = (_forms, _identifiers, _imports, _constants, _names, _attributes, _calls, _files, _loops)
+    return [
+        (line, rank, reason)
+        for line, node in _lines(tree)
+        for rank, rule in enumerate(rules)
+        if (reason := rule(node, check))
+    ]
+
+
+def _lines(tree: ast.Module) -> Iterator[tuple[int, ast.AST]]:
+    """Yield every node with its line; operators stand where their expression stands."""
+    waiting: list[tuple[int, ast.AST]] = [(1, tree)]
+    while waiting:
+        line, node = waiting.pop()
+        line = getattr(node, "lineno", line)
+        yield line, node
+        waiting += [(line, child) for child in ast.iter_child_nodes(node)]
 
 
 def _parse(text: str, config: AllowConfig) -> ast.Module:
@@ -95,24 +114,6 @@ def _parse(text: str, config: AllowConfig) -> ast.Module:
         if isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'":
             node.test = ast.copy_location(ast.Constant(True), node.test)
     return tree
-
-
-def _refuse_entangled(tree: ast.Module, check: _Check) -> None:
-    """Refuse nesting that would exhaust a stack, and functions that may call themselves."""
-    level: list[ast.AST] = [tree]
-    for _ in range(NESTING):
-        level = [child for node in level for child in ast.iter_child_nodes(node)]
-    if level:
-        raise Refusal(
-            "allowlist", "it is nested too deeply; use shorter expressions", getattr(level[0], "lineno", None)
-        )
-    if len(check.values.functions) > FUNCTIONS:
-        raise Refusal("allowlist", f"it has {len(check.values.functions)} functions; at most {FUNCTIONS}")
-    for function in check.values.functions.values():
-        for node in ast.walk(function):
-            callee = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else None
-            if callee in check.values.functions and check.values.functions[callee].lineno >= function.lineno:
-                raise Refusal("allowlist", f"{callee} is called before it is defined, or by itself", node.lineno)
 
 
 def _forms(node: ast.AST, check: _Check) -> str | None:
@@ -154,9 +155,13 @@ def _constants(node: ast.AST, check: _Check) -> str | None:
             return f"a text of {len(value)} characters, or with a zero byte; at most {check.config.text}"
         if isinstance(value, (int, float)) and not abs(value) <= check.config.number:
             return f"a number beyond {check.config.number:g}"
-    if isinstance(node, ast.FormattedValue) and node.format_spec and check.values.of(node.format_spec) is None:
-        return "a format whose width does not follow from the text"
-    return _grows(node, check)
+    if isinstance(node, ast.FormattedValue) and node.format_spec:
+        specs = check.values.of(node.format_spec)
+        if specs is None or any(WIDTH.search(spec) for spec in specs):
+            return "a format whose width does not follow from the text, or has three digits"
+    if isinstance(node, ast.AugAssign) and not isinstance(node.op, (ast.Add, ast.Sub)):
+        return "only += and -= are possible"
+    return growth(node, check.values)
 
 
 def _known_parts(node: ast.AST, check: _Check) -> list[object]:
@@ -174,43 +179,6 @@ def _known_parts(node: ast.AST, check: _Check) -> list[object]:
     return parts
 
 
-def _grows(node: ast.AST, check: _Check) -> str | None:
-    """Products of texts or lists, and formats with a width."""
-    if not isinstance(node, ast.BinOp) or not isinstance(node.op, (ast.Mult, ast.Mod)):
-        return None
-    for side in (node.left, node.right):
-        if isinstance(node.op, ast.Mult) and not _is_number(side, check.values):
-            return "only numbers may be multiplied"
-    if isinstance(node.op, ast.Mod) and check.values.of(node) is None and not _is_number(node.left, check.values):
-        return "% only with texts and numbers that are written out; use an f-string"
-    return None
-
-
-def _is_number(node: ast.expr, values: Values) -> bool:
-    """Whether an expression is no text or list, as far as its text tells."""
-    known = values.of(node)
-    if known is not None:
-        return all(isinstance(value, (int, float)) for value in known)
-    match node:
-        case ast.BinOp():
-            return _is_number(node.left, values) and _is_number(node.right, values)
-        case ast.UnaryOp():
-            return _is_number(node.operand, values)
-        case ast.Call():
-            numbers = ("float", "int", "len", "abs", "round", "sum")
-            return values.dotted(node.func) is not None or isinstance(node.func, ast.Name) and node.func.id in numbers
-        case ast.Name():
-            nodes = values.names.get(node.id, [])
-            return bool(nodes) and all(
-                isinstance(n, ast.expr) and not _names_itself(n, node.id) and _is_number(n, values) for n in nodes
-            )
-    return False
-
-
-def _names_itself(node: ast.expr, name: str) -> bool:
-    return any(isinstance(inner, ast.Name) and inner.id == name for inner in ast.walk(node))
-
-
 def _imports(node: ast.AST, check: _Check) -> str | None:
     if not isinstance(node, ast.ImportFrom):
         return None
@@ -225,6 +193,8 @@ def _names(node: ast.AST, check: _Check) -> str | None:
     """Names must be the script's own or known; what is known may not be given another meaning."""
     values = check.values
     if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+        if node.id in values.functions and node not in check.called:
+            return f"{node.id} can only be called"
         if not (
             node.id in values.names or node.id in values.functions or node.id in values.modules or node.id in BUILTINS
         ):
@@ -238,7 +208,7 @@ def _names(node: ast.AST, check: _Check) -> str | None:
     elif isinstance(node, ast.FunctionDef):
         given, taken = node.name, [*values.modules, *values.names, *BUILTINS]
     elif isinstance(node, ast.alias):
-        given, taken = node.asname or node.name, [*values.names, *values.functions, *BUILTINS]
+        given, taken = node.asname or node.name, [*BUILTINS]
     return f"{given!r} already means something else; choose another name" if given in taken else None
 
 
@@ -247,6 +217,8 @@ def _attributes(node: ast.AST, check: _Check) -> str | None:
     if not isinstance(node, ast.Attribute):
         return None
     name = check.values.dotted(node)
+    if node not in check.called and (name in FILES or name is None and node.attr in METHODS - PROPERTIES):
+        return f"{name or node.attr} can only be called"
     if name is not None:
         # Parts of a longer name are looked at, too: every one of them must be known, or a module.
         known = name in DOTTED or any(longer.startswith(f"{name}.") for longer in DOTTED)
@@ -310,43 +282,4 @@ def _within(values: list | None, known: frozenset[str]) -> bool:
 
 
 def _loops(node: ast.AST, check: _Check) -> str | None:
-    """Loops must end soon, which must follow from the text."""
-    if not isinstance(node, (ast.For, ast.comprehension)):
-        return None
-    if not _bounded(node.iter, check, set()):
-        return f"a loop whose number of rounds does not follow from the text, or is above {check.config.repeats}"
-    inside = node
-    for _ in range(LOOPS_IN_LOOPS):
-        inside = next(
-            (n for n in ast.walk(inside) if isinstance(n, (ast.For, ast.comprehension)) and n is not inside), None
-        )
-        if inside is None:
-            return None
-    return f"more than {LOOPS_IN_LOOPS} loops inside each other"
-
-
-def _bounded(node: ast.expr | tuple | None, check: _Check, seen: set[str]) -> bool:
-    """Whether something to run over is short: a literal, a range, the stage's own lists, or several of these side by side."""
-    known = check.values.of(node)
-    if known is not None:
-        return all(isinstance(value, (tuple, dict, str)) and len(value) <= check.config.repeats for value in known)
-    match node:
-        case ast.List() | ast.Tuple() | ast.Dict():
-            return not any(isinstance(item, ast.Starred) for item in ast.iter_child_nodes(node))
-        case ast.Call(func=ast.Name(id="range")):
-            ends = [check.values.of(argument) for argument in node.args]
-            return all(end is not None and all(_short(e, check) for e in end) for end in ends) and not node.keywords
-        case ast.Call(func=ast.Name()) if node.func.id in WRAPPING:
-            return bool(node.args) and all(
-                _bounded(argument, check, seen) for argument in node.args[: 1 if node.func.id != "zip" else None]
-            )
-        case ast.Call(func=ast.Attribute()):
-            return check.values.dotted(node.func) is None and node.func.attr in GROWING
-        case ast.Name() if node.id not in seen:
-            nodes = check.values.names.get(node.id) or [None]
-            return all(_bounded(inner, check, {*seen, node.id}) for inner in nodes)
-    return False
-
-
-def _short(end: object, check: _Check) -> bool:
-    return isinstance(end, int) and abs(end) <= check.config.repeats // 2
+    return repetition(node, check.values, check.config)

@@ -75,11 +75,19 @@ def _opinions(layer: Sdf.Layer) -> dict[tuple[Sdf.Path, str], Any]:
     def note(path: Sdf.Path) -> None:
         spec = layer.GetObjectAtPath(path)
         for field in spec.ListInfoKeys():
-            found[path, field] = spec.GetInfo(field)
+            found[path, field] = _value(spec, field)
         found[path, "kind of spec"] = type(spec).__name__
 
     layer.Traverse(Sdf.Path.absoluteRootPath, note)
     return found
+
+
+def _value(spec: Sdf.Spec, field: str) -> Any:
+    """Return what a field says; of those that Python cannot read (offsets of sublayers), that it is there."""
+    try:
+        return spec.GetInfo(field)
+    except TypeError:
+        return "unreadable"
 
 
 def _refuse_changes(before: dict, after: dict, path: Sdf.Path) -> None:

@@ -82,14 +82,14 @@ class Values:
                 self._bind(node.target, ("each", node.iter))
             case ast.AugAssign():
                 self._bind(node.target, None)
-            case ast.withitem(optional_vars=ast.expr()):
-                self._bind(node.optional_vars, None)
-            case ast.ExceptHandler(name=str()):
-                self.names[node.name].append(None)
+            case ast.withitem(optional_vars=ast.expr() as target):
+                self._bind(target, None)
+            case ast.ExceptHandler(name=str() as name):
+                self.names[name].append(None)
             case ast.FunctionDef():
                 self._bind_parameters(node)
-            case ast.Call(func=ast.Name()) if node.func.id in self.functions:
-                self._bind_arguments(node, self.functions[node.func.id])
+            case ast.Call(func=ast.Name(id=name)) if name in self.functions:
+                self._bind_arguments(node, self.functions[name])
 
     def _bind(self, target: ast.expr, value: ast.expr | tuple | None) -> None:
         match target:
@@ -184,6 +184,8 @@ class Values:
             ]
             return self.of((*node.args, *named)[0]) if node.args or named else None
         match node.func:
+            case ast.Name(id="range") if not node.keywords:
+                return self._combine(node.args, lambda *ends: tuple(range(*ends)) if _few(range(*ends)) else None)
             case ast.Name(id="str") if len(node.args) == 1:
                 return self._combine(node.args, str)
             case ast.Attribute(attr="format"):
@@ -236,6 +238,10 @@ class Values:
 
 def _formatted(value: Any, form: str) -> str | None:
     return None if WIDTH.search(form) else format(value, form)
+
+
+def _few(numbers: range) -> bool:
+    return len(numbers) <= MOST_VALUES
 
 
 def _wide(text: Any) -> bool:

@@ -76,6 +76,8 @@ def execute(script: str, names: dict[str, str]) -> dict[str, Any]:
 def _rehearse() -> None:
     """Import what a script may import, and use it once: what is loaded late would be denied its files."""
     os.environ["PXR_WORK_THREAD_LIMIT"] = "1"
+    import unicodedata  # noqa: F401  (Python's parser asks for it when a name is not ASCII)
+
     from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdSemantics, Vt  # noqa: F401
 
     stage = Usd.Stage.CreateInMemory()

@@ -70,6 +70,11 @@ METHODS = frozenset(
 )
 """What may follow a dot behind anything else."""
 
+PROPERTIES = frozenset(
+    "name path pathString real imaginary specifier typeName default referenceList prependedItems".split()
+)
+"""Which of them are no functions: the others must be called where they stand."""
+
 STORES = frozenset({"specifier", "typeName", "default"})
 """What may be assigned behind a dot."""
 

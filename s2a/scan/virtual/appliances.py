@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from s2a.scan.virtual.fronts import BOTTOM, GAP, LEFT, Pull, Side, door_bar, hinged, panel
@@ -67,15 +69,19 @@ def _glazed(size: tuple[float, float, float], border: tuple[float, float], color
 
 
 def dishwasher(rng: np.random.Generator, pull: Pull, color: Color, look: int = PLAIN) -> Piece:
-    """Return a dishwasher, 0.6 m wide, behind a kitchen front that tips forward about its lower edge."""
-    wide, low = 0.6 - GAP, 0.14
+    """Return a dishwasher, 0.6 m wide: a strip of keys above a kitchen front that tips forward about its lower edge."""
+    wide, low, high = 0.6 - GAP, 0.14, 0.8
     body = [board.moved(at(0.555, 0, 0.12)) for board in carcass((0.53, 0.596, 0.735), 0.025, METAL)]
     racks = [box((0.06, 0.53), (-0.25, 0.25), (z, z + 0.02), (110, 112, 118)) for z in (0.25, 0.52)]
     plinth = box((0.02, 0.51), (-0.3, 0.3), (0, 0.12), DARK)
-    tall = FRONT_TOP - GAP - low
+    fascia = box((0.535, FRONT), (-wide / 2, wide / 2), (high + 2 * GAP, FRONT_TOP - GAP), METAL)
+    keys = [box((FRONT, FRONT + 0.003), (y, y + 0.02), (0.828, 0.838), DARK) for y in (0.1, 0.14, 0.18, 0.22)]
+    tall = high - low
     leaf = hinged("dishwasher door", panel((0.024, wide, tall), color, look), BOTTOM, pull(wide, tall))
     return Piece(
-        "dishwasher", join(*body, *racks, plinth), (leaf.tilted(rng, 0.1).moved(at(FRONT, 0, low + tall / 2)),)
+        "dishwasher",
+        join(*body, *racks, plinth, fascia, *keys),
+        (leaf.tilted(rng, 0.1).moved(at(FRONT, 0, low + tall / 2)),),
     )
 
 
@@ -84,7 +90,10 @@ def microwave(rng: np.random.Generator) -> Piece:
     deep, wide, high = 0.34, 0.48, 0.28
     shell = [board.moved(at(deep - 0.026, 0, 0.01)) for board in carcass((deep - 0.026, wide, high), 0.012, METAL)]
     feet = [box((x, x + 0.03), (y, y + 0.03), (0, 0.01), DARK) for x in (0.02, 0.26) for y in (-0.22, 0.19)]
-    keys = box((0.05, deep), (wide / 2 - 0.11, wide / 2), (0.01, 0.01 + high), DARK)
+    keys = join(
+        box((0.02, deep - 0.026), (wide / 2 - 0.11, wide / 2 - 0.013), (0.023, high - 0.003), DARK),
+        box((deep - 0.026, deep), (wide / 2 - 0.11, wide / 2), (0.01, 0.01 + high), DARK),
+    )
     clock = box((deep, deep + 0.001), (wide / 2 - 0.095, wide / 2 - 0.015), (0.225, 0.265), (60, 120, 90))
     dial = cylinder(0.022, 0.018, METAL).moved(at(deep, wide / 2 - 0.055, 0.08) @ rotation((0, QUARTER, 0)))
     door = (wide - 0.11 - GAP, high - 0.008)
@@ -146,7 +155,7 @@ def _soap_drawer(rng: np.random.Generator, deep: float) -> Piece:
     size = (0.02, 0.17, 0.12)
     pull = edge(0.1, color=DARK).moved(at(0, 0, 0.02))
     tray = drawer(size, (0.14, 0.07), pull, WHITE, PLAIN, 0.2)
-    return tray.tilted(rng, 0.1).moved(at(deep, -0.21, 0.775))
+    return replace(tray.tilted(rng, 0.1).moved(at(deep, -0.21, 0.775)), name="detergent drawer")
 
 
 def sorted_pair(a: float, b: float) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from s2a.scan.virtual.room import Room
+from s2a.scan.virtual.rooms.bathroom import bathroom
 from s2a.scan.virtual.rooms.bedroom import bedroom
 from s2a.scan.virtual.rooms.kitchen import kitchen
 from s2a.scan.virtual.rooms.living_room import living_room
@@ -14,6 +15,7 @@ from s2a.scan.virtual.rooms.office import office
 
 ROOMS: dict[str, Callable[[np.random.Generator], Room]] = {
     "office": office,
+    "bathroom": bathroom,
     "bedroom": bedroom,
     "kitchen": kitchen,
     "living_room": living_room,

@@ -72,7 +72,7 @@ def kitchen(rng: np.random.Generator) -> Room:
         *_table(rng),
         *_walls(rng, row, size),
     ]
-    return Room(tuple(pieces), _scanners(rng, size), size)
+    return Room(tuple(pieces), _scanners(rng, row, size), size)
 
 
 def _row(rng: np.random.Generator, depth: float) -> Row:
@@ -140,8 +140,8 @@ def _on_counter(rng: np.random.Generator, row: Row) -> list[Piece]:
         return row.place(unit, z, out + slack[0], aside + slack[1], rng.uniform(-12, 12))
 
     return [
-        household.pot(0.1, 0.13).moved(near("oven", hot, 0.2, -0.14)),
-        household.pan(0.12).moved(near("oven", hot, 0.43, 0.13)),
+        household.pot(0.1, 0.13).moved(near("oven", hot, 0.42, -0.14)),
+        household.pan(0.12).moved(near("oven", hot, 0.2, 0.13)),
         household.jar(rng).moved(near("sink", COUNTER, 0.08, 0.35)),
         household.paper_roll(0.05, 0.22, "paper towel").moved(row.place("sink", COUNTER, 0.1, -0.338)),
         household.bottle(rng, 0.2, "soap dispenser").moved(near("sink", COUNTER, 0.06, 0.2)),
@@ -186,7 +186,7 @@ def _table(rng: np.random.Generator) -> list[Piece]:
         household.plate(0.13).moved(around(rng, x + 0.42, y, top, 0)),
         objects.cup(rng).moved(around(rng, x - 0.38, y + 0.24, top, 40)),
         objects.cup(rng).moved(around(rng, x + 0.38, y - 0.24, top, 200)),
-        household.cutting_board().moved(around(rng, x + 0.1, y + 0.27, top, WEST, 0.01)),
+        household.cutting_board().moved(around(rng, x + 0.15, y + 0.265, top, NORTH, 0.01)),
     ]
 
 
@@ -205,15 +205,15 @@ def _walls(rng: np.random.Generator, row: Row, size: tuple[float, float, float])
     ]
 
 
-def _scanners(rng: np.random.Generator, size: tuple[float, float, float]) -> np.ndarray:
-    """Return six scanner positions; the first two see the row from the left and from the right."""
+def _scanners(rng: np.random.Generator, row: Row, size: tuple[float, float, float]) -> np.ndarray:
+    """Return six scanner positions; the first two see the row from left and right, the fifth looks into the sink."""
     front = size[1] - 0.6
     places = [
         (0.95, front - 1.05, 1.3),
         (3.4, front - 1.0, 1.45),
         (2.2, front - 1.2, 1.25),
         (1.4, 0.75, 1.5),
-        (3.75, front - 0.75, 1.65),
+        (row.middles["sink"] + 0.15, front - 0.5, 1.7),
         (1.9, front - 0.8, 1.7),
     ]
     return np.array(places) + rng.uniform(-0.06, 0.06, size=(6, 3))

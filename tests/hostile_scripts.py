@@ -285,7 +285,7 @@ BOMBS = {
     "huge text": Hostile("x = 'a' * 10000000000", "may be multiplied|number beyond", "MemoryError"),
     "huge width": Hostile("x = f'{1:>9999999999}'", "width", "MemoryError|ValueError"),
     "huge list": Hostile("x = [0] * 9999999999", "may be multiplied|number beyond", "MemoryError"),
-    "huge array": Hostile("x = Vt.IntArray(999999999)", "", None),
+    "huge array": Hostile("x = Vt.IntArray(999999999)", "number beyond", None),
     "doubling": Hostile("x = ['a']\nfor i in range(99):\n    x.extend(x)", "", "MemoryError"),
     "recursion": Hostile("def f(n):\n    return f(n)\nf(1)", "by itself", "RecursionError"),
     "mutual recursion": Hostile(
@@ -307,6 +307,8 @@ BOMBS = {
     ),
     "long script": Hostile("#" * 30000, "characters long", None),
     "numbers in a ring": Hostile("a = 1\nb = a * 2\na = b * 2\nc = a * b", "only numbers may be multiplied", None),
+    "list of a range": Hostile("x = list(range(900000))", "range that is not known", ""),
+    "deep sum": Hostile("if " + "+".join("1" * 3000) + ":\n    pass", "nested too deeply|not Python", None),
     "texts in a ring": Hostile("a = 'x'\nb = a\na = b\nUsd.Stage.Open(a)", "does not follow from the text", None),
     "a chain of names": Hostile(
         "x0 = 'x'\n" + "".join(f"x{i + 1} = x{i}\n" for i in range(900)), "too entangled", None
@@ -326,7 +328,7 @@ LANGUAGE = {
     "__import__": Hostile("__import__('os').fork()", "begins with an underscore", NO_CALL),
     "builtins": Hostile("__builtins__['open']('SECRET')", "begins with an underscore", "No such|subscriptable"),
     "getattr": Hostile("getattr(stage, 'Exp' + 'ort')('FOLDER/x.usda')", "'getattr' is neither", "ErrorException"),
-    "globals": Hostile("globals()['stage'] = None", "'globals' is neither", ""),
+    "globals": Hostile("globals()['stage'] = None", "cannot be assigned", ""),
     "vars": Hostile("vars(prim)", "'vars' is neither", ""),
     "subclasses": Hostile(
         "for c in ().__class__.__base__.__subclasses__():\n    if c.__name__ == 'Popen': c(['id'])", "underscore", ""
@@ -341,6 +343,23 @@ LANGUAGE = {
     "dunder by replace": Hostile("x = '--class--'.replace('-', '_')", "spells a name", None),
     "dunder by format": Hostile("x = '{}{}class'.format('_', '_')", "spells a name", None),
     "hidden method in wide letters": Hostile("x = prim._\uff43lass", "begins with an underscore", None),
+    "file put into a list": Hostile(
+        "x = ['scene.usda']\nx.append('FOLDER/other.usda')\nUsd.Stage.Open(x[-1])", "does not follow", "ErrorException"
+    ),
+    "file put into a list under another name": Hostile(
+        "x = ['scene.usda']\ny = x\ny += ['FOLDER/other.usda']\nUsd.Stage.Open(x[-1])",
+        "does not follow",
+        "ErrorException",
+    ),
+    "item replaced": Hostile(
+        "x = ['scene.usda']\nx[0] = 'FOLDER/other.usda'\nUsd.Stage.Open(x[0])", "cannot be assigned", "ErrorException"
+    ),
+    "keys for items": Hostile(
+        "a, b, c = {0: '', 'FOLDER/other.usda': '', 1: 'scene.usda'}\nUsd.Stage.Open(b)", "is given", "ErrorException"
+    ),
+    "a module's name for another": Hostile(
+        "from pxr import Sdf as A\nfrom pxr import Usd as A\nA.Layer.CreateNew('FOLDER/x.usda')", "is not among", None
+    ),
     "function as data": Hostile(
         "def o(p):\n    return Usd.Stage.Open(p)\no('scene.usda')\nfor x in sorted(['/x'], key=o):\n    pass",
         "only be called",

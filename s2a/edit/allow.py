@@ -107,12 +107,12 @@ def _parse(text: str, config: AllowConfig) -> ast.Module:
         raise Refusal("allowlist", f"it is {len(text)} characters long; at most {config.length}")
     try:
         tree = ast.parse(text)
+        for node in tree.body:
+            if isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'":
+                node.test = ast.copy_location(ast.Constant(True), node.test)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = error.lineno if isinstance(error, SyntaxError) else None
         raise Refusal("allowlist", f"it is not Python: {str(error)[:100]}", line) from error
-    for node in tree.body:
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'":
-            node.test = ast.copy_location(ast.Constant(True), node.test)
     return tree
 
 
@@ -123,13 +123,11 @@ def _forms(node: ast.AST, check: _Check) -> str | None:
         return f"{name} is not possible in such a script"
     if isinstance(node, ast.FunctionDef) and (check.values.functions.get(node.name) is not node or node.decorator_list):
         return f"function {node.name} is inside another, defined twice, or decorated"
-    if (
-        isinstance(node, ast.keyword)
-        and node.arg is None
-        or isinstance(node, ast.arguments)
-        and (node.vararg or node.kwarg)
-    ):
+    keywords = isinstance(node, ast.keyword) and node.arg is None
+    if keywords or isinstance(node, ast.arguments) and (node.vararg or node.kwarg):
         return "arguments with * or ** are not possible; write them out"
+    if isinstance(node, ast.Subscript) and not isinstance(node.ctx, ast.Load):
+        return "an item of a list cannot be assigned; make a new list"
     return None
 
 
@@ -169,13 +167,8 @@ def _known_parts(node: ast.AST, check: _Check) -> list[object]:
     known = check.values.of(node) if isinstance(node, ast.expr) else None
     parts: list[object] = []
     for value in known or ():
-        parts += (
-            [*value.keys(), *value.values()]
-            if isinstance(value, dict)
-            else value
-            if isinstance(value, tuple)
-            else [value]
-        )
+        inner = [*value.keys(), *value.values()] if isinstance(value, dict) else value
+        parts += inner if isinstance(inner, (list, tuple)) else [inner]
     return parts
 
 
@@ -195,11 +188,9 @@ def _names(node: ast.AST, check: _Check) -> str | None:
     if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
         if node.id in values.functions and node not in check.called:
             return f"{node.id} can only be called"
-        if not (
-            node.id in values.names or node.id in values.functions or node.id in values.modules or node.id in BUILTINS
-        ):
+        if not any(node.id in known for known in (values.names, values.functions, values.modules, BUILTINS)):
             return f"{node.id!r} is neither the script's own name nor among: {', '.join(sorted(BUILTINS))}"
-    taken = [*values.modules, *values.functions, *BUILTINS, "STAGE", "OBJECT"]
+    taken = [*values.modules, *values.functions, *BUILTINS]
     given = None
     if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
         given = node.id
@@ -255,25 +246,16 @@ def _files(node: ast.AST, check: _Check) -> str | None:
     name = check.values.dotted(node.func) or node.func.attr
     if name not in FILES:
         return None
-    named = [
-        keyword.value for keyword in node.keywords if keyword.arg in ("assetPath", "filePath", "identifier", "items")
-    ]
-    given = [*node.args[:1], *named]
-    if len(given) != 1:
-        return f"{name} needs its file as first argument"
+    keywords = ("assetPath", "filePath", "identifier", "items")
+    given = [*node.args[:1], *(keyword.value for keyword in node.keywords if keyword.arg in keywords)]
     allowed = check.files[FILES[name]]
+    if len(given) != 1:
+        return f"{name} needs its file as first argument: {allowed!r}"
     for path in _known_parts(given[0], check) or [None]:
-        same = (
-            path == allowed or FILES[name] == "stage" and isinstance(path, str) and posixpath.normpath(path) == allowed
-        )
-        if not same:
-            return (
-                f"{name} is given {str(path)[:80]!r}; only {allowed!r} is possible, written out"
-                if path
-                else (
-                    f"{name} is given a file that does not follow from the text; only {allowed!r} is possible, written out"
-                )
-            )
+        plain = posixpath.normpath(path) if isinstance(path, str) and FILES[name] == "stage" else path
+        if plain != allowed:
+            what = "a file that does not follow from the text" if path is None else repr(path)[:80]
+            return f"{name} is given {what}; only {allowed!r} is possible, written out"
     return None
 
 

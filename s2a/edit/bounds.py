@@ -68,11 +68,15 @@ def growth(node: ast.AST, values: Values) -> str | None:
 
 def repetition(node: ast.AST, values: Values, config: AllowConfig) -> str | None:
     """Loops must end soon, which must follow from the text."""
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "range":
+        return (
+            None if _bounded(node, values, config, set()) else f"a range that is not known to be below {config.repeats}"
+        )
     if not isinstance(node, (ast.For, ast.comprehension)):
         return None
     if not _bounded(node.iter, values, config, set()):
         return f"a loop whose number of rounds does not follow from the text, or is above {config.repeats}"
-    inside = [node]
+    inside: list[ast.AST] = [node]
     for _ in range(LOOPS_IN_LOOPS):
         inside = [inner for outer in inside for inner in ast.walk(outer) if inner is not outer and _loops(inner)]
     if not inside:

@@ -40,6 +40,11 @@ class Values:
         self.names: dict[str, list[ast.expr | tuple | None]] = defaultdict(list)
         self.modules: dict[str, str] = {}
         self._steps = 0
+        # A list that has been added to, perhaps under another name, is no longer what was written.
+        self._mutable = any(
+            isinstance(node, ast.AugAssign) or isinstance(node, ast.Attribute) and node.attr in ("append", "extend")
+            for node in ast.walk(tree)
+        )
         self._active: set[str] = set()
         for name, text in given.items():
             self.names[name].append(ast.Constant(text))
@@ -71,8 +76,10 @@ class Values:
     def _collect(self, node: ast.AST) -> None:
         """Note what a statement gives names to."""
         match node:
-            case ast.ImportFrom():
-                self.modules |= {alias.asname or alias.name: alias.name for alias in node.names}
+            case ast.alias():
+                # Of two meanings of a name, neither is kept: it is known to no operation.
+                name = node.asname or node.name
+                self.modules[name] = node.name if self.modules.get(name, node.name) == node.name else "?"
             case ast.Assign():
                 for target in node.targets:
                     self._bind(target, node.value)
@@ -129,14 +136,15 @@ class Values:
             case ast.Name():
                 return self._of_name(node.id)
             case ast.Tuple() | ast.List():
-                return self._combine(node.elts, lambda *items: items)
+                known = isinstance(node, ast.Tuple) or not self._mutable
+                return self._combine(node.elts, lambda *items: items) if known else None
             case ast.Dict():
                 pairs = [item for pair in zip(node.keys, node.values, strict=True) for item in pair]
                 return self._combine(pairs, lambda *items: dict(zip(items[::2], items[1::2], strict=True)))
             case ast.Subscript():
                 return self._combine([node.value, node.slice], lambda whole, key: whole[key])
             case ("item", value, index):
-                return self._combine([value], lambda whole: whole[index])
+                return self._combine([value], lambda whole: list(whole)[index])
             case ("each", value):
                 wholes = self.of(value)
                 return None if wholes is None else [item for whole in wholes for item in whole]
@@ -150,7 +158,7 @@ class Values:
                 return self._of_sum(node)
             case ast.JoinedStr():
                 return self._combine(node.values, lambda *parts: "".join(map(str, parts)))
-            case ast.FormattedValue():
+            case ast.FormattedValue(conversion=-1):
                 spec = [node.format_spec] if node.format_spec else []
                 return self._combine([node.value, *spec], lambda value, form="": _formatted(value, form))
             case ast.Call():

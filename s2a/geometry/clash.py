@@ -15,6 +15,9 @@ from s2a.scene import Mesh
 SOLID = 0.55
 """Winding number from which a point counts as inside; just behind an open sheet it is 0.5."""
 
+SCALE = wp.constant(1.0e4)
+"""Warp's test takes volumes below 1e-6 for zero: in metres it would see triangles of a scan touch that are millimetres apart."""
+
 
 @wp.kernel
 def _cross(
@@ -29,10 +32,10 @@ def _cross(
     query = wp.mesh_query_aabb(obstacles, wp.min(wp.min(a, b), c), wp.max(wp.max(a, b), c))
     face = int(0)
     while wp.mesh_query_aabb_next(query, face):
-        p = wp.mesh_get_point(obstacles, 3 * face)
-        q = wp.mesh_get_point(obstacles, 3 * face + 1)
-        r = wp.mesh_get_point(obstacles, 3 * face + 2)
-        if wp.intersect_tri_tri(a, b, c, p, q, r) == 1:
+        p = SCALE * (wp.mesh_get_point(obstacles, 3 * face) - a)
+        q = SCALE * (wp.mesh_get_point(obstacles, 3 * face + 1) - a)
+        r = SCALE * (wp.mesh_get_point(obstacles, 3 * face + 2) - a)
+        if wp.intersect_tri_tri(wp.vec3(0.0, 0.0, 0.0), SCALE * (b - a), SCALE * (c - a), p, q, r) == 1:
             crossed[tid] = face + 1
             return
 

@@ -1,0 +1,172 @@
+"""Whether a placed object stays where it is: dropped from a little above, and watched.
+
+The surroundings are the scan's own triangles near the object, each a thin prism behind its face, so that nothing rests on a hull
+that the scan does not have. The object is what its convex pieces say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from s2a.scene import Mesh, Vec3
+
+
+@dataclass(frozen=True)
+class SettleConfig:
+    """How an object is watched.
+
+    Attributes:
+        drop: height from which it falls [m].
+        seconds: how long it is watched.
+        step: of the simulation [s].
+        reach: triangles within this distance of a piece's box take part [m].
+        thickness: of the prisms behind them [m].
+        density: of the object [kg/m^3].
+        friction: sliding [1], torsional [m] and rolling [m].
+        stiffness: time constant of contacts [s].
+        drift: largest distance from the placed position [m].
+        tilt: largest angle from the placed pose [rad].
+        penetration: largest depth at rest [m].
+        touch: what hangs has a surface within this distance behind it [m].
+    """
+
+    drop: float
+    seconds: float
+    step: float
+    reach: float
+    thickness: float
+    density: float
+    friction: Vec3
+    stiffness: float
+    drift: float
+    tilt: float
+    penetration: float
+    touch: float
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What came of it.
+
+    Attributes:
+        drift: distance from the placed position at the end [m].
+        tilt: angle of its upright from the placed one [rad].
+        penetration: largest depth of a contact in the last quarter [m].
+        touches: whether there was any contact.
+        problem: what is wrong, in words; empty if it stays.
+    """
+
+    drift: float
+    tilt: float
+    penetration: float
+    touches: bool
+    problem: str
+
+    @property
+    def stays(self) -> bool:
+        """Whether the object stays where it was placed."""
+        return not self.problem
+
+
+def settle(pieces: Sequence[Mesh], support: Mesh, config: SettleConfig, hangs_on: np.ndarray | None = None) -> Settled:
+    """Drop an object, and return what came of it.
+
+    Args:
+        pieces: convex pieces of the object, placed in the scene [m].
+        support: the scene's triangles around it, looking outwards.
+        config: the drop and what passes.
+        hangs_on: for what is attached: direction to the wall, shape [3]; it does not fall, only its contact is looked at.
+
+    Raises:
+        ValueError: no pieces.
+    """
+    if not pieces:
+        raise ValueError("an object without convex pieces cannot be dropped")
+    bounds = np.array([piece.bounds for piece in pieces])
+    center = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
+    model = _model(pieces, _near(support, bounds, config), center, config)
+    if hangs_on is not None:
+        return _hangs(model, np.asarray(hangs_on, float), config)
+    return _dropped(model, config)
+
+
+def _dropped(model: mujoco.MjModel, config: SettleConfig) -> Settled:
+    """Return what comes of an object that falls."""
+    data = mujoco.MjData(model)
+    data.qpos[2] += config.drop
+    steps, deepest, touches = round(config.seconds / config.step), 0.0, False
+    for step in range(steps):
+        mujoco.mj_step(model, data)
+        if step >= 0.75 * steps:
+            deepest, touches = max(deepest, _depth(data)), touches or data.ncon > 0
+    drift = float(np.linalg.norm(data.qpos[:3]))
+    upright = np.clip(1.0 - 2.0 * (data.qpos[4] ** 2 + data.qpos[5] ** 2), -1.0, 1.0)
+    tilt = float(np.arccos(upright))
+    problem = "" if np.isfinite(drift) else "the simulation diverged"
+    # Clauses in the order in which a reader wants them: what fell also drifted.
+    clauses = [
+        (touches, "it falls: nothing carries it"),
+        (tilt <= config.tilt, f"it tilts by {np.degrees(tilt):.1f} deg"),
+    ]
+    clauses += [(drift <= config.drift, f"it drifts by {1000 * drift:.0f} mm")]
+    clauses += [(deepest <= config.penetration, f"it sinks in by {1000 * deepest:.1f} mm")]
+    problem = problem or next((words for holds, words in clauses if not holds), "")
+    return Settled(drift, tilt, deepest, touches, problem)
+
+
+def _hangs(model: mujoco.MjModel, toward: np.ndarray, config: SettleConfig) -> Settled:
+    """Return whether an attached object is at its wall and not in it."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    deepest = _depth(data)
+    data.qpos[:3] += toward * config.touch
+    mujoco.mj_forward(model, data)
+    touches = data.ncon > 0
+    problem = "" if touches else f"there is nothing within {1000 * config.touch:.0f} mm behind it"
+    if deepest > config.penetration:
+        problem = f"it reaches {1000 * deepest:.1f} mm into what is around it"
+    return Settled(0.0, 0.0, deepest, touches, problem)
+
+
+def _depth(data: mujoco.MjData) -> float:
+    """Return the depth of the deepest contact [m]."""
+    return max(0.0, -float(data.contact.dist.min())) if data.ncon else 0.0
+
+
+def _near(support: Mesh, bounds: np.ndarray, config: SettleConfig) -> np.ndarray:
+    """Return the triangles that the pieces may touch [m], shape [face 3 3], float64."""
+    triangles = support.vertices[support.faces].astype(np.float64)
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
+    near = np.zeros(len(triangles), bool)
+    for first, last in bounds:
+        near |= ((low <= last + config.reach) & (high >= first - config.reach)).all(axis=1)
+    return triangles[near & (support.face_areas > 1e-8)]
+
+
+def _model(pieces: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, config: SettleConfig) -> mujoco.MjModel:
+    """Return a model of prisms and a free body, its frame at the object's middle."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = config.step
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    behind = across / np.linalg.norm(across, axis=1, keepdims=True) * config.thickness
+    prisms = np.concatenate([triangles, triangles - behind[:, None]], axis=1) - center
+    for number, prism in enumerate(prisms):
+        _geom(spec, spec.worldbody, f"prism_{number}", prism, config)
+    body = spec.worldbody.add_body(name="object")
+    body.add_freejoint()
+    for number, piece in enumerate(pieces):
+        _geom(spec, body, f"piece_{number}", piece.vertices.astype(np.float64) - center, config)
+    return spec.compile()
+
+
+def _geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, points: np.ndarray, config: SettleConfig) -> None:
+    """Add the convex hull of points [point 3] to a body."""
+    spec.add_mesh(name=name, uservert=points.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
+    geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, density=config.density)
+    geom.friction, geom.condim, geom.solref = config.friction, 6, [config.stiffness, 1.0]

@@ -18,6 +18,7 @@ from s2a.edit.operations import (
     BUILTINS,
     DOTTED,
     FILES,
+    FORMS,
     METADATA,
     METHODS,
     MODULES,
@@ -26,13 +27,6 @@ from s2a.edit.operations import (
 )
 from s2a.edit.refusal import Refusal
 
-FORMS = (
-    "Module Expr Assign AnnAssign AugAssign FunctionDef Return If For With withitem Try ExceptHandler Raise Assert Pass "
-    "Break Continue ImportFrom alias arguments arg keyword Call Name Attribute Subscript Slice Constant Starred JoinedStr "
-    "FormattedValue List Tuple Dict ListComp comprehension IfExp BoolOp And Or UnaryOp USub UAdd Not BinOp Add Sub Mult Div "
-    "Mod Compare Eq NotEq Lt LtE Gt GtE Is IsNot In NotIn Load Store"
-).split()
-"""Kinds of nodes in a syntax tree that a script may have."""
 HIDDEN = re.compile(r"__|(?<![A-Za-z0-9])_(?=[A-Za-z])")
 """A text that spells a name which begins with an underscore."""
 
@@ -146,7 +140,7 @@ def _constants(node: ast.AST, check: _Check) -> str | None:
         return f"a constant of type {type(node.value).__name__} is not possible"
     if isinstance(node, (ast.List, ast.Tuple, ast.Dict)) and len(list(ast.iter_child_nodes(node))) > check.config.items:
         return f"a list of more than {check.config.items} items"
-    for value in _known_parts(node, check):
+    for value in check.values.parts(node):
         if isinstance(value, str) and HIDDEN.search(value):
             return f"the text {value[:60]!r} spells a name that begins with an underscore"
         if isinstance(value, str) and (len(value) > check.config.text or "\0" in value):
@@ -160,16 +154,6 @@ def _constants(node: ast.AST, check: _Check) -> str | None:
     if isinstance(node, ast.AugAssign) and not isinstance(node.op, (ast.Add, ast.Sub)):
         return "only += and -= are possible"
     return growth(node, check.values)
-
-
-def _known_parts(node: ast.AST, check: _Check) -> list[object]:
-    """Return the values of an expression, those within a list one by one."""
-    known = check.values.of(node) if isinstance(node, ast.expr) else None
-    parts: list[object] = []
-    for value in known or ():
-        inner = [*value.keys(), *value.values()] if isinstance(value, dict) else value
-        parts += inner if isinstance(inner, (list, tuple)) else [inner]
-    return parts
 
 
 def _imports(node: ast.AST, check: _Check) -> str | None:
@@ -251,7 +235,7 @@ def _files(node: ast.AST, check: _Check) -> str | None:
     allowed = check.files[FILES[name]]
     if len(given) != 1:
         return f"{name} needs its file as first argument: {allowed!r}"
-    for path in _known_parts(given[0], check) or [None]:
+    for path in check.values.parts(given[0]) or [None]:
         plain = posixpath.normpath(path) if isinstance(path, str) and FILES[name] == "stage" else path
         if plain != allowed:
             what = "a file that does not follow from the text" if path is None else repr(path)[:80]

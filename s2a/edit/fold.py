@@ -8,9 +8,9 @@ from __future__ import annotations
 import ast
 import itertools
 import re
-from collections import defaultdict
 from typing import Any
 
+from s2a.edit.names import Names
 from s2a.edit.refusal import Refusal
 
 Known = list[Any] | None
@@ -21,13 +21,7 @@ MOST_VALUES, MOST_STEPS, MOST_LETTERS = 64, 20_000, 2000
 
 
 class Values:
-    """The values of a script's expressions.
-
-    Attributes:
-        functions: the functions that the script defines.
-        names: for each name that the script gives, the expressions that it may stand for; None where there is none.
-        modules: what the script calls the modules of pxr.
-    """
+    """The values of a script's expressions."""
 
     def __init__(self, tree: ast.Module, given: dict[str, str]) -> None:
         """Collect all names.
@@ -36,20 +30,15 @@ class Values:
             tree: the script.
             given: names that it finds, with their values.
         """
-        self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
-        self.names: dict[str, list[ast.expr | tuple | None]] = defaultdict(list)
-        self.modules: dict[str, str] = {}
+        found = Names(tree, given)
+        self.functions, self.names, self.modules = found.functions, found.names, found.modules
         self._steps = 0
+        self._active: set[str] = set()
         # A list that has been added to, perhaps under another name, is no longer what was written.
         self._mutable = any(
             isinstance(node, ast.AugAssign) or isinstance(node, ast.Attribute) and node.attr in ("append", "extend")
             for node in ast.walk(tree)
         )
-        self._active: set[str] = set()
-        for name, text in given.items():
-            self.names[name].append(ast.Constant(text))
-        for node in ast.walk(tree):
-            self._collect(node)
 
     def of(self, node: ast.expr | tuple | None) -> Known:
         """Return all values that an expression can have, or None.
@@ -73,61 +62,14 @@ class Values:
             return None
         return ".".join([self.modules[node.id], *reversed(parts)])
 
-    def _collect(self, node: ast.AST) -> None:
-        """Note what a statement gives names to."""
-        match node:
-            case ast.alias():
-                # Of two meanings of a name, neither is kept: it is known to no operation.
-                name = node.asname or node.name
-                self.modules[name] = node.name if self.modules.get(name, node.name) == node.name else "?"
-            case ast.Assign():
-                for target in node.targets:
-                    self._bind(target, node.value)
-            case ast.AnnAssign():
-                self._bind(node.target, node.value)
-            case ast.For() | ast.comprehension():
-                self._bind(node.target, ("each", node.iter))
-            case ast.AugAssign():
-                self._bind(node.target, None)
-            case ast.withitem(optional_vars=ast.expr() as target):
-                self._bind(target, None)
-            case ast.ExceptHandler(name=str() as name):
-                self.names[name].append(None)
-            case ast.FunctionDef():
-                self._bind_parameters(node)
-            case ast.Call(func=ast.Name(id=name)) if name in self.functions:
-                self._bind_arguments(node, self.functions[name])
-
-    def _bind(self, target: ast.expr, value: ast.expr | tuple | None) -> None:
-        match target:
-            case ast.Name():
-                self.names[target.id].append(value)
-            case ast.Tuple() | ast.List():
-                for index, inner in enumerate(target.elts):
-                    self._bind(inner, None if value is None else ("item", value, index))
-
-    def _bind_parameters(self, function: ast.FunctionDef) -> None:
-        """Note parameters with their default values; further ones come with the calls."""
-        every = function.args
-        for parameter in (*every.posonlyargs, *every.args, *every.kwonlyargs):
-            self.names[parameter.arg].extend([])
-        positional = (*every.posonlyargs, *every.args)
-        for parameter, value in zip(reversed(positional), reversed(every.defaults), strict=False):
-            self.names[parameter.arg].append(value)
-        for parameter, default in zip(every.kwonlyargs, every.kw_defaults, strict=True):
-            if default is not None:
-                self.names[parameter.arg].append(default)
-
-    def _bind_arguments(self, call: ast.Call, function: ast.FunctionDef) -> None:
-        """Note what a call gives to the parameters of a function."""
-        parameters = (*function.args.posonlyargs, *function.args.args)
-        starred = any(isinstance(argument, ast.Starred) for argument in call.args)
-        for parameter, argument in itertools.zip_longest(parameters, () if starred else call.args):
-            if parameter is not None and (argument is not None or starred):
-                self.names[parameter.arg].append(None if starred else argument)
-        for keyword in call.keywords:
-            if keyword.arg is not None:
-                self.names[keyword.arg].append(keyword.value)
+    def parts(self, node: ast.AST) -> list[object]:
+        """Return all values that an expression is known to have, those within a list one by one."""
+        known = self.of(node) if isinstance(node, ast.expr) else None
+        parts: list[object] = []
+        for value in known or ():
+            inner = [*value.keys(), *value.values()] if isinstance(value, dict) else value
+            parts += inner if isinstance(inner, (list, tuple)) else [inner]
+        return parts
 
     def _of(self, node: ast.expr | tuple | None) -> Known:
         match node:

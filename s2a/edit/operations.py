@@ -8,6 +8,14 @@ from __future__ import annotations
 MODULES = ("Gf", "Kind", "Sdf", "Tf", "Usd", "UsdGeom", "UsdSemantics", "Vt")
 """What may be imported from pxr."""
 
+FORMS = (
+    "Module Expr Assign AnnAssign AugAssign FunctionDef Return If For With withitem Try ExceptHandler Raise Assert Pass "
+    "Break Continue ImportFrom alias arguments arg keyword Call Name Attribute Subscript Slice Constant Starred JoinedStr "
+    "FormattedValue List Tuple Dict ListComp comprehension IfExp BoolOp And Or UnaryOp USub UAdd Not BinOp Add Sub Mult Div "
+    "Mod Compare Eq NotEq Lt LtE Gt GtE Is IsNot In NotIn Load Store"
+).split()
+"""Kinds of nodes in a syntax tree that a script may have."""
+
 BUILTINS = frozenset(
     "abs bool dict enumerate float int isinstance len list max min print range reversed round set sorted str sum tuple zip "
     "any all Exception RuntimeError ValueError TypeError KeyError AssertionError".split()

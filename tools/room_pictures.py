@@ -1,0 +1,84 @@
+"""Draw docs/rooms.png: a scan of every virtual room from above, and one piece of furniture in it from inside.
+
+    python tools/room_pictures.py runs/rooms docs/rooms.png
+
+The first argument is a folder for the scans, which takes those that are there and makes the others, half a minute each.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from s2a import config
+from s2a.geometry.look import LookConfig, View, frame, front_of
+from s2a.geometry.picture import draw
+from s2a.scan.virtual import SampleConfig
+from s2a.scan.virtual.rooms import ROOMS
+from s2a.usd.visible import Visible, visible
+from s2a.verbs.sample import run
+
+TILE, CAPTION, COLUMNS = (480, 360), 22, 3
+"""Size of a picture and height of the name below it [pixel]; pictures in a row."""
+ABOVE = {"width": TILE[0], "height": TILE[1], "samples": 3, "elevation": 0.8, "margin": 1.02}
+INSIDE = ("bedroom", "wardrobe", 2.1)
+"""Room, piece of furniture, and distance from which it is drawn [m]."""
+COLORS = 255
+"""Of the palette, which halves the file."""
+
+
+def main(scans: Path, out: Path) -> None:
+    """Draw all rooms and one look inside."""
+    look = replace(config.load(LookConfig, config.compose("view")["look"]), **ABOVE)
+    seen = {room: visible(_scan(room, scans)) for room in ROOMS}
+    tiles = [(room.replace("_", " "), _above(scene, look)) for room, scene in seen.items()]
+    room, furniture, distance = INSIDE
+    tiles.append((f"{furniture} of the {room}", _inside(seen[room], furniture, distance, look)))
+    rows = -(-len(tiles) // COLUMNS)
+    sheet = Image.new("RGB", (COLUMNS * TILE[0], rows * (TILE[1] + CAPTION)), "white")
+    font = ImageFont.load_default(15)
+    for number, (name, picture) in enumerate(tiles):
+        corner = number % COLUMNS * TILE[0], number // COLUMNS * (TILE[1] + CAPTION)
+        sheet.paste(Image.fromarray(picture), corner)
+        ImageDraw.Draw(sheet).text((corner[0] + TILE[0] // 2, corner[1] + TILE[1]), name, "black", font, anchor="ma")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    sheet.quantize(COLORS).save(out, optimize=True)
+    print(f"{out}: {len(ROOMS)} rooms, {out.stat().st_size / 1000:.0f} kB")
+
+
+def _scan(room: str, scans: Path) -> Path:
+    """Return the folder of a room's scan; make it if it is not there."""
+    folder = scans / room
+    if not folder.exists():
+        print(run(config.load(SampleConfig, config.compose("sample", [f"room={room}", f"out={folder}"]))))
+    return folder
+
+
+def _above(scene: Visible, look: LookConfig) -> np.ndarray:
+    """Draw a scan, seen towards the corner of the room at which most of what opens stands."""
+    meshes = list(scene.surfaces.values())
+    front = front_of([scene.surfaces[part] for part in scene.jointed])
+    assert front is not None, "every virtual room has parts that move"
+    return draw(meshes, frame(np.concatenate([mesh.vertices for mesh in meshes]), front, look), look)
+
+
+def _inside(scene: Visible, furniture: str, distance: float, look: LookConfig) -> np.ndarray:
+    """Draw the first piece of furniture of a kind as someone sees it who stands before it, a little to its left."""
+    meshes = list(scene.surfaces.values())
+    (chosen, *_) = [mesh for part, mesh in scene.surfaces.items() if part.startswith(furniture)]
+    low, high = chosen.bounds + [[-0.05], [0.05]]
+    jointed = [scene.surfaces[part] for part in scene.jointed]
+    front = front_of([mesh for mesh in jointed if (mesh.bounds[0] > low).all() and (mesh.bounds[1] < high).all()])
+    assert front is not None, "the furniture has fronts that open"
+    middle = chosen.bounds.mean(axis=0)
+    eye = middle + distance * front + 0.3 * distance * np.cross(front, (0.0, 0.0, 1.0))
+    view = View((eye[0], eye[1], 1.55), (middle[0], middle[1], 1.0))
+    return draw(meshes, view, replace(look, fov=1.05, see_through=False))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,8 @@ from cabinet import write_cabinet
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 from settings import load
 
-from s2a.certify import contents, shapes, static
+from s2a import cli
+from s2a.certify import CertifyConfig, contents, foundation, shapes, static
 from s2a.certify.check import Check
 from s2a.certify.shapes import ShapeConfig
 from s2a.errors import InputError
@@ -214,3 +216,66 @@ def test_a_stage_of_another_kind_gets_no_certificate(tmp_path: Path) -> None:
         contents.read(tmp_path / "other.usda")
     with pytest.raises(InputError, match="no such file"):
         contents.read(tmp_path / "missing.usd")
+
+
+def quick(stage: Path, out: Path) -> list[str]:
+    """Return arguments that certify without long waits."""
+    times = ["certify.motion.settle_time=0.1", "certify.motion.open_time=0.1", "look.width=60", "look.height=40"]
+    return ["certify", f"stage={stage}", f"out={out}", *times]
+
+
+def test_the_command_writes_a_record_and_a_page_and_keeps_them(
+    stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "certificate"
+    assert cli.main(quick(stage, out)) == 0
+    assert "PASSED; drawer_2: graspable" in capsys.readouterr().out
+    record = json.loads((out / "certificate.json").read_text())
+    assert record["passed"] and {"name", "value", "bound", "prim", "remedy"} <= set(record["checks"][0])
+    page = (out / "certificate.html").read_text()
+    assert page.count("<img") == 4 and "finger_closure" in page and "<h1>drawer_2: passed</h1>" in page
+    written = (out / "certificate.json").stat().st_mtime_ns
+    assert cli.main(quick(stage, out)) == 0
+    assert "kept from" in capsys.readouterr().out and (out / "certificate.json").stat().st_mtime_ns == written
+
+
+def test_a_failed_check_is_a_result_with_exit_code_1(
+    stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edit(stage, zero_mass)
+    assert cli.main(quick(stage, tmp_path / "certificate")) == 1
+    captured = capsys.readouterr()
+    assert "FAILED" in captured.out and "mass at /scene/drawer_2" in captured.out and "a mass of 0 kg" in captured.out
+    assert "bug" not in captured.err and (tmp_path / "certificate" / "certificate.html").exists()
+
+
+def test_a_sweep_ends_with_a_table_and_the_worst_exit_code(
+    stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["s2a"])
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    first, second = stage.with_name("a.usda"), stage.with_name("b.usda")
+    for path, defect in ((first, zero_mass), (second, missing_root)):
+        write_cabinet(path)
+        edit(path, defect)
+    arguments = quick(stage, Path("certificate"))
+    arguments[1] = f"stage={first},{second}"
+    assert cli.main([*arguments, "-m", f"hydra.sweep.dir={tmp_path / 'sweep'}"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    last = lines.index("0 of 2 passed")
+    assert " mass" in lines[last - 2] and " root_joint" in lines[last - 1]
+
+
+def test_the_foundations_rules_hold_for_a_clean_stage(stage: Path) -> None:
+    pytest.importorskip("simready.validate", reason="an optional extra")
+    checks = foundation.foundation(stage, load(CertifyConfig, "certify/default").foundation)
+    required = [check for check in checks if check.status != "reported"]
+    assert [check.name for check in required if check.status == "pass"] == [
+        f"simready:{name}" for name in ("FET_003_NEWTON", "FET_003_STANDARD", "FET_004_NEWTON", "FET_004_STANDARD")
+    ]
+
+
+def test_without_the_validator_its_rules_are_not_run(stage: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    (check,) = foundation.foundation(stage, load(CertifyConfig, "certify/default").foundation)
+    assert check.status == "not run" and "s2a[simready]" in check.remedy

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
-from s2a.sim.build import JointConfig, SimStage, build_world, lever_arm, opening_sign, read_stage
+from s2a.sim.build import JointConfig, build_world, lever_arm, opening_sign, read_stage
 from s2a.sim.franka import add_hand
 
 PARKED = 50.0

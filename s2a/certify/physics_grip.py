@@ -34,6 +34,7 @@ class GripConfig:
         pull: along the joint, towards its closed end, while the hand stands still [N].
         pull_time: how long [s].
         slip: how far the part may move meanwhile [m].
+        dt: time step [s]; short, because at the steps of training MuJoCo's soft friction creeps by millimetres.
     """
 
     approach: float
@@ -47,6 +48,7 @@ class GripConfig:
     pull: float
     pull_time: float
     slip: float
+    dt: float
 
 
 @dataclass(frozen=True)
@@ -112,12 +114,12 @@ def _hold(world: World, q: float, depth: float, opening: float, config: GripConf
     """Close the fingers on the part, pull it, and tell how far it slips."""
     stage, joint, fingers = world.stage, world.joint, world.fingers
     data = world.data(q, opening)
-    world.mj.dof_damping[fingers] = config.damping
+    world.mj.opt.timestep, world.mj.dof_damping[fingers] = config.dt, config.damping
     world.place_hand(data, _hand_pose(world, q, depth))
     pull = -world.sign * config.pull * world.lever
 
     def run(seconds: float, torque: float) -> None:
-        for _ in range(round(seconds / world.dt)):
+        for _ in range(round(seconds / config.dt)):
             data.qfrc_applied[fingers] = -config.force
             data.qfrc_applied[joint] = torque
             mujoco.mj_step(world.mj, data)

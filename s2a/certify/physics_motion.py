@@ -89,6 +89,7 @@ def rest(world: World, config: MotionConfig) -> list[Check]:
 def joint_sweep(world: World, config: MotionConfig) -> Check:
     """Push the part with a small force to its far limit and back to the near one."""
     data, lever, limits = world.data(), world.lever, world.stage.limits
+    world.mj.opt.timestep = world.dt
     far, near = (limits[1], limits[0]) if world.sign > 0 else limits
     reached = []
     for goal in (far, near):

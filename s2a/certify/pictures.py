@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,13 @@ import numpy as np
 from s2a.geometry.look import LookConfig, View, frame, front_of
 from s2a.geometry.picture import draw, painted
 from s2a.scene import Mesh
+from s2a.usd.stage import open_stage, read_mesh
 from s2a.usd.visible import Visible, visible
 
 TARGET = ((230, 120, 40), (250, 170, 60), (205, 90, 60), (245, 140, 100))
 """Colours of the moving part's pieces, one after the other."""
+NEAR = 1.6
+"""Distance for the picture of the grasp, as a multiple of what just fits."""
 OTHERS = (120, 150, 190)
 """Colour of all other pieces."""
 
@@ -30,11 +34,22 @@ def pictures(path: Path, target: str, look: LookConfig) -> dict[str, np.ndarray]
     if middle is None or not len(middle.faces) or not scene.colliders:
         return {}
     moving, others = _pieces(scene, target)
-    view = _view(middle, look)
-    seen, hard = (draw(meshes, view, look) for meshes in (list(scene.surfaces.values()), [*moving, *others]))
-    alone = draw(moving, view, look)
-    mixed = ((seen.astype(int) + hard) // 2).astype(np.uint8)
-    return {"the scan": seen, "what collides (orange moves)": hard, "both": mixed, "what moves": alone}
+    view = _view(middle, middle, look)
+    seen, hard = list(scene.surfaces.values()), [*moving, *others]
+    stage = open_stage(path)  # a prim lives no longer than its stage
+    region = read_mesh(stage.GetPrimAtPath(f"/scene/{target}/region"))
+    near = _view(region, middle, replace(look, margin=NEAR))
+    return {
+        "the scan": draw(seen, view, look),
+        "what collides; orange moves": draw(hard, view, look),
+        "what collides over the scan": _mixed(seen, hard, view, look),
+        "the same at the grasp": _mixed(seen, hard, near, look),
+    }
+
+
+def _mixed(seen: list[Mesh], hard: list[Mesh], view: View, look: LookConfig) -> np.ndarray:
+    """Return a picture in which two sets of surfaces shine through each other."""
+    return ((draw(seen, view, look).astype(int) + draw(hard, view, look)) // 2).astype(np.uint8)
 
 
 def _pieces(scene: Visible, target: str) -> tuple[list[Mesh], list[Mesh]]:
@@ -50,7 +65,7 @@ def _pieces(scene: Visible, target: str) -> tuple[list[Mesh], list[Mesh]]:
     return moving, others
 
 
-def _view(middle: Mesh, look: LookConfig) -> View:
-    """Return the view of a part from its front."""
-    front = front_of([middle])
-    return frame(middle.vertices, np.array([1.0, 0.0, 0.0]) if front is None else front, look)
+def _view(shown: Mesh, part: Mesh, look: LookConfig) -> View:
+    """Return the view of a surface from the front of the part that it belongs to."""
+    front = front_of([part])
+    return frame(shown.vertices, np.array([1.0, 0.0, 0.0]) if front is None else front, look)

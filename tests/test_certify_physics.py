@@ -1,0 +1,149 @@
+"""Certificates under physics: clean furniture passes, and what only a simulator notices is named."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cabinet import HANDLE, box, write_cabinet
+from pxr import Gf, Usd, UsdGeom, Vt
+from settings import load
+from test_certify import JOINT, STATIC_DEFECTS, TARGET, attribute, edit
+
+from s2a.certify import CertifyConfig, certify, contents, gap, physics_grip, physics_motion
+from s2a.certify.physics import World
+from s2a.scene import Mesh
+from s2a.usd.joints import frame
+from s2a.usd.stage import new_stage, save
+
+ROOM = "/scene/static/colliders/room_3_01"
+CONFIG: CertifyConfig = load(CertifyConfig, "certify/default")
+QUICK = replace(CONFIG, motion=replace(CONFIG.motion, settle_time=0.2, open_time=0.2))
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Path:
+    return write_cabinet(tmp_path / "sim.usda")
+
+
+def reshape(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
+    """Give a piece that is a box the points of another box."""
+    UsdGeom.Mesh(stage.GetPrimAtPath(path)).GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(mesh.vertices))
+    corners = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
+    UsdGeom.Mesh(stage.GetPrimAtPath(path)).GetExtentAttr().Set(Vt.Vec3fArray.FromNumpy(corners))
+
+
+def clash(stage: Usd.Stage) -> None:
+    """Something of the room stands 5 mm in the drawer's front."""
+    reshape(stage, ROOM, box((0.3397, 0.25, 0.7), (0.02, 0.05, 0.05)))
+
+
+def obstacle(stage: Usd.Stage) -> None:
+    """Something of the room stands 20 cm before the drawer, out of the hand's way."""
+    reshape(stage, ROOM, box((0.55, 0.3, 0.7), (0.02, 0.02, 0.05)))
+
+
+def jam(stage: Usd.Stage) -> None:
+    attribute(stage, f"{JOINT}.newton:friction", 50.0)
+
+
+def slope(stage: Usd.Stage) -> None:
+    """The drawer runs down a slope of five degrees, and nothing holds it."""
+    axis = (math.cos(0.0873), 0.0, -math.sin(0.0873))
+    attribute(stage, f"{JOINT}.s2a:axis", Gf.Vec3d(*axis))
+    for end in (0, 1):
+        attribute(stage, f"{JOINT}.physics:localRot{end}", frame(axis))
+
+
+def swallowed_gap(stage: Usd.Stage) -> None:
+    """The bar's collider is a block of 9 cm, as a hull over a coarse decomposition would be."""
+    reshape(stage, f"{TARGET}/colliders/hull_00", box(tuple(HANDLE), (0.0071, 0.084, 0.045)))
+
+
+MOTION = {clash: "rest_penetration", obstacle: "sweep_penetration", jam: "joint_sweep", slope: "self_opening"}
+
+
+@pytest.mark.parametrize("defect", MOTION, ids=lambda defect: defect.__name__)
+def test_a_defect_of_motion_is_named(defect: Callable[[Usd.Stage], None], stage: Path) -> None:
+    edit(stage, defect)
+    found = {check.name: check for check in physics_motion.motion(World(stage, CONFIG.physics), QUICK.motion)}
+    check = found[MOTION[defect]]
+    assert check.status == "fail" and check.value > check.bound and check.remedy
+
+
+def test_clean_furniture_keeps_still_runs_freely_and_survives_mujoco(stage: Path) -> None:
+    found = physics_motion.motion(World(stage, CONFIG.physics), CONFIG.motion)
+    assert [check for check in found if check.status not in ("pass", "reported")] == []
+    assert {check.name for check in found} >= {"settle", "self_opening", "mujoco_reload", *MOTION.values()}
+
+
+def test_the_hand_holds_a_bar_of_known_thickness(stage: Path) -> None:
+    attempt = physics_grip.grip(World(stage, CONFIG.physics), CONFIG.grip)
+    width = int(attempt.way.split(" mm")[0])
+    assert attempt.holds and width in (23, 24)  # the bar is 23.8 mm high; contacts give way by tenths of a millimetre
+    assert 0.0 <= attempt.slip < CONFIG.grip.slip
+
+
+def test_a_pull_beyond_friction_slips(stage: Path) -> None:
+    # Two fingers of 30 N at a friction coefficient of 1 hold 60 N.
+    world = World(stage, CONFIG.physics)
+    assert physics_grip.grip(world, replace(CONFIG.grip, pull=55.0)).holds
+    assert not physics_grip.grip(world, replace(CONFIG.grip, pull=65.0)).holds
+
+
+def test_colliders_that_fill_what_the_scan_leaves_free_are_named(stage: Path) -> None:
+    assert gap.gap(stage, contents.read(stage)).filled == 0.0
+    edit(stage, swallowed_gap)
+    room = gap.gap(stage, contents.read(stage))
+    assert room.graspable(CONFIG.gap) and room.filled > 0.5
+    attempt = physics_grip.grip(World(stage, CONFIG.physics), CONFIG.grip)
+    assert not attempt.holds and attempt.prim == f"{TARGET}/colliders/hull_00"
+
+
+def flush(stage: Usd.Stage) -> None:
+    """A drawer without a handle, annotated to be taken at the middle of its flat front."""
+    patch = box((0.32455, 0.0, HANDLE[2]), (0.0001, 0.04, 0.01))
+    middle = Gf.Vec3d(0.32455, 0.0, float(HANDLE[2]))
+    front = box((0.31515, 0.0, 0.7172), (0.0095, 0.3594, 0.0619))
+    reshape(stage, f"{TARGET}/region", patch)
+    attribute(stage, f"{TARGET}/grasp.xformOp:translate", middle)
+    visual = UsdGeom.Mesh(stage.GetPrimAtPath(f"{TARGET}/visual"))
+    visual.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(np.tile(front.vertices, (4, 1))))
+    for i in range(3):
+        reshape(stage, f"{TARGET}/colliders/hull_{i:02d}", front)
+
+
+def test_a_flat_front_is_not_graspable_which_is_no_defect(stage: Path) -> None:
+    edit(stage, flush)
+    certificate = certify(stage, QUICK)
+    closure = next(check for check in certificate.checks if check.name == "finger_closure")
+    assert certificate.graspable is False and closure.status == "reported"
+    assert "not graspable by a parallel gripper" in closure.message
+    assert {check.name for check in certificate.failed} <= {"usd"}
+
+
+def test_a_broken_structure_is_not_simulated(stage: Path) -> None:
+    edit(stage, next(defect for defect in STATIC_DEFECTS if defect.__name__ == "nan_point"))
+    certificate = certify(stage, CONFIG)
+    assert not certificate.passed and certificate.graspable is None
+    assert next(check for check in certificate.checks if check.name == "physics").status == "not run"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("defect", [*STATIC_DEFECTS, *MOTION, swallowed_gap], ids=lambda defect: defect.__name__)
+def test_every_seeded_defect_costs_the_certificate(defect: Callable[[Usd.Stage], None], stage: Path) -> None:
+    save(new_stage(), stage.with_name("other.usda"))
+    edit(stage, defect)
+    named = {**STATIC_DEFECTS, **MOTION, swallowed_gap: "finger_gap"}[defect]
+    assert named in {check.name for check in certify(stage, CONFIG).failed}
+
+
+def test_the_clean_stage_passes_everything(stage: Path) -> None:
+    certificate = certify(stage, CONFIG)
+    assert certificate.passed and certificate.graspable
+    assert {check.status for check in certificate.checks} <= {"pass", "reported", "not run"}
+    assert certificate.target == "drawer_2" and certificate.seconds > 0

@@ -1,17 +1,28 @@
 """A hundred labelled household things, twenty in each of five categories, and how they come off the web."""
 
-from s2a.scan.virtual.zoo import bathroom, bedroom, kitchen, living_room, stationery
+from functools import cache
+
+from s2a.scan.virtual.zoo import (
+    bathroom,
+    bedroom,
+    comfort,
+    curios,
+    desk,
+    food,
+    kitchen,
+    living_room,
+    ornaments,
+    stationery,
+)
 from s2a.scan.virtual.zoo.things import Thing
 
 __all__ = ["Thing", "zoo"]
 
+MODULES = (bathroom, food, kitchen, comfort, bedroom, stationery, desk, living_room, ornaments, curios)
+"""Where they are made, by category."""
 
-def zoo() -> list[Thing]:
+
+@cache
+def zoo() -> tuple[Thing, ...]:
     """Return all things, by category."""
-    return [
-        *bathroom.things(),
-        *kitchen.things(),
-        *bedroom.things(),
-        *stationery.things(),
-        *living_room.things(),
-    ]
+    return tuple(thing for module in MODULES for thing in module.things())

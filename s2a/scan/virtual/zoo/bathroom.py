@@ -24,10 +24,10 @@ from s2a.scan.virtual.zoo.things import Thing, thing
 
 def _toothbrush() -> Surface:
     """190 mm long, lying with its bristles up."""
-    path, radii = [(0, -95, 6), (0, -60, 6), (0, -10, 6), (0, 40, 5), (0, 65, 5)], [6, 7.5, 6.5, 3.5, 4]
+    path, radii = [(0, -95, 4.8), (0, -60, 6), (0, -10, 5.2), (0, 40, 4), (0, 65, 4)], [4.8, 6, 5.2, 3, 3.4]
     spots = [(x, y) for x in (-4, 0, 4) for y in range(65, 94, 4)]
     tufts = [put(cylinder(1.7, 12, p.WHITE if y % 8 else p.BLUE, sides=6), x, y, 7) for x, y in spots]
-    return settled(join(tube(path, radii, p.TEAL, 12), put(pebble((14, 36, 6), p.TEAL), y=79, z=2), *tufts), 1)
+    return settled(join(tube(path, radii, p.TEAL, 12, flat=1.25), put(pebble((14, 36, 8), p.TEAL), y=79), *tufts), 1)
 
 
 def _toothpaste() -> Surface:
@@ -100,7 +100,7 @@ def _hairbrush() -> Surface:
     pad = put(pebble((60, 98, 10), p.ROSE, 2.6), y=62, z=10)
     spots = [(x, y) for x in range(-24, 25, 8) for y in range(20, 105, 9) if (x / 30) ** 2 + ((y - 62) / 49) ** 2 < 0.8]
     pins = [put(lathe([(0, 0), (1.4, 0), (1.0, 16), (0, 16)], p.BLACK, sides=6), x, y, 17) for x, y in spots]
-    handle = tube([(0, 15, 8), (0, -20, 8), (0, -80, 8), (0, -120, 8)], [12, 9, 13, 9], p.BROWN, 14)
+    handle = tube([(0, 15, 8), (0, -20, 7), (0, -80, 8), (0, -120, 6)], [8, 6, 8, 6], p.BROWN, 14, flat=1.5)
     return settled(join(paddle, pad, *pins, handle), 2)
 
 
@@ -116,9 +116,9 @@ def _razor() -> Surface:
     """A wet razor 145 mm long, lying."""
     handle = tube([(0, -75, 7), (0, -30, 8), (0, 20, 9), (0, 52, 15), (0, 60, 16)], [7, 8, 6.5, 5, 5], p.BLUE, 12)
     rings = [put(ring(7.6, 2, p.BLACK), 0, y, 8, roll=90) for y in range(-55, -5, 7)]
-    head = put(pebble((44, 22, 9), p.NAVY, 6), 0, 66, 11, roll=25)
-    blades = [put(box((-20, 20), (y, y + 2.4), (8, 10.5), p.SILVER), 0, 66, 11, roll=25) for y in (-7, -2, 3)]
-    return settled(join(handle, *rings, head, *blades), 0.5)
+    head = put(pebble((44, 22, 9), p.NAVY, 6), 0, 66, 5, roll=25)
+    blades = [put(box((-20, 20), (y, y + 2.4), (8, 10.5), p.SILVER), 0, 66, 5, roll=25) for y in (-7, -2, 3)]
+    return settled(join(handle, *rings, head, *blades), 1.8)
 
 
 def _shaving_brush() -> Surface:

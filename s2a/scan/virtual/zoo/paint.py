@@ -37,7 +37,7 @@ STRAW, BRONZE, CHOCOLATE, WINE, BOTTLE = (
     (186, 118, 56),
     (74, 40, 24),
     (122, 24, 44),
-    (36, 70, 48),
+    (40, 104, 60),
 )
 CREAM, TAN, BEECH, BROWN, WALNUT, GOLD, COPPER = (
     (248, 236, 206),

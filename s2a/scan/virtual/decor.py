@@ -41,7 +41,8 @@ def wall_shelf(width: float) -> Piece:
 
 def books(rng: np.random.Generator, width: float) -> list[Piece]:
     """Return books side by side with their spines at x = 0, from y = 0 on, at most `width` [m] long."""
-    row, y = [], 0.0
+    row: list[Piece] = []
+    y = 0.0
     while True:
         piece, thick = objects.book(rng)
         if y + thick > width:
@@ -50,12 +51,12 @@ def books(rng: np.random.Generator, width: float) -> list[Piece]:
         y += thick + rng.uniform(0.001, 0.004)
 
 
-def pile(rng: np.random.Generator, count: int, name: str = "book") -> list[Piece]:
+def pile(rng: np.random.Generator, count: int) -> list[Piece]:
     """Return books that lie on each other, the lowest on z = 0."""
     stack, z = [], 0.0
     for _ in range(count):
         piece, _ = objects.book(rng, standing=False)
-        stack.append(Piece(name, piece.surface).moved(at(0, 0, z, rng.uniform(-12, 12))))
+        stack.append(piece.moved(at(0, 0, z, rng.uniform(-12, 12))))
         z += float(np.ptp(piece.surface.vertices[:, 2])) + 0.0005
     return stack
 

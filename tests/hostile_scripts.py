@@ -201,6 +201,8 @@ USD = {
     "another label": Hostile("prim.GetAttribute('s2a:label').Set('knife')\nstage.Save()", "", "s2a:label is 'knife'"),
     "instanceable": Hostile("prim.SetInstanceable(True)\nstage.Save()", "'SetInstanceable' is not", "'instanceable'"),
     "hidden note": Hostile("prim.SetCustomDataByKey('note', 'x' * 1000)\nstage.Save()", "", "'customData'"),
+    "metadata": Hostile("prim.SetMetadata('active', False)\nstage.Save()", "SetMetadata only of", "'active'"),
+    "metadata by something else": Hostile("prim.SetMetadata({}, 1)", "SetMetadata only of", "ArgumentError"),
     "rigid body": Hostile("prim.AddAppliedSchema('PhysicsRigidBodyAPI')\nstage.Save()", "", "no other schema"),
 }
 

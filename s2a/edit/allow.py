@@ -218,7 +218,8 @@ def _calls(node: ast.AST, check: _Check) -> str | None:
         return f"{name} is not among the operations that place an object"
     if node.func.attr == "format" and values.of(node) is None:
         return "format only with texts that are written out, and without looking into them; use an f-string"
-    if node.func.attr == "SetMetadata" and not _within(values.of(node.args[0]) if node.args else None, METADATA):
+    keys = values.of(node.args[0]) if node.args else None
+    if node.func.attr == "SetMetadata" and not all(str(key) in METADATA for key in keys or [None]):
         return f"SetMetadata only of {', '.join(sorted(METADATA))}, written out"
     return None
 
@@ -241,10 +242,6 @@ def _files(node: ast.AST, check: _Check) -> str | None:
             what = "a file that does not follow from the text" if path is None else repr(path)[:80]
             return f"{name} is given {what}; only {allowed!r} is possible, written out"
     return None
-
-
-def _within(values: list | None, known: frozenset[str]) -> bool:
-    return values is not None and all(value in known for value in values)
 
 
 def _loops(node: ast.AST, check: _Check) -> str | None:

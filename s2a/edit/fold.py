@@ -88,7 +88,7 @@ class Values:
             case ("item", value, index):
                 return self._combine([value], lambda whole: list(whole)[index])
             case ("each", value):
-                wholes = self.of(value)
+                wholes = self._combine([value], tuple)
                 return None if wholes is None else [item for whole in wholes for item in whole]
             case ast.IfExp():
                 return self._union([node.body, node.orelse])

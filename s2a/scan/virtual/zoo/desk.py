@@ -35,7 +35,7 @@ def _notebook() -> Surface:
     """A spiral notebook A5, lying."""
     cover = [box((-105, 105), (-70, 74), z, p.TEAL) for z in ((0, 1.5), (13, 15))]
     pages = box((-103, 103), (-68, 72), (1.5, 13), p.CREAM)
-    coils = [put(ring(9, 2.2, p.DARK, sides=6), x, -72, 10.2, pitch=90) for x in np.arange(-98, 100, 9)]
+    coils = [put(ring(9, 2.2, p.DARK, sides=6), x, -72, 10.2, pitch=90) for x in np.arange(-98, 100, 9).tolist()]
     label = join(
         box((-60, -10), (-35, 45), (15, 15.6), p.WHITE), put(writing("NOTES", 60, p.NAVY, 0.6), -28, 5, 15.3, pitch=-90)
     )
@@ -81,7 +81,7 @@ def _envelope() -> Surface:
     stripes = [
         box((x, x + 1.2), (y, y + 12), (0.3, 2.7), (p.RED, p.BLUE)[k % 2])
         for x in (-55.6, 54.4)
-        for k, y in enumerate(np.arange(-105, 100, 18))
+        for k, y in enumerate(np.arange(-105, 100, 18).tolist())
     ]
     return join(paper, *flap, seal, *edge, *stripes)
 

@@ -19,7 +19,7 @@ from s2a.scan.virtual.zoo.shapes import (
 )
 from s2a.scan.virtual.zoo.things import Thing, thing
 
-ROUND = np.arange(0, 360, 30)
+ROUND = range(0, 360, 30)
 
 
 def _picture() -> Surface:

@@ -19,7 +19,7 @@ from s2a.scan.virtual.zoo.shapes import (
 )
 from s2a.scan.virtual.zoo.things import Thing, thing
 
-ROUND = np.arange(0, 360, 30)
+ROUND = range(0, 360, 30)
 
 
 def _vase() -> Surface:
@@ -45,7 +45,7 @@ def _cactus() -> Surface:
         line = in_plane(smooth(path, 12), 0)
         ribs = [
             tube(line + (0.86 * r * np.cos(a), 0.86 * r * np.sin(a) * (len(path) < 3), 0), 0.22 * r, p.GREEN, 6)
-            for a in np.radians(ROUND[::1])
+            for a in np.radians(ROUND)
         ]
         return join(tube(line, r, p.LEAF, 14), *ribs, put(ellipsoid((2.1 * r,) * 3, p.LEAF), *line[-1]))
 

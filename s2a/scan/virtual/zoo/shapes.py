@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -115,7 +116,7 @@ def skin(rings: np.ndarray, closed: bool, color: Color) -> Surface:
     return outwards(painted(vertices, np.concatenate(faces), color))
 
 
-def loft(sections: list[tuple[float, ...]], color: Color, sides: int = 24, power: float = 2.0) -> Surface:
+def loft(sections: Sequence[tuple[float, ...]], color: Color, sides: int = 24, power: float = 2.0) -> Surface:
     """Return the solid through upright sections of (z, half width x, half width y, centre x = 0, centre y = 0).
 
     Sections are ellipses at power 2 and boxes with round corners above.

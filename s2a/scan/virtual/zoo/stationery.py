@@ -48,7 +48,8 @@ def _eraser() -> Surface:
 def _ruler() -> Surface:
     """310 mm long with a scale of 30 cm."""
     marks = [
-        box((7 if i % 10 else 0, 16), (y, y + 0.9), (2.9, 3.5), p.BLACK) for i, y in enumerate(np.arange(-150, 151, 5))
+        box((7 if i % 10 else 0, 16), (y, y + 0.9), (2.9, 3.5), p.BLACK)
+        for i, y in enumerate(np.arange(-150, 151, 5).tolist())
     ]
     digits = [
         put(writing(str(n), 4.5 + 4 * (n > 9), p.BLACK, 0.6), -2, 10 * n - 150, 2.9, pitch=-90) for n in range(0, 31, 5)
@@ -92,7 +93,7 @@ def _set_square() -> Surface:
     parts = [plate([corners[i], corners[(i + 1) % 3], inner[(i + 1) % 3], inner[i]], (0, 2.5), p.SKY) for i in range(3)]
     marks = [
         box((-9 if i % 5 == 0 else -5, -0.5), (y, y + 0.8), (2.4, 3), p.NAVY)
-        for i, y in enumerate(np.arange(-70, 71, 4))
+        for i, y in enumerate(np.arange(-70, 71, 4).tolist())
     ]
     return join(*parts, *marks, put(writing("0   5   10", 56, p.NAVY, 0.6), -10.5, 0, 2.5, pitch=-90))
 

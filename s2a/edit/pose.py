@@ -14,38 +14,16 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.edit.openings import Opening, blocked, openings
+from s2a.edit.baseline import PaperConfig
+from s2a.edit.fit import NoRoom, Pose, in_the_way, pushed
+from s2a.edit.openings import openings
 from s2a.edit.search import Candidate, SearchConfig, Wish, board, candidates
 from s2a.edit.surfaces import facing, nearby, target_mesh
 from s2a.errors import InputError
-from s2a.geometry.clash import crossing, inside
-from s2a.geometry.planes import Plane
-from s2a.geometry.rays import ray_mesh
 from s2a.geometry.regions import Region
-from s2a.geometry.sight import sight
-from s2a.geometry.surfaces import sample
-from s2a.scene import Mesh, Scene, Vec3
+from s2a.scene import Mesh, Scene
 
 Relation = Literal["on", "in", "against", "hanging"]
-
-
-class NoRoom(InputError):
-    """No pose was found; the message says what stood in the way."""
-
-
-@dataclass(frozen=True)
-class PaperConfig:
-    """The baseline's rule.
-
-    Attributes:
-        tries: random offsets before giving up.
-        spread: standard deviation of the first offset [m]; it grows linearly with the tries, to this times ten.
-        seed: of the offsets.
-    """
-
-    tries: int
-    spread: float
-    seed: int
 
 
 @dataclass(frozen=True)
@@ -73,33 +51,6 @@ class PoseConfig:
     gap: float
     lift: float
     slack: float
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Where an object is.
-
-    Attributes:
-        position: of the object's origin in the scene [m].
-        quaternion: of its turn, xyzw.
-        clearance: distance from the nearest other thing or the border of the support [m]; 0 where it was not looked for.
-        tried: candidates that were tested exactly.
-    """
-
-    position: Vec3
-    quaternion: tuple[float, float, float, float]
-    clearance: float
-    tried: int
-
-    @property
-    def yaw(self) -> float:
-        """The turn about z [rad]."""
-        return float(Rotation.from_quat(self.quaternion).as_euler("zyx")[0])
-
-    def moved(self, object: Mesh) -> Mesh:
-        """Return an object at this pose in the scene."""
-        turned = Rotation.from_quat(self.quaternion).apply(object.vertices.astype(np.float64))
-        return Mesh(turned + self.position, object.faces, object.colors)
 
 
 def place(
@@ -147,35 +98,6 @@ def place(
     raise NoRoom(f"none of {len(stopped)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
 
 
-def place_paper(scene: Scene, object: Mesh, plane: Plane, inliers: np.ndarray, config: PoseConfig) -> Pose:
-    """Return the baseline's pose: the mean of the plane's points plus half the object, shifted until nothing collides.
-
-    Half the object is half its extent along the normal. Offsets are random, until no triangle of the object cuts anything;
-    it is not turned, and nothing asks what carries it.
-
-    Args:
-        scene: the room.
-        object: upright, standing on z = 0, in metres.
-        plane: from `s2a.geometry.ransac`.
-        inliers: the plane's points [m], shape [point 3].
-        config: number and spread of the offsets.
-
-    Raises:
-        NoRoom: every offset collides.
-    """
-    middle = object.bounds.mean(axis=0)
-    half = float(np.ptp(object.vertices @ plane.normal) / 2)
-    start = inliers.mean(axis=0) + half * plane.normal - middle
-    random = np.random.default_rng(config.paper.seed)
-    for number in range(config.paper.tries):
-        spread = config.paper.spread * min(10.0, number / 10)
-        pose = Pose(tuple(start + random.normal(size=3) * spread), (0.0, 0.0, 0.0, 1.0), 0.0, number + 1)
-        moved = pose.moved(object)
-        if crossing(moved, _rays(nearby(scene, *moved.bounds))) is None:
-            return pose
-    raise NoRoom(f"all of {config.paper.tries} random offsets collide; give surface=regions pose=search")
-
-
 def _frame(scene: Scene, object: Mesh, region: Region, target: str) -> tuple[np.ndarray, float, float]:
     """Return the rotation from the object's frame to the region's, and the object's radius and height there [m]."""
     if region.kind == "vertical":
@@ -218,12 +140,12 @@ def _tried(scene, object, region, one: Candidate, base, ways, relation, config, 
     pose = Pose(tuple(start.tolist()), quaternion, one.room, number)
     reach = 0.1 if relation == "against" else 2 * config.lift
     local = nearby(scene, *_grown(pose.moved(object).bounds, reach + 0.01))
-    pose = _pushed(pose, object, local, toward, 2 * config.lift, config.gap)
+    pose = pushed(pose, object, local, toward, 2 * config.lift, config.gap)
     if pose is None:
         return None, "carry nothing"
     if relation == "against":
         back = turn @ np.array([-1.0, 0.0, 0.0])
-        pose = _pushed(pose, object, local, back, reach, config.back) or pose
+        pose = pushed(pose, object, local, back, reach, config.back) or pose
     for _ in range(4):
         moved = pose.moved(object)
         reason = in_the_way(scene, moved, local, ways, config.slack)
@@ -234,55 +156,11 @@ def _tried(scene, object, region, one: Candidate, base, ways, relation, config, 
     return (None, reason) if reason else (pose, None)
 
 
-def in_the_way(scene: Scene, moved: Mesh, local: Mesh, ways: list[Opening], slack: float) -> str | None:
-    """Return what is wrong with an object at its place, or None.
-
-    Args:
-        scene: the room.
-        moved: the object in the scene.
-        local: the scene's triangles around it.
-        ways: what drawers and doors pass through.
-        slack: how far it may reach into that [m].
-    """
-    if len(local.faces) and crossing(moved, ray_mesh(local.vertices, local.faces)) is not None:
-        return "collide"
-    if len(local.faces) and inside(moved, local.vertices).any():
-        return "enclose something else"
-    points = np.concatenate([moved.vertices[:: max(1, len(moved.vertices) // 8)], moved.vertices.mean(axis=0)[None]])
-    for part_id, part in scene.parts.items():
-        if len(part.mesh.faces) and inside(part.mesh, points).any():
-            return f"are within {part_id!r}"
-    surface = np.concatenate([moved.vertices, sample(moved, 1000, seed=0)])
-    for way in ways:
-        if blocked(way, surface, slack):
-            return f"keep {way.part!r} from opening"
-    return None
-
-
 def _turn(region: Region, base: np.ndarray, turn: float) -> np.ndarray:
     """Return the rotation from the object's frame to the scene's, upright however the region slopes, shape [3 3]."""
     front = region.axes @ base @ np.array([np.cos(turn), np.sin(turn), 0.0])
     yaw = np.arctan2(front[1], front[0])
     return Rotation.from_euler("z", yaw).as_matrix()
-
-
-def _pushed(pose: Pose, object: Mesh, local: Mesh, toward: np.ndarray, reach: float, gap: float) -> Pose | None:
-    """Return a pose moved along a direction until the object almost touches; None if there is nothing within reach.
-
-    Rays run from the object's points to the surroundings, and back from their vertices to the object: between two meshes
-    the shortest way starts at a vertex of either, or lies between two edges, which costs a fraction of a millimetre.
-    """
-    moved = pose.moved(object)
-    if not len(local.faces):
-        return None
-    points = np.concatenate([moved.vertices, sample(moved, 2000, seed=0)])
-    there, _ = sight(_rays(local), points, toward, reach)
-    back, _ = sight(_rays(moved), local.vertices, -toward, reach)
-    way = float(min(there.min(), back.min()))
-    if way >= reach:
-        return None
-    position = np.array(pose.position) + (way - gap) * toward
-    return Pose(tuple(position.tolist()), pose.quaternion, pose.clearance, pose.tried)
 
 
 def _why(region: Region, object: Mesh) -> str:
@@ -297,7 +175,3 @@ def _why(region: Region, object: Mesh) -> str:
 
 def _grown(bounds: np.ndarray, margin: float) -> np.ndarray:
     return bounds + np.array([[-margin], [margin]])
-
-
-def _rays(mesh: Mesh):  # type: ignore[no-untyped-def]
-    return ray_mesh(mesh.vertices, mesh.faces)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from s2a.geometry.rays import RayMesh, nearest_faces, ray_mesh
+from s2a.geometry.rays import nearest_faces, ray_mesh
 from s2a.geometry.surfaces import normals
 from s2a.scene import Mesh
 
@@ -60,10 +60,13 @@ def _wind(
     winding[tid] = total / (2.0 * wp.pi)
 
 
-def crossing(mesh: Mesh, obstacles: RayMesh) -> int | None:
+def crossing(mesh: Mesh, obstacles: Mesh) -> int | None:
     """Return a face of the obstacles that a face of the mesh cuts, or None: exact, triangle against triangle."""
+    if not len(mesh.faces) or not len(obstacles.faces):
+        return None  # Warp cannot ask a mesh without faces
+    tree = ray_mesh(obstacles.vertices, obstacles.faces)
     crossed = wp.zeros(len(mesh.faces), dtype=int, device="cpu")
-    wp.launch(_cross, dim=len(mesh.faces), inputs=[obstacles.id, _corners(mesh)], outputs=[crossed], device="cpu")
+    wp.launch(_cross, dim=len(mesh.faces), inputs=[tree.id, _corners(mesh)], outputs=[crossed], device="cpu")
     hit = crossed.numpy()
     return int(hit[np.argmax(hit > 0)] - 1) if hit.any() else None
 

@@ -78,6 +78,11 @@ def second_joint(stage: Usd.Stage) -> None:
     Sdf.CopySpec(stage.GetRootLayer(), JOINT, stage.GetRootLayer(), f"{JOINT}_b")
 
 
+def left_over_anchor(stage: Usd.Stage) -> None:
+    """An anchor body that nothing hangs on any more."""
+    UsdPhysics.RigidBodyAPI.Apply(UsdGeom.Xform.Define(stage, "/scene/drawer_9_anchor").GetPrim())
+
+
 def nested_body(stage: Usd.Stage) -> None:
     inner = UsdGeom.Xform.Define(stage, f"{CARCASS}/shelf")
     UsdPhysics.RigidBodyAPI.Apply(inner.GetPrim())
@@ -183,7 +188,8 @@ def no_colliders(stage: Usd.Stage) -> None:
 
 STATIC_DEFECTS = {
     wrong_units: "units", external_reference: "self_contained", payload: "self_contained", instance: "self_contained",
-    duplicate_target: "target", unknown_target: "target", nested_body: "bodies", mirrored_body: "bodies",
+    duplicate_target: "target", unknown_target: "target", nested_body: "bodies", left_over_anchor: "bodies",
+    mirrored_body: "bodies",
     missing_root: "root_joint", carcass_not_fixed: "root_joint", stale_anchor: "target_joint",
     detached_joint: "target_joint", second_joint: "target_joint", limits_in_centimetres: "joint_limits",
     limits_without_zero: "joint_limits", one_flipped_limit: "joint_limits", limits_in_degrees: "joint_limits",

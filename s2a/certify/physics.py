@@ -48,7 +48,10 @@ class World:
         labels: path of each geom's prim, or the name of the hand's link.
         dt: time step [s].
         joint: index of the target's joint coordinate, the same in Newton and in MuJoCo.
-        fingers: those of the hand's two fingers.
+        dof: index of its velocity and force.
+        fingers: indices of the two fingers' coordinates, shape [2].
+        finger_dofs: indices of their velocities and forces, shape [2].
+        carcass: name of the body that the target moves against.
     """
 
     def __init__(self, path: Path, config: PhysicsConfig) -> None:
@@ -81,9 +84,11 @@ class World:
         owners = [links[body] for body in self.mj.geom_bodyid]
         self.labels = [path if path.startswith("/scene/") else owner for path, owner in zip(paths, owners, strict=True)]
         ends = [label.split("/")[-1] for label in self.model.joint_label]
-        starts = self.model.joint_qd_start.numpy()
-        self.joint = int(starts[ends.index(self.stage.target)])
-        self.fingers = [int(starts[i]) for i, end in enumerate(ends) if "finger_joint" in end]
+        coordinates, dofs = self.model.joint_q_start.numpy(), self.model.joint_qd_start.numpy()
+        index, fingers = ends.index(self.stage.target), [i for i, end in enumerate(ends) if "finger_joint" in end]
+        self.joint, self.dof = int(coordinates[index]), int(dofs[index])
+        self.fingers, self.finger_dofs = coordinates[fingers], dofs[fingers]
+        self.carcass = str(self.model.body_label[int(self.model.joint_parent.numpy()[index])]).split("/")[-1]
         self._hand = int(self.mj.body_mocapid[links.index("panda_hand")])
 
     def data(self, q: float = 0.0, finger: float = 0.0) -> mujoco.MjData:
@@ -98,12 +103,6 @@ class World:
         """Return the colliders below /scene/<part>, or of a link of the hand."""
         owners = [label.split("/")[2] if label.startswith("/scene/") else label for label in self.labels]
         return [i for i, owner in enumerate(owners) if owner in parts]
-
-    @property
-    def carcass(self) -> str:
-        """Name of the body that the target moves against."""
-        names = [label.split("/")[-1] for label in self.model.body_label]
-        return next(name for name in names if name != self.stage.target and "panda" not in name)
 
     def place_hand(self, data: mujoco.MjData, pose: np.ndarray) -> None:
         """Hold the hand at a pose, 7-vector in the scene."""

@@ -112,16 +112,16 @@ def _obstacle(world: World, q: float, depth: float, opening: float, config: Grip
 
 def _hold(world: World, q: float, depth: float, opening: float, config: GripConfig) -> Grip:
     """Close the fingers on the part, pull it, and tell how far it slips."""
-    stage, joint, fingers = world.stage, world.joint, world.fingers
+    stage, joint, fingers, dofs = world.stage, world.joint, world.fingers, world.finger_dofs
     data = world.data(q, opening)
-    world.mj.opt.timestep, world.mj.dof_damping[fingers] = config.dt, config.damping
+    world.mj.opt.timestep, world.mj.dof_damping[dofs] = config.dt, config.damping
     world.place_hand(data, _hand_pose(world, q, depth))
     pull = -world.sign * config.pull * world.lever
 
     def run(seconds: float, torque: float) -> None:
         for _ in range(round(seconds / config.dt)):
-            data.qfrc_applied[fingers] = -config.force
-            data.qfrc_applied[joint] = torque
+            data.qfrc_applied[dofs] = -config.force
+            data.qfrc_applied[world.dof] = torque
             mujoco.mj_step(world.mj, data)
 
     region = f"/scene/{stage.target}/region"

@@ -130,9 +130,9 @@ def reload(world: World, config: MotionConfig) -> Check:
     """Compile the model anew from its own XML with MuJoCo alone, and compare what moves, its limits and its mass."""
     problems = []
     again = mujoco.MjModel.from_xml_string(world.xml)
-    joint = world.joint
-    if again.nv != world.model.joint_dof_count or again.nv != 1 + len(world.fingers):
-        problems.append(f"{again.nv} degrees of freedom, not {1 + len(world.fingers)}")
+    joint = int(world.mj.dof_jntid[world.dof])
+    if again.nv != world.model.joint_dof_count:
+        problems.append(f"{again.nv} degrees of freedom, not {world.model.joint_dof_count}")
     elif np.abs(again.jnt_range[joint] - world.stage.limits).max() > 1e-5:
         problems.append(f"limits {again.jnt_range[joint].tolist()}, not {list(world.stage.limits)}")
     mass = world.model.body_mass.numpy().sum()
@@ -154,11 +154,11 @@ def _push(world: World, data: mujoco.MjData, goal: float, config: MotionConfig) 
     way = abs(goal - data.qpos[world.joint]) * lever
     direction = np.sign(goal - data.qpos[world.joint])
     for _ in range(round((2.0 * way / config.speed + 2.0) / world.dt)):
-        speed = data.qvel[world.joint] * lever * direction
+        speed = data.qvel[world.dof] * lever * direction
         left = abs(goal - data.qpos[world.joint]) * lever
         # Slower towards the end: the check is whether the limit is reached, not how hard it is hit.
         force = np.clip(GAIN * (min(config.speed, 2.0 * left + 0.01) - speed), -config.force, config.force)
-        data.qfrc_applied[world.joint] = direction * force * lever
+        data.qfrc_applied[world.dof] = direction * force * lever
         mujoco.mj_step(model, data)
         if left < 0.2 * SLACK:
             break

@@ -71,15 +71,15 @@ def target(contents: Contents) -> Check:
 
 
 def bodies(contents: Contents) -> Check:
-    """Bodies are siblings at the identity, and each hangs on a joint."""
+    """Bodies are siblings at the identity; each hangs on a joint, or lies about and has colliders to lie on."""
     problems = []
     moved = {path for joint in contents.joints for path in ends(joint)[1]}
     for body in contents.bodies:
         path, matrix = body.GetPath(), UsdGeom.Xformable(body).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
         if path.GetParentPath() != ROOT:
             problems.append((str(path), "a body below another prim than the scene; bodies are siblings"))
-        if path not in moved and body.GetAttribute("s2a:free").Get() is None:
-            problems.append((str(path), "no joint holds the body, so its pose is never updated or it falls"))
+        if path not in moved and not contents.colliders_of(body):
+            problems.append((str(path), "no joint holds the body and it has no colliders: it falls through everything"))
         if not Gf.IsClose(matrix, Gf.Matrix4d(1.0), EXACT):
             mirrored = " and mirrors it" if matrix.GetDeterminant() < 0 else ""
             problems.append((str(path), f"a transform moves the body away from its joint's frame{mirrored}"))

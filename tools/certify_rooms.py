@@ -1,0 +1,122 @@
+"""Prepare and certify every movable part of virtual rooms; the pass rate for each style of handle.
+
+    python tools/certify_rooms.py --rooms office kitchen --seeds 0 1 2 --detail demo --work runs/certificates \
+        --out experiments/results/certificates.json
+
+What lies in the work folder already (scans, stages, certificates of the same stage and settings) is kept, so that an
+interrupted run goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from s2a import config, scan
+from s2a.certify import CertifyConfig, certify, fingerprint, report
+from s2a.errors import InputError
+from s2a.outputs import aside
+from s2a.prepare import PrepareConfig, prepare
+from s2a.progress import track
+from s2a.provenance import provenance
+from s2a.scan.virtual import SampleConfig, sample
+from s2a.scene import Scene
+from s2a.usd import simready
+
+
+def main() -> None:
+    """Certify the parts, write the results and print a table."""
+    asked = _arguments()
+    logging.disable(logging.WARNING)
+    cases = [(room, seed) for room in asked.rooms for seed in asked.seeds]
+    found = []
+    for room, seed in track(cases, "certifying"):
+        found += list(_room(room, seed, asked))
+        result = {"detail": asked.detail, "prepare": asked.prepare, "styles": rates(found), "parts": found}
+        with aside(asked.out) as out:
+            out.write_text(json.dumps(result | provenance("cpu"), indent=1))
+    Console(width=160).print(_table(rates(found)))
+    for part in found:
+        if not part["passed"]:
+            print(f"{part['room']} {part['seed']} {part['target']} ({part['style']}): {'; '.join(part['failed'])}")
+
+
+def rates(found: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
+    """Count by style of handle: parts, certificates passed, parts that a hand can hold."""
+    styles: dict[str, dict[str, int]] = {}
+    for part in found:
+        counts = styles.setdefault(part["style"], {"parts": 0, "passed": 0, "graspable": 0})
+        counts["parts"] += 1
+        counts["passed"] += part["passed"]
+        counts["graspable"] += part["graspable"] is True
+    return dict(sorted(styles.items()))
+
+
+def _room(room: str, seed: int, asked: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Yield the result of each movable part of a room."""
+    folder = asked.work / f"{room}_{seed}_{asked.detail}"
+    if not (folder / "scan/truth/truth.json").exists():
+        keys = [f"room={room}", f"seed={seed}", f"detail={asked.detail}", f"out={folder / 'scan'}"]
+        with aside(folder / "scan", earlier="truth/truth.json") as out:
+            sample(config.load(SampleConfig, config.compose("sample", keys)), out)
+    scene = scan.read(folder / "scan")
+    truth = json.loads((folder / "scan/truth/truth.json").read_text())["parts"]
+    for target in scene.movable:
+        styles = {truth[part]["style"] for part in scene.grasp_parts(target) if part in truth}
+        style = ", ".join(sorted(filter(None, styles))) or "none"
+        yield {"room": room, "seed": seed, "target": target, "style": style, **_part(scene, target, folder, asked)}
+
+
+def _part(scene: Scene, target: str, folder: Path, asked: argparse.Namespace) -> dict[str, Any]:
+    """Prepare and certify one part; what cannot be prepared has not passed."""
+    stage, record = folder / asked.prepare / f"{target}.usd", folder / asked.prepare / f"{target}.json"
+    try:
+        if not stage.exists():
+            values = config.compose("prepare", [f"prepare={asked.prepare}", "stage=x", f"target={target}", "out=y"])
+            with aside(stage) as out:
+                simready.write(prepare(scene, target, config.load(PrepareConfig, values["prepare"])), out)
+    except InputError as error:
+        return {"passed": False, "graspable": None, "failed": [f"not prepared: {error}"]}
+    settings = config.load(CertifyConfig, config.compose("certify", ["stage=x", "out=y"])["certify"])
+    done = report.kept(record, fingerprint(stage), dataclasses.asdict(settings)) or certify(stage, settings)
+    with aside(record) as out:
+        out.write_text(report.to_json(done))
+    by_name = {check.name: check for check in done.checks}
+    numbers = {
+        name: by_name[name].value for name in ("finger_gap", "finger_closure", "sweep_penetration") if name in by_name
+    }
+    failed = [f"{check.name} at {check.prim}: {report.number(check)} {check.message}" for check in done.failed]
+    return {
+        "passed": done.passed, "graspable": done.graspable, "failed": failed, "seconds": done.seconds,
+        "closure": by_name["finger_closure"].message if "finger_closure" in by_name else "", "values": numbers,
+    }  # fmt: skip
+
+
+def _table(styles: dict[str, dict[str, int]]) -> Table:
+    table = Table("handle", "parts", "passed", "graspable")
+    for style, counts in styles.items():
+        table.add_row(style, *(str(counts[key]) for key in ("parts", "passed", "graspable")))
+    return table
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rooms", nargs="+", default=["office"])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0])
+    parser.add_argument("--detail", default="demo")
+    parser.add_argument("--prepare", default="handle", help="settings of conf/prepare")
+    parser.add_argument("--work", type=Path, required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()

@@ -11,6 +11,7 @@ from s2a.geometry.convex import box
 from s2a.geometry.decompose import one_hull, vhacd
 from s2a.geometry.front import slab
 from s2a.geometry.surfaces import merge
+from s2a.prepare.cache import pack, recall, unpack
 from s2a.prepare.colliders import Handle
 from s2a.prepare.mass import box_mass
 from s2a.prepare.pose import opening_direction
@@ -69,7 +70,8 @@ def _pieces(scene: Scene, part: str, config: CarcassConfig) -> list[Mesh]:
         if front is not None:
             return [front]
     if scene.parts[part].parent is None:
-        return vhacd(mesh, config.pieces, config.resolution, config.max_vertices)
+        fineness = (config.pieces, config.resolution, config.max_vertices)
+        return unpack(recall("carcass", [mesh, repr(fineness)], lambda: pack(vhacd(mesh, *fineness))))
     return one_hull(mesh, config.max_vertices)
 
 

@@ -14,6 +14,7 @@ from s2a.errors import InputError
 from s2a.geometry.deviation import Deviation, deviation
 from s2a.geometry.rays import RayMesh, nearest_faces, ray_mesh
 from s2a.geometry.surfaces import centroids, merge, weld
+from s2a.prepare.cache import pack, recall, unpack
 from s2a.progress import track
 from s2a.scene import Mesh, Scene
 from s2a.usd.simscene import Reduction
@@ -128,11 +129,25 @@ def _decimate_group(
 ) -> tuple[Mesh, np.ndarray, Reduction]:
     """Return the decimated mesh of some parts, the number of the part that each face belongs to, and what was done."""
     meshes = [scene.parts[i].mesh for _, i in members]
-    owner = np.repeat([k for k, _ in members], [len(mesh.faces) for mesh in meshes])
-    whole = weld(merge(meshes))
+    number = np.array([k for k, _ in members])
+    owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
+
+    def make() -> dict[str, np.ndarray]:
+        mesh, part, asked, error = _fewer(weld(merge(meshes)), owner, ratio, config)
+        figures = np.array([asked, error.mean, error.p99, error.max])
+        return {**pack([mesh]), "part": part, "figures": figures}
+
+    found = recall("decimate", [*meshes, name, repr((ratio, config))], make)
+    mesh, (asked, *error) = unpack(found)[0], found["figures"].tolist()
+    return mesh, number[found["part"]], Reduction(name, len(owner), len(mesh.faces), round(asked), *error)
+
+
+def _fewer(
+    whole: Mesh, owner: np.ndarray, ratio: float, config: DecimateConfig
+) -> tuple[Mesh, np.ndarray, int, Deviation]:
+    """Return a mesh with fewer faces, the owner of each, how many were asked for, and how far off its surface is."""
     if config.mode == "none" or not whole.face_areas.sum() > 0:
-        count = len(whole.faces)
-        return whole, owner, Reduction(name, count, count, count, 0.0, 0.0, 0.0)
+        return whole, owner, len(whole.faces), Deviation(0.0, 0.0, 0.0)
     tree = ray_mesh(whole.vertices, whole.faces)
     if config.mode == "error":
         fewer, error = decimate_within(whole, tree, config)
@@ -140,11 +155,10 @@ def _decimate_group(
     else:
         fewer, asked = decimate(whole, ratio, config.aggressiveness), round(ratio * len(whole.faces))
         error = deviation(whole, fewer, config.samples, tree=tree)
-    reduction = Reduction(name, len(whole.faces), len(fewer.faces), asked, error.mean, error.p99, error.max)
     if len(fewer.faces) == len(whole.faces):
-        return whole, owner, reduction
+        return whole, owner, asked, error
     colored = Mesh(fewer.vertices, fewer.faces, _nearest_colors(whole, tree, fewer.vertices))
-    return colored, owner[nearest_faces(tree, centroids(fewer))[0]], reduction
+    return colored, owner[nearest_faces(tree, centroids(fewer))[0]], asked, error
 
 
 def _collapse(mesh: Mesh, target: int, aggressiveness: float, preserve_border: bool) -> tuple[np.ndarray, np.ndarray]:

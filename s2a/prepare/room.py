@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from s2a.geometry.convex import column, cut_free
 from s2a.geometry.decompose import one_hull, vhacd
 from s2a.geometry.planes import find_planes, slabs
 from s2a.geometry.surfaces import centroids, keep
+from s2a.prepare.cache import pack, recall, unpack
 from s2a.prepare.decimate import is_shell
 from s2a.progress import track
 from s2a.scene import Mesh, Scene
@@ -80,7 +82,8 @@ def room_colliders(
     for i in track(order, "room colliders"):
         if len(found) >= config.pieces:
             break
-        pieces = _pieces(near[i], flat[i], config)
+        made = partial(_packed_pieces, near[i], flat[i], config)
+        pieces = unpack(recall("room", [near[i], repr((flat[i], config))], made))
         free = [cut_all(piece, obstacles) for piece in pieces]
         found += [Collider(i, piece) for piece in free if piece is not None]
     return tuple(found[: config.pieces])
@@ -91,6 +94,10 @@ def cut_all(piece: Mesh | None, obstacles: Sequence[Mesh]) -> Mesh | None:
     for obstacle in obstacles:
         piece = None if piece is None else cut_free(piece, obstacle)
     return piece
+
+
+def _packed_pieces(mesh: Mesh, is_flat: bool, config: RoomConfig) -> dict[str, np.ndarray]:
+    return pack(_pieces(mesh, is_flat, config))
 
 
 def _pieces(mesh: Mesh, is_flat: bool, config: RoomConfig) -> list[Mesh]:

@@ -20,7 +20,7 @@ from s2a.sim.simulation import SimConfig
 from s2a.task.env import OpenDrawerEnv
 from s2a.task.open_drawer import OpenDrawerConfig
 from s2a.verbs.train import simulation
-from s2a.verbs.trained import check_world
+from s2a.verbs.trained import read_world
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Config:
         worlds: copies of the stage, one episode each.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the start noise.
-        sim: how physics is stepped; for a checkpoint, as it was trained.
-        task: what the robot has to do.
+        sim: how physics is stepped; a checkpoint brings that of its training.
+        task: what the robot has to do; a checkpoint brings that of its training.
         reward: weight of each reward term.
         policy: the planner's motion.
         pictures: folder for before.png and after.png (world 0 at its widest opening), or null.
@@ -80,18 +80,18 @@ class Album:
 
 def run(config: Config) -> str:
     """Run one episode in every world, write the metrics, and return the rates."""
-    if config.checkpoint:
-        check_world(config.sim, config.task, config.checkpoint)
+    world = read_world(config.checkpoint) if config.checkpoint else None
+    sim_config, task = world or (config.sim, config.task)
     with aside(config.out) as out:
-        sim = simulation(config.stage, config.sim, config.worlds, config.device)
-        env = OpenDrawerEnv(sim, config.task, config.reward, config.seed)
+        sim = simulation(config.stage, sim_config, config.worlds, config.device)
+        env = OpenDrawerEnv(sim, task, config.reward, config.seed)
         policy = load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.policy)
         album = Album(env)
         metrics = evaluate(env, policy, album.watch) | {"seed": config.seed, **provenance(sim.device)}
         out.write_text(json.dumps(metrics, indent=1))
     if config.pictures:
         config.pictures.mkdir(parents=True, exist_ok=True)
-        album.save(Camera(sim.stage, config.sim.robot, config.camera), config.pictures)
+        album.save(Camera(sim.stage, sim_config.robot, config.camera), config.pictures)
     rates = {name: metrics[name] for name in ("success", "final_success", "handle_success")}
     lines = [f"  {name:16}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name, r in rates.items()]
     opening = f"  opening         mean {metrics['opening']['mean']:.3f} m, least {metrics['opening']['min']:.3f} m"

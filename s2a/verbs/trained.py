@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
-from s2a.config import leaves
+from s2a.config import load
 from s2a.errors import InputError
 from s2a.sim.simulation import SimConfig
 from s2a.task.open_drawer import OpenDrawerConfig
@@ -20,20 +19,17 @@ def write_world(sim: SimConfig, task: OpenDrawerConfig, out: Path) -> None:
     (out / FILE).write_text(json.dumps({"sim": asdict(sim), "task": asdict(task)}, indent=1))
 
 
-def check_world(sim: SimConfig, task: OpenDrawerConfig, checkpoint: Path) -> None:
-    """Raise an InputError that names the first key in which a checkpoint's training differs from what is given.
+def read_world(checkpoint: Path) -> tuple[SimConfig, OpenDrawerConfig] | None:
+    """Return the world that a checkpoint was trained in; None for one from elsewhere, which has no such file beside it.
 
-    Checkpoints without the file, from elsewhere, are taken as they are.
+    Raises:
+        InputError: the file was written by another version, or is damaged.
     """
     file = checkpoint.parent / FILE
     if not file.is_file():
-        return
-    trained = dict(leaves(json.loads(file.read_text())))
-    given: dict[str, Any] = dict(leaves(json.loads(json.dumps({"sim": asdict(sim), "task": asdict(task)}))))
-    different = [key for key in given if trained.get(key) != given[key]]
-    if different:
-        key = different[0]
-        raise InputError(
-            f"{checkpoint} was trained with {key}={trained.get(key)}, not {given[key]}"
-            f" ({len(different)} keys differ); add sim=paper, or the keys given to s2a train"
-        )
+        return None
+    try:
+        values = json.loads(file.read_text())
+        return load(SimConfig, values["sim"]), load(OpenDrawerConfig, values["task"])
+    except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
+        raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error

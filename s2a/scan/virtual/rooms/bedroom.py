@@ -24,7 +24,7 @@ def bedroom(rng: np.random.Generator) -> Room:
     width, depth, height = (
         4.7 + rng.uniform(-0.08, 0.08),
         4.35 + rng.uniform(-0.08, 0.08),
-        2.6 + rng.uniform(-0.05, 0.05),
+        2.5 + rng.uniform(-0.03, 0.05),
     )
     size = (width, depth, height)
     holes: dict[float, Hole] = {
@@ -130,7 +130,7 @@ def _walls(rng: np.random.Generator, size: tuple[float, float, float]) -> list[P
         *(cloth.curtain(rng, 0.32, 2.34, color).moved(at(width, y, 0.02, EAST)) for y in (1.9 - 0.82, 1.9 + 0.82)),
         cloth.curtain_rod(2.2).moved(at(width, 1.9, 2.38, EAST)),
         objects.heater(1.0).moved(at(width, 1.9, 0, EAST)),
-        decor.pendant_lamp(0.3, 0.18).moved(at(width / 2, depth / 2, height)),
+        decor.pendant_lamp(0.25, 0.18).moved(at(width / 2, depth / 2, height)),
     ]
 
 

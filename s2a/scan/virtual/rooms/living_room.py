@@ -24,9 +24,9 @@ ACCENTS: tuple[Color, ...] = ((204, 156, 60), (176, 84, 64), (70, 120, 130), (22
 def living_room(rng: np.random.Generator) -> Room:
     """Return a living room with eight pieces of furniture that open and more than forty other objects."""
     width, depth, height = (
-        5.5 + rng.uniform(-0.08, 0.08),
+        5.4 + rng.uniform(-0.08, 0.08),
         4.7 + rng.uniform(-0.08, 0.08),
-        2.6 + rng.uniform(-0.05, 0.05),
+        2.5 + rng.uniform(-0.03, 0.05),
     )
     size = (width, depth, height)
     holes: dict[float, Hole] = {
@@ -46,7 +46,7 @@ def living_room(rng: np.random.Generator) -> Room:
     return Room(tuple(pieces), _scanners(rng, size), size)
 
 
-SIDEBOARD_X, CABINET_X, TV_Y, CHEST_Y, WINDOW_Y, SOFA_X = 1.75, 3.5, 1.95, 1.8, 3.3, 2.75
+SIDEBOARD_X, CABINET_X, TV_Y, CHEST_Y, WINDOW_Y, SOFA_X = 1.75, 3.5, 1.95, 1.8, 3.3, 2.62
 """Middles of furniture along its wall; front of the sofa [m]."""
 
 
@@ -89,13 +89,13 @@ def _seats(rng: np.random.Generator) -> list[Piece]:
         soft_furniture.sofa(2.0, 2, color).moved(sofa),
         *pillows,
         Piece("blanket", throw).moved(sofa @ at(-0.7, -0.91, 0.602)),
-        chair.moved(around(rng, 1.05, 1.03, 0, SOUTH, 0.015)),
+        chair.moved(around(rng, 0.98, 1.03, 0, SOUTH, 0.01)),
     ]
 
 
 def _coffee_table(rng: np.random.Generator) -> list[Piece]:
     """Return the rug, the low table on it and what lies on the table."""
-    x, top = 2.08, 0.429
+    x, top = 2.03, 0.429
     return [
         cloth.rug(1.9, 1.3, ACCENTS[rng.integers(len(ACCENTS))], (96, 84, 76)).moved(
             at(x - 0.05, TV_Y, 0, rng.uniform(-2, 2))
@@ -160,7 +160,7 @@ def _walls(rng: np.random.Generator, size: tuple[float, float, float]) -> list[P
         *(cloth.curtain(rng, 0.32, 2.34, color).moved(at(width, WINDOW_Y + y, 0.02, EAST)) for y in (-0.82, 0.82)),
         cloth.curtain_rod(2.1).moved(at(width, WINDOW_Y, 2.38, EAST)),
         objects.heater(0.9).moved(at(3.45, 0, 0, SOUTH)),
-        decor.pendant_lamp(0.3, 0.2).moved(at(2.1, TV_Y + 0.3, height)),
+        decor.pendant_lamp(0.25, 0.2).moved(at(2.1, TV_Y + 0.3, height)),
     ]
 
 

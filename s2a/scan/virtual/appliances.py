@@ -122,13 +122,13 @@ def extractor(height: float) -> Piece:
 
 def washing_machine(rng: np.random.Generator) -> Piece:
     """Return a front loader, 0.6 x 0.58 x 0.85 m: a porthole hinged at the left, a soap drawer, a dial."""
-    deep, wide, high, z = 0.56, 0.6, 0.85, 0.42
+    deep, wide, high, z, hole = 0.56, 0.6, 0.85, 0.42, 0.145
     shell = [board.moved(at(deep, 0, 0.02)) for board in carcass((deep, wide, high - 0.02), 0.012, WHITE)]
     face = [
-        box((deep - 0.02, deep), (-wide / 2, wide / 2), (0.02, z - 0.2), WHITE),
-        box((deep - 0.02, deep), (-wide / 2, wide / 2), (z + 0.2, 0.71), WHITE),
+        box((deep - 0.02, deep), (-wide / 2, wide / 2), (0.02, z - hole), WHITE),
+        box((deep - 0.02, deep), (-wide / 2, wide / 2), (z + hole, 0.71), WHITE),
         box((deep - 0.02, deep), (-0.12, wide / 2), (0.715, high), WHITE),
-        *(box((deep - 0.02, deep), sorted_pair(0.2 * s, 0.3 * s), (z - 0.2, z + 0.2), WHITE) for s in (-1, 1)),
+        *(box((deep - 0.02, deep), sorted_pair(hole * s, 0.3 * s), (z - hole, z + hole), WHITE) for s in (-1, 1)),
     ]
     drum = lathe(
         [(0, -0.4), (0.24, -0.4), (0.24, 0), (0.2, 0), (0.2, -0.02), (0.23, -0.02), (0.23, -0.39), (0, -0.39)], METAL

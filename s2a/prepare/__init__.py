@@ -13,11 +13,14 @@ from s2a.prepare.carcass import CarcassConfig, freeze, hand_corridor
 from s2a.prepare.colliders import ColliderConfig, find_handle, target_colliders
 from s2a.prepare.decimate import DecimateConfig, decimate_room
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
-from s2a.prepare.motion import sweep
+from s2a.prepare.motion import deepest, sweep
 from s2a.prepare.pose import find_grasp, lever_arm
 from s2a.prepare.room import RoomConfig, room_colliders
 from s2a.scene import Scene
 from s2a.usd.simready import SimBody, SimScene
+
+CLASH = 1e-4
+"""[m] Colliders of target and carcass that overlap by less touch at most."""
 
 
 @dataclass(frozen=True)
@@ -62,27 +65,35 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
     way = sweep(merge([visual, *(collider.mesh for collider in colliders)]), joint)
     base = find_base(scene, target, grasp, moving, way, config.base)
     looks = decimate_room(scene, room, config.decimate)
+    pieces, trimmed = room_colliders(scene, room, np.array(base.position), np.array(grasp.point), way, config.room)
+    carcass = freeze(scene, target, frozen, hand_corridor(handle, grasp, config.carcass), config.carcass)
+    mass, source = moving_mass(scene, moving, config.mass)
+    clash = deepest([c.mesh for c in colliders], [c.mesh for c in carcass.colliders], joint)
     return SimScene(
         name=scene.name,
-        carcass=freeze(scene, target, frozen, hand_corridor(handle, grasp, config.carcass), config.carcass),
-        target=SimBody(
-            target,
-            visual,
-            colliders,
-            box_mass(visual, moving_mass(scene, moving, config.mass), frame),
-        ),
+        carcass=carcass,
+        target=SimBody(target, visual, colliders, box_mass(visual, mass, frame, source)),
         joint=joint,
         grasp=grasp,
         static_visual=looks.mesh,
-        static_colliders=room_colliders(scene, room, np.array(base.position), np.array(grasp.point), way, config.room),
+        static_colliders=pieces,
         base_position=base.position,
         base_orientation=base.orientation,
+        friction=config.friction * lever_arm(joint, np.array(grasp.point)),
+        base_reason=base.reason,
+        notes=_notes(target, carcass.id, trimmed, clash),
+        filtered=clash > CLASH,
         static_parts=looks.parts,
         static_face_part=looks.face_part,
         reductions=looks.reductions,
-        base_reason=base.reason,
-        friction=config.friction * lever_arm(joint, np.array(grasp.point)),
     )
+
+
+def _notes(target: str, carcass: str, trimmed: tuple[str, ...], clash: float) -> tuple[str, ...]:
+    """Return in words what was done so that nothing is in the way of the target."""
+    cut = [f"cut where {target} moves or the robot stands: {', '.join(trimmed)}"] if trimmed else []
+    apart = f"no contact between {target} and {carcass}: their colliders overlap by {1000 * clash:.1f} mm on its way"
+    return (*cut, *([apart] if clash > CLASH else []))
 
 
 def split(scene: Scene, target: str) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:

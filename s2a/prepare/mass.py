@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from s2a.geometry.convex import hull, volume
 from s2a.scene import Mesh, Scene
-from s2a.usd.simready import Mass
+from s2a.usd.simscene import Mass
 
 
 @dataclass(frozen=True)
@@ -19,17 +20,17 @@ class MassConfig:
         priors: mass [kg] of a moving part by the last word of its label.
         lowest: smallest estimate [kg].
         highest: largest estimate [kg].
-        areal_density: [kg/m^2] of scanned surface, for labels without a prior.
+        density: [kg/m^3] of the convex hull of the scanned surface, for labels without a prior.
     """
 
     priors: dict[str, float]
     lowest: float
     highest: float
-    areal_density: float
+    density: float
 
 
-def moving_mass(scene: Scene, members: tuple[str, ...], config: MassConfig) -> float:
-    """Return the mass of a body [kg]: what is annotated, else by its label, else by its scanned area within bounds.
+def moving_mass(scene: Scene, members: tuple[str, ...], config: MassConfig) -> tuple[float, str]:
+    """Return the mass of a body [kg] and where it comes from: annotated, else its label, else its volume within bounds.
 
     Args:
         scene: the room.
@@ -38,21 +39,23 @@ def moving_mass(scene: Scene, members: tuple[str, ...], config: MassConfig) -> f
     """
     annotated = [scene.parts[i].mass for i in members]
     if annotated[0] is not None:
-        return float(sum(mass for mass in annotated if mass is not None))
+        return float(sum(mass for mass in annotated if mass is not None)), "annotated"
     words = scene.parts[members[0]].label.lower().replace("_", " ").split()
     if words and words[-1] in config.priors:
-        return config.priors[words[-1]]
-    area = sum(float(scene.parts[i].mesh.face_areas.sum()) for i in members)
-    return float(np.clip(config.areal_density * area, config.lowest, config.highest))
+        return config.priors[words[-1]], f"usual for a {words[-1]}"
+    closed = hull(np.concatenate([scene.parts[i].mesh.vertices for i in members]))
+    estimate = config.density * (volume(closed) if closed is not None else 0.0)
+    return float(np.clip(estimate, config.lowest, config.highest)), "volume of its hull"
 
 
-def box_mass(mesh: Mesh, mass: float, frame: np.ndarray) -> Mass:
+def box_mass(mesh: Mesh, mass: float, frame: np.ndarray, source: str = "") -> Mass:
     """Return centre and inertia of a solid box that bounds a mesh.
 
     Args:
         mesh: the body's surface, which is open and says nothing of what is inside.
         mass: [kg].
         frame: the box's axes as columns of a rotation [3 3].
+        source: where the mass comes from.
     """
     along = mesh.vertices @ frame if len(mesh.vertices) else np.zeros((1, 3))
     low, high = along.min(axis=0), along.max(axis=0)
@@ -60,4 +63,4 @@ def box_mass(mesh: Mesh, mass: float, frame: np.ndarray) -> Mass:
     inertia = mass / 12.0 * (squares.sum() - squares)
     center = frame @ ((low + high) / 2)
     axes = Rotation.from_matrix(frame).as_quat(canonical=True)
-    return Mass(mass, tuple(map(float, center)), tuple(map(float, inertia)), tuple(map(float, axes)))  # type: ignore[arg-type]
+    return Mass(mass, tuple(map(float, center)), tuple(map(float, inertia)), tuple(map(float, axes)), source)  # type: ignore[arg-type]

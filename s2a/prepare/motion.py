@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.geometry.convex import hull
+from s2a.geometry.convex import hull, overlap
 from s2a.scene import Joint, Mesh
 
 
@@ -15,6 +17,15 @@ def displace(points: np.ndarray, joint: Joint, coordinate: float) -> np.ndarray:
     if joint.kind == "prismatic":
         return points + coordinate * axis
     return Rotation.from_rotvec(coordinate * axis).apply(points - origin) + origin
+
+
+def deepest(pieces: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, steps: int = 8) -> float:
+    """Return the radius of the largest ball [m] that fits into both a moving piece and another, anywhere along a joint."""
+    worst = 0.0
+    for q in np.linspace(*joint.limits, steps):
+        moved = [Mesh(displace(piece.vertices, joint, q), piece.faces) for piece in pieces]
+        worst = max([worst, *(overlap(piece, other) for piece in moved for other in others)])
+    return worst
 
 
 def sweep(mesh: Mesh, joint: Joint, step: float = 0.2) -> list[Mesh]:

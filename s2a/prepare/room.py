@@ -59,8 +59,8 @@ class RoomConfig:
 
 def room_colliders(
     scene: Scene, parts: Sequence[str], base: np.ndarray, grasp: np.ndarray, swept: Sequence[Mesh], config: RoomConfig
-) -> tuple[Collider, ...]:
-    """Return convex pieces of the parts near the robot.
+) -> tuple[tuple[Collider, ...], tuple[str, ...]]:
+    """Return convex pieces of the parts near the robot, and the ids of the parts of which something was cut off.
 
     None reaches into the column above the robot's base or into the way of the target: what would, is cut off.
 
@@ -79,6 +79,7 @@ def room_colliders(
     # Walls and floor are few boxes, which no clutter may crowd out.
     order = sorted(near, key=lambda i: (not flat[i], _distance(near[i], base, grasp)))
     found: list[Collider] = []
+    trimmed: list[str] = []
     for i in track(order, "room colliders"):
         if len(found) >= config.pieces:
             break
@@ -86,7 +87,8 @@ def room_colliders(
         pieces = unpack(recall("room", [near[i], repr((flat[i], config))], made))
         free = [cut_all(piece, obstacles) for piece in pieces]
         found += [Collider(i, piece) for piece in free if piece is not None]
-    return tuple(found[: config.pieces])
+        trimmed += [i] if any(cut is not piece for cut, piece in zip(free, pieces, strict=True)) else []
+    return tuple(found[: config.pieces]), tuple(trimmed)
 
 
 def cut_all(piece: Mesh | None, obstacles: Sequence[Mesh]) -> Mesh | None:

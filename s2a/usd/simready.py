@@ -45,6 +45,10 @@ def write(sim_scene: SimScene, path: Path) -> None:
     carcass, target = f"{ROOT}/{sim_scene.carcass.id}", f"{ROOT}/{sim_scene.target.id}"
     _write_body(stage, carcass, sim_scene.carcass, surface, root=True)
     _write_body(stage, target, sim_scene.target, surface, root=False)
+    if sim_scene.filtered:
+        # Simulators that do not leave out a joint's two bodies by themselves need to be told.
+        pairs = UsdPhysics.FilteredPairsAPI.Apply(stage.GetPrimAtPath(target))
+        pairs.CreateFilteredPairsRel().SetTargets([carcass])
     _write_grasp(stage, target, sim_scene.grasp)
     UsdGeom.Scope.Define(stage, f"{ROOT}/joints")
     write_fixed_joint(stage, f"{ROOT}/joints/{sim_scene.carcass.id}", carcass)
@@ -103,6 +107,8 @@ def _write_body(stage: Usd.Stage, path: str, body: SimBody, surface: UsdShade.Ma
     prim = write_body(stage, path, root=root).GetPrim()
     if not root:
         write_attribute(prim, "target", Types.Int, 1)
+    if body.mass.source:
+        write_attribute(prim, "massSource", Types.String, body.mass.source)
     mass = UsdPhysics.MassAPI.Apply(prim)
     mass.CreateMassAttr(body.mass.mass)
     mass.CreateCenterOfMassAttr(Gf.Vec3f(*body.mass.center))

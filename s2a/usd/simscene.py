@@ -122,8 +122,8 @@ class SimScene:
         base_orientation: how it is turned, quaternion xyzw; its x axis points at the furniture.
         friction: dry friction of the joint [N] or [N m].
         base_reason: why the robot stands there, in words.
-        free: objects that lie about and can be lifted.
         notes: what was changed beyond what was scanned, in sentences.
+        filtered: whether target and carcass do not collide, because their pieces overlap somewhere on the target's way.
         static_parts: ids of the room's parts, to which `static_face_part` points.
         static_face_part: index of the part that each face of `static_visual` belongs to, shape [face], int32.
         reductions: what decimation did to the room's looks.
@@ -140,8 +140,8 @@ class SimScene:
     base_orientation: Quat
     friction: float = 0.0
     base_reason: str = ""
-    free: tuple[SimBody, ...] = ()
     notes: tuple[str, ...] = ()
+    filtered: bool = False
     static_parts: tuple[str, ...] = ()
     static_face_part: np.ndarray | None = field(default=None, compare=False)
     reductions: tuple[Reduction, ...] = ()

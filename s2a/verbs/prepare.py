@@ -8,7 +8,7 @@ from pathlib import Path
 from s2a.outputs import aside
 from s2a.prepare import PrepareConfig, prepare
 from s2a.usd import geometric, simready
-from s2a.usd.simscene import Reduction
+from s2a.usd.simscene import Reduction, SimScene
 
 
 @dataclass(frozen=True)
@@ -17,24 +17,33 @@ class Config:
 
     Attributes:
         stage: the geometric.usd.
-        target: id of the part that the robot is to move, such as drawer_7.
-        out: the sim.usd to write.
+        target: id of the part that the robot is to move, such as drawer_7, or several of them: a stage for each.
+        out: the sim.usd to write; for several targets a folder, in which each becomes <target>.usd.
         prepare: how the scene is prepared.
     """
 
     stage: Path
-    target: str
+    target: str | tuple[str, ...]
     out: Path
     prepare: PrepareConfig
 
 
 def run(config: Config) -> str:
-    """Read the stage, prepare the target, write sim.usd, and return what is in it."""
-    scene = prepare(geometric.read(config.stage), config.target, config.prepare)
-    with aside(config.out) as out:
+    """Read the stage, prepare every target, write its sim.usd, and return what is in it."""
+    scene = geometric.read(config.stage)
+    if isinstance(config.target, str):
+        return _write(prepare(scene, config.target, config.prepare), config.out)
+    for target in config.target:
+        scene.joint(target)  # an immovable one is refused before the first is worked on
+    return "\n".join(_write(prepare(scene, i, config.prepare), config.out / f"{i}.usd") for i in config.target)
+
+
+def _write(scene: SimScene, path: Path) -> str:
+    """Write a scene and return what is in it."""
+    with aside(path) as out:
         simready.write(scene, out)
     moving, room = len(scene.target.colliders), len(scene.static_colliders)
-    lines = [f"{config.out}: {scene.target.id} on {scene.carcass.id}; {moving} convex pieces, the room {room}"]
+    lines = [f"{path}: {scene.target.id} on {scene.carcass.id}; {moving} convex pieces, the room {room}"]
     lines += [_told(reduction) for reduction in scene.reductions]
     lines += [f"  robot: {scene.base_reason}", *(f"  {note}" for note in scene.notes)]
     return "\n".join(lines)

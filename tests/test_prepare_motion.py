@@ -1,0 +1,103 @@
+"""What the target weighs, what it meets on its way, and stages for several targets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cabinet_rooms import clean_cabinet_room
+from pxr import Usd
+from settings import load
+
+from s2a import config as configuration
+from s2a.errors import InputError
+from s2a.geometry.convex import box, overlap
+from s2a.prepare import PrepareConfig, prepare
+from s2a.prepare.mass import MassConfig, moving_mass
+from s2a.prepare.motion import deepest, displace
+from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.usd import geometric, simready
+from s2a.usd.simscene import SimScene
+from s2a.verbs import prepare as verb
+
+SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))
+
+
+def cube(x: float, size: float = 0.1) -> Mesh:
+    return box(np.array([x, 0.0, 0.0]), np.eye(3), np.full(3, size))
+
+
+def coarse() -> PrepareConfig:
+    settings = load(PrepareConfig, "prepare/handle")
+    carcass, room = (replace(part, resolution=3000) for part in (settings.carcass, settings.room))
+    return replace(settings, carcass=carcass, room=room)
+
+
+@pytest.fixture(scope="module")
+def prepared() -> SimScene:
+    return prepare(clean_cabinet_room(), "drawer_7", coarse())
+
+
+def weigh(part: Part) -> tuple[float, str]:
+    settings: MassConfig = load(PrepareConfig, "prepare/handle").mass
+    return moving_mass(Scene("one", {"part_1": part}), ("part_1",), replace(settings, density=200.0))
+
+
+def test_an_unknown_thing_weighs_what_its_hull_holds_within_bounds() -> None:
+    # 0.25 m cubed times 200 kg/m^3
+    assert weigh(Part("tray", cube(0.0, 0.25)))[0] == pytest.approx(0.25**3 * 200.0, rel=1e-5)
+    assert weigh(Part("tray", cube(0.0, 0.02)))[0] == 1.0
+    assert weigh(Part("tray", cube(0.0, 2.0)))[0] == 10.0
+
+
+def test_the_label_and_the_annotation_know_better() -> None:
+    assert weigh(Part("kitchen drawer", cube(0.0, 2.0))) == (5.3, "usual for a drawer")
+    assert weigh(Part("drawer", cube(0.0, 2.0), mass=3.0)) == (3.0, "annotated")
+
+
+def test_the_centre_of_mass_lies_inside_the_part(prepared: SimScene) -> None:
+    low, high = prepared.target.visual.bounds
+    assert (prepared.target.mass.center > low).all() and (prepared.target.mass.center < high).all()
+
+
+def test_a_clash_is_found_where_it_is_deepest() -> None:
+    # A cube of 0.1 m slides through one of 0.06 m, into which no ball of more than 0.03 m fits.
+    assert deepest([cube(0.0)], [cube(0.2, 0.06)], SLIDE, steps=9) == pytest.approx(0.03, abs=1e-4)
+    assert deepest([cube(0.0)], [cube(-0.1)], SLIDE) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("share", np.linspace(0.0, 1.0, 6))
+def test_no_collider_of_the_room_is_met_on_the_way(share: float, prepared: SimScene) -> None:
+    lower, upper = prepared.joint.limits
+    q = lower + share * (upper - lower)
+    moved = [Mesh(displace(c.mesh.vertices, prepared.joint, q), c.mesh.faces) for c in prepared.target.colliders]
+    assert max(overlap(a, b.mesh) for a in moved for b in prepared.static_colliders) < 5e-4
+
+
+def test_pieces_that_overlap_on_the_way_are_filtered_and_the_stage_says_so(prepared: SimScene, tmp_path: Path) -> None:
+    for clash in (True, False):
+        simready.write(replace(prepared, filtered=clash, notes=("told",)), tmp_path / "sim.usda")
+        stage = Usd.Stage.Open(str(tmp_path / "sim.usda"))
+        stage.Reload()
+        pairs = stage.GetPrimAtPath("/scene/drawer_7").GetRelationship("physics:filteredPairs").GetTargets()
+        assert [str(path) for path in pairs] == (["/scene/cabinet_3"] if clash else [])
+        assert list(stage.GetDefaultPrim().GetAttribute("s2a:notes").Get()) == ["told"]
+
+
+def test_several_targets_become_a_stage_each(tmp_path: Path) -> None:
+    geometric.write(clean_cabinet_room(), tmp_path / "room.usd")
+    given = [f"stage={tmp_path / 'room.usd'}", "target=[drawer_7,door_5]", f"out={tmp_path / 'sims'}"]
+    given += ["prepare.carcass.resolution=3000", "prepare.room.resolution=3000", "prepare.base.search=false"]
+    told = verb.run(configuration.load(verb.Config, configuration.compose("prepare", given)))
+    assert sorted(path.name for path in (tmp_path / "sims").iterdir()) == ["door_5.usd", "drawer_7.usd"]
+    assert "door_5 on cabinet_3" in told and "robot: 0.55 m before the handle" in told
+
+
+def test_nothing_is_written_where_one_of_several_does_not_move(tmp_path: Path) -> None:
+    geometric.write(clean_cabinet_room(), tmp_path / "room.usd")
+    given = [f"stage={tmp_path / 'room.usd'}", "target=[drawer_7,table_4]", f"out={tmp_path / 'sims'}"]
+    with pytest.raises(InputError, match="drawer_7, "):
+        verb.run(configuration.load(verb.Config, configuration.compose("prepare", given)))
+    assert not (tmp_path / "sims").exists()

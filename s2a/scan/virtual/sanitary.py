@@ -117,7 +117,7 @@ def mirror_cabinet(rng: np.random.Generator, width: float, height: float) -> Pie
     for side in (LEFT, RIGHT):
         board = panel((0.016, wide, tall), CERAMIC)
         glass = box(
-            (0, 0.002), (0.02 - wide / 2, wide / 2 - 0.02), (0.02 - tall / 2, tall / 2 - 0.02), MIRROR, dropout=0.5
+            (0, 0.006), (0.02 - wide / 2, wide / 2 - 0.02), (0.02 - tall / 2, tall / 2 - 0.02), MIRROR, dropout=0.5
         )
         grip = door_edge(side, wide, 0.08 - tall / 2 + 0.1, 0.16)
         leaf = hinged("mirror", join(board, glass), side, grip).tilted(rng, 0.05)

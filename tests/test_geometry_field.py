@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from s2a.geometry.field import FusionConfig, fuse
 from s2a.geometry.nets import Net, extract
 from s2a.geometry.rays import NoiseConfig, cast_panorama, nearest_faces, pixel_tangents, ray_mesh
-from s2a.scan.virtual.solids import box, rotation, translation
+from s2a.scan.virtual.solids import box, join, rotation, translation
 
 EXACT = NoiseConfig(white=0.0, correlated=0.0, correlation=0.1, registration=0.0, grazing=0.0, blind=np.pi / 2)
-FUSION = FusionConfig(voxel=0.02, truncation=3.0, reach=1.3, stencil=1)
+FUSION = FusionConfig(voxel=0.02, truncation=3.0, reach=1.3, depth=9.0, stencil=1)
+GREY = (200, 200, 200)
 SPACING = 0.008
 SPAN = (-0.5, 0.5)
 
@@ -80,3 +83,22 @@ def test_nothing_returns_from_below_the_tripod() -> None:
     ranges = panorama(0.0, (0.0, 0.0, 0.0), noise)
     lost = (ranges == 0.0).mean()
     assert 0.10 < lost < 0.20, "a cap of 45 degrees covers 14.6 % of the sphere"
+
+
+def test_what_lies_deep_in_a_shadow_is_not_taken_for_filled() -> None:
+    """A bar of 0.08 m stands 0.16 m before a wall, seen from above: its plane, drawn on, would fill the gap."""
+    whole = join(
+        box((0.5, 0.6), (-1, 1), (-1, 1), (200, 200, 200)),
+        box((0.26, 0.34), (-0.3, 0.3), (-0.04, 0.04), (200, 200, 200)),
+    )
+    place = np.array([(-0.5, 0.0, 0.5)])
+    pose, mesh = translation(tuple(place[0])), ray_mesh(whole.vertices, whole.faces)
+    seen = [cast_panorama(mesh, whole.dropout, pose, SPACING, EXACT, np.random.default_rng(0))]
+
+    def phantoms(depth: float) -> int:
+        config = replace(FUSION, depth=depth, truncation=5.0)
+        points = extract(fuse(seen, place, SPACING, np.array([(-0.8,) * 3, (0.8,) * 3]), config)).points
+        off = nearest_faces(mesh, points)[1] > 1.5 * FUSION.voxel
+        return int((off & (points[:, 0] > 0.34) & (points[:, 0] < 0.5)).sum())
+
+    assert phantoms(3.0) < 0.5 * phantoms(12.0)

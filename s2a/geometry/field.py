@@ -29,12 +29,15 @@ class FusionConfig:
         truncation: distances beyond this are cut off [voxel].
         reach: voxels farther than this from every measured point are left out [voxel]; the farther, the longer the skirts
             that are drawn along the edges of shadows (webs behind handles).
+        depth: how far behind a measured point, along its ray, its plane still says what is filled [voxel]; the farther, the
+            more of the gap behind a handle that is seen from above or aside is taken for the handle's inside.
         stencil: pixels between the neighbours from which a pixel's normal is estimated.
     """
 
     voxel: float
     truncation: float
     reach: float
+    depth: float
     stencil: int
 
 
@@ -161,6 +164,7 @@ def _fuse(
     origin: wp.vec3,
     voxel: float,
     truncation: float,
+    depth: float,
     ranges: wp.array(dtype=float),
     planes: wp.array(dtype=wp.vec4),
     scanner: wp.vec3,
@@ -179,7 +183,7 @@ def _fuse(
     normal = wp.vec3(plane[0], plane[1], plane[2])
     far = wp.length(x)
     d = wp.dot(x, normal) - plane[3]
-    if d < -truncation or far - r > 3.0 * truncation:
+    if d < -truncation or far - r > 3.0 * truncation or (d < -1.4 * voxel and far - r > depth):
         return
     w = wp.abs(wp.dot(x, normal)) / (far * far)
     if d < -voxel:
@@ -215,7 +219,8 @@ def fuse(
         pixels = wp.array(ranges, dtype=float, device="cpu", copy=False)
         planes = wp.zeros(len(ranges), dtype=wp.vec4, device="cpu")
         wp.launch(_planes, len(ranges), inputs=[pixels, tangents, config.stencil], outputs=[planes], device="cpu")
-        band = [field.blocks, field.origin, config.voxel, config.voxel * config.truncation]
+        lengths = [config.voxel, config.voxel * config.truncation, config.voxel * config.depth]
+        band = [field.blocks, field.origin, *lengths]
         seen = [pixels, planes, wp.vec3(*map(float, scanner)), len(tangents)]
         wp.launch(_fuse, len(field.weight), inputs=band + seen, outputs=[field.distance, field.weight], device="cpu")
     wp.launch(_average, len(field.weight), inputs=[field.weight], outputs=[field.distance], device="cpu")

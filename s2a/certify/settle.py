@@ -88,10 +88,13 @@ def settle(pieces: Sequence[Mesh], support: Mesh, config: SettleConfig, hangs_on
         raise ValueError("an object without convex pieces cannot be dropped")
     bounds = np.array([piece.bounds for piece in pieces])
     center = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
-    model = _model(pieces, _near(support, bounds, config), center, config)
-    if hangs_on is not None:
-        return _hangs(model, np.asarray(hangs_on, float), config)
-    return _dropped(model, config)
+    triangles = _near(support, bounds, config)
+    if hangs_on is None:
+        return _dropped(_model(pieces, triangles, center, config), config)
+    # The wall alone: a prism behind a ragged edge of the scan would reach into the room.
+    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    wall = triangles[across @ hangs_on < -0.5 * np.linalg.norm(across, axis=1)]
+    return _hangs(_model(pieces, wall, center, config), np.asarray(hangs_on, float), config)
 
 
 def _dropped(model: mujoco.MjModel, config: SettleConfig) -> Settled:

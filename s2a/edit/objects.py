@@ -71,6 +71,8 @@ def read_object(path: Path, config: ObjectConfig) -> ObjectFile:
             f"{path}: no such file; give a mesh ({', '.join(MESHES)}) or a USD stage ({', '.join(STAGES)})"
         )
     ending = path.suffix.lower()
+    unit: float | None
+    up: str | None
     if ending in STAGES:
         raw, unit, up = _read_stage(path)
     elif ending in MESHES:
@@ -201,7 +203,8 @@ def _together(shapes: list[Shape]) -> Shape:
     vertices, faces, colors, start = [np.empty((0, 3))], [np.empty((0, 3), int)], [np.empty((0, 3), np.uint8)], 0
     for points, triangles, paint in shapes:
         triangles = triangles[((triangles >= 0) & (triangles < len(points))).all(axis=1)]
-        triangles = triangles[np.isfinite(points).all(axis=1)[triangles].all(axis=1)]
+        finite = np.asarray(np.isfinite(points).all(axis=1))
+        triangles = triangles[finite[triangles].all(axis=1)]
         vertices.append(np.nan_to_num(points, posinf=0.0, neginf=0.0))
         faces.append(triangles + start)
         colors.append(np.full(points.shape, GREY, np.uint8) if paint is None else paint)

@@ -140,9 +140,10 @@ def _tried(scene, object, region, one: Candidate, base, ways, relation, config, 
     pose = Pose(tuple(start.tolist()), quaternion, one.room, number)
     reach = 0.1 if relation == "against" else 2 * config.lift
     local = nearby(scene, *_grown(pose.moved(object).bounds, reach + 0.01))
-    pose = pushed(pose, object, local, toward, 2 * config.lift, config.gap)
-    if pose is None:
+    lowered = pushed(pose, object, local, toward, 2 * config.lift, config.gap)
+    if lowered is None:
         return None, "carry nothing"
+    pose = lowered
     if relation == "against":
         back = turn @ np.array([-1.0, 0.0, 0.0])
         pose = pushed(pose, object, local, back, reach, config.back) or pose

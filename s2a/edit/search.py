@@ -134,7 +134,7 @@ def candidates(
     spectra = fft.rfft2(np.stack([~board.carries, *board.layers]).astype(np.float32), shape)
     room = _room(board) * region.cell
     nearness = _nearness(board, region, wish, config)
-    walls = board.layers[board.layers.shape[0] // 2 :].any(axis=0)
+    walls = np.asarray(board.layers[board.layers.shape[0] // 2 :].any(axis=0))
     points = np.concatenate([sample(object, config.samples, seed=0), object.vertices])
     turns = np.radians(config.turns) if region.kind != "vertical" else np.zeros(1)
     found: list[Candidate] = []

@@ -73,6 +73,8 @@ def test_a_defect_of_motion_is_named(defect: Callable[[Usd.Stage], None], stage:
     found = {check.name: check for check in physics_motion.motion(World(stage, CONFIG.physics), QUICK.motion)}
     check = found[MOTION[defect]]
     assert check.status == "fail" and check.value > check.bound and check.remedy
+    if defect is obstacle:
+        assert found["joint_sweep"].prim == ROOM
 
 
 def test_clean_furniture_keeps_still_runs_freely_and_survives_mujoco(stage: Path) -> None:

@@ -62,13 +62,16 @@ def rest(world: World, config: MotionConfig) -> list[Check]:
     newton.eval_fk(model, model.joint_q, model.joint_qd, state)
     names = [label.split("/")[-1] for label in model.body_label]
     own = [i for i, name in enumerate(names) if "panda" not in name]
-    start = state.body_q.numpy()[own]
-    moved, worst, coordinate = np.zeros(len(own)), 0, 0.0
+    start, moved = state.body_q.numpy()[own], np.zeros(len(own))
+    # Of each body its centre, and of the target (its frame is the scene's) also where it is held.
+    centers = model.body_com.numpy()[own]
+    held = [world.stage.grasp[:3] if names[i] == world.stage.target else c for i, c in zip(own, centers, strict=True)]
+    points = np.stack([centers, np.array(held)], axis=1)
     for step in range(round(config.open_time / world.dt)):
         solver.step(state, other, control, None, world.dt)
         state, other = other, state
         if (step + 1) % 12 == 0 and (step + 1) * world.dt <= config.settle_time + 1e-9:
-            moved = np.fmax(moved, _ways(start, state.body_q.numpy()[own], world.stage.grasp[:3]))
+            moved = np.fmax(moved, _ways(start, state.body_q.numpy()[own], points))
     coordinate = float(state.joint_q.numpy()[world.joint]) * world.lever
     moved = np.where(np.isfinite(state.body_q.numpy()[own]).all(axis=1), moved, np.nan)
     worst = int(np.argmax(np.where(np.isnan(moved), np.inf, moved)))
@@ -89,15 +92,18 @@ def rest(world: World, config: MotionConfig) -> list[Check]:
 def joint_sweep(world: World, config: MotionConfig) -> Check:
     """Push the part with a small force to its far limit and back to the near one."""
     data, lever, limits = world.data(), world.lever, world.stage.limits
-    world.mj.opt.timestep = world.dt
+    world.mj.opt.timestep, joint = world.dt, f"/scene/joints/{world.stage.target}"
     far, near = (limits[1], limits[0]) if world.sign > 0 else limits
-    reached = []
+    reached, blocks = [], []
     for goal in (far, near):
         reached.append(abs(goal - _push(world, data, goal, config)) * lever)
+        blocks.append(_touched(world, data))
     worst = int(np.argmax(reached))
+    message = f"short of its {('open', 'closed')[worst]} limit when pushed with {config.force:g} N at the grasp"
+    stopped = reached[worst] > SLACK and blocks[worst]
     return judge(
-        "joint_sweep", float(reached[worst]), SLACK, "m", prim=f"/scene/joints/{world.stage.target}",
-        message=f"short of its {('open', 'closed')[worst]} limit when pushed with {config.force:g} N at the grasp",
+        "joint_sweep", float(reached[worst]), SLACK, "m", prim=blocks[worst] if stopped else joint,
+        message=f"{message}: it meets {blocks[worst]}" if stopped else message,
         remedy="free the way of what blocks it, or lower the joint's dry friction",
     )  # fmt: skip
 
@@ -165,13 +171,29 @@ def _push(world: World, data: mujoco.MjData, goal: float, config: MotionConfig) 
     return float(data.qpos[world.joint])
 
 
-def _ways(start: np.ndarray, now: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Return how far a point of the scene [3], held fast by each body, and the bodies' origins moved [m], shape [body]."""
+def _touched(world: World, data: mujoco.MjData) -> str:
+    """Return the path of the collider that presses hardest on the target; empty if none does."""
+    own, force, found = set(world.geoms(world.stage.target)), np.zeros(6), [(0.0, "")]
+    for i, contact in enumerate(data.contact):
+        pair = (int(contact.geom1), int(contact.geom2))
+        if len(own & set(pair)) == 1:
+            mujoco.mj_contactForce(world.mj, data, i, force)
+            found.append((float(force[0]), world.labels[next(geom for geom in pair if geom not in own)]))
+    return max(found)[1]
 
-    def carried(poses: np.ndarray, at: np.ndarray) -> np.ndarray:
-        x, y, z, w = poses[:, 3:].T
-        axis = np.stack([x, y, z], axis=1)
-        turned = at + 2.0 * np.cross(axis, np.cross(axis, at) + w[:, None] * at)
-        return turned + poses[:, :3]
 
-    return np.fmax(*(np.linalg.norm(carried(now, at) - carried(start, at), axis=1) for at in (point, np.zeros(3))))
+def _ways(start: np.ndarray, now: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return how far bodies moved [m], shape [body].
+
+    Args:
+        start: their poses, shape [body 7].
+        now: the same, later.
+        points: what is watched of each, in its own frame [m], shape [body point 3].
+    """
+
+    def carried(poses: np.ndarray) -> np.ndarray:
+        axis, w = poses[:, None, 3:6], poses[:, None, 6:]
+        turned = points + 2.0 * np.cross(axis, np.cross(axis, points) + w * points)
+        return turned + poses[:, None, :3]
+
+    return np.linalg.norm(carried(now) - carried(start), axis=2).max(axis=1)

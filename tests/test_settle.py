@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2a.certify.settle import Settled, SettleConfig, settle
+from s2a.certify.settle import SettleConfig, Settled, settle
 from s2a.config import compose
 from s2a.config import load as typed
 from s2a.geometry.convex import box, column

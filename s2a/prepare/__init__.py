@@ -12,12 +12,13 @@ from s2a.prepare.base import BaseConfig, find_base
 from s2a.prepare.carcass import CarcassConfig, freeze, hand_corridor
 from s2a.prepare.colliders import ColliderConfig, find_handle, target_colliders
 from s2a.prepare.decimate import DecimateConfig, decimate_room
+from s2a.prepare.interior import drawer_box
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
 from s2a.prepare.motion import deepest, sweep
 from s2a.prepare.pose import find_grasp, lever_arm
 from s2a.prepare.room import RoomConfig, room_colliders
 from s2a.scene import Scene
-from s2a.usd.simready import SimBody, SimScene
+from s2a.usd.simscene import Collider, SimBody, SimScene
 
 CLASH = 1e-4
 """[m] Colliders of target and carcass that overlap by less touch at most."""
@@ -30,6 +31,7 @@ class PrepareConfig:
     Attributes:
         friction: dry friction of the target's joint as a force at the grasp point [N]; holds a drawer whose annotated axis
             is not quite level.
+        interior: whether a drawer gets the open box behind its front that a scan of the closed one cannot show.
         base: where the robot may stand.
         decimate: the immovable room's looks.
         colliders: the target's convex pieces.
@@ -39,6 +41,7 @@ class PrepareConfig:
     """
 
     friction: float
+    interior: bool
     base: BaseConfig
     decimate: DecimateConfig
     colliders: ColliderConfig
@@ -62,6 +65,9 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
     visual = merge([scene.parts[i].mesh for i in moving])
     handle, others = find_handle(scene, target, frame)
     colliders = target_colliders(scene, target, handle, others, config.colliders)
+    inside = drawer_box(scene, target) if config.interior else []
+    visual = merge([visual, *inside])
+    colliders += tuple(Collider(target, piece) for piece in inside)
     way = sweep(merge([visual, *(collider.mesh for collider in colliders)]), joint)
     base = find_base(scene, target, grasp, moving, way, config.base)
     looks = decimate_room(scene, room, config.decimate)
@@ -81,7 +87,7 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
         base_orientation=base.orientation,
         friction=config.friction * lever_arm(joint, np.array(grasp.point)),
         base_reason=base.reason,
-        notes=_notes(target, carcass.id, trimmed, clash),
+        notes=_notes(target, carcass.id, trimmed, clash, len(inside) > 0),
         filtered=clash > CLASH,
         static_parts=looks.parts,
         static_face_part=looks.face_part,
@@ -89,11 +95,12 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
     )
 
 
-def _notes(target: str, carcass: str, trimmed: tuple[str, ...], clash: float) -> tuple[str, ...]:
+def _notes(target: str, carcass: str, trimmed: tuple[str, ...], clash: float, box: bool) -> tuple[str, ...]:
     """Return in words what was done so that nothing is in the way of the target."""
     cut = [f"cut where {target} moves or the robot stands: {', '.join(trimmed)}"] if trimmed else []
     apart = f"no contact between {target} and {carcass}: their colliders overlap by {1000 * clash:.1f} mm on its way"
-    return (*cut, *([apart] if clash > CLASH else []))
+    added = [f"box behind the front of {target} added: it was not scanned"] if box else []
+    return (*cut, *added, *([apart] if clash > CLASH else []))
 
 
 def split(scene: Scene, target: str) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:

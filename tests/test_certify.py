@@ -13,7 +13,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 from settings import load
 
 from s2a import cli
-from s2a.certify import CertifyConfig, contents, foundation, shapes, static
+from s2a.certify import contents, foundation, shapes, static
+from s2a.certify.battery import CertifyConfig
 from s2a.certify.check import Check
 from s2a.certify.shapes import ShapeConfig
 from s2a.errors import InputError

@@ -14,7 +14,8 @@ from pxr import Gf, Usd, UsdGeom, Vt
 from settings import load
 from test_certify import JOINT, STATIC_DEFECTS, TARGET, attribute, edit
 
-from s2a.certify import CertifyConfig, certify, contents, gap, physics_grip, physics_motion
+from s2a.certify import contents, gap, physics_grip, physics_motion
+from s2a.certify.battery import CertifyConfig, certify
 from s2a.certify.physics import World
 from s2a.scene import Mesh
 from s2a.usd.joints import frame

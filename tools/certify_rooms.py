@@ -21,7 +21,8 @@ from rich.console import Console
 from rich.table import Table
 
 from s2a import config, scan
-from s2a.certify import CertifyConfig, certify, fingerprint, report
+from s2a.certify import report
+from s2a.certify.battery import CertifyConfig, certify, fingerprint
 from s2a.errors import InputError
 from s2a.outputs import aside
 from s2a.prepare import PrepareConfig, prepare

@@ -161,7 +161,8 @@ def joint_frames(contents: Contents) -> Check:
             (physics.GetLocalRot0Attr(), physics.GetLocalPos0Attr()),
             (physics.GetLocalRot1Attr(), physics.GetLocalPos1Attr()),
         ):
-            turned = Gf.Rotation(Gf.Quatd(rotation.Get() or Gf.Quatf(math.nan))).TransformDir(unit)
+            # Not Gf.Rotation: it goes through the angle, of which acos loses half the digits near zero.
+            turned = Gf.Quatd(rotation.Get() or Gf.Quatf(math.nan)).Transform(unit)
             scale = max(1.0, float(np.abs(origin).max()))
             away = np.subtract(place.Get() or [math.nan] * 3, origin) / scale
             worst = float(np.max([worst, np.abs(np.subtract(turned, axis)).max(), np.abs(away).max()]))

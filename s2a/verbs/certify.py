@@ -6,7 +6,8 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a.certify import CertifyConfig, certify, fingerprint, report
+from s2a.certify import report
+from s2a.certify.battery import CertifyConfig, certify, fingerprint
 from s2a.certify.pictures import pictures
 from s2a.errors import InputError, NotPassed
 from s2a.geometry.look import LookConfig

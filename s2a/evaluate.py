@@ -10,6 +10,7 @@ from scipy.stats import binomtest
 
 from s2a.progress import track
 from s2a.task.env import OpenDrawerEnv
+from s2a.task.open_drawer import RESULTS
 
 Policy = Callable[[torch.Tensor], torch.Tensor]
 """Observation [world 23] -> action [world 9]."""
@@ -25,14 +26,13 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
         watch: called after the reset and after every step.
 
     Returns:
-        Number of episodes and, each with its Wilson 95 % interval: success (the success opening reached at any time),
-        final_success (held at the end), handle_success (reached with both fingers on the grasp region in half or more of
-        the steps in which the part moved there); handle_use_of_successes; largest openings [m] (mean, min);
-        invalid, the episodes that a value ended which is not finite.
+        Number of episodes; the rate of every 0-or-1 column of RESULTS (s2a.task.open_drawer says what they mean) with its
+        Wilson 95 % interval; handle_use_of_successes and side_grasps_of_successes; largest openings [m] (mean, min);
+        invalid, the number of episodes that a value ended which is not finite.
     """
     env.reset_all()
     watch()
-    result = torch.full((env.num_envs, 5), torch.nan, device=env.result.device)
+    result = torch.full((env.num_envs, len(RESULTS)), torch.nan, device=env.result.device)
     pending = torch.ones(env.num_envs, dtype=torch.bool, device=env.result.device)
     for _ in track(range(env.max_episode_length), "evaluate"):
         env.step(policy(env.observation.clone()))
@@ -42,13 +42,14 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
         pending &= ~finished
         if not pending.any():
             break
-    success, final, handle, opening, invalid = result.cpu().unbind(dim=1)
+    column = dict(zip(RESULTS, result.cpu().unbind(dim=1), strict=True))
+    successes = column["success"].sum().clamp(min=1.0)
+    opening, invalid = column.pop("opening"), column.pop("invalid")
     return {
         "episodes": env.num_envs,
-        "success": _rate(success),
-        "final_success": _rate(final),
-        "handle_success": _rate(handle),
-        "handle_use_of_successes": float(handle.sum() / success.sum().clamp(min=1.0)),
+        **{name: _rate(hits) for name, hits in column.items()},
+        "handle_use_of_successes": float(column["handle_success"].sum() / successes),
+        "side_grasps_of_successes": float(column["side_success"].sum() / successes),
         "opening": {"mean": float(opening.mean()), "min": float(opening.min())},
         "invalid": int(invalid.sum()),
     }

@@ -17,7 +17,7 @@ from s2a.policy.planner import Planner, PlannerConfig
 from s2a.sim.build import SimStage, read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import COUNTS, REWARD_TERMS, OpenDrawerConfig
+from s2a.task.open_drawer import COUNTS, RESULTS, REWARD_TERMS, OpenDrawerConfig
 
 WORLDS = 64
 RADIUS = 0.3
@@ -41,6 +41,11 @@ def make_env(stage: SimStage, worlds: int = 2, still: bool = True, sim: str = "s
     if still:
         env.sim.step = lambda: None
     return env
+
+
+def column(env: OpenDrawerEnv, name: str) -> list[float]:
+    """Return a column of how the last finished episodes went."""
+    return env.result[:, RESULTS.index(name)].tolist()
 
 
 def opens_backwards(stage: SimStage) -> SimStage:
@@ -108,8 +113,29 @@ def test_a_shorter_way_scales_the_openings_that_count(stage: SimStage) -> None:
     env = make_env(hinge(stage), 2, episode_steps=2)
     env.sim.joint_q[:, 9] = torch.tensor([0.59, 0.61])
     env.step(torch.zeros(2, 9))
-    assert env.result[:, 0].tolist() == [0.0, 1.0]
-    assert env.result[:, 3].tolist() == pytest.approx([0.59 * RADIUS, 0.61 * RADIUS])
+    assert column(env, "success") == [0.0, 1.0]
+    assert column(env, "opening") == pytest.approx([0.59 * RADIUS, 0.61 * RADIUS])
+
+
+def test_further_openings_are_counted_at_any_time_and_at_the_end(stage: SimStage) -> None:
+    # A way of 0.36 m: wide is 0.9 x 0.30 m = 0.9 rad, static 0.75 x 1.2 rad = 0.9 rad, full 0.95 x 1.2 rad = 1.14 rad.
+    env = make_env(hinge(stage), 4, episode_steps=3, end_opening=9.0)
+    env.sim.joint_q[:, 9] = torch.tensor([0.89, 0.91, 0.91, 1.15])
+    env.sim.joint_qd[:, 9] = torch.tensor([0.0, 0.32, 0.34, 0.0])  # 0.1 m/s is 0.333 rad/s at 0.3 m
+    env.step(torch.zeros(4, 9))
+    env.sim.joint_q[3, 9] = 0.1
+    env.step(torch.zeros(4, 9))
+    assert column(env, "wide") == [0.0, 1.0, 1.0, 1.0] and column(env, "final_wide") == [0.0, 1.0, 1.0, 0.0]
+    assert column(env, "static") == [0.0, 1.0, 0.0, 1.0] and column(env, "final_static") == [0.0, 1.0, 0.0, 0.0]
+    assert column(env, "full") == [0.0, 0.0, 0.0, 1.0] and column(env, "final_full") == [0.0, 0.0, 0.0, 0.0]
+
+
+def test_an_episode_that_began_midway_is_not_counted_the_next_one_is(stage: SimStage) -> None:
+    env = make_env(stage, 2, episode_steps=4)
+    env.episode_step[0], env.midway[0] = 2, 1
+    for expected in (0.0, 0.0, 1.0, 2.0):
+        env.step(torch.zeros(2, 9))
+        assert float(env.counts[COUNTS.index("episodes")]) == expected
 
 
 def test_an_episode_is_cut_after_one_step_less_than_its_length_and_that_is_a_time_out(stage: SimStage) -> None:
@@ -134,7 +160,7 @@ def test_an_opening_that_is_not_finite_is_no_success(stage: SimStage) -> None:
         "episodes": 1.0,
         "invalid": 1.0,
     }
-    assert env.result[0].tolist() == [0.0, 0.0, 0.0, 0.0, 1.0]
+    assert env.result[0].tolist() == [0.0] * (len(RESULTS) - 1) + [1.0]
 
 
 def test_the_handle_counts_if_held_for_half_of_the_way(stage: SimStage) -> None:
@@ -153,8 +179,29 @@ def test_the_handle_counts_if_held_for_half_of_the_way(stage: SimStage) -> None:
     assert env.terms[:, REWARD_TERMS.index("led_opening")].tolist() == pytest.approx([0.10, 0.05, 0.0], abs=1e-3)
     while not env.done.any():
         env.step(torch.zeros(3, 9))
-    assert env.result[:, 0].tolist() == [1.0, 1.0, 1.0]
-    assert env.result[:, 2].tolist() == [1.0, 0.0, 0.0]
+    assert column(env, "success") == [1.0, 1.0, 1.0]
+    assert column(env, "handle_success") == [1.0, 0.0, 0.0]
+
+
+def test_a_success_with_fingers_beside_the_handle_alone_is_counted_apart(stage: SimStage) -> None:
+    env = make_env(stage, 4, episode_steps=9)
+    touch, elsewhere = wp.to_torch(env._touch), wp.to_torch(env._elsewhere)
+    # A finger presses on the front in worlds 0 to 2: alone for 2 of 4 steps, alone for 1, with the other on the handle.
+    beside = torch.tensor([[2.0, 1.0, 4.0, 0.0]]).T > torch.arange(4.0)
+    for step, opening in enumerate((0.05, 0.10, 0.15, 0.25)):
+        env.sim.joint_q[:, 9] = opening
+
+        def press(step: int = step) -> None:
+            elsewhere[:, 1] = beside[:, step] * 1.5
+            touch[2, 0] = 1.5
+
+        env.sim.step = press
+        env.step(torch.zeros(4, 9))
+    while not env.done.any():
+        env.step(torch.zeros(4, 9))
+    assert column(env, "success") == [1.0] * 4
+    assert column(env, "side_success") == [1.0, 0.0, 0.0, 0.0]
+    assert column(env, "handle_success") == [0.0] * 4
 
 
 @pytest.mark.parametrize("cone", ["elliptic", pytest.param("pyramidal", marks=pytest.mark.slow)])
@@ -170,6 +217,7 @@ def test_a_grip_is_felt_on_the_region_and_not_beside_it(stage: SimStage, cone: s
     env._region.points = wp.array(env._region.points.numpy() + [0.0, 0.0, 0.04], dtype=wp.vec3)
     env.step(planner(env.observation.clone()))
     assert env.touch.tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert env.elsewhere.flatten().tolist() == pytest.approx([23.8] * 4, rel=0.2)
 
 
 @pytest.mark.slow
@@ -179,4 +227,5 @@ def test_openings_without_the_region_in_the_fingers_use_no_handle(stage: SimStag
     result = evaluate(env, Planner(env, load(PlannerConfig, "policy/planner")))
     assert result["success"]["rate"] == 1.0
     assert result["handle_success"]["rate"] == 0.0
+    assert result["side_success"]["rate"] == 1.0
     assert result["invalid"] == 0

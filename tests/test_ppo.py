@@ -30,7 +30,7 @@ class CountingEnv:
         self.observation = torch.zeros(2, OBSERVATIONS)
         self.reward, self.terms = torch.zeros(2), torch.zeros(2, len(REWARD_TERMS))
         self.done = self.time_out = self.episode_step = torch.zeros(2, dtype=torch.int32)
-        self.counts = torch.zeros(len(COUNTS))
+        self.counts, self.midway = torch.zeros(len(COUNTS)), torch.zeros(2)
 
     def step(self, action: torch.Tensor) -> None:
         """Count."""

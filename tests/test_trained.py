@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,15 +18,23 @@ def test_a_checkpoint_brings_the_world_it_was_trained_in(tmp_path: Path) -> None
     sim = load(SimConfig, "sim/planner", dt=0.002)
     task = load(OpenDrawerConfig, "task/open_drawer", end_opening=9.0)
     write_world(sim, task, tmp_path)
-    assert read_world(tmp_path / "model_1.pt") == (sim, task)
+    assert read_world(tmp_path / "model_1.pt", task) == (sim, task)
+
+
+def test_what_is_counted_beside_the_success_is_up_to_the_evaluation(tmp_path: Path) -> None:
+    task = load(OpenDrawerConfig, "task/open_drawer")
+    write_world(load(SimConfig, "sim/planner"), task, tmp_path)
+    now = replace(task, wide_opening=0.35, end_opening=9.0)
+    world = read_world(tmp_path / "model_1.pt", now)
+    assert world is not None and world[1] == replace(task, wide_opening=0.35)
 
 
 def test_a_checkpoint_from_elsewhere_brings_none(tmp_path: Path) -> None:
-    assert read_world(tmp_path / "model_1.pt") is None
+    assert read_world(tmp_path / "model_1.pt", load(OpenDrawerConfig, "task/open_drawer")) is None
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "{}", '{"sim": {"dt": 1}, "task": {}}', '{"sim": 1, "task": 2}'])
 def test_a_damaged_world_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "world.json").write_text(text)
     with pytest.raises(InputError, match="world.json: not what this version"):
-        read_world(tmp_path / "model_1.pt")
+        read_world(tmp_path / "model_1.pt", load(OpenDrawerConfig, "task/open_drawer"))

@@ -90,12 +90,13 @@ class RslRlEnv(VecEnv):
 
     @property
     def episode_length_buf(self) -> torch.Tensor:
-        """Control steps since each world's reset; assigning copies into the environment's buffer."""
+        """Control steps since each world's reset; assigning copies, and leaves the episodes that it cuts short uncounted."""
         return self.env.episode_step
 
     @episode_length_buf.setter
     def episode_length_buf(self, value: torch.Tensor) -> None:
         self.env.episode_step.copy_(value)
+        self.env.midway.fill_(1)
 
     def get_observations(self) -> TensorDict:
         """Return a copy of the observation [world 23]."""
@@ -120,6 +121,8 @@ class RslRlEnv(VecEnv):
             "/success": recent["success"] / episodes,
             "/final_success": recent["final_success"] / episodes,
             "/handle_use_of_successes": recent["handle_success"] / successes,
+            "/side_grasps_of_successes": recent["side_success"] / successes,
+            **{f"/{name}": recent[name] / episodes for name in ("wide", "final_wide", "static", "full")},
             "/opening": recent["opening"] / episodes,
             "/invalid": recent["invalid"] / episodes,
             **{f"/term/{n}": v for n, v in zip(REWARD_TERMS, self.env.terms.mean(dim=0).unbind(), strict=True)},

@@ -15,7 +15,7 @@ from s2a.sim.build import SimStage, lever_arm, opening_sign, travel
 from s2a.sim.franka import JOINTS
 from s2a.sim.simulation import Simulation
 from s2a.task import judge, kernels
-from s2a.task.open_drawer import COUNTS, OBSERVATIONS, REWARD_TERMS, OpenDrawerConfig
+from s2a.task.open_drawer import COUNTS, OBSERVATIONS, RESULTS, REWARD_TERMS, OpenDrawerConfig
 
 
 class OpenDrawerEnv:
@@ -28,10 +28,11 @@ class OpenDrawerEnv:
         done, time_out: 0 or 1, shape [world], int32; a time-out is not a termination.
         terms: unweighted reward terms in the order of REWARD_TERMS, shape [world 8].
         touch: largest normal force of the left and right finger on the grasp region [N], shape [world 2].
-        result: of each world's last finished episode: success, success at the end, success with the handle (0 or 1),
-            largest opening [m], ended by a value that is not finite; shape [world 5].
-        counts: sums over finished episodes in the order of COUNTS since they were last set to zero, shape [6].
+        elsewhere: the same on the rest of the part.
+        result: how each world's last finished episode went, in the order of RESULTS, shape [world 12].
+        counts: sums over finished episodes in the order of COUNTS since they were last set to zero, shape [13].
         episode_step: control steps since the reset, shape [world], int32.
+        midway: 1 where whoever set `episode_step` says that the running episode shall not be counted, shape [world], int32.
     """
 
     num_actions = JOINTS
@@ -76,21 +77,23 @@ class OpenDrawerEnv:
         self._reset_and_observe()
         self._done.zero_()
         self.counts.zero_()
+        self.midway.zero_()
 
     def _step(self) -> None:
         """Do one control step: act, physics, judge, reset, observe (all on the device, nothing allocated)."""
         sim, q = self.sim, self._views
         inputs = [self._constants, self._lower, self._upper, self._action, self._targets, self._touch]
-        self._launch(kernels.act, inputs)
+        self._launch(kernels.act, [*inputs, self._elsewhere])
         sim.step()
         data = sim.solver.mjw_data
         contact = data.contact
         inputs = [self._constants, self._region.id, self._geom_kind, data.nacon, contact.geom, contact.worldid]
         inputs += [contact.pos, contact.efc_address, data.efc.force, q["body_q"], self._touch]
-        self._launch(judge.feel, inputs, dim=data.naconmax)
+        self._launch(judge.feel, [*inputs, self._elsewhere], dim=data.naconmax)
         inputs = [self._constants, self._weights, q["joint_q"], q["joint_qd"], q["body_q"], self._action, self._touch]
         self._launch(judge.give_reward, [*inputs, self._lead, self._terms, self._reward])
-        inputs = [self._constants, q["joint_q"], q["joint_qd"], self._terms, self._steps, self._progress]
+        inputs = [self._constants, q["joint_q"], q["joint_qd"], self._terms, self._touch, self._elsewhere]
+        inputs += [self._steps, self._midway, self._progress]
         self._launch(judge.tally, [*inputs, self._done, self._time_out, self._result, self._counts])
         self._reset_and_observe()
 
@@ -138,19 +141,19 @@ class OpenDrawerEnv:
         self._action = wp.zeros((n, JOINTS), dtype=float)
         self._observation = wp.zeros((n, OBSERVATIONS), dtype=float)
         self._terms = wp.zeros((n, len(REWARD_TERMS)), dtype=float)
-        self._touch = wp.zeros((n, 2), dtype=float)
-        self._progress = wp.zeros((n, 3), dtype=float)
-        self._lead = wp.zeros((n, 2), dtype=float)
-        self._result = wp.zeros((n, 5), dtype=float)
+        self._touch, self._elsewhere, self._lead = (wp.zeros((n, 2), dtype=float) for _ in range(3))
+        self._progress = wp.zeros((n, len(judge.PROGRESS)), dtype=float)
+        self._result = wp.zeros((n, len(RESULTS)), dtype=float)
         self._counts = wp.zeros(len(COUNTS), dtype=float)
         self._reward = wp.zeros(n, dtype=float)
-        self._done, self._time_out, self._steps = (wp.zeros(n, dtype=int) for _ in range(3))
+        self._done, self._time_out, self._steps, self._midway = (wp.zeros(n, dtype=int) for _ in range(4))
         self._world_mask = wp.zeros(n + 1, dtype=bool)
         self._articulation_mask = wp.zeros((n, sim.model.articulation_count // n), dtype=bool)
         self._region = _region(sim.stage, sim.device)
         self._geom_kind = wp.array(_geom_kinds(sim), dtype=int)
         self._action_view = wp.to_torch(self._action)
         self.observation, self.terms, self.touch = map(wp.to_torch, (self._observation, self._terms, self._touch))
+        self.elsewhere, self.midway = map(wp.to_torch, (self._elsewhere, self._midway))
         self.reward, self.done, self.time_out = map(wp.to_torch, (self._reward, self._done, self._time_out))
         self.result, self.counts, self.episode_step = map(wp.to_torch, (self._result, self._counts, self._steps))
 
@@ -169,7 +172,8 @@ def _weights(weights: Mapping[str, float]) -> list[float]:
 def _constants(sim: Simulation, config: OpenDrawerConfig) -> kernels.Constants:
     """Return the kernels' constants for a stage; openings are scaled down where the part travels a shorter way."""
     stage, c = sim.stage, kernels.Constants()
-    scale = min(1.0, travel(stage) / config.full_travel)
+    way = travel(stage)
+    scale = min(1.0, way / config.full_travel)
     c.link7, c.left, c.right = (sim.body(f"panda_{name}") for name in ("link7", "leftfinger", "rightfinger"))
     c.target = sim.body(stage.target)
     # The left finger's frame stands turned by -45 degrees about link 7's z (panda URDF, panda_hand_joint).
@@ -181,7 +185,16 @@ def _constants(sim: Simulation, config: OpenDrawerConfig) -> kernels.Constants:
     c.bonus = wp.vec3(*(scale * x for x in config.bonus_openings))
     c.end_opening = scale * config.end_opening
     c.success_opening = scale * config.success_opening
-    for name in ("finger_speed", "velocity_scale", "observation_limit", "start_noise", "close_distance"):
+    c.wide_opening = scale * config.wide_opening
+    c.static_opening, c.full_opening = way * config.static_share, way * config.full_share
+    for name in (
+        "finger_speed",
+        "velocity_scale",
+        "observation_limit",
+        "start_noise",
+        "close_distance",
+        "static_speed",
+    ):
         setattr(c, name, getattr(config, name))
     c.pyramidal = int(sim.config.cone == "pyramidal")
     c.episode_steps, c.touch_distance, c.touch_force = config.episode_steps, config.touch_distance, config.touch_force

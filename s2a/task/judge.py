@@ -5,11 +5,17 @@ import warp as wp
 
 from s2a.sim.franka import JOINTS
 from s2a.task.kernels import Constants
-from s2a.task.open_drawer import REWARD_TERMS
+from s2a.task.open_drawer import RESULTS, REWARD_TERMS
 
 TERMS = wp.constant(len(REWARD_TERMS))
 OPENING = wp.constant(REWARD_TERMS.index("opening"))
 GRIP = wp.constant(REWARD_TERMS.index("grip"))
+COLUMNS = wp.constant(len(RESULTS))
+PROGRESS = ("largest", "moved", "held", "beside", "stood")
+"""What is kept of a running episode: its largest opening [m]; steps in which that grew on the way from 10 % to 100 % of the
+success opening, those of them with both fingers on the grasp region, and with a finger on the part but none on the region;
+whether the part ever stood open as "static" demands."""
+LARGEST, MOVED, HELD, BESIDE, STOOD = (wp.constant(i) for i in range(len(PROGRESS)))
 
 
 @wp.kernel
@@ -25,11 +31,13 @@ def feel(
     row_force: wp.array2d(dtype=float),
     body_q: wp.array2d(dtype=wp.transform),
     touch: wp.array2d(dtype=float),
+    elsewhere: wp.array2d(dtype=float),
 ):
-    """Keep each finger's largest normal force on the annotated grasp region [N], touch [world 2] (left, right).
+    """Keep each finger's largest normal force on the part [N] (left, right).
 
-    One thread a contact. A contact counts where it lies, whatever collider carries it. `geom_kind` is 0 left finger,
-    1 right finger, 2 target, -1 anything else. Contacts are those of the last physics step, found where it began.
+    touch [world 2] is that on the annotated grasp region, elsewhere [world 2] that on the rest of the part. One thread a
+    contact. A contact counts where it lies, whatever collider carries it. `geom_kind` is 0 left finger, 1 right finger,
+    2 target, -1 anything else. Contacts are those of the last physics step, found where it began.
     """
     contact = wp.tid()
     if contact >= contact_count[0] or contact_row[contact, 0] < 0:
@@ -40,13 +48,15 @@ def feel(
         return
     world = contact_world[contact]
     local = wp.transform_point(wp.transform_inverse(body_q[world, c.target]), contact_pos[contact])
+    force = row_force[world, contact_row[contact, 0]]
+    if c.pyramidal != 0:  # the edges' forces add up to the normal force
+        for i in range(1, contact_row.shape[1]):
+            if contact_row[contact, i] >= 0:
+                force += row_force[world, contact_row[contact, i]]
     if wp.mesh_query_point_no_sign(region, local, c.touch_distance).result:
-        force = row_force[world, contact_row[contact, 0]]
-        if c.pyramidal != 0:  # the edges' forces add up to the normal force
-            for i in range(1, contact_row.shape[1]):
-                if contact_row[contact, i] >= 0:
-                    force += row_force[world, contact_row[contact, i]]
         wp.atomic_max(touch, world, finger, force)
+    else:
+        wp.atomic_max(elsewhere, world, finger, force)
 
 
 @wp.func
@@ -122,13 +132,52 @@ def give_reward(
     reward[world] = total
 
 
+@wp.func
+def flag(yes: bool):
+    """Return 1 or 0."""
+    return wp.where(yes, 1.0, 0.0)
+
+
+@wp.func
+def half_of_the_way(progress: wp.array2d(dtype=float), world: int, column: int):
+    """Return 1 if what `column` of PROGRESS counts was so in half or more of the steps in which the part moved."""
+    return flag(2.0 * progress[world, column] >= wp.max(progress[world, MOVED], 1.0))
+
+
+@wp.func
+def follow(
+    c: Constants,
+    terms: wp.array2d(dtype=float),
+    speed: float,
+    touch: wp.array2d(dtype=float),
+    elsewhere: wp.array2d(dtype=float),
+    world: int,
+    progress: wp.array2d(dtype=float),
+):
+    """Keep PROGRESS of the running episode."""
+    opening = terms[world, OPENING]
+    if opening >= c.static_opening and wp.abs(speed) <= c.static_speed:
+        progress[world, STOOD] = 1.0
+    if opening > progress[world, LARGEST]:
+        if opening >= 0.1 * c.success_opening and progress[world, LARGEST] < c.success_opening:
+            progress[world, MOVED] += 1.0
+            progress[world, HELD] += terms[world, GRIP]
+            on = wp.max(touch[world, 0], touch[world, 1]) >= c.touch_force
+            off = wp.max(elsewhere[world, 0], elsewhere[world, 1]) >= c.touch_force
+            progress[world, BESIDE] += flag(off and not on)
+        progress[world, LARGEST] = opening
+
+
 @wp.kernel
 def tally(
     c: Constants,
     joint_q: wp.array2d(dtype=float),
     joint_qd: wp.array2d(dtype=float),
     terms: wp.array2d(dtype=float),
+    touch: wp.array2d(dtype=float),
+    elsewhere: wp.array2d(dtype=float),
     step: wp.array(dtype=int),
+    midway: wp.array(dtype=int),
     progress: wp.array2d(dtype=float),
     done: wp.array(dtype=int),
     time_out: wp.array(dtype=int),
@@ -137,18 +186,13 @@ def tally(
 ):
     """Say which episodes end, and how they went.
 
-    progress [world 3]: largest opening so far [m], steps in which it grew on the way from 10 % to 100 % of the success
-    opening, those of them with both fingers on the grasp region. result [world 5]: of the last finished episode, whether
-    it succeeded at any time, at the end, with the handle; largest opening [m]; whether it ended in a state not finite.
+    progress [world 5] is in the order of PROGRESS, result [world 12] in that of RESULTS, counts in that of COUNTS. An
+    episode that began `midway` has a result, but is not counted.
     """
     world = wp.tid()
-    opening, grip = terms[world, OPENING], terms[world, GRIP]
-    if opening > progress[world, 0]:
-        if opening >= 0.1 * c.success_opening and progress[world, 0] < c.success_opening:
-            progress[world, 1] += 1.0
-            progress[world, 2] += grip
-        progress[world, 0] = opening
-
+    opening = terms[world, OPENING]
+    speed = joint_qd[world, JOINTS] * c.lever
+    follow(c, terms, speed, touch, elsewhere, world, progress)
     step[world] += 1
     finite = state_is_finite(joint_q, joint_qd, world)
     ended = (not finite) or opening > c.end_opening
@@ -156,12 +200,23 @@ def tally(
     done[world] = wp.where(ended or late, 1, 0)
     time_out[world] = wp.where(late and not ended, 1, 0)
     if ended or late:
-        success = wp.where(progress[world, 0] >= c.success_opening, 1.0, 0.0)
+        largest = progress[world, LARGEST]
+        success = flag(largest >= c.success_opening)
+        # In the order of RESULTS.
         result[world, 0] = success
-        result[world, 1] = wp.where(opening >= c.success_opening, 1.0, 0.0)
-        result[world, 2] = success * wp.where(2.0 * progress[world, 2] >= wp.max(progress[world, 1], 1.0), 1.0, 0.0)
-        result[world, 3] = progress[world, 0]
-        result[world, 4] = wp.where(finite, 0.0, 1.0)
-        wp.atomic_add(counts, 0, 1.0)
-        for i in range(5):
-            wp.atomic_add(counts, i + 1, result[world, i])
+        result[world, 1] = flag(opening >= c.success_opening)
+        result[world, 2] = success * half_of_the_way(progress, world, HELD)
+        result[world, 3] = success * half_of_the_way(progress, world, BESIDE)
+        result[world, 4] = flag(largest >= c.wide_opening)
+        result[world, 5] = flag(opening >= c.wide_opening)
+        result[world, 6] = progress[world, STOOD]
+        result[world, 7] = flag(opening >= c.static_opening and wp.abs(speed) <= c.static_speed)
+        result[world, 8] = flag(largest >= c.full_opening)
+        result[world, 9] = flag(opening >= c.full_opening)
+        result[world, 10] = largest
+        result[world, 11] = flag(not finite)
+        if midway[world] == 0:
+            wp.atomic_add(counts, 0, 1.0)
+            for i in range(COLUMNS):
+                wp.atomic_add(counts, i + 1, result[world, i])
+        midway[world] = 0

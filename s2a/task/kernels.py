@@ -27,6 +27,10 @@ class Constants:
     bonus: wp.vec3
     end_opening: float
     success_opening: float
+    wide_opening: float
+    static_opening: float
+    static_speed: float
+    full_opening: float
     episode_steps: int
     touch_distance: float
     touch_force: float
@@ -48,6 +52,7 @@ def act(
     action: wp.array2d(dtype=float),
     target_q: wp.array2d(dtype=float),
     touch: wp.array2d(dtype=float),
+    elsewhere: wp.array2d(dtype=float),
 ):
     """Clamp the action [world 9], integrate it into the joint targets, forget the last step's contacts."""
     world = wp.tid()
@@ -56,8 +61,9 @@ def act(
         action[world, i] = a
         speed = wp.where(i < ARM_JOINTS, 1.0, c.finger_speed)
         target_q[world, i] = wp.clamp(target_q[world, i] + speed * c.action_step * a, lower[i], upper[i])
-    touch[world, 0] = 0.0
-    touch[world, 1] = 0.0
+    for finger in range(2):
+        touch[world, finger] = 0.0
+        elsewhere[world, finger] = 0.0
 
 
 @wp.kernel
@@ -105,7 +111,7 @@ def reset(
             target_q[world, i] = joint_q[world, i]
         rng[world] = state
         step[world] = 0
-        for i in range(3):
+        for i in range(progress.shape[1]):
             progress[world, i] = 0.0
         lead[world, 0] = 0.0
         lead[world, 1] = 0.0

@@ -18,9 +18,32 @@ REWARD_TERMS = ("distance", "rotation", "opening", "finger", "bonus", "action", 
 """Names of the unweighted reward terms, in the order of the kernel's columns. The first six are the reference's; "grip" is 1
 while both fingers press on the grasp region, "led_opening" how far they led the part there [m]: it grows with the opening while
 both press, and never exceeds it."""
-COUNTS = ("episodes", "success", "final_success", "handle_success", "opening", "invalid")
-"""What is added up over finished episodes: their number, those that reached the success opening at any time, at the end,
-with both fingers on the grasp region; the sum of their largest openings [m]; episodes ended by a value that is not finite."""
+RESULTS = (
+    "success",
+    "final_success",
+    "handle_success",
+    "side_success",
+    "wide",
+    "final_wide",
+    "static",
+    "final_static",
+    "full",
+    "final_full",
+    "opening",
+    "invalid",
+)
+"""How a finished episode went, in the order of the kernel's columns; each is 0 or 1 except "opening".
+
+"success": reached `success_opening` at any time, "final_success": was there at the end; likewise "wide" (`wide_opening`),
+"static" (`static_share` of the travel, moving no faster than `static_speed`) and "full" (`full_share` of the travel).
+"handle_success": a success with both fingers on the grasp region in half or more of the steps in which the part moved there;
+"side_success": one with a finger on the part and none on the grasp region in half or more of them. "opening": the largest [m].
+"invalid": ended by a value that is not finite.
+"""
+COUNTS = ("episodes", *RESULTS)
+"""What is added up over finished episodes: their number, and the columns of RESULTS."""
+LEVELS = ("wide_opening", "static_share", "static_speed", "full_share")
+"""Settings that say what is counted beside the success, and change neither what the robot sees nor what it is paid."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +62,10 @@ class OpenDrawerConfig:
         bonus_openings: openings that give a bonus of 1 each [m].
         end_opening: opening that ends the episode [m]; infinite: never.
         success_opening: opening that counts as success [m].
+        wide_opening: a larger one that is counted too [m].
+        static_share: share of the travel at which a part that hardly moves is counted as static.
+        static_speed: largest speed of the grasp point there [m/s].
+        full_share: share of the travel that is counted as full.
         full_travel: shorter ways scale all openings down in proportion [m].
         touch_distance: how near a contact must be to the annotated region to count as on it [m].
         touch_force: normal force from which a contact counts [N].
@@ -55,6 +82,10 @@ class OpenDrawerConfig:
     bonus_openings: tuple[float, float, float]
     end_opening: float
     success_opening: float
+    wide_opening: float
+    static_share: float
+    static_speed: float
+    full_share: float
     full_travel: float
     touch_distance: float
     touch_force: float

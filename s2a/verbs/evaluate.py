@@ -22,6 +22,9 @@ from s2a.task.open_drawer import OpenDrawerConfig
 from s2a.verbs.train import simulation
 from s2a.verbs.trained import read_world
 
+SHOWN = ("success", "final_success", "handle_success", "side_success", "wide", "static", "full")
+"""Rates that the summary shows; metrics.json has all."""
+
 
 @dataclass(frozen=True)
 class Config:
@@ -35,7 +38,7 @@ class Config:
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the start noise.
         sim: how physics is stepped; a checkpoint brings that of its training.
-        task: what the robot has to do; a checkpoint brings that of its training.
+        task: what the robot has to do; a checkpoint brings that of its training, except how wide, static, full are counted.
         reward: weight of each reward term.
         policy: the planner's motion.
         pictures: folder for before.png and after.png (world 0 at its widest opening), or null.
@@ -57,15 +60,19 @@ class Config:
 
 
 class Album:
-    """World 0 as it began and at its widest opening, as joint coordinates."""
+    """World 0 as it began and at its widest opening in its first episode, as joint coordinates."""
 
     def __init__(self, env: OpenDrawerEnv) -> None:
         """Keep the environment that is watched."""
         self._env = env
         self._poses: list[torch.Tensor] = []
+        self._over = False
 
     def watch(self) -> None:
         """Look at the environment after its reset or a step."""
+        self._over |= bool(self._env.done[0])
+        if self._over:  # the world was reset, and what follows belongs to another episode
+            return
         pose = self._env.sim.joint_q[0].clone()
         if len(self._poses) < 2:
             self._poses.append(pose)
@@ -74,25 +81,26 @@ class Album:
 
     def save(self, camera: Camera, folder: Path) -> None:
         """Write before.png and after.png."""
-        for name, pose in zip(("before", "after"), self._poses, strict=True):
+        for name, pose in zip(("before", "after"), (self._poses[0], self._poses[-1]), strict=True):
             Image.fromarray(camera.picture(pose)).save(folder / f"{name}.png")
 
 
 def run(config: Config) -> str:
     """Run one episode in every world, write the metrics, and return the rates."""
-    world = read_world(config.checkpoint) if config.checkpoint else None
+    world = read_world(config.checkpoint, config.task) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with aside(config.out) as out:
         sim = simulation(config.stage, sim_config, config.worlds, config.device)
         env = OpenDrawerEnv(sim, task, config.reward, config.seed)
         policy = load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.policy)
         album = Album(env)
-        metrics = evaluate(env, policy, album.watch) | {"seed": config.seed, **provenance(sim.device)}
+        watch = [album.watch] if config.pictures else []  # it waits for the device in every step
+        metrics = evaluate(env, policy, *watch) | {"seed": config.seed, **provenance(sim.device)}
         out.write_text(json.dumps(metrics, indent=1))
     if config.pictures:
         config.pictures.mkdir(parents=True, exist_ok=True)
         album.save(Camera(sim.stage, sim_config.robot, config.camera), config.pictures)
-    rates = {name: metrics[name] for name in ("success", "final_success", "handle_success")}
+    rates = {name: metrics[name] for name in SHOWN}
     lines = [f"  {name:16}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name, r in rates.items()]
     opening = f"  opening         mean {metrics['opening']['mean']:.3f} m, least {metrics['opening']['min']:.3f} m"
     return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *lines, opening])

@@ -9,7 +9,7 @@ from pathlib import Path
 from s2a.config import load
 from s2a.errors import InputError
 from s2a.sim.simulation import SimConfig
-from s2a.task.open_drawer import OpenDrawerConfig
+from s2a.task.open_drawer import LEVELS, OpenDrawerConfig
 
 FILE = "world.json"
 
@@ -19,8 +19,12 @@ def write_world(sim: SimConfig, task: OpenDrawerConfig, out: Path) -> None:
     (out / FILE).write_text(json.dumps({"sim": asdict(sim), "task": asdict(task)}, indent=1))
 
 
-def read_world(checkpoint: Path) -> tuple[SimConfig, OpenDrawerConfig] | None:
+def read_world(checkpoint: Path, levels: OpenDrawerConfig) -> tuple[SimConfig, OpenDrawerConfig] | None:
     """Return the world that a checkpoint was trained in; None for one from elsewhere, which has no such file beside it.
+
+    Args:
+        checkpoint: model_N.pt of a training run.
+        levels: whose LEVELS are taken instead of the training's, so that all checkpoints are measured alike.
 
     Raises:
         InputError: the file was written by another version, or is damaged.
@@ -28,8 +32,9 @@ def read_world(checkpoint: Path) -> tuple[SimConfig, OpenDrawerConfig] | None:
     file = checkpoint.parent / FILE
     if not file.is_file():
         return None
+    now = {name: getattr(levels, name) for name in LEVELS}
     try:
         values = json.loads(file.read_text())
-        return load(SimConfig, values["sim"]), load(OpenDrawerConfig, values["task"])
+        return load(SimConfig, values["sim"]), load(OpenDrawerConfig, values["task"] | now)
     except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
         raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error

@@ -1,0 +1,68 @@
+"""What is each ingredient of `conf/experiment/best.yaml` worth? The best recipe, and the best recipe minus one.
+
+    python experiments/ingredients.py STAGE --runs FOLDER [--seeds 3] [--minutes M] [--side-by-side 1]
+
+STAGE is the sim.usd of one part. Writes experiments/results/ingredients.json, its table (ingredients.md) and
+docs/ingredients.png. A run that was cut goes into the table as far as it came; the same command later goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from curves import draw
+from multirun import Row, options, sweep
+from outcome import percent, write
+
+HERE = Path(__file__).parent
+RESULTS = HERE / "results/ingredients.json"
+PICTURE = HERE.parent / "docs/ingredients.png"
+BEST = "+experiment=best"
+REFERENCE_HAND = "task.hand_point=[0.0,0.04,0.1654]"
+"""Of the reference task, as in conf/task/open_drawer.yaml."""
+
+CHANGES = {
+    "best": ("as it is", ()),
+    "plain_opening": ("an opening counts however it came about", ("reward.led_opening=0", "reward.opening=22")),
+    "led_alone": ("no reward for an opening that was not led", ("reward.opening=0",)),
+    "soft_arm": ("the paper's arm: stiffness 80, its weight not held", ("sim=paper",)),
+    "reference_hand": ("the reference's point of the hand", (REFERENCE_HAND,)),
+    "ends_at_success": ("an episode ends at 0.39 m", ("task.end_opening=0.39",)),
+    "full_reward": ("rewards not scaled down", ("policy.reward_scale=1",)),
+    "ahead": ("plus: 30 % of the episodes start on the way to the handle", ("starts_ahead=0.3",)),
+    "free_value": ("the value's change is not clipped", ("policy.clip_value=false",)),
+}
+"""Name -> what it is, and the overrides."""
+COLUMNS = {
+    "success": "opened by 0.20 m",
+    "final_success": "open by 0.20 m at the end",
+    "handle_success": "opened by the handle",
+}
+
+
+def main() -> None:
+    """Train and evaluate every change, then write results, table and picture."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("stage", type=Path)
+    options(parser)
+    args = parser.parse_args()
+    rows = [Row(n, args.stage.name, (BEST, *o), args.seeds, about) for n, (about, o) in CHANGES.items()]
+    runs = sweep(rows, args.stage.parent, args)
+    write({"scan": "virtual", "runs": runs}, RESULTS, table(rows, runs))
+    draw(runs, PICTURE)
+
+
+def table(rows: list[Row], runs: list[dict]) -> list[str]:
+    """Return the lines of a Markdown table: the rates of every change, seed by seed."""
+    lines = [f"| best, but | {' | '.join(COLUMNS.values())} | steps, millions |", "|" + "---|" * (len(COLUMNS) + 2)]
+    for row in rows:
+        mine = [run for run in runs if run["row"] == row.name]
+        steps = " / ".join(f"{run['env_steps'] / 1e6:.0f}" for run in mine)
+        rates = [percent([run["evaluation"][name]["rate"] for run in mine]) for name in COLUMNS]
+        lines.append(f"| {row.about} | {' | '.join(rates)} | {steps or 'not run'} |")
+    return lines
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,154 @@
+"""The rows of a table as Hydra multiruns of `s2a train`, and every policy measured by `s2a evaluate`.
+
+A row is one multirun over its seeds. Hydra's own launchers place no jobs on GPUs and do not stop at a wall-clock limit, so
+the multiruns are handed out job by job. Job `RUNS/<row>-<seed>/` holds `.hydra/` (what it was told), `run/` (what
+`s2a train` writes), `evaluation.json` and `log.txt`. What is finished is kept; what was cut goes on with the next call.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from outcome import curve, iterations, last_checkpoint
+from side_by_side import gpu_slots, run
+
+from s2a import config
+
+EVALUATION_SEED = 100
+"""Plus the training's seed: the start noise of evaluation, which no training has met."""
+NOT_SETTINGS = ("stage", "out", "device", "plan")
+"""Keys of `s2a train` that say nothing of the experiment."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table.
+
+    Attributes:
+        name: of the row, and of its runs' folders.
+        stage: file in the folder of stages.
+        overrides: what `s2a train` is told, beside stage, seed, worlds and length.
+        seeds: how many are trained, from 0.
+        about: what the row is, for the table.
+        paper: what the paper reports for it.
+    """
+
+    name: str
+    stage: str
+    overrides: tuple[str, ...]
+    seeds: int
+    about: str
+    paper: str = ""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run of a row, and where its files lie."""
+
+    row: Row
+    seed: int
+    folder: Path
+
+    @property
+    def finished(self) -> bool:
+        """Whether the training came to its end."""
+        return (self.folder / "run/metrics.json").is_file()
+
+    @property
+    def checkpoint(self) -> Path | None:
+        """The last checkpoint, or None before the first."""
+        return last_checkpoint(self.folder / "run")
+
+    @property
+    def evaluated(self) -> bool:
+        """Whether there is no checkpoint that still has to be evaluated."""
+        done, checkpoint = self.folder / "evaluation.json", self.checkpoint
+        return checkpoint is None or (done.is_file() and done.stat().st_mtime >= checkpoint.stat().st_mtime)
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """Add what all tables can be told."""
+    parser.add_argument("--runs", type=Path, required=True, help="folder of the runs")
+    parser.add_argument("--only", nargs="+", metavar="ROW", help="train these rows alone")
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--worlds", type=int, default=4096)
+    parser.add_argument("--env-steps", type=float, default=98.304e6, help="of a run: 1024 worlds x 40 steps x 2400")
+    parser.add_argument("--episodes", type=int, default=1024, help="of an evaluation")
+    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="more that every training is told")
+    parser.add_argument("--side-by-side", type=int, default=1, help="runs that share a GPU")
+    parser.add_argument("--minutes", type=float, default=1e6, help="when to stop, evaluation included")
+    parser.add_argument("--evaluation-minutes", type=float, default=1.5, help="of them, kept for evaluation")
+
+
+def sweep(rows: Sequence[Row], stages: Path, args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Train what is not finished, evaluate what is not evaluated, and return what all runs came to.
+
+    Args:
+        rows: of the table.
+        stages: folder of the rows' stages.
+        args: with the `options`.
+    """
+    end = time.monotonic() + 60.0 * args.minutes
+    slots, table = gpu_slots(args.side_by_side), jobs(rows, args.runs)
+    left = [job for job in table if not job.finished and job.row.name in (args.only or job.row.name)]
+    trainings = [(training(job, stages, args), job.folder / "log.txt") for job in left]
+    failed = run(trainings, slots, end - 60.0 * args.evaluation_minutes)
+    evaluations = [
+        (evaluation(job, stages, args.episodes), job.folder / "log.txt") for job in table if not job.evaluated
+    ]
+    for log in failed + run(evaluations, slots, end):
+        print(f"{log}: failed: {log.read_text().strip().splitlines()[-1]}", file=sys.stderr)
+    return [collected for job in table if (collected := collect(job))]
+
+
+def jobs(rows: Sequence[Row], runs: Path) -> list[Job]:
+    """Return the runs of a table, seed by seed: where time ends, every row has its first."""
+    every = [Job(row, seed, runs.resolve() / f"{row.name}-{seed}") for row in rows for seed in range(row.seeds)]
+    return sorted(every, key=lambda job: job.seed)
+
+
+def training(job: Job, stages: Path, args: argparse.Namespace) -> list[str]:
+    """Return the command that trains: the row's multirun with one of its seeds."""
+    told = [*job.row.overrides, *args.set]
+    steps = config.compose("train", told)["policy"]["steps"]
+    return [
+        *(sys.executable, "-m", "s2a", "train", "-m", *told, f"seed={job.seed}", f"worlds={args.worlds}"),
+        f"policy.iterations={round(args.env_steps / (args.worlds * steps))}",
+        *(f"stage={stages.resolve() / job.row.stage}", "out=run"),
+        *(f"hydra.sweep.dir={job.folder.parent}", f"hydra.sweep.subdir={job.folder.name}"),
+    ]
+
+
+def evaluation(job: Job, stages: Path, episodes: int) -> list[str]:
+    """Return the command that evaluates the last checkpoint, one episode a world."""
+    return [
+        *(sys.executable, "-m", "s2a", "evaluate", f"stage={stages.resolve() / job.row.stage}", f"worlds={episodes}"),
+        *(f"checkpoint={job.checkpoint}", f"seed={EVALUATION_SEED + job.seed}", f"out={job.folder}/evaluation.json"),
+    ]
+
+
+def collect(job: Job) -> dict[str, Any] | None:
+    """Return what a run came to; None before it was evaluated. env_steps is what its last checkpoint was trained for."""
+    if job.checkpoint is None or not (job.folder / "evaluation.json").is_file():
+        return None
+    told = yaml.safe_load((job.folder / ".hydra/config.yaml").read_text())
+    steps = told["worlds"] * told["policy"]["steps"]
+    return {
+        "row": job.row.name,
+        "about": job.row.about,
+        "seed": job.seed,
+        "finished": job.finished,
+        "env_steps": iterations(job.checkpoint) * steps,
+        "stage": job.row.stage,
+        "settings": {key: value for key, value in told.items() if key not in NOT_SETTINGS},
+        "evaluation": json.loads((job.folder / "evaluation.json").read_text()),
+        "curve": curve(job.folder / "run", steps),
+    }

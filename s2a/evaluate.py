@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import torch
@@ -10,8 +11,9 @@ from scipy.stats import binomtest
 
 from s2a.progress import track
 from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import RESULTS
+from s2a.task.open_drawer import RESULTS, TROUBLES
 
+_log = logging.getLogger(__name__)
 Policy = Callable[[torch.Tensor], torch.Tensor]
 """Observation [world 23] -> action [world 9]."""
 
@@ -28,7 +30,7 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
     Returns:
         Number of episodes; the rate of every 0-or-1 column of RESULTS (s2a.task.open_drawer says what they mean) with its
         Wilson 95 % interval; handle_use_of_successes and side_grasps_of_successes; largest openings [m] (mean, min);
-        invalid, the number of episodes that a value ended which is not finite.
+        the number of episodes with each of TROUBLES.
     """
     env.reset_all()
     watch()
@@ -44,15 +46,34 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
             break
     column = dict(zip(RESULTS, result.cpu().unbind(dim=1), strict=True))
     successes = column["success"].sum().clamp(min=1.0)
-    opening, invalid = column.pop("opening"), column.pop("invalid")
+    opening = column.pop("opening")
+    troubles = {name: int(column.pop(name).sum()) for name in TROUBLES}
     return {
         "episodes": env.num_envs,
         **{name: _rate(hits) for name, hits in column.items()},
         "handle_use_of_successes": float(column["handle_success"].sum() / successes),
         "side_grasps_of_successes": float(column["side_success"].sum() / successes),
         "opening": {"mean": float(opening.mean()), "min": float(opening.min())},
-        "invalid": int(invalid.sum()),
+        **troubles,
     }
+
+
+def warn_of_trouble(counts: Mapping[str, float], env: OpenDrawerEnv) -> None:
+    """Log a warning for each of TROUBLES that befell `trouble_share` of the episodes or more.
+
+    Args:
+        counts: "episodes", and how many of them had each of TROUBLES.
+        env: whose settings the remedy names.
+    """
+    sim = env.sim.config
+    causes = {
+        "invalid": f"were ended by a value that is not finite; make sim.dt (now {sim.dt:.4g} s) smaller",
+        "row_overflow": f"dropped constraint rows; make sim.njmax (now {sim.njmax}) larger",
+        "contact_overflow": f"dropped contacts; make sim.nconmax (now {sim.nconmax}) larger",
+    }
+    for name in TROUBLES:
+        if counts[name] > 0 and counts[name] >= env.config.trouble_share * counts["episodes"]:
+            _log.warning("%d of %d episodes %s", counts[name], counts["episodes"], causes[name])
 
 
 def _rate(hits: torch.Tensor) -> dict[str, float]:

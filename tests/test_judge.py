@@ -12,12 +12,12 @@ from cabinet import HANDLE, write_cabinet
 from scipy.spatial.transform import Rotation
 from settings import load
 
-from s2a.evaluate import evaluate
+from s2a.evaluate import evaluate, warn_of_trouble
 from s2a.policy.planner import Planner, PlannerConfig
 from s2a.sim.build import SimStage, read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import COUNTS, RESULTS, REWARD_TERMS, OpenDrawerConfig
+from s2a.task.open_drawer import COUNTS, RESULTS, REWARD_TERMS, TROUBLES, OpenDrawerConfig
 
 WORLDS = 64
 RADIUS = 0.3
@@ -160,7 +160,33 @@ def test_an_opening_that_is_not_finite_is_no_success(stage: SimStage) -> None:
         "episodes": 1.0,
         "invalid": 1.0,
     }
-    assert env.result[0].tolist() == [0.0] * (len(RESULTS) - 1) + [1.0]
+    assert env.result[0].tolist() == [float(name == "invalid") for name in RESULTS]
+
+
+@pytest.mark.parametrize(
+    ("capacity", "expected", "key"),
+    [({"njmax": 5}, ("row_overflow", 1.0), "sim.njmax"), ({"naconmax": 2}, ("contact_overflow", 2.0), "sim.nconmax")],
+)
+def test_an_overflow_is_counted_in_the_episodes_that_it_concerns(
+    stage: SimStage, capacity: dict[str, int], expected: tuple[str, float], key: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    env = make_env(stage, still=False, sim="sim/planner", start_noise=0.0, episode_steps=6)
+    vars(env.sim.solver.mjw_data).update(capacity)  # less than there is; another size would compile other kernels
+    # The arm of world 0 lies on the floor: up to 4 contacts, 7 rows. That of world 1 is free.
+    env.sim.joint_q[0, :9] = torch.tensor([0.0, 1.7, 0.0, -1.4, 0.0, 1.6, 0.8, 0.035, 0.035])
+    env.sim.joint_target_q[0, :9] = env.sim.joint_q[0, :9]
+    for _ in range(5):
+        env.step(torch.zeros(2, 9))
+    counts = dict(zip(COUNTS, env.counts.tolist(), strict=True))
+    assert {name: counts[name] for name in TROUBLES} == {**dict.fromkeys(TROUBLES, 0.0), expected[0]: expected[1]}
+    for _ in range(5):
+        env.step(torch.zeros(2, 9))
+    assert env.counts[COUNTS.index(expected[0])] == expected[1], "the next episodes, at the start position, have none"
+    warn_of_trouble(counts, env)
+    assert [key in message for message in caplog.messages] == [True]
+    caplog.clear()
+    warn_of_trouble({**counts, "episodes": 1e6}, env)
+    assert caplog.messages == []
 
 
 def test_the_handle_counts_if_held_for_half_of_the_way(stage: SimStage) -> None:

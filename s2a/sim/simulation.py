@@ -62,6 +62,7 @@ class Simulation:
         joint_qd: joint velocities, torch view of state.joint_qd, shape [world dof].
         body_q: body poses (position, quaternion xyzw), torch view of state.body_q, shape [world body 7].
         joint_target_q: joint targets, torch view of the control's, shape [world dof].
+        after_substep: called after every physics step, and captured with it: the solver forgets its overflows in the next.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class Simulation:
         self.joint_qd = wp.to_torch(self.state.joint_qd).view(worlds, -1)
         self.body_q = wp.to_torch(self.state.body_q).view(worlds, -1, 7)
         self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(worlds, -1)
+        self.after_substep: Callable[[], None] = lambda: None
 
     def body(self, name: str) -> int:
         """Return the index of a body within a world."""
@@ -96,6 +98,7 @@ class Simulation:
         for _ in range(self.config.substeps):
             self.solver.step(self.state, self._other, self.control, None, self.config.dt)
             self.state, self._other = self._other, self.state
+            self.after_substep()
 
     def capture(self, function: Callable[[], None]) -> Callable[[], None]:
         """Return `function` as one captured CUDA graph; on a CPU, as it is.

@@ -29,8 +29,8 @@ class OpenDrawerEnv:
         terms: unweighted reward terms in the order of REWARD_TERMS, shape [world 8].
         touch: largest normal force of the left and right finger on the grasp region [N], shape [world 2].
         elsewhere: the same on the rest of the part.
-        result: how each world's last finished episode went, in the order of RESULTS, shape [world 12].
-        counts: sums over finished episodes in the order of COUNTS since they were last set to zero, shape [13].
+        result: how each world's last finished episode went, in the order of RESULTS, shape [world 14].
+        counts: sums over finished episodes in the order of COUNTS since they were last set to zero, shape [15].
         episode_step: control steps since the reset, shape [world], int32.
         midway: 1 where whoever set `episode_step` says that the running episode shall not be counted, shape [world], int32.
     """
@@ -93,7 +93,7 @@ class OpenDrawerEnv:
         inputs = [self._constants, self._weights, q["joint_q"], q["joint_qd"], q["body_q"], self._action, self._touch]
         self._launch(judge.give_reward, [*inputs, self._lead, self._terms, self._reward])
         inputs = [self._constants, q["joint_q"], q["joint_qd"], self._terms, self._touch, self._elsewhere]
-        inputs += [self._steps, self._midway, self._progress]
+        inputs += [self._overflow, self._steps, self._midway, self._progress]
         self._launch(judge.tally, [*inputs, self._done, self._time_out, self._result, self._counts])
         self._reset_and_observe()
 
@@ -147,6 +147,8 @@ class OpenDrawerEnv:
         self._counts = wp.zeros(len(COUNTS), dtype=float)
         self._reward = wp.zeros(n, dtype=float)
         self._done, self._time_out, self._steps, self._midway = (wp.zeros(n, dtype=int) for _ in range(4))
+        self._overflow = wp.zeros(n, dtype=int)
+        sim.after_substep = lambda: self._launch(judge.keep_overflow, [sim.solver.mjw_data.overflow, self._overflow])
         self._world_mask = wp.zeros(n + 1, dtype=bool)
         self._articulation_mask = wp.zeros((n, sim.model.articulation_count // n), dtype=bool)
         self._region = _region(sim.stage, sim.device)

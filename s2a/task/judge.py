@@ -2,6 +2,7 @@
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import warp as wp
+from mujoco_warp import OverflowType
 
 from s2a.sim.franka import JOINTS
 from s2a.task.kernels import Constants
@@ -11,11 +12,21 @@ TERMS = wp.constant(len(REWARD_TERMS))
 OPENING = wp.constant(REWARD_TERMS.index("opening"))
 GRIP = wp.constant(REWARD_TERMS.index("grip"))
 COLUMNS = wp.constant(len(RESULTS))
-PROGRESS = ("largest", "moved", "held", "beside", "stood")
+PROGRESS = ("largest", "moved", "held", "beside", "stood", "rows", "contacts")
 """What is kept of a running episode: its largest opening [m]; steps in which that grew on the way from 10 % to 100 % of the
 success opening, those of them with both fingers on the grasp region, and with a finger on the part but none on the region;
-whether the part ever stood open as "static" demands."""
-LARGEST, MOVED, HELD, BESIDE, STOOD = (wp.constant(i) for i in range(len(PROGRESS)))
+whether the part ever stood open as "static" demands; whether constraint rows, contacts were dropped."""
+LARGEST, MOVED, HELD, BESIDE, STOOD, ROWS, CONTACTS = (wp.constant(i) for i in range(len(PROGRESS)))
+
+ROW_BITS = wp.constant(int(OverflowType.NEFC | OverflowType.NJMAX_NNZ))
+CONTACT_BITS = wp.constant(int(OverflowType.BROADPHASE | OverflowType.NARROWPHASE | OverflowType.CCD))
+
+
+@wp.kernel
+def keep_overflow(now: wp.array(dtype=int), kept: wp.array(dtype=int)):
+    """Add the overflow bits of a physics step to those of the control step."""
+    world = wp.tid()
+    kept[world] = kept[world] | now[world]
 
 
 @wp.kernel
@@ -151,11 +162,17 @@ def follow(
     speed: float,
     touch: wp.array2d(dtype=float),
     elsewhere: wp.array2d(dtype=float),
+    overflow: wp.array(dtype=int),
     world: int,
     progress: wp.array2d(dtype=float),
 ):
     """Keep PROGRESS of the running episode."""
     opening = terms[world, OPENING]
+    if (overflow[world] & ROW_BITS) != 0:
+        progress[world, ROWS] = 1.0
+    if (overflow[world] & CONTACT_BITS) != 0:
+        progress[world, CONTACTS] = 1.0
+    overflow[world] = 0
     if opening >= c.static_opening and wp.abs(speed) <= c.static_speed:
         progress[world, STOOD] = 1.0
     if opening > progress[world, LARGEST]:
@@ -176,6 +193,7 @@ def tally(
     terms: wp.array2d(dtype=float),
     touch: wp.array2d(dtype=float),
     elsewhere: wp.array2d(dtype=float),
+    overflow: wp.array(dtype=int),
     step: wp.array(dtype=int),
     midway: wp.array(dtype=int),
     progress: wp.array2d(dtype=float),
@@ -186,13 +204,14 @@ def tally(
 ):
     """Say which episodes end, and how they went.
 
-    progress [world 5] is in the order of PROGRESS, result [world 12] in that of RESULTS, counts in that of COUNTS. An
+    overflow [world] has mujoco_warp's bits since it was last set to zero, which this does.
+    progress [world 7] is in the order of PROGRESS, result [world 14] in that of RESULTS, counts in that of COUNTS. An
     episode that began `midway` has a result, but is not counted.
     """
     world = wp.tid()
     opening = terms[world, OPENING]
     speed = joint_qd[world, JOINTS] * c.lever
-    follow(c, terms, speed, touch, elsewhere, world, progress)
+    follow(c, terms, speed, touch, elsewhere, overflow, world, progress)
     step[world] += 1
     finite = state_is_finite(joint_q, joint_qd, world)
     ended = (not finite) or opening > c.end_opening
@@ -215,6 +234,8 @@ def tally(
         result[world, 9] = flag(opening >= c.full_opening)
         result[world, 10] = largest
         result[world, 11] = flag(not finite)
+        result[world, 12] = progress[world, ROWS]
+        result[world, 13] = progress[world, CONTACTS]
         if midway[world] == 0:
             wp.atomic_add(counts, 0, 1.0)
             for i in range(COLUMNS):

@@ -31,6 +31,8 @@ RESULTS = (
     "final_full",
     "opening",
     "invalid",
+    "row_overflow",
+    "contact_overflow",
 )
 """How a finished episode went, in the order of the kernel's columns; each is 0 or 1 except "opening".
 
@@ -38,11 +40,14 @@ RESULTS = (
 "static" (`static_share` of the travel, moving no faster than `static_speed`) and "full" (`full_share` of the travel).
 "handle_success": a success with both fingers on the grasp region in half or more of the steps in which the part moved there;
 "side_success": one with a finger on the part and none on the grasp region in half or more of them. "opening": the largest [m].
-"invalid": ended by a value that is not finite.
+"invalid": ended by a value that is not finite. "row_overflow": in some step the world had more constraint rows than fit, and
+the rest was dropped; "contact_overflow": likewise for contacts, whose pool all worlds share, so that it concerns all at once.
 """
 COUNTS = ("episodes", *RESULTS)
 """What is added up over finished episodes: their number, and the columns of RESULTS."""
-LEVELS = ("wide_opening", "static_share", "static_speed", "full_share")
+TROUBLES = ("invalid", "row_overflow", "contact_overflow")
+"""Columns of RESULTS that say that physics went wrong."""
+LEVELS = ("wide_opening", "static_share", "static_speed", "full_share", "trouble_share")
 """Settings that say what is counted beside the success, and change neither what the robot sees nor what it is paid."""
 
 
@@ -67,6 +72,7 @@ class OpenDrawerConfig:
         static_speed: largest speed of the grasp point there [m/s].
         full_share: share of the travel that is counted as full.
         full_travel: shorter ways scale all openings down in proportion [m].
+        trouble_share: share of the episodes from which any of TROUBLES is warned of.
         touch_distance: how near a contact must be to the annotated region to count as on it [m].
         touch_force: normal force from which a contact counts [N].
     """
@@ -86,6 +92,7 @@ class OpenDrawerConfig:
     static_share: float
     static_speed: float
     full_share: float
+    trouble_share: float
     full_travel: float
     touch_distance: float
     touch_force: float

@@ -9,7 +9,7 @@ from pathlib import Path
 import torch
 from PIL import Image
 
-from s2a.evaluate import evaluate
+from s2a.evaluate import evaluate, warn_of_trouble
 from s2a.outputs import aside
 from s2a.policy.planner import Planner, PlannerConfig
 from s2a.policy.ppo import load_policy
@@ -97,6 +97,7 @@ def run(config: Config) -> str:
         watch = [album.watch] if config.pictures else []  # it waits for the device in every step
         metrics = evaluate(env, policy, *watch) | {"seed": config.seed, **provenance(sim.device)}
         out.write_text(json.dumps(metrics, indent=1))
+    warn_of_trouble(metrics, env)
     if config.pictures:
         config.pictures.mkdir(parents=True, exist_ok=True)
         album.save(Camera(sim.stage, sim_config.robot, config.camera), config.pictures)

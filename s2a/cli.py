@@ -31,6 +31,7 @@ from s2a.progress import Chatter
 VERBS = {
     "sample": "furnish a virtual room and scan it: writes an annotated scan",
     "export": "turn an annotated scan into two flavours of USD, descriptive and geometric",
+    "insert": "put objects into a room where they belong, as a layer over its stage",
     "prepare": "make one jointed part of a geometric stage ready for simulation",
     "certify": "measure how ready for simulation a stage is; exits with 1 if a check fails",
     "train": "train a policy by reinforcement learning (PPO)",

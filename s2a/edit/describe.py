@@ -1,0 +1,162 @@
+"""What a model needs to know of a room: a line of JSON a part, with what it can carry; lengths to the centimetre."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from s2a.edit.surfaces import target_regions
+from s2a.geometry.regions import Region, RegionConfig
+from s2a.geometry.surfaces import normals
+from s2a.scene import Joint, Mesh, Scene
+from s2a.usd.boxes import Box, silhouette, upright_box
+
+Supports = dict[str, list[Region]]
+"""Level support regions by the id of the part that has them."""
+
+CENTIMETRES = 2
+LEVEL = 0.8
+"""Upward component from which a face of a noisy scan may be level."""
+WORTH = 0.008
+"""Free area from which a support is told of [m^2]: a glass stands on it."""
+COUNT = 6
+"""Supports of a part that are told of."""
+NEAR = 0.03
+"""A thing whose underside is this near to a support [m] stands on it: the noise of a scan and of its plane."""
+
+
+def survey(scene: Scene, config: RegionConfig, part_ids: Iterable[str] | None = None) -> Supports:
+    """Return the level supports of some parts, of all by default; what moves or is held carries nothing."""
+    return {i: _supports(scene, i, config) for i in (scene.parts if part_ids is None else part_ids)}
+
+
+def describe(scene: Scene, supports: Supports) -> list[dict[str, Any]]:
+    """Return what there is to know of each part; small parts that carry nothing are only named, together.
+
+    Keys: id, label, center and size of its upright box [m], yaw [deg] if turned, part_of, opens (slides or turns), on (the
+    part it stands on), supports (kind, height [m], free area [m^2], room above [m] of each, largest first).
+    """
+    lines, small = [], dict[str, list[str]]()
+    for part_id in shown(scene):
+        carries = worth(supports.get(part_id, []))
+        if (
+            not carries
+            and part_id not in scene.movable
+            and scene.parts[part_id].parent is None
+            and _small(scene, part_id)
+        ):
+            small.setdefault(scene.parts[part_id].label, []).append(part_id)
+        else:
+            lines.append(_line(scene, part_id, carries, supports))
+    for label, ids in small.items():
+        lines.append(_line(scene, ids[0], [], supports) if len(ids) == 1 else _group(scene, label, ids, supports))
+    return lines
+
+
+def text(lines: list[dict[str, Any]]) -> str:
+    """Return a description as a model reads it."""
+    return "\n".join(json.dumps(line, separators=(",", ":"), ensure_ascii=False) for line in lines)
+
+
+def shown(scene: Scene) -> list[str]:
+    """Return the ids of the parts that are described: all with a surface but handles and what belongs to doors and drawers."""
+    hidden = {below for i in scene.movable for below in scene.descendants(i)}
+    parts = scene.parts.items()
+    return [i for i, part in parts if len(part.mesh.faces) and i not in hidden and not part.graspable]
+
+
+def worth(regions: list[Region]) -> list[Region]:
+    """Return the regions on which something could stand, those with the most free area first."""
+    free = [region for region in regions if region.free_area >= WORTH]
+    return sorted(free, key=lambda region: -region.free_area)[:COUNT]
+
+
+def support(region: Region) -> dict[str, Any]:
+    """Return what there is to know of a support."""
+    kind = "basin" if region.walled > 0.5 and region.kind == "horizontal" else region.kind
+    return {
+        "kind": kind,
+        "height": round(region.height, CENTIMETRES) + 0.0,
+        "free": _two_digits(region.free_area),
+        "room": round(region.clearance, 1 if region.clearance >= 1.0 else CENTIMETRES),
+    }
+
+
+def box_of(scene: Scene, part_id: str) -> Box:
+    """Return the upright box around a part with all that belongs to it."""
+    points = [silhouette(scene.parts[i].mesh.vertices) for i in (part_id, *scene.descendants(part_id))]
+    return upright_box(np.concatenate(points))
+
+
+def looks_up(mesh: Mesh) -> bool:
+    """Whether so much of a surface looks upwards that something could stand on it: a quick test before regions are grown."""
+    return bool(mesh.face_areas[normals(mesh)[:, 2] > LEVEL].sum() > 0.1 * WORTH)
+
+
+def _supports(scene: Scene, part_id: str, config: RegionConfig) -> list[Region]:
+    part = scene.parts[part_id]
+    if isinstance(part.motion, Joint) or part.graspable or not looks_up(part.mesh):
+        return []
+    return target_regions(scene, part_id, config, ("horizontal", "inside"))
+
+
+def _line(scene: Scene, part_id: str, carries: list[Region], supports: Supports) -> dict[str, Any]:
+    """Return what there is to know of one part."""
+    part, box = scene.parts[part_id], box_of(scene, part_id)
+    line: dict[str, Any] = {"id": part_id, "label": part.label}
+    line |= {"center": _rounded(box.center), "size": _rounded(box.size)}
+    if yaw := round(math.degrees(box.yaw)):
+        line["yaw"] = yaw
+    if part.parent is not None:
+        line["part_of"] = part.parent
+    if isinstance(part.motion, Joint):
+        line["opens"] = "slides" if part.motion.kind == "prismatic" else "turns"
+    if below := _carrier(scene, part_id, box, supports):
+        line["on"] = below
+    if carries:
+        line["supports"] = [support(region) for region in carries]
+    return line
+
+
+def _group(scene: Scene, label: str, ids: list[str], supports: Supports) -> dict[str, Any]:
+    """Return the line of several small things of a kind."""
+    below = [carrier for i in ids if (carrier := _carrier(scene, i, box_of(scene, i), supports))]
+    return {"label": label, "ids": ids, **({"on": list(dict.fromkeys(below))} if below else {})}
+
+
+def _carrier(scene: Scene, part_id: str, box: Box, supports: Supports) -> str | None:
+    """Return the part that something stands on."""
+    if scene.parts[part_id].parent is not None:
+        return None
+    foot = np.array([[box.center[0], box.center[1], box.center[2] - box.size[2] / 2]])
+    for other, regions in supports.items():
+        if other != part_id and any(_stands_on(foot, region) for region in regions):
+            return other
+    return None
+
+
+def _stands_on(foot: np.ndarray, region: Region) -> bool:
+    (row, column, above) = region.places(foot)[0]
+    rows, columns = region.support.shape
+    if not (abs(above) < NEAR and 0 <= row < rows and 0 <= column < columns):
+        return False
+    # What stands there hid the support from the scanner: the outline counts, not the cells.
+    return True
+
+
+def _small(scene: Scene, part_id: str) -> bool:
+    """Whether a part is a thing to be handled rather than furniture: no side longer than half a metre."""
+    return bool(np.ptp(scene.parts[part_id].mesh.bounds, axis=0).max() < 0.5)
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+def _rounded(values: Iterable[float]) -> list[float]:
+    """Round, without negative zeros."""
+    return [round(float(value), CENTIMETRES) + 0.0 for value in values]

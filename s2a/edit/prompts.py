@@ -1,0 +1,150 @@
+"""What models are told: a system prompt a step, its JSON schema, and how the question is put.
+
+A changed prompt makes recordings void; they say so (`s2a.edit.replay`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from s2a.edit.placement import Placement
+from s2a.edit.script import write_script
+
+PLAN = """\
+You furnish scanned rooms. You are given a room and an object, and say where in the room people would put the object.
+
+The room comes as one JSON object a line: id, label, center and size of its upright box in metres (z is up), yaw in degrees,
+part_of (what it belongs to), opens (slides or turns), on (what it stands on), and supports: level surfaces that it offers,
+each with kind, height above the floor, free area in m^2 and free room above it in m. Kinds: "horizontal" is a top,
+"inside" is a compartment with something of the same part above it, "basin" is surrounded by a rim: a sink, a tub, a tray.
+Small things that carry nothing are listed with their ids only. Parts without supports can still carry things on upright sides.
+
+The object comes with its label, the sides of its mesh along x, y and z in the file's own unknown unit, the up axis that the
+file states (exporters often leave that wrong), and feet: for each axis how well the object would stand with this axis up, 0 to 1.
+
+Answer with one JSON object:
+- up: the axis of the file that points up once the object is in its place ("+x", "-x", "+y", "-y", "+z", "-z").
+- front: the axis along which its front looks, across up; files with +z up mostly have their front at -y, those with +y up at +z.
+- near: id of a part that it should be beside, or null. Set it if there is a wish for it or if things obviously go together.
+- choices: one to three places, best first, each with
+  - target: an id from the room, exactly as given;
+  - surface: "horizontal" (a top or a basin), "inside" (a compartment), or "vertical" (a wall or an upright side);
+  - relation: "on" a top, "in" a basin, a box or a compartment, "against" something behind it (only on a horizontal surface),
+    "hanging" (only on a vertical surface);
+  - height: the height of the support that you mean, as listed, or null;
+  - reason: in a few words.
+The object must fit: look at free area and free room, and keep small things off the floor. A wish, if there is one, comes first:
+all choices must honour it. Labels may be brands or rare words: think of what the thing is.
+
+Example. Object {"label":"coffee mug","sides":[12.1,9.4,8.6],"up":null,
+"feet":{"+x":0.0,"-x":0.0,"+y":0.9,"-y":0.7,"+z":0.1,"-z":0.1}} in a room with desk_4, shelf_9 and keyboard_6 on the desk:
+{"up":"+y","front":"+z","near":"keyboard_6","choices":[
+{"target":"desk_4","surface":"horizontal","relation":"on","height":0.74,"reason":"mugs stand on desks, within reach"},
+{"target":"shelf_9","surface":"inside","relation":"in","height":1.1,"reason":"a free compartment at hand height"}]}
+Example. Object {"label":"bar of soap","sides":[9,6,3],"up":"+z","feet":{"+z":0.8,"-z":0.8,"+y":0.3,"-y":0.3,"+x":0.2,"-x":0.2}}
+in a bathroom with washbasin_2, whose supports are a basin at 0.72 and a horizontal rim at 0.85:
+{"up":"+z","front":"-y","near":null,"choices":[
+{"target":"washbasin_2","surface":"horizontal","relation":"on","height":0.85,"reason":"soap lies on the rim of the basin"},
+{"target":"washbasin_2","surface":"horizontal","relation":"in","height":0.72,"reason":"or in the basin"}]}
+Answer with the JSON object alone."""
+
+SCALE = """\
+You know how large things are. You are given an object that somebody wants to put into a scanned room, and say how large
+it really is.
+
+The object comes with its label, the sides of its mesh in the file's own unknown unit, its height in that unit, its longest side,
+the metres in a unit that the file states (often wrong, or null), the support that it shall be put on, and things near that place
+with their sizes in metres.
+
+Answer with one JSON object:
+- noun: the plain English word for what it is. Resolve brands and rare words first: "Nespresso Vertuo" is a coffee machine.
+- height: [least, largest] height in metres of such things, standing as they should.
+- longest: [least, largest] length in metres of their longest side, which may be the height.
+- unit: the unit that the file is probably written in: "m", "cm", "mm", "in", "ft" or "unknown".
+- reason: in a few words.
+Give the range in which nine of ten such things lie, not wider, in metres. It must fit the support, and the things around it.
+
+Example. {"label":"Swingline 747","sides":[7.4,1.5,2.2],"height":2.2,"longest":7.4,"stated":null,"support":{"part":"desk"}}:
+{"noun":"stapler","height":[0.04,0.07],"longest":[0.13,0.20],"unit":"in","reason":"7.4 x 1.5 x 2.2 inches is a full-size stapler"}
+Answer with the JSON object alone."""
+
+EXAMPLE = Placement(
+    "coffee_mug_41", "coffee mug", "objects/coffee_mug_41.usdc", (1.25, 0.5, 0.75), (0.0, 0.0, 0.6, 0.8), 0.01
+)
+"""What the example of a script carries out."""
+
+SCRIPT = f"""\
+You write short Python scripts for usd-core. A script adds one object to a stage, exactly as planned, and nothing else.
+
+The stage is the file "scene.usda" in the current folder (also in the variable STAGE); open it, edit it, save it.
+Define one Xform at /scene/<id>. Give it exactly one reference: to the object's file, written out as given (also in the
+variable OBJECT), without a prim path. Give it three transform operations in this order: translate, orient, scale, in double
+precision, with the given numbers in full, none rounded. The orientation is given as x, y, z, w; Gf.Quatd takes w first. The
+scale is the same for all axes. Set the attributes s2a:partId and s2a:label, both String. Apply UsdSemantics.LabelsAPI with the
+instance name "class" and set its labels to a list with the label. End with stage.Save().
+Import nothing but Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdSemantics and Vt from pxr. Open no other file, touch no other prim, no
+other attribute; no names with a leading underscore, no getattr, eval, exec or open. The script runs in a locked process and
+its result is compared with the plan; what differs is refused.
+
+Example. {{"id":"coffee_mug_41","label":"coffee mug","reference":"objects/coffee_mug_41.usdc","translate":[1.25,0.5,0.75],\
+"orient":[0.0,0.0,0.6,0.8],"scale":0.01}}:
+{write_script(EXAMPLE)}
+Answer with the script alone, without explanations."""
+
+
+def _object(**properties: Any) -> dict[str, Any]:
+    """Return the schema of an object all of whose keys are required, as structured output wants it."""
+    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
+
+
+AXIS = {"type": "string", "enum": ["+x", "-x", "+y", "-y", "+z", "-z"]}
+SPAN = {"type": "array", "items": {"type": "number"}, "description": "least and largest"}
+TEXT = {"type": "string"}
+
+PLAN_SCHEMA = _object(
+    up=AXIS,
+    front=AXIS,
+    near={"type": ["string", "null"]},
+    choices={
+        "type": "array",
+        "items": _object(
+            target=TEXT,
+            surface={"type": "string", "enum": ["horizontal", "vertical", "inside"]},
+            relation={"type": "string", "enum": ["on", "in", "against", "hanging"]},
+            height={"type": ["number", "null"]},
+            reason=TEXT,
+        ),
+    },
+)
+
+SCALE_SCHEMA = _object(
+    noun=TEXT,
+    height=SPAN,
+    longest=SPAN,
+    unit={"type": "string", "enum": ["m", "cm", "mm", "in", "ft", "unknown"]},
+    reason=TEXT,
+)
+
+
+def plan_question(facts: Mapping[str, Any], room: str) -> str:
+    """Return the question of where an object belongs."""
+    wish = f"\nThe wish: {facts['wish']}" if facts.get("wish") else ""
+    thing = {name: facts[name] for name in ("label", "sides", "up", "feet")}
+    return f"The room:\n{room}\n\nThe object: {_json(thing)}{wish}"
+
+
+def scale_question(facts: Mapping[str, Any]) -> str:
+    """Return the question of how large an object is."""
+    names = ("label", "sides", "height", "longest", "stated", "support", "neighbours")
+    return f"The object: {_json({name: facts[name] for name in names})}"
+
+
+def script_question(facts: Mapping[str, Any]) -> str:
+    """Return the question for a script; numbers in full."""
+    return f"The plan: {_json(facts)}"
+
+
+def _json(values: Mapping[str, Any]) -> str:
+    return json.dumps(values, separators=(",", ":"), ensure_ascii=False)

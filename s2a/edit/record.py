@@ -1,0 +1,54 @@
+"""What was asked of a model, what it took, and what it cost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from s2a.edit.ask import Answer
+
+PER_TOKEN = 3.5
+"""Characters in a token of a description: between 3 and 4 for the JSON of a room with the tokenizers of 2024 and 2025."""
+
+
+@dataclass
+class Ledger:
+    """Every answer of a model, with its tokens and its price.
+
+    Attributes:
+        prices: US dollars for a million tokens of the request and of the answer; zeros where nobody asks for money.
+        entries: one an answer.
+    """
+
+    prices: tuple[float, float]
+    entries: list[dict[str, Any]] = field(default_factory=list)
+
+    def note(self, step: str, answer: Answer, refused: str = "") -> None:
+        """Note an answer, and why it was refused."""
+        entry = {
+            "step": step,
+            "model": answer.model,
+            "seconds": round(answer.seconds, 3),
+            "prompt_tokens": answer.prompt_tokens,
+            "completion_tokens": answer.completion_tokens,
+            "characters": len(answer.text),
+        }
+        self.entries.append({**entry, "refused": refused} if refused else entry)
+
+    def total(self) -> dict[str, Any]:
+        """Return the number of calls, the tokens, seconds and US dollars of all answers."""
+        asked, said = (sum(entry[key] for entry in self.entries) for key in ("prompt_tokens", "completion_tokens"))
+        return {
+            "calls": len(self.entries),
+            "prompt_tokens": asked,
+            "completion_tokens": said,
+            "seconds": round(sum(entry["seconds"] for entry in self.entries), 3),
+            "dollars": round((asked * self.prices[0] + said * self.prices[1]) / 1e6, 6),
+        }
+
+
+def tokens(text: str) -> int:
+    """Return about how many tokens a text has."""
+    return math.ceil(len(text) / PER_TOKEN)

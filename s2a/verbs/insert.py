@@ -1,0 +1,252 @@
+"""Objects into a room: a small layer over an untouched geometric.usd."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+from pxr import Sdf
+
+from s2a.certify.settle import SettleConfig, settle
+from s2a.edit import overlay
+from s2a.edit.confine import ConfinementConfig
+from s2a.edit.describe import survey
+from s2a.edit.insert import InsertConfig, Inserted, Record, Room, Thing, Watch, insert
+from s2a.edit.llm import LlmConfig, choose, kind_of
+from s2a.edit.objects import ObjectConfig
+from s2a.edit.pose import PoseConfig
+from s2a.edit.record import Ledger
+from s2a.edit.skeleton import skeleton
+from s2a.edit.spots import Spot
+from s2a.edit.surfaces import SurfaceConfig, nearby
+from s2a.errors import InputError, NotPassed
+from s2a.geometry.decompose import one_hull, vhacd
+from s2a.geometry.ransac import RansacConfig
+from s2a.geometry.regions import RegionConfig
+from s2a.outputs import aside
+from s2a.progress import track
+from s2a.scene import Mesh, Scene
+from s2a.usd import descriptive, geometric
+
+LAYER, RECORD = "insert.usda", "insert.json"
+AROUND = 0.05
+"""Surroundings within this distance of an object take part in its drop [m]."""
+
+
+@dataclass(frozen=True)
+class PiecesConfig:
+    """Convex pieces that stand for an object while it is watched.
+
+    Attributes:
+        full: share of its convex hull from which an object is taken for that.
+        hulls: largest number.
+        resolution: voxels.
+        vertices: largest number a piece.
+    """
+
+    full: float
+    hulls: int
+    resolution: int
+    vertices: int
+
+
+@dataclass(frozen=True)
+class PlacementConfig:
+    """Where an object goes.
+
+    Attributes:
+        regions: how support regions are grown.
+        surface: "regions" or "ransac".
+        ransac: how the baseline's plane is sought.
+        pose: how poses are found.
+        settle: how the object is watched.
+        object: how objects are read.
+    """
+
+    regions: RegionConfig
+    surface: Literal["regions", "ransac"]
+    ransac: RansacConfig
+    pose: PoseConfig
+    settle: SettleConfig
+    object: ObjectConfig
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a insert`.
+
+    Attributes:
+        stage: the geometric.usd, or the insert.usda of an earlier insertion; it stays as it is.
+        object: a mesh or a USD stage; null if a list is given.
+        label: what it is, in plain words; null if a list is given.
+        objects: a YAML list of {object, label}, paths relative to it; null for a single object.
+        prompt: a wish in words, such as "put it next to the keyboard", or null.
+        out: folder that receives insert.usda (open it instead of the stage; delete it and nothing was inserted), objects/,
+            descriptive.usda and insert.json.
+        record: a file to which the answers of the model are added, for llm=replay; null for none.
+        surface: "regions" grows bounded surfaces; "ransac" is the baseline, one plane, and needs pose=paper.
+        pose: "search" looks for the best place; "paper" is the baseline, random offsets until nothing collides.
+        retries: answers of the model that may be refused, a step.
+        neighbours: things near the place that the model is told of when it says how large an object is.
+        llm: who is asked.
+        placement: where an object goes.
+        confinement: what a script may do.
+        pieces: convex pieces that stand for an object while it is watched.
+    """
+
+    stage: Path
+    object: Path | None
+    label: str | None
+    objects: Path | None
+    prompt: str | None
+    out: Path
+    record: Path | None
+    surface: Literal["regions", "ransac"]
+    pose: Literal["search", "paper"]
+    retries: int
+    neighbours: int
+    llm: LlmConfig
+    placement: PlacementConfig
+    confinement: ConfinementConfig
+    pieces: PiecesConfig
+
+
+def run(config: Config) -> str:
+    """Insert the objects, write what was added over the stage, and return where they are.
+
+    Raises:
+        InputError: nothing could be inserted; nothing is written.
+        NotPassed: some of several could not; the others are written.
+    """
+    things, model = _things(config), choose(config.llm, config.record)
+    room = open_room(config)
+    found: list[Inserted] = []
+    records: list[Record] = []
+    for thing in track(things, "inserting"):
+        record: Record = {"object": str(thing.file), "label": thing.label, "wish": thing.wish}
+        inserted, record = attempt(room, thing, model, config, record)
+        records.append(record)
+        if inserted is not None:
+            found.append(inserted)
+            room.add(inserted, settings(config).surface)
+        elif len(things) == 1:
+            raise InputError(record["problem"])
+    if not found:
+        raise InputError(f"none of {len(things)} objects could be inserted; the first: {records[0]['problem']}")
+    with aside(config.out, earlier=RECORD) as out:
+        _write(found, records, room, config, out)
+    said = _summary(found, records, config)
+    if len(found) < len(things):
+        raise NotPassed(said)
+    return said
+
+
+def open_room(config: Config) -> Room:
+    """Read a stage, and what its parts can carry."""
+    scene = geometric.read(config.stage)
+    return Room(scene, skeleton(config.stage), survey(scene, config.placement.regions))
+
+
+def attempt(room: Room, thing: Thing, model: Any, config: Config, record: Record) -> tuple[Inserted | None, Record]:
+    """Insert an object; return it, or None, and the record, which has its problem."""
+    ledger, inserted = Ledger(config.llm.prices), None
+    try:
+        inserted = insert(room, thing, model, settings(config), watch(config), ledger, record)
+    except InputError as error:
+        record["problem"] = str(error)
+    else:
+        record |= {"id": inserted.placement.part_id, "problem": ""}
+    return inserted, record | {"answers": ledger.entries, "total": ledger.total()}
+
+
+def settings(config: Config) -> InsertConfig:
+    """Return how objects are inserted."""
+    where = config.placement
+    surface = SurfaceConfig(where.surface, where.regions, where.ransac)
+    ours = kind_of(config.llm) == "rules"
+    return InsertConfig(surface, where.pose, where.object, config.confinement, config.retries, config.neighbours, ours)
+
+
+def watch(config: Config) -> Watch:
+    """Return what drops an object at a spot and says whether it stays."""
+    pieces: dict[int, list[Mesh]] = {}
+
+    def watched(object: Mesh, spot: Spot, scene: Scene) -> Record:
+        if id(object) not in pieces:
+            pieces[id(object)] = _pieces(object, config.pieces)
+        moved = [spot.pose.moved(piece) for piece in pieces[id(object)]]
+        bounds = spot.pose.moved(object).bounds
+        support = nearby(scene, bounds[0] - AROUND, bounds[1] + AROUND)
+        hangs_on = -spot.normal if spot.choice.relation == "hanging" else None
+        found = settle(moved, support, config.placement.settle, hangs_on)
+        return {name: round(value, 5) if isinstance(value, float) else value for name, value in vars(found).items()}
+
+    return watched
+
+
+def _pieces(object: Mesh, config: PiecesConfig) -> list[Mesh]:
+    """Return convex pieces of an object: its hull, where that fills in little, which saves a second."""
+    whole = one_hull(object, config.vertices)
+    if not whole or _volume(object) > config.full * _volume(whole[0]):
+        return whole
+    return vhacd(object, config.hulls, config.resolution, config.vertices)
+
+
+def _volume(mesh: Mesh) -> float:
+    """Return what a surface encloses [m^3]; of an open one, about that."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
+    return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6.0
+
+
+def _things(config: Config) -> list[Thing]:
+    """Return what is to be inserted: one object, or a list."""
+    wish = config.prompt or ""
+    if config.objects is None:
+        if config.object is None or config.label is None:
+            raise InputError("give object=FILE and label=WORDS, or objects=LIST.yaml with an {object, label} an entry")
+        return [Thing(config.object, config.label, wish)]
+    if config.object is not None or config.label is not None:
+        raise InputError("objects=LIST.yaml and object=FILE were both given; give one of them")
+    try:
+        entries = yaml.safe_load(config.objects.read_text())
+        found = [(str(entry["object"]), str(entry["label"])) for entry in entries]
+    except (OSError, yaml.YAMLError, TypeError, KeyError, UnicodeDecodeError) as error:
+        said = " ".join(str(error).split())
+        raise InputError(f"{config.objects}: not a list of {{object: FILE, label: WORDS}} ({said})") from error
+    if not found:
+        raise InputError(f"{config.objects} lists no object")
+    return [Thing(config.objects.parent / file, label, wish) for file, label in found]
+
+
+def _write(found: list[Inserted], records: list[Record], room: Room, config: Config, out: Path) -> None:
+    """Write the layer, the objects' files, the words and the record."""
+    (out / "objects").mkdir(parents=True)
+    added = Sdf.Layer.CreateAnonymous(".usda")
+    Sdf.CreatePrimInLayer(added, "/scene")
+    for one in found:
+        overlay.write_object(one.mesh, out / one.placement.reference)
+        path = f"/scene/{one.placement.part_id}"
+        Sdf.CopySpec(one.layer, path, added, path)
+    overlay.write(added, Path(os.path.relpath(config.stage, config.out)).as_posix(), out / LAYER)
+    descriptive.write(room.scene, out / "descriptive.usda")
+    about = {"stage": str(config.stage), "surface": config.surface, "pose": config.pose}
+    about |= {"llm": kind_of(config.llm), "model": config.llm.model}
+    (out / RECORD).write_text(json.dumps({**about, "objects": records}, indent=1) + "\n")
+
+
+def _summary(found: list[Inserted], records: list[Record], config: Config) -> str:
+    """Return where the objects are, and why others are not there."""
+    lines = [f"{config.out / LAYER}: {len(found)} of {len(records)} objects over {config.stage}"]
+    for record in records:
+        if record["problem"]:
+            lines.append(f"  not {record['label']!r}: {record['problem']}")
+            continue
+        x, y, z = record["pose"]["position"]
+        size = " x ".join(f"{side:.2f}" for side in record["scale"]["size"])
+        lines.append(f"  {record['id']} on {record['surface']['target']} at ({x:.2f}, {y:.2f}, {z:.2f}), {size} m")
+    return "\n".join(lines)

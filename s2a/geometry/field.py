@@ -8,6 +8,8 @@ observed (`s2a.geometry.nets`): what no scanner saw is missing.
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -215,16 +217,30 @@ def fuse(
     """
     tangents = wp.array(pixel_tangents(spacing), dtype=float, device="cpu")
     field = _allocate(panoramas, scanners, tangents, bounds, config)
-    for ranges, scanner in track(list(zip(panoramas, scanners, strict=True)), "fuse"):
-        pixels = wp.array(ranges, dtype=float, device="cpu", copy=False)
-        planes = wp.zeros(len(ranges), dtype=wp.vec4, device="cpu")
-        wp.launch(_planes, len(ranges), inputs=[pixels, tangents, config.stencil], outputs=[planes], device="cpu")
-        lengths = [config.voxel, config.voxel * config.truncation, config.voxel * config.depth]
-        band = [field.blocks, field.origin, *lengths]
-        seen = [pixels, planes, wp.vec3(*map(float, scanner)), len(tangents)]
-        wp.launch(_fuse, len(field.weight), inputs=band + seen, outputs=[field.distance, field.weight], device="cpu")
+    lengths = [config.voxel, config.voxel * config.truncation, config.voxel * config.depth]
+
+    def add(some: slice) -> None:
+        """Add the panorama at hand to some of the blocks, each of 64 voxels."""
+        voxels = slice(64 * some.start, 64 * some.stop)
+        inputs = [field.blocks[some], field.origin, *lengths, pixels, planes, place, len(tangents)]
+        outputs = [field.distance[voxels], field.weight[voxels]]
+        wp.launch(_fuse, len(outputs[0]), inputs=inputs, outputs=outputs, device="cpu")
+
+    shares = _shares(len(field.blocks))
+    with ThreadPoolExecutor(max(len(shares), 1)) as pool:  # Warp works without Python's lock, on one core a launch
+        for ranges, scanner in track(list(zip(panoramas, scanners, strict=True)), "fuse"):
+            pixels, place = wp.array(ranges, dtype=float, device="cpu", copy=False), wp.vec3(*map(float, scanner))
+            planes = wp.zeros(len(ranges), dtype=wp.vec4, device="cpu")
+            wp.launch(_planes, len(ranges), inputs=[pixels, tangents, config.stencil], outputs=[planes], device="cpu")
+            list(pool.map(add, shares))
     wp.launch(_average, len(field.weight), inputs=[field.weight], outputs=[field.distance], device="cpu")
     return field
+
+
+def _shares(count: int) -> list[slice]:
+    """Return a share of so many blocks for each processor; none is empty."""
+    ends = np.unique(np.linspace(0, count, (os.cpu_count() or 1) + 1).astype(int)).tolist()
+    return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
 
 
 def _allocate(

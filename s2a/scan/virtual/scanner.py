@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,8 +56,11 @@ def scan(
         rng: where its errors come from.
     """
     T_room_scene = rotation((0.0, 0.0, -yaw))
-    panoramas = [
-        cast_panorama(mesh, dropout, T_room_scene @ translation(place), config.spacing, config.noise, rng)
-        for place in track(list(scanners), "scan")
-    ]
+
+    def cast(place: np.ndarray, errors: np.random.Generator) -> np.ndarray:
+        return cast_panorama(mesh, dropout, T_room_scene @ translation(place), config.spacing, config.noise, errors)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # Warp works without Python's lock, on one core a launch
+        cast_all = pool.map(cast, scanners, rng.spawn(len(scanners)))
+        panoramas = list(track(cast_all, "scan", len(scanners)))
     return thin(extract(fuse(panoramas, scanners, config.spacing, bounds, config.fusion)), config.thin)

@@ -1,7 +1,8 @@
 """Handles that are bars: their cross-section along their length, and pieces that leave room for fingers behind them.
 
 No scanner sees the back of a bar. Fusion draws its surface on into the shadow behind it, in skirts that hang from its
-edges and may reach the front, so only its outermost few millimetres say how thick it is.
+edges and may reach the front, so only its outermost few millimetres say how thick it is. How deep it is, its sides say:
+the shadows that all scanners share draw in behind it.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial import HalfspaceIntersection, QhullError
+from scipy.stats import theilslopes
 
 from s2a.geometry.convex import hull
 from s2a.geometry.surfaces import sample
@@ -25,7 +27,9 @@ SHALLOWEST = 0.008
 GAP = 0.021
 """[m] Space that fingers need behind a bar: a Franka finger's pad is 18.5 mm long."""
 SPAN = 0.5
-"""Share of a bar's length, in its middle, that stands free of posts."""
+"""Share of a bar's length, in its middle, that stands free but for a short post."""
+LONGEST_POST = 0.3
+"""Share of a bar's length that a post in its middle may have; what is longer is a web."""
 MARGIN = 0.001
 """[m] How far a bar may be thicker farther in than at its head."""
 SIDES = 16
@@ -33,7 +37,13 @@ SIDES = 16
 TAIL = 0.03
 """Share of the points that may stand out of it in each direction."""
 LIKE = 0.002
-"""[m] Slices whose sections differ by less, from noise, become one piece."""
+"""[m] Slices whose sections differ by less, from noise, become one piece; so much may a straight bar seem to bend."""
+CONVERGING = 0.2
+"""Share of its half thickness by which a bar's side draws in where it has ended and only its shadow goes on."""
+NOISE = 0.0015
+"""[m] A side that draws in by less has not ended."""
+STEP = 0.001
+"""[m] Depths at which sides are asked."""
 FEW = 40
 """A slice with fewer points says nothing."""
 
@@ -78,25 +88,49 @@ def bar_profile(region: Mesh, frame: np.ndarray, slices: int) -> Profile | None:
     points = sample(region, SAMPLES, seed=0) @ frame
     if not len(points):
         return None
-    start, end = np.quantile(points[:, 0], [0.005, 0.995])
-    edges = np.linspace(start, end, slices + 1)
-    found = []
-    for first, last in zip(edges, edges[1:], strict=False):
-        here = points[(points[:, 0] >= first) & (points[:, 0] < last)]
-        if len(here) < FEW:
-            return None
-        face = np.quantile(here[:, 2], 0.02)
-        head = here[here[:, 2] < face + HEAD]
-        found.append([*np.quantile(head[:, 1], [0.02, 0.98]), face])
-    low, high, face = median_filter(np.array(found).T, size=(1, 3), mode="nearest")
-    profile = Profile(edges, low, high, face)
+    edges = np.linspace(*np.quantile(points[:, 0], [0.005, 0.995]), slices + 1)
+    heads = [_head(points[(points[:, 0] >= a) & (points[:, 0] < b)]) for a, b in zip(edges, edges[1:], strict=False)]
+    if any(len(head) < FEW for head in heads):
+        return None
+    edges[0], edges[-1] = np.quantile(heads[0][:, 0], 0.005), np.quantile(heads[-1][:, 0], 0.995)
+    found = np.array([_section_bounds(head) for head in heads]).T
+    profile = Profile(edges, *(_straight(values) for values in median_filter(found, size=(1, 3), mode="nearest")))
     return profile if profile.length > 2.5 * profile.thickness else None
+
+
+def _head(points: np.ndarray) -> np.ndarray:
+    """Return the points of a slice that lie within HEAD of its outermost, shape [point 3]; none where too few are there."""
+    if len(points) < FEW:
+        return points[:0]
+    return points[points[:, 2] < np.quantile(points[:, 2], 0.02) + HEAD]
+
+
+def _section_bounds(head: np.ndarray) -> tuple[float, float, float]:
+    """Return lower end, upper end and face [m] of a bar's section.
+
+    Both its edges round off alike: the side that flares out more than the other one is a skirt.
+    """
+    face = float(head[:, 2].min())
+    low, high = np.quantile(head[:, 1], [0.02, 0.98])
+    upper = head[head[:, 2] < face + HEAD / 2]
+    inner_low, inner_high = np.quantile(upper[:, 1], [0.02, 0.98]) if len(upper) >= FEW / 2 else (low, high)
+    flares = np.array([inner_low - low, inner_high - high]) * [1, -1]
+    below, above = np.minimum(flares, flares.min() + MARGIN)
+    return float(inner_low - below), float(inner_high + above), face
+
+
+def _straight(values: np.ndarray) -> np.ndarray:
+    """Return values along a bar [m], shape [slice], on the line through most of them where they are near it."""
+    places = np.arange(len(values))
+    slope, start, *_ = theilslopes(values, places)
+    line = start + slope * places
+    return np.where(np.abs(values - line) < LIKE, line, values)
 
 
 def bar_pieces(region: Mesh, frame: np.ndarray, profile: Profile, front: float) -> list[Mesh] | None:
     """Return a bar as convex pieces along its length, or None if it stands too near the front for fingers.
 
-    The middle of the bar ends where fingers need space; towards its ends a slice that reaches the front is a post.
+    The bar ends where its sides do, and leaves fingers their space; posts join it to the front.
     Neighbouring slices of like section become one piece.
 
     Args:
@@ -108,35 +142,117 @@ def bar_pieces(region: Mesh, frame: np.ndarray, profile: Profile, front: float) 
     if front - np.median(profile.face) < SHALLOWEST + 0.6 * GAP:
         return None
     points = sample(region, SAMPLES, seed=0) @ frame
-    sections = [_section(points, profile, k, front) for k in range(len(profile.low))]
-    supports = [_support(section) for section in sections]
+    depth = bar_depth(points, profile, front)
+    sections = [_section(points, profile, k, depth) for k in range(len(profile.low))]
+    supports = np.array([_support(*section) for section in sections])
     pieces = []
     for first, last in _alike(supports):
-        piece = _prism(np.concatenate(sections[first:last]), profile.edges[first], profile.edges[last])
-        if piece is not None:
-            pieces.append(Mesh(piece.vertices @ frame.T, piece.faces))
-    return pieces
+        support = np.median(supports[first:last], axis=0)
+        pieces.append(_prism(support, sections[first][1].mean(axis=0), profile.edges[first], profile.edges[last]))
+    pieces += _posts(points, profile, depth, front)
+    return [Mesh(piece.vertices @ frame.T, piece.faces) for piece in pieces if piece is not None]
 
 
-def _section(points: np.ndarray, profile: Profile, k: int, front: float) -> np.ndarray:
-    """Return what a scan shows of a bar (or of its post) in one slice as points (y, z), without skirts."""
+def _posts(points: np.ndarray, profile: Profile, depth: float, front: float) -> list[Mesh | None]:
+    """Return the posts between a bar and its front: where its surface reaches the front, and not as a skirt.
+
+    A post is as wide as the bar, a skirt hangs from one of its edges inwards. In the middle of a bar a post is short.
+    """
+    slices = np.clip(np.searchsorted(profile.edges, points[:, 0]) - 1, 0, len(profile.low) - 1)
+    middle = (profile.low + profile.high)[slices] / 2
+    out = np.abs(points[:, 1] - middle)
+    deep = (points[:, 2] > profile.face[slices] + depth + MARGIN) & (out < profile.thickness / 2 + MARGIN)
+    reaches = np.zeros(len(profile.low) + 2, int)
+    for k in range(len(profile.low)):
+        here = deep & (slices == k)
+        reaches[k + 1] = here.sum() >= FEW and points[here, 2].max() > front - HEAD
+    posts: list[Mesh | None] = []
+    for first, last in _short(np.flatnonzero(np.diff(reaches)).reshape(-1, 2).tolist(), len(profile.low)):
+        here = deep & (slices >= first) & (slices < last)
+        if _is_post(out[here], points[here, 1], profile, first, last):
+            low, high = np.median(profile.low[first:last]), np.median(profile.high[first:last])
+            back = float(np.median(profile.face[first:last])) + min(HEAD, depth)
+            corners = np.array([[low, back], [high, back], [low, front], [high, front]])
+            ends = np.quantile(points[here, 0], [TAIL, 1 - TAIL])
+            posts.append(hull(np.concatenate([np.insert(corners, 0, x, axis=1) for x in ends])))
+    return posts
+
+
+def _short(runs: list[list[int]], count: int) -> list[tuple[int, int]]:
+    """Return runs (first, last + 1) of slices, those longer than a middle post without what lies in the middle."""
+    start, end = round((1 - SPAN) / 2 * count), round((1 + SPAN) / 2 * count)
+    found = []
+    for first, last in runs:
+        is_web = last - first > LONGEST_POST * count and first < end and last > start
+        found += [(first, min(last, start)), (max(first, end), last)] if is_web else [(first, last)]
+    return [(first, last) for first, last in found if first < last]
+
+
+def _is_post(out: np.ndarray, across: np.ndarray, profile: Profile, first: int, last: int) -> bool:
+    """Whether points behind slices first to last - 1, so far `out` of the bar's middle and `across` it [m], are a post."""
+    if len(out) < FEW:
+        return False
+    at_edge = np.quantile(out, 0.9) > 0.35 * profile.thickness
+    count = len(profile.low)
+    in_middle = last > (1 - SPAN) / 2 * count and first < (1 + SPAN) / 2 * count and first > 0 and last < count
+    wide = np.ptp(np.quantile(across, [0.05, 0.95])) > 0.6 * profile.thickness
+    return bool(at_edge and (wide or not in_middle))
+
+
+def bar_depth(points: np.ndarray, profile: Profile, front: float) -> float:
+    """Return how deep a bar is [m]: where the first of its sides draws in, at least SHALLOWEST, with GAP behind it.
+
+    Where neither draws in, it is as deep as either is seen.
+
+    Args:
+        points: of its surface in the profile's frame [m], shape [point 3].
+        profile: its section.
+        front: coordinate of the front along z [m].
+    """
+    slices = np.clip(np.searchsorted(profile.edges, points[:, 0]) - 1, 0, len(profile.low) - 1)
+    in_middle = np.abs(points[:, 0] - profile.edges.mean()) < SPAN * profile.length / 2
+    out = points[:, 1] - ((profile.low + profile.high) / 2)[slices]
+    deep = points[:, 2] - profile.face[slices]
+    deepest = max(SHALLOWEST, front - GAP - float(np.median(profile.face)))
+    depths = np.arange(SHALLOWEST / 2, deepest, STEP)
+    half = profile.thickness / 2
+    ends = [_side_end(out[in_middle] * side, deep[in_middle], depths, half) for side in (-1, 1)]
+    drawn = [end for end, draws_in in ends if draws_in]
+    return min(deepest, max(SHALLOWEST, min(drawn) if drawn else max(end for end, _ in ends)))
+
+
+def _side_end(out: np.ndarray, deep: np.ndarray, depths: np.ndarray, half: float) -> tuple[float, bool]:
+    """Return the depth [m] down to which a side, `out` of the middle [point], is seen, and whether it draws in there."""
+    widest, last = 0.0, SHALLOWEST
+    for depth in depths:
+        here = out[(np.abs(deep - depth) < STEP) & (out > 0)]
+        if len(here) < FEW:
+            break
+        reach, last = float(np.quantile(here, 0.75)), float(depth)
+        widest = max(widest, reach)
+        if reach < widest - max(NOISE, CONVERGING * half):
+            return last, True
+    return last, False
+
+
+def _section(points: np.ndarray, profile: Profile, k: int, depth: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a scan shows of a bar in one slice, without skirts, and its inner corners; both as points (y, z) [m]."""
     first, last = profile.edges[k : k + 2]
     low, high, face = profile.low[k], profile.high[k], profile.face[k]
     here = points[(points[:, 0] >= first) & (points[:, 0] < last)][:, 1:]
     here = here[(here[:, 0] > low - MARGIN) & (here[:, 0] < high + MARGIN)]
-    in_middle = abs((first + last) / 2 - profile.edges.mean()) < SPAN * profile.length / 2
-    is_free = in_middle or here[:, 1].max() < front - HEAD
-    back = max(face + SHALLOWEST, front - GAP) if is_free else front
-    least = face + SHALLOWEST if is_free else front
-    return np.concatenate([here[here[:, 1] < back], [[low, least], [high, least]]])
+    back, head = face + depth, face + min(HEAD, depth)
+    return here[here[:, 1] < back], np.array([[low, back], [high, back], [low, head], [high, head]])
 
 
-def _support(section: np.ndarray) -> np.ndarray:
+def _support(section: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Return how far points (y, z) reach in each of SIDES directions [m], without the share TAIL that stands out most.
 
-    Noise stands out; a plain hull would be as thick as its worst points.
+    Noise stands out; a plain hull would be as thick as its worst points. Corners count in full.
     """
-    return np.quantile(section @ _directions().T, 1 - TAIL, axis=0)
+    directions = _directions().T
+    reach = (corners @ directions).max(axis=0)
+    return np.maximum(reach, np.quantile(section @ directions, 1 - TAIL, axis=0)) if len(section) else reach
 
 
 def _directions() -> np.ndarray:
@@ -144,7 +260,7 @@ def _directions() -> np.ndarray:
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def _alike(supports: list[np.ndarray]) -> list[tuple[int, int]]:
+def _alike(supports: np.ndarray) -> list[tuple[int, int]]:
     """Return runs (first, last + 1) of neighbouring slices whose sections differ by LIKE at most."""
     runs, first = [], 0
     for k in range(1, len(supports) + 1):
@@ -154,11 +270,11 @@ def _alike(supports: list[np.ndarray]) -> list[tuple[int, int]]:
     return runs
 
 
-def _prism(section: np.ndarray, first: float, last: float) -> Mesh | None:
-    """Return the prism from x = first to last [m] around points (y, z)."""
-    planes = np.concatenate([_directions(), -_support(section)[:, None]], axis=1)
+def _prism(support: np.ndarray, inside: np.ndarray, first: float, last: float) -> Mesh | None:
+    """Return the prism from x = first to last [m] whose section reaches so far in each direction, around a point (y, z)."""
+    planes = np.concatenate([_directions(), -support[:, None]], axis=1)
     try:
-        found = HalfspaceIntersection(planes, np.median(section, axis=0))
+        found = HalfspaceIntersection(planes, inside)
     except QhullError:
         return None
     corners = np.unique(found.intersections.round(6), axis=0)

@@ -13,6 +13,8 @@ from s2a.geometry.convex import clip, hull, overlap, subtract
 from s2a.geometry.decompose import coacd_default, one_hull, vhacd
 from s2a.geometry.front import front_behind, front_coordinate, part_ways, patch, slab
 from s2a.geometry.gap import FingerSpace, finger_space
+from s2a.geometry.knob import knob_pieces
+from s2a.geometry.shell import sheet_opening, shell_pieces
 from s2a.geometry.surfaces import merge
 from s2a.scene import Mesh, Scene
 from s2a.usd.simready import Collider
@@ -29,7 +31,7 @@ class ColliderConfig:
         method: "handle" (each part on its own, the grasp region finer, the fingers' space kept free), "coacd" (the
             library's defaults on all parts fused) or "one_hull" (all parts in one convex hull; it swallows the handle).
         bar_slices: places along a bar-like handle at which its section is taken; like neighbours become one piece.
-        handle_pieces: largest number of pieces of any other grasp region.
+        handle_pieces: largest number of pieces of a grasp region that is neither bar nor knob.
         front_pieces: largest number of pieces of each other part.
         thickness: of the front, inwards from its outer surface, of which alone a scan knows [m].
         resolution: voxels of the decomposition.
@@ -97,7 +99,7 @@ def target_colliders(
     for i, mesh in others.items():
         pieces = _front_pieces(mesh, handle, config) if i == target else _rough_pieces(mesh, config)
         found += [Collider(i, piece) for piece in flatten(pieces, handle)]
-    pieces = _handle_pieces(handle, config)
+    pieces = _handle_pieces(handle, others.get(target), config)
     found += [Collider(scene.grasp_parts(target)[0], piece) for piece in free_fingers(pieces, handle.space)]
     return tuple(found)
 
@@ -113,11 +115,17 @@ def _front_pieces(mesh: Mesh, handle: Handle, config: ColliderConfig) -> list[Me
     return [*(piece for piece in solid if piece is not None), *hidden]
 
 
-def _handle_pieces(handle: Handle, config: ColliderConfig) -> list[Mesh]:
-    """Return a bar in slices, which end where fingers need space; another handle as hulls."""
-    profile = bar_profile(handle.region, handle.frame, config.bar_slices) if handle.plane is not None else None
-    if profile is not None:
-        pieces = bar_pieces(handle.region, handle.frame, profile, handle.front)
+def _handle_pieces(handle: Handle, front: Mesh | None, config: ColliderConfig) -> list[Mesh]:
+    """Return a sheet in patches, a bar in slices (which end where fingers need space), a knob in frusta, else hulls."""
+    if handle.plane is not None:
+        opening = None if front is None else sheet_opening(handle.region, handle.frame, handle.plane, front)
+        if opening is not None:
+            return shell_pieces(handle.region, handle.frame, opening, config.handle_pieces, config.max_vertices)
+        profile = bar_profile(handle.region, handle.frame, config.bar_slices)
+        if profile is not None:
+            pieces = bar_pieces(handle.region, handle.frame, profile, handle.front)
+        else:
+            pieces = knob_pieces(handle.region, handle.frame, handle.front)
         if pieces is not None:
             return pieces
     return vhacd(handle.region, config.handle_pieces, config.resolution, config.max_vertices)

@@ -1,0 +1,219 @@
+"""How good are the colliders of scanned handles, measured against what was really there?
+
+    python experiments/collider_table.py SCAN ... [--methods handle coacd one_hull] [--each 2] [--out FILE]
+
+Each SCAN is a folder that `s2a sample` wrote. Of every handle style in it the first `--each` movable parts are given
+colliders by every method, in a cold process state, and compared with `truth/`. Writes experiments/results/colliders.json
+and prints its table. Of each part:
+
+- scan: mean distance of the handle as scanned from the true one [mm]; `bias` is the mean signed one of the faces that
+  look out of the furniture (positive: the scan stands out too far).
+- fit: mean distance of the handle as scanned (what of it is handle, borders tidied) from the colliders [mm].
+- truth: mean distance of the true handle from the colliders [mm], where a fingertip can touch it.
+- seen: the same where the scan shows the true handle within 3 mm.
+- gap: share of the space of two fingers at the true handle that colliders fill [%].
+- web: share of the lines across a bar, behind it, that the scanned surface blocks [%].
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a import config, scan
+from s2a.geometry.front import front_behind, front_coordinate
+from s2a.geometry.gap import FINGER_DEPTH, FingerSpace, finger_space, gap_points, share_inside, surface_distance
+from s2a.geometry.rays import first_hits, nearest_faces, ray_mesh
+from s2a.geometry.surfaces import centroids, merge, normals, sample, sample_with_faces
+from s2a.prepare import PrepareConfig
+from s2a.prepare.colliders import Handle, find_handle, target_colliders
+from s2a.prepare.pose import find_grasp
+from s2a.provenance import provenance
+from s2a.scene import Mesh, Scene
+from s2a.usd import geometric
+
+RESULTS = Path(__file__).parent / "results/colliders.json"
+POINTS = 3000
+SEEN = 0.003
+"""[m]"""
+STYLES = ("bar", "bar upright", "knob", "cup", "edge", "lever")
+MEASURES = ("scan_mm", "bias_mm", "fit_mm", "truth_mm", "seen_mm", "gap_pct", "web_pct", "hulls", "vertices", "seconds")
+
+
+def main() -> None:
+    """Measure all parts of all scans with all methods."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scans", nargs="+", type=Path)
+    parser.add_argument("--methods", nargs="+", default=["handle", "coacd", "one_hull"])
+    parser.add_argument("--each", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    args = parser.parse_args()
+    rows: list[dict] = []
+    for folder in args.scans:
+        rows += measure_scan(folder, args.methods, args.each)
+        report = {**provenance("cpu"), "table": table(rows), "rows": rows}
+        args.out.parent.mkdir(exist_ok=True)
+        args.out.write_text(json.dumps(report, indent=1) + "\n")
+    for line in told(table(rows)):
+        print(line)
+
+
+def measure_scan(folder: Path, methods: list[str], each: int) -> list[dict]:
+    """Return one row per part and method of one scan."""
+    facts = json.loads((folder / "truth/truth.json").read_text())
+    scanned, true = scan.read(folder), geometric.read(folder / "truth/truth.usda")
+    name = f"{facts['room']} {facts['seed']} {facts['detail']}"
+    rows, taken = [], defaultdict(int)
+    for target in scanned.movable:
+        style = style_of(true, target, facts)
+        if style is None or taken[style] >= each:
+            continue
+        taken[style] += 1
+        for method in methods:
+            rows.append({"scan": name, "target": target, "style": style, "method": method})
+            rows[-1] |= measure(scanned, true, target, method)
+            print(" ".join(f"{key}={_short(value)}" for key, value in rows[-1].items()), flush=True)
+    return rows
+
+
+def style_of(true: Scene, target: str, facts: dict) -> str | None:
+    """Return the style of a part's handle, or None if it has none; bars are told apart by how they are turned."""
+    style = facts["parts"][true.grasp_parts(target)[0]]["style"]
+    if style != "bar":
+        return style or None
+    along = Rotation.from_quat(find_grasp(true, target).orientation).as_matrix()[:, 0]
+    return "bar upright" if abs(along[2]) > 0.7 else "bar"
+
+
+def measure(scanned: Scene, true: Scene, target: str, method: str) -> dict:
+    """Return what one method makes of one part."""
+    settings = config.load(PrepareConfig, config.compose("prepare", [f"prepare={method}"])["prepare"]).colliders
+    start = time.perf_counter()
+    frame = Rotation.from_quat(find_grasp(scanned, target).orientation).as_matrix()
+    handle, others = find_handle(scanned, target, frame)
+    colliders = target_colliders(scanned, target, handle, others, settings)
+    seconds = time.perf_counter() - start
+    pieces = [collider.mesh for collider in colliders]
+    touched, space = touchable(true, target), true_space(true, target)
+    surface = merge([scanned.parts[i].mesh for i in (target, *scanned.descendants(target))])
+    seen = nearest_faces(ray_mesh(surface.vertices, surface.faces), touched)[1] < SEEN
+    distance = surface_distance(pieces, touched)
+    asked = _outside(gap_points(space), true, target)
+    return {
+        **scan_error(scanned, true, target, frame),
+        "fit_mm": 1e3 * float(surface_distance(pieces, _scanned_points(handle)).mean()),
+        "truth_mm": 1e3 * float(distance.mean()),
+        "seen_mm": 1e3 * float(distance[seen].mean()) if seen.any() else None,
+        "seen_pct": 1e2 * float(seen.mean()),
+        "gap_pct": 1e2 * share_inside(pieces, asked) if len(asked) else None,
+        "web_pct": webbed(surface, space, true, target),
+        "hulls": len(pieces),
+        "vertices": sum(len(piece.vertices) for piece in pieces),
+        "seconds": seconds,
+    }
+
+
+def scan_error(scanned: Scene, true: Scene, target: str, frame: np.ndarray) -> dict:
+    """Return how far the scanned handle is from the true one [mm]: of all faces, and signed of those that look outwards."""
+    mesh = merge([scanned.parts[i].mesh for i in scanned.grasp_parts(target)])
+    points, faces = sample_with_faces(mesh, POINTS, 0)
+    gap, sign = _signed(points, merge([true.parts[i].mesh for i in (target, *true.descendants(target))]))
+    facing = normals(mesh)[faces] @ -frame[:, 2] > 0.5
+    bias = 1e3 * float((gap * sign)[facing].mean()) if facing.any() else None
+    return {"scan_mm": 1e3 * float(gap.mean()), "bias_mm": bias}
+
+
+def touchable(true: Scene, target: str) -> np.ndarray:
+    """Return points on the true handle that a ball as thick as a fingertip touches without meeting anything else [m]."""
+    region = merge([true.parts[i].mesh for i in true.grasp_parts(target)])
+    points, faces = sample_with_faces(region, POINTS, 0)
+    radius = FINGER_DEPTH / 2
+    object_ = (true.root(target), *true.descendants(true.root(target)))
+    around = merge([true.parts[i].mesh for i in object_])
+    centres = points + radius * normals(region)[faces]
+    return points[nearest_faces(ray_mesh(around.vertices, around.faces), centres)[1] > 0.95 * radius]
+
+
+def true_space(true: Scene, target: str) -> FingerSpace:
+    """Return where fingers go at the true handle."""
+    frame = Rotation.from_quat(find_grasp(true, target).orientation).as_matrix()
+    region = merge([true.parts[i].mesh for i in true.grasp_parts(target)])
+    plane = front_behind(true.parts[target].mesh, region, frame)
+    if plane is None:
+        return FingerSpace(None, ())
+    point = true.grasp_point(target)
+    return finger_space(region, point, frame, front_coordinate(plane, frame, point))
+
+
+def webbed(surface: Mesh, space: FingerSpace, true: Scene, target: str) -> float | None:
+    """Return the share of the lines across a bar, behind it, that the scanned surface blocks [%]; None without a gap."""
+    if space.behind is None:
+        return None
+    frame = Rotation.from_quat(find_grasp(true, target).orientation).as_matrix()
+    points = gap_points(FingerSpace(space.behind, ()))
+    y = points @ frame[:, 1]
+    low, high = y.min(), y.max()
+    starts = points + np.outer(low - 0.005 - y, frame[:, 1])
+    hits = first_hits(ray_mesh(surface.vertices, surface.faces), starts, np.tile(frame[:, 1], (len(points), 1)))
+    return 1e2 * float((hits < high - low + 0.01).mean())
+
+
+def table(rows: list[dict]) -> list[dict]:
+    """Return means (and the worst gap and time) by style and method."""
+    found = []
+    for method in dict.fromkeys(row["method"] for row in rows):
+        for style in STYLES:
+            group = [row for row in rows if row["method"] == method and row["style"] == style]
+            if group:
+                means = {key: _mean(row[key] for row in group) for key in MEASURES}
+                worst = {
+                    f"worst_{key}": max(row[key] or 0.0 for row in group) for key in ("gap_pct", "hulls", "seconds")
+                }
+                found.append({"method": method, "style": style, "parts": len(group), **means, **worst})
+    return found
+
+
+def told(rows: list[dict]) -> list[str]:
+    """Return the table as lines."""
+    keys = list(rows[0]) if rows else []
+    return [" ".join(f"{key[:12]:>12}" for key in keys)] + [
+        " ".join(f"{_short(row[key]):>12}" for key in keys) for row in rows
+    ]
+
+
+def _scanned_points(handle: Handle) -> np.ndarray:
+    return sample(handle.region, POINTS, 0)
+
+
+def _outside(points: np.ndarray, true: Scene, target: str) -> np.ndarray:
+    """Return the points that lie in nothing that is really there."""
+    if not len(points):
+        return points
+    gap, sign = _signed(points, merge([true.parts[i].mesh for i in (target, *true.descendants(target))]))
+    return points[(sign > 0) & (gap > 5e-4)]
+
+
+def _signed(points: np.ndarray, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return the distance of points from a surface [m], and 1 before or -1 behind its nearest face, shape [point] each."""
+    faces, gap = nearest_faces(ray_mesh(mesh.vertices, mesh.faces), points)
+    side = np.einsum("ij,ij->i", points - centroids(mesh)[faces], normals(mesh)[faces])
+    return gap, np.where(side >= 0, 1.0, -1.0)
+
+
+def _mean(values: object) -> float | None:
+    known = [value for value in values if value is not None]  # type: ignore[attr-defined]
+    return float(np.mean(known)) if known else None
+
+
+def _short(value: object) -> str:
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    main()

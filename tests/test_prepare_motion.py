@@ -13,10 +13,11 @@ from settings import load
 
 from s2a import config as configuration
 from s2a.errors import InputError
-from s2a.geometry.convex import box, overlap
+from s2a.geometry.convex import box, contains, overlap, volume
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.mass import MassConfig, moving_mass
-from s2a.prepare.motion import deepest, displace
+from s2a.prepare.motion import deepest, displace, sweep
+from s2a.prepare.room import cut_all
 from s2a.scene import Joint, Mesh, Part, Scene
 from s2a.usd import geometric, simready
 from s2a.usd.simscene import SimScene
@@ -101,3 +102,25 @@ def test_nothing_is_written_where_one_of_several_does_not_move(tmp_path: Path) -
     with pytest.raises(InputError, match="drawer_7, "):
         verb.run(configuration.load(verb.Config, configuration.compose("prepare", given)))
     assert not (tmp_path / "sims").exists()
+
+
+@pytest.mark.parametrize("joint", [SLIDE, Joint("revolute", (0.0, 0.0, 1.0), (-0.05, 0.0, 0.0), (-0.3, 1.6))])
+def test_the_way_of_a_part_is_covered_with_the_clearance_all_around(joint: Joint) -> None:
+    way = sweep(cube(0.0, 0.6), joint, clearance=0.003)
+    random = np.random.default_rng(0)
+    for q in np.linspace(*joint.limits, 13):
+        moved = displace(cube(0.0, 0.6).vertices, joint, q)
+        for point in moved:
+            away = random.normal(size=(20, 3))
+            around = point + 0.0029 * away / np.linalg.norm(away, axis=1, keepdims=True)
+            held = np.any([contains(piece, around, 1e-6) for piece in way], axis=0)
+            assert held.all()
+
+
+def test_what_is_left_of_a_cut_piece_is_kept_unless_it_is_a_crumb() -> None:
+    wall = box(np.array([0.048, 0.0, 0.0]), np.eye(3), np.full(3, 0.1))  # 2 mm of it lies at x below 0
+    space = box(np.array([0.5, 0.0, 0.0]), np.eye(3), np.ones(3))
+    left = cut_all(wall, [space])
+    assert left is not None and volume(left) < 0.1 * 0.1 * 0.0021
+    assert cut_all(wall, [space], crumb=2.5e-5) is None
+    assert cut_all(cube(0.0, 0.01), [box(np.full(3, 1.0), np.eye(3), np.ones(3))], crumb=1.0) is not None

@@ -68,7 +68,7 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
     inside = drawer_box(scene, target) if config.interior else []
     visual = merge([visual, *inside])
     colliders += tuple(Collider(target, piece) for piece in inside)
-    way = sweep(merge([visual, *(collider.mesh for collider in colliders)]), joint)
+    way = sweep(merge([visual, *(collider.mesh for collider in colliders)]), joint, config.room.clearance)
     base = find_base(scene, target, grasp, moving, way, config.base)
     looks = decimate_room(scene, room, config.decimate)
     pieces, trimmed = room_colliders(scene, room, np.array(base.position), np.array(grasp.point), way, config.room)

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from s2a.geometry.convex import column, cut_free
+from s2a.geometry.convex import column, cut_free, volume
 from s2a.geometry.decompose import one_hull, vhacd
 from s2a.geometry.planes import find_planes, slabs
 from s2a.geometry.surfaces import centroids, keep
@@ -41,6 +41,8 @@ class RoomConfig:
         thickness: of those boxes [m].
         base_radius: radius of the upright column around the robot's base that stays free [m].
         base_height: its height [m].
+        clearance: what stays free around the way of the target [m].
+        crumb: what is left of a piece after cutting counts from this volume on [m^3].
     """
 
     reach: float
@@ -55,6 +57,8 @@ class RoomConfig:
     thickness: float
     base_radius: float
     base_height: float
+    clearance: float
+    crumb: float
 
 
 def room_colliders(
@@ -69,7 +73,7 @@ def room_colliders(
         parts: ids of its immovable parts.
         base: where the robot stands [m], shape [3].
         grasp: where it takes hold [m], shape [3].
-        swept: convex pieces that cover the way of the target.
+        swept: convex pieces that cover the way of the target, and what has to stay free around it.
         config: how many, how fine.
     """
     obstacles = [column(base + [0, 0, UNEVEN], config.base_radius, config.base_height - UNEVEN), *swept]
@@ -85,17 +89,18 @@ def room_colliders(
             break
         made = partial(_packed_pieces, near[i], flat[i], config)
         pieces = unpack(recall("room", [near[i], repr((flat[i], config))], made))
-        free = [cut_all(piece, obstacles) for piece in pieces]
+        free = [cut_all(piece, obstacles, config.crumb) for piece in pieces]
         found += [Collider(i, piece) for piece in free if piece is not None]
         trimmed += [i] if any(cut is not piece for cut, piece in zip(free, pieces, strict=True)) else []
     return tuple(found[: config.pieces]), tuple(trimmed)
 
 
-def cut_all(piece: Mesh | None, obstacles: Sequence[Mesh]) -> Mesh | None:
-    """Return the largest part of a piece that is free of all obstacles, or None if there is none."""
+def cut_all(piece: Mesh, obstacles: Sequence[Mesh], crumb: float = 0.0) -> Mesh | None:
+    """Return the largest part of a piece that is free of all obstacles, or None if less than `crumb` [m^3] is left of it."""
+    left: Mesh | None = piece
     for obstacle in obstacles:
-        piece = None if piece is None else cut_free(piece, obstacle)
-    return piece
+        left = None if left is None else cut_free(left, obstacle)
+    return left if left is piece or (left is not None and volume(left) >= crumb) else None
 
 
 def _packed_pieces(mesh: Mesh, is_flat: bool, config: RoomConfig) -> dict[str, np.ndarray]:

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 import json
 import logging
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 
@@ -37,13 +38,15 @@ def main() -> None:
     """Certify the parts, write the results and print a table."""
     asked = _arguments()
     logging.disable(logging.WARNING)
-    cases = [(room, seed) for room in asked.rooms for seed in asked.seeds]
+    pool = Parallel(n_jobs=asked.processes, return_as="generator")
+    rooms = [(room, seed) for room in asked.rooms for seed in asked.seeds]
+    parts = [part for found in pool(delayed(_parts)(*room, asked) for room in rooms) for part in found]
     found = []
-    for room, seed in track(cases, "certifying"):
-        found += list(_room(room, seed, asked))
-        result = {"detail": asked.detail, "prepare": asked.prepare, "styles": rates(found), "parts": found}
+    for result in track(pool(delayed(_part)(*part, asked) for part in parts), "certifying", len(parts)):
+        found.append(result)
+        whole = {"detail": asked.detail, "prepare": asked.prepare, "styles": rates(found), "parts": found}
         with aside(asked.out) as out:
-            out.write_text(json.dumps(result | provenance("cpu"), indent=1))
+            out.write_text(json.dumps(whole | provenance("cpu"), indent=1))
     Console(width=160).print(_table(rates(found)))
     for part in found:
         if not part["passed"]:
@@ -61,29 +64,42 @@ def rates(found: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
     return dict(sorted(styles.items()))
 
 
-def _room(room: str, seed: int, asked: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Yield the result of each movable part of a room."""
-    folder = asked.work / f"{room}_{seed}_{asked.detail}"
+def _folder(room: str, seed: int, asked: argparse.Namespace) -> Path:
+    return asked.work / f"{room}_{seed}_{asked.detail}"
+
+
+def _parts(room: str, seed: int, asked: argparse.Namespace) -> list[tuple[str, int, str]]:
+    """Scan a room, unless that was done before, and return room, seed and id of each movable part."""
+    folder = _folder(room, seed, asked)
     if not (folder / "scan/truth/truth.json").exists():
         keys = [f"room={room}", f"seed={seed}", f"detail={asked.detail}", f"out={folder / 'scan'}"]
         with aside(folder / "scan", earlier="truth/truth.json") as out:
             sample(config.load(SampleConfig, config.compose("sample", keys)), out)
-    scene = scan.read(folder / "scan")
+    return [(room, seed, target) for target in _scene(folder).movable]
+
+
+@functools.lru_cache(maxsize=1)
+def _scene(folder: Path) -> Scene:
+    return scan.read(folder / "scan")
+
+
+def _part(room: str, seed: int, target: str, asked: argparse.Namespace) -> dict[str, Any]:
+    """Return the result of a movable part."""
+    folder = _folder(room, seed, asked)
     truth = json.loads((folder / "scan/truth/truth.json").read_text())["parts"]
-    for target in scene.movable:
-        styles = {truth[part]["style"] for part in scene.grasp_parts(target) if part in truth}
-        style = ", ".join(sorted(filter(None, styles))) or "none"
-        yield {"room": room, "seed": seed, "target": target, "style": style, **_part(scene, target, folder, asked)}
+    styles = {truth[part]["style"] for part in _scene(folder).grasp_parts(target) if part in truth}
+    style = ", ".join(sorted(filter(None, styles))) or "none"
+    return {"room": room, "seed": seed, "target": target, "style": style, **_certified(folder, target, asked)}
 
 
-def _part(scene: Scene, target: str, folder: Path, asked: argparse.Namespace) -> dict[str, Any]:
+def _certified(folder: Path, target: str, asked: argparse.Namespace) -> dict[str, Any]:
     """Prepare and certify one part; what cannot be prepared has not passed."""
     stage, record = folder / asked.prepare / f"{target}.usd", folder / asked.prepare / f"{target}.json"
     try:
         if not stage.exists():
             values = config.compose("prepare", [f"prepare={asked.prepare}", "stage=x", f"target={target}", "out=y"])
             with aside(stage) as out:
-                simready.write(prepare(scene, target, config.load(PrepareConfig, values["prepare"])), out)
+                simready.write(prepare(_scene(folder), target, config.load(PrepareConfig, values["prepare"])), out)
     except InputError as error:
         return {"passed": False, "graspable": None, "failed": [f"not prepared: {error}"]}
     settings = config.load(CertifyConfig, config.compose("certify", ["stage=x", "out=y"])["certify"])
@@ -114,6 +130,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--detail", default="demo")
     parser.add_argument("--prepare", default="handle", help="settings of conf/prepare")
+    parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)
     return parser.parse_args()

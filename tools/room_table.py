@@ -1,6 +1,6 @@
 """Time, memory and size of the virtual scan of every room, and of the words that describe it.
 
-    python tools/room_table.py [--rooms office kitchen] [--seeds 0 1 2] [--detail demo] [--out experiments/results/rooms.json]
+    python tools/room_table.py [--rooms office kitchen] [--seeds 0 1 2] [--detail demo] [--keep FOLDER] [--out experiments/results/rooms.json]
 
 Runs `s2a sample` and `s2a export` as a user would, each in a process of its own, one after the other. Seconds are wall clock and
 hold the start of Python. Rooms that --out already has at this detail and seed are measured anew; all others stay in it.
@@ -169,12 +169,14 @@ def main() -> None:
     parser.add_argument("--rooms", nargs="+", default=list(ROOMS), choices=list(ROOMS))
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2])
     parser.add_argument("--detail", default="demo", choices=["demo", "full"])
+    parser.add_argument("--keep", type=Path, help="folder in which scans and stages stay, as ROOM_SEED_DETAIL")
     parser.add_argument("--out", type=Path, default=Path("experiments/results/rooms.json"))
     args = parser.parse_args()
     rows = []
     for room, seed in track([(room, seed) for room in args.rooms for seed in args.seeds], "rooms"):
         with tempfile.TemporaryDirectory() as folder:
-            rows.append(measure(room, seed, args.detail, Path(folder)))
+            kept = args.keep and args.keep / f"{room}_{seed}_{args.detail}"
+            rows.append(measure(room, seed, args.detail, kept or Path(folder)))
         # Written after each room: a long measurement that is cut short keeps what it has.
         args.out.write_text(json.dumps(merged(args.out, rows), indent=1) + "\n")
     print(markdown(merged(args.out, [])))

@@ -238,8 +238,8 @@ def fuse(
 
 
 def _shares(count: int) -> list[slice]:
-    """Return a share of so many blocks for each processor; none is empty."""
-    ends = np.unique(np.linspace(0, count, (os.cpu_count() or 1) + 1).astype(int)).tolist()
+    """Return a share of so many blocks for each processor that this process may use; none is empty."""
+    ends = np.unique(np.linspace(0, count, len(os.sched_getaffinity(0)) + 1).astype(int)).tolist()
     return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
 
 

@@ -1,6 +1,7 @@
 """Time, memory and size of the virtual scan of every room, and of the words that describe it.
 
-    python tools/room_table.py [--rooms office kitchen] [--seeds 0 1 2] [--detail demo] [--keep FOLDER] [--out experiments/results/rooms.json]
+    python tools/room_table.py [--rooms office kitchen] [--seeds 0 1 2] [--detail demo] [--keep FOLDER] \
+        [--out experiments/results/rooms.json]
 
 Runs `s2a sample` and `s2a export` as a user would, each in a process of its own, one after the other. Seconds are wall clock and
 hold the start of Python. Rooms that --out already has at this detail and seed are measured anew; all others stay in it.

@@ -14,10 +14,11 @@ import dataclasses
 import functools
 import json
 import logging
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 
@@ -38,15 +39,16 @@ def main() -> None:
     """Certify the parts, write the results and print a table."""
     asked = _arguments()
     logging.disable(logging.WARNING)
-    pool = Parallel(n_jobs=asked.processes, return_as="generator")
-    rooms = [(room, seed) for room in asked.rooms for seed in asked.seeds]
-    parts = [part for found in pool(delayed(_parts)(*room, asked) for room in rooms) for part in found]
+    rooms = [(room, seed, asked) for room in asked.rooms for seed in asked.seeds]
     found = []
-    for result in track(pool(delayed(_part)(*part, asked) for part in parts), "certifying", len(parts)):
-        found.append(result)
-        whole = {"detail": asked.detail, "prepare": asked.prepare, "styles": rates(found), "parts": found}
-        with aside(asked.out) as out:
-            out.write_text(json.dumps(whole | provenance("cpu"), indent=1))
+    # Processes start afresh: a forked one would share Warp's and MuJoCo's threads and locks.
+    with ProcessPoolExecutor(asked.processes, multiprocessing.get_context("spawn")) as pool:
+        parts = [(*part, asked) for found in pool.map(_parts, rooms) for part in found]
+        for result in track(pool.map(_part, parts), "certifying", len(parts)):
+            found.append(result)
+            whole = {"detail": asked.detail, "prepare": asked.prepare, "styles": rates(found), "parts": found}
+            with aside(asked.out) as out:
+                out.write_text(json.dumps(whole | provenance("cpu"), indent=1))
     Console(width=160).print(_table(rates(found)))
     for part in found:
         if not part["passed"]:
@@ -68,8 +70,9 @@ def _folder(room: str, seed: int, asked: argparse.Namespace) -> Path:
     return asked.work / f"{room}_{seed}_{asked.detail}"
 
 
-def _parts(room: str, seed: int, asked: argparse.Namespace) -> list[tuple[str, int, str]]:
+def _parts(case: tuple[str, int, argparse.Namespace]) -> list[tuple[str, int, str]]:
     """Scan a room, unless that was done before, and return room, seed and id of each movable part."""
+    room, seed, asked = case
     folder = _folder(room, seed, asked)
     if not (folder / "scan/truth/truth.json").exists():
         keys = [f"room={room}", f"seed={seed}", f"detail={asked.detail}", f"out={folder / 'scan'}"]
@@ -83,8 +86,10 @@ def _scene(folder: Path) -> Scene:
     return scan.read(folder / "scan")
 
 
-def _part(room: str, seed: int, target: str, asked: argparse.Namespace) -> dict[str, Any]:
+def _part(case: tuple[str, int, str, argparse.Namespace]) -> dict[str, Any]:
     """Return the result of a movable part."""
+    room, seed, target, asked = case
+    logging.disable(logging.WARNING)
     folder = _folder(room, seed, asked)
     truth = json.loads((folder / "scan/truth/truth.json").read_text())["parts"]
     styles = {truth[part]["style"] for part in _scene(folder).grasp_parts(target) if part in truth}

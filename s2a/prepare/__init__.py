@@ -16,10 +16,12 @@ from s2a.prepare.interior import drawer_box
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
 from s2a.prepare.motion import deepest, sweep
 from s2a.prepare.pose import find_grasp, lever_arm
-from s2a.prepare.room import RoomConfig, room_colliders
+from s2a.prepare.room import RoomConfig, pedestal, room_colliders
 from s2a.scene import Scene
 from s2a.usd.simscene import Collider, SimBody, SimScene
 
+PEDESTAL = "pedestal"
+"""Id of what the robot stands on, where that is not the floor."""
 CLASH = 1e-4
 """[m] Colliders of target and carcass that overlap by less touch at most."""
 
@@ -72,6 +74,8 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
     base = find_base(scene, target, grasp, moving, way, config.base)
     looks = decimate_room(scene, room, config.decimate)
     pieces, trimmed = room_colliders(scene, room, np.array(base.position), np.array(grasp.point), way, config.room)
+    stand = pedestal(base.position, base.pedestal, config.base.radius)
+    pieces = (*(Collider(PEDESTAL, mesh) for mesh in stand), *pieces)[: config.room.pieces]
     carcass = freeze(scene, target, frozen, hand_corridor(handle, grasp, config.carcass), config.carcass)
     mass, source = moving_mass(scene, moving, config.mass)
     clash = deepest([c.mesh for c in colliders], [c.mesh for c in carcass.colliders], joint)
@@ -81,16 +85,17 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
         target=SimBody(target, visual, colliders, box_mass(visual, mass, frame, source)),
         joint=joint,
         grasp=grasp,
-        static_visual=looks.mesh,
+        static_visual=merge([looks.mesh, *stand]),
         static_colliders=pieces,
         base_position=base.position,
         base_orientation=base.orientation,
         friction=config.friction * lever_arm(joint, np.array(grasp.point)),
         base_reason=base.reason,
+        base_free=base.free,
         notes=_notes(target, carcass.id, trimmed, clash, len(inside) > 0),
         filtered=clash > CLASH,
-        static_parts=looks.parts,
-        static_face_part=looks.face_part,
+        static_parts=(*looks.parts, PEDESTAL) if stand else looks.parts,
+        static_face_part=np.concatenate([looks.face_part, *(np.full(len(m.faces), len(looks.parts)) for m in stand)]),
         reductions=looks.reductions,
     )
 

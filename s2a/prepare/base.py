@@ -45,6 +45,7 @@ class BaseConfig:
         approach: distance before the handle from which the hand moves straight to it [m].
         opening: way of the handle that the arm has to follow [m]; less where the joint ends earlier.
         restarts: random starts of the inverse kinematics at each place, for either way round of the hand.
+        tracks: starts that have to lead along the whole way: another solver finds one of several more surely.
         around: how far from the handle the room is looked at [m].
         search: whether other places than the preferred one are looked at.
     """
@@ -58,6 +59,7 @@ class BaseConfig:
     approach: float
     opening: float
     restarts: int
+    tracks: int
     around: float
     search: bool
 
@@ -129,11 +131,12 @@ def find_base(
         for k, track in zip(free, tracks, strict=True):
             for turn in config.turns if config.search else config.turns[:1]:
                 place, base = replace(chunk[k], turn=turn), _turned(poses[k], turn)
-                depth, problem = _clash(near, base, turn, way, track, start)
+                enough = track if len(track) >= config.tracks else track[:0]
+                depth, problem = _clash(near, base, turn, way, enough, start)
                 if depth <= 0.0:
                     return _chosen(base, place, _praise(place, tried), True)
                 tried.append((depth, problem, base, place))
-                if not len(track):
+                if not len(enough):
                     break
     depth, problem, base, place = min(tried, key=lambda t: t[0])
     return _chosen(base, place, f"{place}, though {problem}; no place is free", False)

@@ -10,11 +10,11 @@ from s2a.prepare.motion import displace
 from s2a.scene import Joint
 from s2a.usd.simscene import Grasp
 
-STEP = 0.03
+STEP = 0.015
 """[m] Distance between the poses at which a way is checked."""
-EXACT = 1e-3
-"""[m + rad] What may be left between tool and target."""
-JUMP = 0.5
+EXACT = 1e-4
+"""[m + rad] What may be left between tool and target; a planner that moves by it takes 1 mm and 1 mrad, squared and added."""
+JUMP = 0.3
 """[rad] Largest turn of a joint from one pose to the next: more is another branch."""
 MARGIN = 0.02
 """[rad] What every joint keeps from its limits."""

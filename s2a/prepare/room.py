@@ -15,11 +15,13 @@ from s2a.geometry.surfaces import centroids, keep
 from s2a.prepare.cache import pack, recall, unpack
 from s2a.prepare.decimate import is_shell
 from s2a.progress import track
-from s2a.scene import Mesh, Scene
+from s2a.scene import Mesh, Scene, Vec3
 from s2a.usd.simready import Collider
 
 SHOULDER = 0.333
 """[m] The Panda's shoulder above its base."""
+GAP = 0.002
+"""[m] Between a pedestal and the robot's base."""
 UNEVEN = 0.01
 """[m] A scanned floor may rise by so much under the robot's base."""
 
@@ -93,6 +95,11 @@ def room_colliders(
         found += [Collider(i, piece) for piece in free if piece is not None]
         trimmed += [i] if any(cut is not piece for cut, piece in zip(free, pieces, strict=True)) else []
     return tuple(found[: config.pieces]), tuple(trimmed)
+
+
+def pedestal(base: Vec3, height: float, radius: float) -> list[Mesh]:
+    """Return what a robot stands on: an upright column under its base [m], just not touching it; nothing on the floor."""
+    return [column(np.array(base) - [0.0, 0.0, height], radius, height - GAP)] if height > GAP else []
 
 
 def cut_all(piece: Mesh, obstacles: Sequence[Mesh], crumb: float = 0.0) -> Mesh | None:

@@ -67,6 +67,7 @@ def _write_root(stage: Usd.Stage, sim_scene: SimScene) -> None:
     x, y, z, w = sim_scene.base_orientation
     write_attribute(root, "baseOrientation", Types.Quatd, Gf.Quatd(w, x, y, z))
     write_attribute(root, "basePose", Types.String, sim_scene.base_reason)
+    write_attribute(root, "baseFree", Types.Bool, sim_scene.base_free)
     write_attribute(root, "notes", Types.StringArray, list(sim_scene.notes))
     physics = UsdPhysics.Scene.Define(stage, f"{ROOT}/physics")
     physics.CreateGravityDirectionAttr((0.0, 0.0, -1.0))
@@ -89,7 +90,7 @@ def _write_static(stage: Usd.Stage, sim_scene: SimScene) -> None:
         return
     write_attribute(visual.GetPrim(), "parts", Types.StringArray, list(sim_scene.static_parts))
     part = UsdGeom.PrimvarsAPI(visual).CreatePrimvar("s2a:part", Types.IntArray, UsdGeom.Tokens.uniform)
-    part.Set(Vt.IntArray.FromNumpy(sim_scene.static_face_part))
+    part.Set(Vt.IntArray.FromNumpy(sim_scene.static_face_part.astype(np.int32)))
 
 
 def _write_surface(stage: Usd.Stage) -> UsdShade.Material:

@@ -122,6 +122,7 @@ class SimScene:
         base_orientation: how it is turned, quaternion xyzw; its x axis points at the furniture.
         friction: dry friction of the joint [N] or [N m].
         base_reason: why the robot stands there, in words.
+        base_free: whether its arm reaches the whole way of the handle from there and touches nothing else.
         notes: what was changed beyond what was scanned, in sentences.
         filtered: whether target and carcass do not collide, because their pieces overlap somewhere on the target's way.
         static_parts: ids of the room's parts, to which `static_face_part` points.
@@ -140,6 +141,7 @@ class SimScene:
     base_orientation: Quat
     friction: float = 0.0
     base_reason: str = ""
+    base_free: bool = True
     notes: tuple[str, ...] = ()
     filtered: bool = False
     static_parts: tuple[str, ...] = ()

@@ -45,7 +45,8 @@ def _write(scene: SimScene, path: Path) -> str:
     moving, room = len(scene.target.colliders), len(scene.static_colliders)
     lines = [f"{path}: {scene.target.id} on {scene.carcass.id}; {moving} convex pieces, the room {room}"]
     lines += [_told(reduction) for reduction in scene.reductions]
-    lines += [f"  robot: {scene.base_reason}", *(f"  {note}" for note in scene.notes)]
+    robot = "robot" if scene.base_free else "warning: no base pose is free; nearest one"
+    lines += [f"  {robot}: {scene.base_reason}", *(f"  {note}" for note in scene.notes)]
     return "\n".join(lines)
 
 

@@ -106,7 +106,7 @@ def parse(text: str, kind: type[T]) -> T:
     """
     try:
         values = json.loads(text[text.index("{") : text.rindex("}") + 1])
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise Complaint(f"That is not one JSON object ({error}). Answer with the JSON object alone.") from error
     rules = dacite.Config(cast=[tuple], type_hooks={float: _number})
     try:

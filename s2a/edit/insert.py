@@ -96,7 +96,7 @@ class Room:
         self.scene = Scene(
             self.scene.name, {**self.scene.parts, inserted.placement.part_id: inserted.part}, self.scene.origin
         )
-        changed = (inserted.target, inserted.placement.part_id)
+        changed = (inserted.spot.target, inserted.placement.part_id)
         self.supports |= describe.survey(self.scene, config.regions, changed)
 
 
@@ -106,14 +106,14 @@ class Inserted:
 
     Attributes:
         placement: where.
-        target: id of the part that carries it.
+        spot: how it was found.
         part: itself in the room.
         mesh: its surface upright, in the unit of its file, as its own USD file holds it.
         layer: what the script made.
     """
 
     placement: Placement
-    target: str
+    spot: Spot
     part: Part
     mesh: Mesh
     layer: Sdf.Layer
@@ -153,7 +153,7 @@ def insert(
         placement = _placement(room.scene, thing.label, spot, scale)
         outcome = _script(model, room.skeleton, placement, config, ledger, said)
     own, _ = upright(file, where.up, where.front, 1.0)
-    return Inserted(placement, spot.target, Part(thing.label, spot.pose.moved(object)), own, outcome.layer)
+    return Inserted(placement, spot, Part(thing.label, spot.pose.moved(object)), own, outcome.layer)
 
 
 @contextmanager

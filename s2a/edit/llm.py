@@ -72,13 +72,16 @@ class Chat:
     """Asks an endpoint."""
 
     def __init__(self, config: LlmConfig) -> None:
-        import openai  # takes a second, which nobody pays who asks no model
+        import httpx2  # these take a second, which nobody pays who asks no model
+        import openai
 
         if not os.environ.get("OPENAI_API_KEY"):
             raise InputError(
                 "llm=chat needs OPENAI_API_KEY in the environment; set it (a local server takes any), or llm=rules"
             )
         self._config, self._openai, self._structured = config, openai, True
+        # The client names what goes wrong before a response; while it comes, its transport does.
+        self._failures = (openai.OpenAIError, httpx2.HTTPError)
         # No wait for a part of a response is longer than that for the whole.
         self._client = openai.OpenAI(timeout=config.timeout, max_retries=config.attempts)
 
@@ -91,9 +94,10 @@ class Chat:
         start = time.perf_counter()
         try:
             body = self._completion(request)
-        except self._openai.OpenAIError as error:
+        except self._failures as error:
             raise InputError(
-                f"model {self._config.model!r} at {self._client.base_url} failed: {' '.join(str(error).split())[:300]}; "
+                f"model {self._config.model!r} at {self._client.base_url} failed: "
+                f"{' '.join(str(error).split())[:300] or type(error).__name__}; "
                 f"check OPENAI_BASE_URL, OPENAI_API_KEY and llm.model, or give llm=rules"
             ) from error
         return self._answer(body, time.perf_counter() - start)
@@ -141,7 +145,7 @@ class Chat:
         try:
             body = json.loads(text)
             body["choices"][0]["message"]
-        except (ValueError, TypeError, LookupError) as error:
+        except (ValueError, TypeError, LookupError, RecursionError) as error:
             raise InputError(
                 f"{self._client.base_url} answered what is no chat completion: {text[:80]!r}; check OPENAI_BASE_URL"
             ) from error

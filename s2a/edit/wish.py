@@ -24,7 +24,7 @@ SAME = {
     "bookshelf": ("bookcase", "shelf", "shelves"),
     "sink": ("washbasin", "wash basin", "basin", "bathroom sink", "kitchen sink"),
     "washbasin": ("sink", "basin", "wash basin"),
-    "vanity": ("bathroom cabinet", "sink cabinet", "vanity unit", "washstand"),
+    "vanity": ("bathroom cabinet", "sink cabinet", "vanity unit", "washstand", "bathroom counter"),
     "bathtub": ("bath", "tub", "bath tub"),
     "shower": ("shower tray", "shower cabin", "shower floor"),
     "sofa": ("couch", "settee", "loveseat"),

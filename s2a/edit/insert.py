@@ -242,7 +242,7 @@ def _spot(room: Room, object: Mesh, where: Plan, config: InsertConfig, watch: Wa
             said |= watch(object, spot, room.scene)
         if not said["problem"]:
             record["surface"] = {**spot.surface, "passed over": reasons}
-            record["pose"] |= vars(spot.pose)
+            record["pose"] |= {name: np.asarray(value).tolist() for name, value in vars(spot.pose).items()}
             return spot
         reasons.append(f"{spot.choice.relation} {spot.target}: {said['problem']}")
     record["surface"] = {"passed over": reasons}
@@ -256,7 +256,9 @@ def _placement(scene: Scene, label: str, spot: Spot, scale: float) -> Placement:
     numbers = [int(tail) for i in scene.parts if (tail := i.rpartition("_")[2]).isdecimal()]
     name = part_id("_".join(label.lower().split())[:40], max(numbers, default=0) + 1).lstrip("_")
     name = name if name[0].isalpha() else f"object_{name}"
-    return Placement(name, label, f"objects/{name}.usdc", spot.pose.position, spot.pose.quaternion, scale)
+    x, y, z = map(float, spot.pose.position)  # numpy's floats would spell out their type in a script
+    qx, qy, qz, qw = map(float, spot.pose.quaternion)
+    return Placement(name, label, f"objects/{name}.usdc", (x, y, z), (qx, qy, qz, qw), float(scale))
 
 
 def _script(

@@ -74,7 +74,8 @@ def run(verb: str, values: dict[str, Any]) -> None:
             summary = module.run(settings)
         except NotPassed as no:
             verdict, summary = no, str(no)
-    print(summary)
+    if summary:  # all but the first process of torchrun are silent
+        print(summary)
     print(f"{verb}: {time.perf_counter() - start:.1f} s", file=sys.stderr)
     if verdict is not None:
         raise verdict

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from scipy.stats import binomtest
@@ -56,6 +56,15 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
         "opening": {"mean": float(opening.mean()), "min": float(opening.min())},
         **troubles,
     }
+
+
+def baseline(agent: Literal["zero", "random"], env: OpenDrawerEnv, seed: int) -> Policy:
+    """Return a policy that has learned nothing: actions of zero, or uniform ones in [-1, 1]."""
+    device = env.observation.device
+    if agent == "zero":
+        return lambda observation: torch.zeros(env.num_envs, env.num_actions, device=device)
+    generator = torch.Generator(device).manual_seed(seed)
+    return lambda observation: torch.rand(env.num_envs, env.num_actions, generator=generator, device=device) * 2.0 - 1.0
 
 
 def warn_of_trouble(counts: Mapping[str, float], env: OpenDrawerEnv) -> None:

@@ -4,38 +4,22 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import torch
 from cabinet import write_cabinet
+from counting_env import CountingEnv
 from settings import load
 
 from s2a.errors import InputError
-from s2a.policy.ppo import PpoConfig, RslRlEnv, load_policy, make_runner, train
+from s2a.policy.ppo import RslRlEnv, load_policy, make_runner, train
+from s2a.policy.settings import PpoConfig
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import COUNTS, OBSERVATIONS, REWARD_TERMS, OpenDrawerConfig
+from s2a.task.open_drawer import OpenDrawerConfig
 
 SMALL = {"steps": 8, "iterations": 2, "epochs": 2, "mini_batches": 2, "hidden": [16]}
-
-
-class CountingEnv:
-    """An environment whose one observation buffer, overwritten in place, counts the steps."""
-
-    def __init__(self) -> None:
-        self.num_envs, self.num_actions, self.max_episode_length = 2, 9, 500
-        self.sim = SimpleNamespace(device="cpu")
-        self.observation = torch.zeros(2, OBSERVATIONS)
-        self.reward, self.terms = torch.zeros(2), torch.zeros(2, len(REWARD_TERMS))
-        self.done = self.time_out = self.episode_step = torch.zeros(2, dtype=torch.int32)
-        self.counts, self.midway = torch.zeros(len(COUNTS)), torch.zeros(2)
-
-    def step(self, action: torch.Tensor) -> None:
-        """Count."""
-        self.observation += 1.0
-        self.reward.copy_(self.observation[:, 0])
 
 
 def test_stored_observations_are_those_the_policy_saw() -> None:

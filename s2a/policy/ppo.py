@@ -6,70 +6,32 @@ import contextlib
 import copy
 import io
 import json
+import os
 import pickle
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
 from rsl_rl.env import VecEnv
+from rsl_rl.models import MLPModel
 from rsl_rl.runners import OnPolicyRunner
-from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tensordict import TensorDict
 
 from s2a.errors import InputError
+from s2a.outputs import aside
+from s2a.policy import folder, processes
+from s2a.policy.settings import PpoConfig, rsl_rl_settings
 from s2a.progress import track
 from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import COUNTS, REWARD_TERMS
+from s2a.task.open_drawer import COUNTS, REWARD_TERMS, TROUBLES
 
 RECENT = 0.999
 """Factor a control step by which finished episodes count less in the logged rates: about two episodes' length."""
-
-
-@dataclass(frozen=True)
-class PpoConfig:
-    """rsl-rl's settings.
-
-    Attributes:
-        iterations: of collecting and learning.
-        steps: control steps a world collects for an iteration.
-        epochs: passes over them.
-        mini_batches: parts of a pass.
-        learning_rate: at the start; adapted to keep the divergence at `desired_kl`.
-        desired_kl: divergence of a policy from the one before it.
-        gamma: discount of a control step.
-        lam: of the generalised advantage estimate.
-        clip: of the probability ratio, and of the value's change where `clip_value` is true.
-        clip_value: whether the value's change is clipped. It is clipped in units of the return, so that returns in the hundreds
-            are learned slowly.
-        reward_scale: factor of the reward that rsl-rl is given.
-        value_loss: weight of the value's loss.
-        entropy: weight of the entropy.
-        max_grad_norm: where the gradient is cut.
-        hidden: widths of the layers of actor and critic (ELU).
-        init_std: standard deviation of the first policy's actions.
-        save_interval: iterations between checkpoints.
-    """
-
-    iterations: int
-    steps: int
-    epochs: int
-    mini_batches: int
-    learning_rate: float
-    desired_kl: float
-    gamma: float
-    lam: float
-    clip: float
-    clip_value: bool
-    reward_scale: float
-    value_loss: float
-    entropy: float
-    max_grad_norm: float
-    hidden: tuple[int, ...]
-    init_std: float
-    save_interval: int
+LOGGED = ("success", "final_success", "wide", "final_wide", "static", "full", *TROUBLES)
+"""Columns whose rates over the recent episodes are logged."""
 
 
 class RslRlEnv(VecEnv):
@@ -77,16 +39,28 @@ class RslRlEnv(VecEnv):
 
     Observations and rewards are copies: rsl-rl keeps the observation it acted on across the step, which overwrites the
     environment's own buffer in place.
+
+    Attributes:
+        counted: sums over all finished episodes, in the order of COUNTS, shape [15], float64.
     """
 
-    def __init__(self, env: OpenDrawerEnv, reward_scale: float, on_step: Callable[[], object] = lambda: None) -> None:
-        """Wrap an environment; `on_step` is called after every control step."""
+    def __init__(
+        self,
+        env: OpenDrawerEnv,
+        reward_scale: float,
+        on_step: Callable[[], object] = lambda: None,
+        log_every: int = 1,
+    ) -> None:
+        """Wrap an environment; `on_step` is called after every control step, every `log_every`th one is logged."""
         self.env, self._reward_scale, self._on_step = env, reward_scale, on_step
         self.num_envs, self.num_actions = env.num_envs, env.num_actions
         self.max_episode_length = env.max_episode_length
         self.device = env.sim.device
         self.cfg: dict = {}
+        self.counted = torch.zeros(len(COUNTS), device=self.device, dtype=torch.float64)
         self._recent = torch.zeros(len(COUNTS), device=self.device)
+        self._terms = torch.zeros(len(REWARD_TERMS), device=self.device)
+        self._log_every, self._steps = log_every, 0
 
     @property
     def episode_length_buf(self) -> torch.Tensor:
@@ -106,60 +80,137 @@ class RslRlEnv(VecEnv):
         """Apply actions [world 9]; return observations, rewards, dones, and what is logged."""
         env = self.env
         env.step(actions)
+        self.counted.add_(env.counts)
         self._recent.mul_(RECENT).add_(env.counts)
         env.counts.zero_()
+        self._terms.add_(env.terms.mean(dim=0))
         self._on_step()
-        extras = {"time_outs": env.time_out.float(), "log": self._log()}
+        self._steps += 1
+        extras: dict[str, Any] = {"time_outs": env.time_out.float()}
+        if self._steps % self._log_every == 0:
+            extras["log"] = self._log()
         return self.get_observations(), env.reward * self._reward_scale, env.done.long(), extras
 
     def _log(self) -> dict[str, torch.Tensor]:
-        """Return rates over the recent episodes, of those that finished, and the mean of each unweighted reward term."""
+        """Return rates over the recent episodes (not a number before the first), and the mean of each unweighted reward term."""
         recent = dict(zip(COUNTS, self._recent.unbind(), strict=True))
-        episodes = recent["episodes"].clamp(min=1e-6)
-        successes = recent["success"].clamp(min=1e-6)
+        episodes, successes = recent["episodes"], recent["success"]
+        terms = (self._terms / self._log_every).unbind()
+        self._terms = torch.zeros_like(self._terms)
         return {
-            "/success": recent["success"] / episodes,
-            "/final_success": recent["final_success"] / episodes,
+            **{f"/{name}": recent[name] / episodes for name in LOGGED},
             "/handle_use_of_successes": recent["handle_success"] / successes,
             "/side_grasps_of_successes": recent["side_success"] / successes,
-            **{f"/{name}": recent[name] / episodes for name in ("wide", "final_wide", "static", "full")},
             "/opening": recent["opening"] / episodes,
-            "/invalid": recent["invalid"] / episodes,
-            **{f"/term/{n}": v for n, v in zip(REWARD_TERMS, self.env.terms.mean(dim=0).unbind(), strict=True)},
+            **{f"/term/{n}": v for n, v in zip(REWARD_TERMS, terms, strict=True)},
         }
 
 
-def make_runner(env: RslRlEnv, config: PpoConfig, log_dir: Path | None) -> OnPolicyRunner:
+class Runner(OnPolicyRunner):
+    """rsl-rl's runner, whose checkpoints appear whole or not at all, and whose processes may be on a CPU.
+
+    Attributes:
+        seconds: of training so far, in the processes before this one too.
+    """
+
+    env: RslRlEnv
+    seconds = 0.0
+    _clock: float
+
+    def learn(self, num_learning_iterations: int, init_at_random_ep_len: bool = False) -> None:
+        """Train, and keep the time."""
+        self._clock = time.perf_counter()
+        super().learn(num_learning_iterations, init_at_random_ep_len)
+        self._keep_time()
+
+    def save(self, path: str, infos: dict | None = None) -> None:
+        """Write a checkpoint, with the time and the episodes that it took."""
+        self._keep_time()
+        with aside(Path(path)) as out:
+            super().save(str(out), {"seconds": self.seconds, "counted": self.env.counted.tolist()})
+
+    def resume(self, checkpoint: Path) -> None:
+        """Go on after the iteration that a checkpoint was written in."""
+        infos = self.load(str(checkpoint), map_location=str(self.device))
+        self.current_learning_iteration += 1
+        self.seconds = infos["seconds"]
+        self.env.counted.copy_(torch.tensor(infos["counted"]))
+        batch = self.cfg["num_steps_per_env"] * self.env.num_envs * self.gpu_world_size
+        self.logger.tot_timesteps = self.current_learning_iteration * batch
+        self.logger.tot_time = self.seconds
+
+    def _keep_time(self) -> None:
+        now = time.perf_counter()
+        self.seconds += now - self._clock
+        self._clock = now
+
+    def _configure_multi_gpu(self) -> None:
+        """Join the other processes, on CPUs too, where rsl-rl itself refuses."""
+        if processes.count() == 1 or torch.device(self.device).type != "cpu":
+            super()._configure_multi_gpu()
+            return
+        rank, count = processes.rank(), processes.count()
+        self.gpu_world_size, self.gpu_global_rank, self.gpu_local_rank, self.is_distributed = count, rank, rank, True
+        self.cfg["multi_gpu"] = {"global_rank": rank, "local_rank": rank, "world_size": count}
+        torch.distributed.init_process_group(backend="gloo", rank=rank, world_size=count)
+
+
+def make_runner(env: RslRlEnv, config: PpoConfig, log_dir: Path | None) -> Runner:
     """Return rsl-rl's runner, which holds actor, critic, optimiser and normaliser."""
-    return OnPolicyRunner(env, copy.deepcopy(_settings(config)), log_dir and str(log_dir), device=str(env.device))
+    settings = copy.deepcopy(rsl_rl_settings(config))
+    runner = Runner(env, settings, log_dir and str(log_dir), device=str(env.device))
+    if config.fused_adam:  # rsl-rl knows an optimiser by its name alone
+        groups = runner.alg.optimizer.param_groups
+        runner.alg.optimizer = torch.optim.Adam(groups[0]["params"], lr=config.learning_rate, fused=True)
+    return runner
 
 
-def train(env: OpenDrawerEnv, config: PpoConfig, out: Path) -> dict[str, Any]:
+def train(env: OpenDrawerEnv, config: PpoConfig, out: Path, checkpoint: Path | None = None) -> dict[str, Any]:
     """Train a policy and write checkpoints, the TensorBoard log and rsl-rl's own report (train.log) into `out`.
 
+    Args:
+        env: the worlds of this process.
+        config: rsl-rl's settings.
+        out: the folder.
+        checkpoint: one in `out`, after which training goes on; None: it begins.
+
     Returns:
-        Seconds, environment steps a second, and the curve: per logged iteration success, handle use, opening, reward.
+        The iteration it began with, environment steps (of all processes), seconds, environment steps a second of this
+        process's training, the finished episodes and how many had each of TROUBLES, and the curve: per iteration success,
+        handle use, opening, reward and others.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    steps = iter(track(range(config.iterations * config.steps), "train"))
-    (out / "policy.json").write_text(json.dumps(asdict(config), indent=1))
-    with (out / "train.log").open("w") as log, contextlib.redirect_stdout(log):
-        runner = make_runner(RslRlEnv(env, config.reward_scale, lambda: next(steps, None)), config, out)
-        begin = time.perf_counter()
-        runner.learn(config.iterations, init_at_random_ep_len=True)
-    seconds = time.perf_counter() - begin
+    lead = processes.rank() == 0
+    first = folder.iteration(checkpoint) + 1 if checkpoint else 0
+    if lead:
+        out.mkdir(parents=True, exist_ok=True)
+        folder.cut(out, first)
+        (out / "policy.json").write_text(json.dumps(asdict(config), indent=1))
+    todo = max(0, config.iterations - first)
+    steps = iter(track(range(todo * config.steps), "train") if lead else range(0))
+    with Path(out / "train.log" if lead else os.devnull).open("a") as log, contextlib.redirect_stdout(log):
+        adapter = RslRlEnv(env, config.reward_scale, lambda: next(steps, None), log_every=config.steps)
+        runner = make_runner(adapter, config, out)
+        if checkpoint:
+            runner.resume(checkpoint)
+        before = runner.seconds
+        if todo:
+            runner.learn(todo, init_at_random_ep_len=True)
     next(steps, None)
-    env_steps = config.iterations * config.steps * env.num_envs
+    counted = processes.add_up(adapter.counted)
+    processes.part()
+    batch = config.steps * env.num_envs * processes.count()
     return {
-        "env_steps": env_steps,
-        "seconds": seconds,
-        "env_steps_per_second": env_steps / seconds,
-        "curve": _curve(out),
+        "first_iteration": first,
+        "env_steps": (first + todo) * batch,
+        "seconds": runner.seconds,
+        "env_steps_per_second": todo * batch / max(runner.seconds - before, 1e-9),
+        **{name: int(n) for name, n in zip(COUNTS, counted, strict=True) if name in ("episodes", *TROUBLES)},
+        "curve": folder.curve(out) if lead else [],
     }
 
 
-def load_policy(env: OpenDrawerEnv, checkpoint: Path) -> Callable[[torch.Tensor], torch.Tensor]:
-    """Return a trained policy's mean action [world 9] for an observation [world 23].
+def load_model(env: OpenDrawerEnv, checkpoint: Path) -> MLPModel:
+    """Return a trained policy's network with its normaliser.
 
     Raises:
         InputError: the checkpoint, or the policy.json that train writes beside it, is missing or of another kind.
@@ -170,69 +221,18 @@ def load_policy(env: OpenDrawerEnv, checkpoint: Path) -> Callable[[torch.Tensor]
             raise InputError(f"{file}: no such file; give the model_N.pt in a folder that s2a train wrote")
     values = json.loads(settings.read_text())
     with contextlib.redirect_stdout(io.StringIO()):
-        config = PpoConfig(**{**values, "hidden": tuple(values["hidden"])})
+        config = PpoConfig(**{**values, "hidden": tuple(values["hidden"]), "compile": None, "fused_adam": False})
         runner = make_runner(RslRlEnv(env, config.reward_scale), config, None)
     try:
-        runner.load(str(checkpoint), map_location=str(env.sim.device))
+        runner.load(str(checkpoint), {"actor": True}, map_location=str(env.sim.device))
     except (KeyError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
         raise InputError(
             f"{checkpoint}: not a checkpoint of this policy ({(str(error) or 'empty').splitlines()[0]})"
         ) from error
-    policy = runner.get_inference_policy(device=str(env.sim.device))
-    return lambda observation: policy(TensorDict({"policy": observation}, batch_size=[env.num_envs]))
+    return runner.get_inference_policy(device=str(env.sim.device))
 
 
-def _settings(config: PpoConfig) -> dict[str, Any]:
-    """Return the settings under rsl-rl's names."""
-    network = {
-        "class_name": "MLPModel",
-        "hidden_dims": list(config.hidden),
-        "activation": "elu",
-        "obs_normalization": True,
-    }
-    distribution = {"class_name": "GaussianDistribution", "init_std": config.init_std, "std_type": "scalar"}
-    return {
-        "num_steps_per_env": config.steps,
-        "save_interval": config.save_interval,
-        "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
-        "check_for_nan": False,  # the environment resets worlds that are not finite, and counts them
-        "algorithm": {
-            "class_name": "PPO",
-            "num_learning_epochs": config.epochs,
-            "num_mini_batches": config.mini_batches,
-            "learning_rate": config.learning_rate,
-            "schedule": "adaptive",
-            "desired_kl": config.desired_kl,
-            "gamma": config.gamma,
-            "lam": config.lam,
-            "clip_param": config.clip,
-            "use_clipped_value_loss": config.clip_value,
-            "value_loss_coef": config.value_loss,
-            "entropy_coef": config.entropy,
-            "max_grad_norm": config.max_grad_norm,
-        },
-        "actor": {**network, "distribution_cfg": distribution},
-        "critic": network,
-    }
-
-
-def _curve(out: Path) -> list[dict[str, float]]:
-    """Return what TensorBoard logged, a row an iteration."""
-    events = EventAccumulator(str(out), size_guidance={"scalars": 0})
-    events.Reload()
-    names = {
-        "success": "/success",
-        "final_success": "/final_success",
-        "handle_use_of_successes": "/handle_use_of_successes",
-    }
-    names |= {"opening": "/opening", "reward": "Train/mean_reward", "invalid": "/invalid"}
-    rows: dict[int, dict[str, float]] = {}
-    for name, tag in names.items():
-        for event in _scalars(events, tag):
-            rows.setdefault(event.step, {"iteration": event.step})[name] = event.value
-    return [rows[i] for i in sorted(rows)]
-
-
-def _scalars(events: EventAccumulator, tag: str) -> Iterator[Any]:
-    """Return a tag's events; none if it was never logged."""
-    yield from events.Scalars(tag) if tag in events.Tags()["scalars"] else []
+def load_policy(env: OpenDrawerEnv, checkpoint: Path) -> Callable[[torch.Tensor], torch.Tensor]:
+    """Return a trained policy's mean action [world 9] for an observation [world 23]; InputError as load_model."""
+    policy = load_model(env, checkpoint)
+    return lambda observation: policy(TensorDict({"policy": observation}, batch_size=[len(observation)]))

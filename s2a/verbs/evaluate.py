@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import torch
 from PIL import Image
 
-from s2a.evaluate import evaluate, warn_of_trouble
+from s2a.errors import InputError
+from s2a.evaluate import Policy, baseline, evaluate, warn_of_trouble
 from s2a.outputs import aside
+from s2a.policy.export import export
 from s2a.policy.planner import Planner, PlannerConfig
-from s2a.policy.ppo import load_policy
+from s2a.policy.ppo import load_model, load_policy
 from s2a.provenance import provenance
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.franka import JOINTS
@@ -34,6 +37,8 @@ class Config:
         stage: the sim.usd.
         out: the metrics.json to write.
         checkpoint: model_N.pt of a training run, or null: the planner.
+        agent: zero (actions of 0) or random (uniform in [-1, 1]) to act instead, as a baseline; or null.
+        export: whether to write the checkpoint as TorchScript and ONNX too, beside it.
         worlds: copies of the stage, one episode each.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the start noise.
@@ -48,6 +53,8 @@ class Config:
     stage: Path
     out: Path
     checkpoint: Path | None
+    agent: Literal["zero", "random"] | None
+    export: bool
     worlds: int
     device: str
     seed: int
@@ -85,19 +92,30 @@ class Album:
             Image.fromarray(camera.picture(pose)).save(folder / f"{name}.png")
 
 
+def _policy(config: Config, env: OpenDrawerEnv) -> Policy:
+    """Return who acts."""
+    if config.agent:
+        return baseline(config.agent, env, config.seed)
+    return load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.policy)
+
+
 def run(config: Config) -> str:
     """Run one episode in every world, write the metrics, and return the rates."""
+    if config.export and not config.checkpoint:
+        raise InputError("key 'export' is true, and there is no checkpoint to export; give checkpoint=.../model_N.pt")
     world = read_world(config.checkpoint, config.task) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with aside(config.out) as out:
         sim = simulation(config.stage, sim_config, config.worlds, config.device)
         env = OpenDrawerEnv(sim, task, config.reward, config.seed)
-        policy = load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.policy)
+        policy = _policy(config, env)
         album = Album(env)
         watch = [album.watch] if config.pictures else []  # it waits for the device in every step
         metrics = evaluate(env, policy, *watch) | {"seed": config.seed, **provenance(sim.device)}
         out.write_text(json.dumps(metrics, indent=1))
     warn_of_trouble(metrics, env)
+    if config.export and config.checkpoint:
+        export(load_model(env, config.checkpoint), config.checkpoint)
     if config.pictures:
         config.pictures.mkdir(parents=True, exist_ok=True)
         album.save(Camera(sim.stage, sim_config.robot, config.camera), config.pictures)

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 
 from s2a.errors import InputError
-from s2a.policy import ppo
+from s2a.evaluate import warn_of_trouble
+from s2a.outputs import aside
+from s2a.policy import folder, ppo, processes
+from s2a.policy.export import export
 from s2a.policy.planner import PlannerConfig, approach_position
+from s2a.policy.settings import PpoConfig
 from s2a.provenance import provenance
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
 from s2a.task.open_drawer import OpenDrawerConfig
 from s2a.verbs.trained import write_world
+
+METRICS = "metrics.json"
 
 
 @dataclass(frozen=True)
@@ -26,8 +33,10 @@ class Config:
     Attributes:
         stage: the sim.usd.
         out: folder for checkpoints, the TensorBoard log and metrics.json.
-        worlds: copies of the stage that are stepped together.
-        device: cpu, cuda:0, or auto: a GPU where there is one.
+        resume: whether to go on from the last checkpoint in `out`, if there is one, with the same settings.
+        export: whether to write the last checkpoint as TorchScript and ONNX too.
+        worlds: copies of the stage that are stepped together; under torchrun, of each process.
+        device: cpu, cuda:0, or auto: a GPU where there is one, and each process of torchrun its own.
         seed: of the start noise and of the network.
         sim: how physics is stepped.
         task: what the robot has to do.
@@ -39,35 +48,68 @@ class Config:
 
     stage: Path
     out: Path
+    resume: bool
+    export: bool
     worlds: int
     device: str
     seed: int
     sim: SimConfig
     task: OpenDrawerConfig
     reward: dict[str, float]
-    policy: ppo.PpoConfig
+    policy: PpoConfig
     starts_ahead: float
     plan: PlannerConfig
 
 
 def run(config: Config) -> str:
     """Train, write metrics.json beside the checkpoints, and return how far it came."""
-    if config.out.exists() and any(config.out.iterdir()):
-        raise InputError(
-            f"out {str(config.out)!r} holds files; a run is never overwritten: choose another or delete it"
-        )
-    torch.manual_seed(config.seed)
-    sim = simulation(config.stage, config.sim, config.worlds, config.device)
+    lead = processes.rank() == 0
+    checkpoint = _start_of(config)
+    first = folder.iteration(checkpoint) + 1 if checkpoint else 0
+    torch.manual_seed(processes.own_seed(config.seed, first))
+    sim = simulation(config.stage, config.sim, config.worlds, processes.own_device(config.device))
     approach = (approach_position(sim, config.plan), config.starts_ahead) if config.starts_ahead > 0.0 else None
-    env = OpenDrawerEnv(sim, config.task, config.reward, config.seed, ahead=approach)
-    config.out.mkdir(parents=True, exist_ok=True)
-    write_world(config.sim, config.task, config.out)
-    metrics = ppo.train(env, config.policy, config.out)
-    metrics |= {"seed": config.seed, "worlds": config.worlds, "reward": config.reward, **provenance(sim.device)}
-    (config.out / "metrics.json").write_text(json.dumps(metrics, indent=1))
+    env = OpenDrawerEnv(sim, config.task, config.reward, processes.own_seed(config.seed, first), ahead=approach)
+    if lead:
+        config.out.mkdir(parents=True, exist_ok=True)
+        folder.keep_settings(asdict(config), config.out)
+        write_world(config.sim, config.task, config.out)
+    metrics = ppo.train(env, config.policy, config.out, checkpoint)
+    return _report(config, env, metrics) if lead else ""
+
+
+def _start_of(config: Config) -> Path | None:
+    """Return the checkpoint to go on from, None to begin.
+
+    Raises:
+        InputError: the folder holds something, and the run is not to go on; or has done all its iterations.
+    """
+    if processes.rank() == 0 and config.out.exists() and any(config.out.iterdir()):
+        if not config.resume:
+            raise InputError(
+                f"out {str(config.out)!r} holds files; a run is never overwritten: choose another, delete it, "
+                "or go on with resume=true"
+            )
+        folder.keep_settings(asdict(config), config.out)
+    checkpoint = folder.latest(config.out) if config.resume else None
+    done = folder.iteration(checkpoint) + 1 if checkpoint else 0
+    if done >= config.policy.iterations and (config.out / METRICS).is_file():
+        raise InputError(f"{config.out} has done its {done} iterations; to go on, give policy.iterations more of them")
+    return checkpoint
+
+
+def _report(config: Config, env: OpenDrawerEnv, metrics: dict[str, Any]) -> str:
+    """Write metrics.json and, if asked for, the policy as others can load it; return how far the training came."""
+    warn_of_trouble(metrics, env)
+    metrics |= {"seed": config.seed, "worlds": config.worlds, "processes": processes.count(), "reward": config.reward}
+    with aside(config.out / METRICS) as out:
+        out.write_text(json.dumps(metrics | provenance(env.sim.device), indent=1))
     last = metrics["curve"][-1] if metrics["curve"] else {}
-    curve = ", ".join(f"{name} {value:.3g}" for name, value in last.items())
-    return f"{config.out}: {metrics['env_steps_per_second']:.0f} env steps/s; {curve}"
+    said = ", ".join(f"{name} {value:.3g}" for name, value in last.items())
+    lines = [f"{config.out}: {metrics['env_steps_per_second']:.0f} env steps/s; {said}"]
+    if config.export and (checkpoint := folder.latest(config.out)):
+        lines += [f"  {file}" for file in export(ppo.load_model(env, checkpoint), checkpoint)]
+    return "\n".join(lines)
 
 
 def simulation(stage: Path, config: SimConfig, worlds: int, device: str) -> Simulation:

@@ -1,0 +1,46 @@
+"""A trained policy for those who have neither s2a nor rsl-rl: TorchScript and ONNX, the normaliser within."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from s2a.outputs import aside
+
+
+def export(model: nn.Module, checkpoint: Path) -> list[Path]:
+    """Write model_N.torchscript and model_N.onnx beside a checkpoint.
+
+    Both take observations "obs" [world 23], as the environment gives them, and return the mean "actions" [world 9], which
+    the environment clamps to [-1, 1]; any number of worlds.
+
+    Args:
+        model: rsl-rl's network of the policy.
+        checkpoint: model_N.pt.
+
+    Returns:
+        The two files.
+    """
+    script, graph = checkpoint.with_suffix(".torchscript"), checkpoint.with_suffix(".onnx")
+    with aside(script) as out:
+        torch.jit.script(model.as_jit().cpu().eval()).save(str(out))
+    with aside(graph) as out, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of torch's exporter about torch itself
+        logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+        onnx = model.as_onnx(verbose=False).cpu().eval()
+        torch.onnx.export(
+            onnx,
+            (torch.zeros(2, onnx.input_size),),
+            str(out),
+            input_names=["obs"],
+            output_names=["actions"],
+            opset_version=18,
+            dynamic_shapes=({0: torch.export.Dim("world")},),
+            external_data=False,
+            verbose=False,
+        )
+    return [script, graph]

@@ -1,0 +1,105 @@
+"""The folder of a training run: its settings, checkpoints and log."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import shutil
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from torch.utils.tensorboard import SummaryWriter
+
+from s2a.config import leaves
+from s2a.errors import InputError
+
+SETTINGS = "settings.json"
+FREE = ("resume", "device", "export", "out", "policy.iterations", "policy.save_interval")
+"""Keys that may change when a run goes on."""
+
+_log = logging.getLogger(__name__)
+
+
+def keep_settings(values: Mapping[str, Any], out: Path) -> None:
+    """Write the nested settings of a run into its folder; if it has some already, they must be the same, save FREE ones.
+
+    Raises:
+        InputError: naming the first key that differs, with both values.
+    """
+    file, now = out / SETTINGS, json.loads(json.dumps(values, default=str))
+    if file.is_file() or latest(out):
+        try:
+            then = dict(leaves(json.loads(file.read_text())))
+        except (OSError, ValueError, AttributeError) as error:
+            raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error
+        for key, value in leaves(now):
+            if key not in FREE and then.get(key) != value:
+                raise InputError(
+                    f"key {key!r} is {value!r}, but {out} was begun with {then.get(key)!r}; "
+                    "resume with the same settings, or train into another folder"
+                )
+    file.write_text(json.dumps(now, indent=1))
+
+
+def latest(out: Path) -> Path | None:
+    """Return the checkpoint of the last iteration in a folder; None if it has none.
+
+    One that is not whole, as a full disk or a lost machine may leave it, is passed over with a warning.
+    """
+    for file in sorted(out.glob("model_*.pt"), key=iteration, reverse=True):
+        if _whole(file):
+            return file
+        _log.warning("%s is not whole; going on from an earlier one", file)
+    return None
+
+
+def iteration(checkpoint: Path) -> int:
+    """Return N of a model_N.pt, -1 for any other name."""
+    number = checkpoint.stem.removeprefix("model_")
+    return int(number) if number.isdecimal() else -1
+
+
+def _whole(file: Path) -> bool:
+    """Return whether a file that torch wrote has all its contents, as their checksums say."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return archive.testzip() is None
+    except (zipfile.BadZipFile, OSError):
+        return False
+
+
+def cut(out: Path, first: int) -> None:
+    """Remove what a killed process left half-written, and make the log forget iterations from `first` on."""
+    for folder in (*out.glob(".model_*"), *out.glob(".metrics.json.*")):
+        shutil.rmtree(folder)
+    if any(out.glob("events.*")):
+        SummaryWriter(str(out), purge_step=first).close()
+
+
+def curve(out: Path) -> list[dict[str, float]]:
+    """Return what TensorBoard logged, a row an iteration."""
+    events = _events(out)
+    same = ("success", "final_success", "handle_use_of_successes", "side_grasps_of_successes", "wide", "opening")
+    names = {name: f"/{name}" for name in (*same, "invalid", "row_overflow", "contact_overflow")}
+    rows: dict[int, dict[str, float]] = {}
+    for name, tag in (names | {"reward": "Train/mean_reward"}).items():
+        for event in _scalars(events, tag):
+            if math.isfinite(event.value):
+                rows.setdefault(event.step, {"iteration": event.step})[name] = event.value
+    return [rows[i] for i in sorted(rows)]
+
+
+def _events(out: Path) -> EventAccumulator:
+    """Return what lies in a folder's event files, less what was cut."""
+    events = EventAccumulator(str(out), size_guidance={"scalars": 0})
+    events.Reload()
+    return events
+
+
+def _scalars(events: EventAccumulator, tag: str) -> Iterator[Any]:
+    """Return a tag's events; none if it was never logged."""
+    yield from events.Scalars(tag) if tag in events.Tags()["scalars"] else []

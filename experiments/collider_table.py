@@ -1,16 +1,17 @@
 """How good are the colliders of scanned handles, measured against what was really there?
 
-    python experiments/collider_table.py SCAN ... [--methods handle coacd one_hull] [--each 2] [--out FILE]
+    python experiments/collider_table.py SCAN ... [--methods handle coacd one_hull] [--styles bar knob ...]
+        [--each 2] [--out FILE]
 
 Each SCAN is a folder that `s2a sample` wrote. Of every handle style in it the first `--each` movable parts are given
-colliders by every method, in a cold process state, and compared with `truth/`. Writes experiments/results/colliders.json
-and prints its table. Of each part:
+colliders by every method, without any cache, and compared with `truth/`. Renews these rows of
+experiments/results/colliders.json, keeps its others, and prints its table. Of each part:
 
 - scan: mean distance of the handle as scanned from the true one [mm]; `bias` is the mean signed one of the faces that
   look out of the furniture (positive: the scan stands out too far).
 - fit: mean distance of the handle as scanned (what of it is handle, borders tidied) from the colliders [mm].
 - truth: mean distance of the true handle from the colliders [mm], where a fingertip can touch it.
-- seen: the same where the scan shows the true handle within 3 mm.
+- seen: the same where the scan shows the true handle within 3 mm; shown: how far the scan itself is there [mm].
 - gap: share of the space of two fingers at the true handle that colliders fill [%].
 - web: share of the lines across a bar, behind it, that the scanned surface blocks [%].
 """
@@ -31,8 +32,7 @@ from s2a.geometry.front import front_behind, front_coordinate
 from s2a.geometry.gap import FINGER_DEPTH, FingerSpace, finger_space, gap_points, share_inside, surface_distance
 from s2a.geometry.rays import first_hits, nearest_faces, ray_mesh
 from s2a.geometry.surfaces import centroids, merge, normals, sample, sample_with_faces
-from s2a.prepare import PrepareConfig
-from s2a.prepare.colliders import Handle, find_handle, target_colliders
+from s2a.prepare.colliders import ColliderConfig, Handle, find_handle, target_colliders
 from s2a.prepare.pose import find_grasp
 from s2a.provenance import provenance
 from s2a.scene import Mesh, Scene
@@ -43,7 +43,10 @@ POINTS = 3000
 SEEN = 0.003
 """[m]"""
 STYLES = ("bar", "bar upright", "knob", "cup", "edge", "lever")
-MEASURES = ("scan_mm", "bias_mm", "fit_mm", "truth_mm", "seen_mm", "gap_pct", "web_pct", "hulls", "vertices", "seconds")
+MEASURES = (
+    *("scan_mm", "bias_mm", "fit_mm", "truth_mm", "seen_mm", "shown_mm", "seen_pct"),
+    *("gap_pct", "web_pct", "hulls", "vertices", "seconds"),
+)
 
 
 def main() -> None:
@@ -52,11 +55,13 @@ def main() -> None:
     parser.add_argument("scans", nargs="+", type=Path)
     parser.add_argument("--methods", nargs="+", default=["handle", "coacd", "one_hull"])
     parser.add_argument("--each", type=int, default=2)
+    parser.add_argument("--styles", nargs="+", default=list(STYLES), choices=STYLES)
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
-    rows: list[dict] = []
+    rows = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
     for folder in args.scans:
-        rows += measure_scan(folder, args.methods, args.each)
+        new = measure_scan(folder, args.methods, args.styles, args.each)
+        rows = [row for row in rows if _key(row) not in {_key(other) for other in new}] + new
         report = {**provenance("cpu"), "table": table(rows), "rows": rows}
         args.out.parent.mkdir(exist_ok=True)
         args.out.write_text(json.dumps(report, indent=1) + "\n")
@@ -64,7 +69,7 @@ def main() -> None:
         print(line)
 
 
-def measure_scan(folder: Path, methods: list[str], each: int) -> list[dict]:
+def measure_scan(folder: Path, methods: list[str], styles: list[str], each: int) -> list[dict]:
     """Return one row per part and method of one scan."""
     facts = json.loads((folder / "truth/truth.json").read_text())
     scanned, true = scan.read(folder), geometric.read(folder / "truth/truth.usda")
@@ -72,7 +77,7 @@ def measure_scan(folder: Path, methods: list[str], each: int) -> list[dict]:
     rows, taken = [], defaultdict(int)
     for target in scanned.movable:
         style = style_of(true, target, facts)
-        if style is None or taken[style] >= each:
+        if style not in styles or taken[style] >= each:
             continue
         taken[style] += 1
         for method in methods:
@@ -93,7 +98,7 @@ def style_of(true: Scene, target: str, facts: dict) -> str | None:
 
 def measure(scanned: Scene, true: Scene, target: str, method: str) -> dict:
     """Return what one method makes of one part."""
-    settings = config.load(PrepareConfig, config.compose("prepare", [f"prepare={method}"])["prepare"]).colliders
+    settings = config.load(ColliderConfig, config.compose("prepare", [f"prepare={method}"])["prepare"]["colliders"])
     start = time.perf_counter()
     frame = Rotation.from_quat(find_grasp(scanned, target).orientation).as_matrix()
     handle, others = find_handle(scanned, target, frame)
@@ -102,7 +107,8 @@ def measure(scanned: Scene, true: Scene, target: str, method: str) -> dict:
     pieces = [collider.mesh for collider in colliders]
     touched, space = touchable(true, target), true_space(true, target)
     surface = merge([scanned.parts[i].mesh for i in (target, *scanned.descendants(target))])
-    seen = nearest_faces(ray_mesh(surface.vertices, surface.faces), touched)[1] < SEEN
+    shown = nearest_faces(ray_mesh(surface.vertices, surface.faces), touched)[1]
+    seen = shown < SEEN
     distance = surface_distance(pieces, touched)
     asked = _outside(gap_points(space), true, target)
     return {
@@ -110,6 +116,7 @@ def measure(scanned: Scene, true: Scene, target: str, method: str) -> dict:
         "fit_mm": 1e3 * float(surface_distance(pieces, _scanned_points(handle)).mean()),
         "truth_mm": 1e3 * float(distance.mean()),
         "seen_mm": 1e3 * float(distance[seen].mean()) if seen.any() else None,
+        "shown_mm": 1e3 * float(shown[seen].mean()) if seen.any() else None,
         "seen_pct": 1e2 * float(seen.mean()),
         "gap_pct": 1e2 * share_inside(pieces, asked) if len(asked) else None,
         "web_pct": webbed(surface, space, true, target),
@@ -185,6 +192,10 @@ def told(rows: list[dict]) -> list[str]:
     return [" ".join(f"{key[:12]:>12}" for key in keys)] + [
         " ".join(f"{_short(row[key]):>12}" for key in keys) for row in rows
     ]
+
+
+def _key(row: dict) -> tuple[str, str, str]:
+    return row["scan"], row["target"], row["method"]
 
 
 def _scanned_points(handle: Handle) -> np.ndarray:

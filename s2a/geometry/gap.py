@@ -98,14 +98,14 @@ def surface_distance(pieces: Sequence[Mesh], points: np.ndarray) -> np.ndarray:
     Inside of overlapping pieces the largest depth in any one stands for the depth in their union.
     """
     outside = np.full(len(points), np.inf)
-    depth = np.zeros(len(points))
+    depth = np.full(len(points), -np.inf)
     for piece in pieces:
         planes = halfspaces(piece)
         below = (points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
         depth = np.maximum(depth, -below)
         beyond = below > 0
         outside[beyond] = np.minimum(outside[beyond], _distance(piece, points[beyond]))
-    return np.where(depth > 0, depth, outside)
+    return np.where(depth >= 0, depth, outside)
 
 
 def _distance(piece: Mesh, points: np.ndarray) -> np.ndarray:

@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from s2a.geometry.bar import bar_pieces, bar_profile
+from s2a.geometry.bar import bar_profile
+from s2a.geometry.bar_pieces import bar_pieces
 from s2a.geometry.convex import clip, hull, overlap, subtract
 from s2a.geometry.decompose import coacd_default, one_hull, vhacd
 from s2a.geometry.front import front_behind, front_coordinate, part_ways, patch, slab

@@ -81,7 +81,8 @@ def bar_profile(region: Mesh, frame: np.ndarray, slices: int) -> Profile | None:
     points = sample(region, SAMPLES, seed=0) @ frame
     if not len(points):
         return None
-    edges = np.linspace(*np.quantile(points[:, 0], [0.005, 0.995]), slices + 1)
+    start, end = np.quantile(points[:, 0], [0.005, 0.995])
+    edges = np.linspace(start, end, slices + 1)
     heads = [_head(points[(points[:, 0] >= a) & (points[:, 0] < b)]) for a, b in zip(edges, edges[1:], strict=False)]
     if any(len(head) < FEW for head in heads):
         return None

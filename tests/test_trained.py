@@ -1,4 +1,4 @@
-"""A policy is evaluated in the world it was trained in."""
+"""A policy is evaluated in the world it was trained in; what the paper's is."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 from settings import load
 
+from s2a import config
 from s2a.errors import InputError
 from s2a.sim.simulation import SimConfig
 from s2a.task.open_drawer import OpenDrawerConfig
+from s2a.verbs.train import Config
 from s2a.verbs.trained import read_world, write_world
 
 
@@ -38,3 +41,16 @@ def test_a_damaged_world_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "world.json").write_text(text)
     with pytest.raises(InputError, match="world.json: not what this version"):
         read_world(tmp_path / "model_1.pt", load(OpenDrawerConfig, "task/open_drawer"))
+
+
+def test_the_papers_table_states_every_value_of_its_training() -> None:
+    table = yaml.safe_load((config.folder() / "experiment/paper.yaml").read_text())
+    values = config.compose("train", ["+experiment=paper", "stage=sim.usd", "out=run"])
+    for group in ("sim", "task", "policy"):
+        assert config.keys(table[group]) == config.keys(values[group])
+        assert dict(config.leaves(table[group])) == dict(config.leaves(values[group]))
+    settings = config.load(Config, values)
+    assert settings.worlds * settings.policy.steps * settings.policy.iterations == 1_228_800_000
+    assert settings.sim.dt * settings.sim.substeps == pytest.approx(1.0 / 60.0)
+    row3 = config.compose("train", ["+experiment=paper", "reward=handle"])
+    assert [row3["reward"][name] for name in ("distance", "rotation", "opening", "finger")] == [50.5, 50.5, 10.0, 50.0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from s2a.prepare.carcass import CarcassConfig, freeze, hand_corridor
 from s2a.prepare.colliders import ColliderConfig, find_handle, target_colliders
 from s2a.prepare.decimate import DecimateConfig, decimate_room
 from s2a.prepare.interior import drawer_box
+from s2a.prepare.loose import LooseConfig, lift
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
 from s2a.prepare.motion import deepest, sweep
 from s2a.prepare.pose import find_grasp, lever_arm
@@ -40,6 +42,7 @@ class PrepareConfig:
         carcass: those of the furniture around it.
         room: those of the immovable room.
         mass: what the target weighs.
+        loose: objects that are lifted out of the room.
     """
 
     friction: float
@@ -50,20 +53,30 @@ class PrepareConfig:
     carcass: CarcassConfig
     room: RoomConfig
     mass: MassConfig
+    loose: LooseConfig
 
 
-def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
+def prepare(scene: Scene, target: str, config: PrepareConfig, free: Sequence[str] = ()) -> SimScene:
     """Return what a simulator needs to open one part of a room.
 
     The target moves with all its descendants against its carcass, whose other drawers and doors are frozen into it.
     A target without a parent moves against an empty anchor.
 
+    Args:
+        scene: the room.
+        target: id of the part to open.
+        config: how.
+        free: ids of objects that lie about freely instead of being one with the room.
+
     Raises:
-        InputError: the target is unknown, does not move, or has no surface.
+        InputError: the target is unknown, does not move, or has no surface; an object cannot be lifted out.
     """
     joint, grasp = scene.joint(target), find_grasp(scene, target)
     frame = Rotation.from_quat(grasp.orientation).as_matrix()
     moving, frozen, room = split(scene, target)
+    loose = [lift(scene, i, target, config.loose) for i in dict.fromkeys(free)]
+    room = tuple(i for i in room if not any(i in thing.members for thing in loose))
+    spaces = [space for thing in loose for space in thing.space]
     visual = merge([scene.parts[i].mesh for i in moving])
     handle, others = find_handle(scene, target, frame)
     colliders = target_colliders(scene, target, handle, others, config.colliders)
@@ -73,10 +86,13 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
     way = sweep(merge([visual, *(collider.mesh for collider in colliders)]), joint, config.room.clearance)
     base = find_base(scene, target, grasp, moving, way, config.base)
     looks = decimate_room(scene, room, config.decimate)
-    pieces, trimmed = room_colliders(scene, room, np.array(base.position), np.array(grasp.point), way, config.room)
+    pieces, trimmed = room_colliders(
+        scene, room, np.array(base.position), np.array(grasp.point), [*way, *spaces], config.room
+    )
     stand = pedestal(base.position, base.pedestal, config.base.radius)
-    pieces = (*(Collider(PEDESTAL, mesh) for mesh in stand), *pieces)[: config.room.pieces]
-    carcass = freeze(scene, target, frozen, hand_corridor(handle, grasp, config.carcass), config.carcass)
+    pieces = (*(Collider(PEDESTAL, mesh) for mesh in stand), *(thing.support for thing in loose), *pieces)
+    pieces = pieces[: config.room.pieces]
+    carcass = freeze(scene, target, frozen, [hand_corridor(handle, grasp, config.carcass), *spaces], config.carcass)
     mass, source = moving_mass(scene, moving, config.mass)
     clash = deepest([c.mesh for c in colliders], [c.mesh for c in carcass.colliders], joint)
     return SimScene(
@@ -97,6 +113,7 @@ def prepare(scene: Scene, target: str, config: PrepareConfig) -> SimScene:
         static_parts=(*looks.parts, PEDESTAL) if stand else looks.parts,
         static_face_part=np.concatenate([looks.face_part, *(np.full(len(m.faces), len(looks.parts)) for m in stand)]),
         reductions=looks.reductions,
+        free=tuple(thing.body for thing in loose),
     )
 
 

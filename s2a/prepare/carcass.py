@@ -42,14 +42,14 @@ class CarcassConfig:
     corridor: tuple[float, float, float]
 
 
-def freeze(scene: Scene, target: str, frozen: Sequence[str], corridor: Mesh, config: CarcassConfig) -> SimBody:
+def freeze(scene: Scene, target: str, frozen: Sequence[str], spaces: Sequence[Mesh], config: CarcassConfig) -> SimBody:
     """Return the immovable body of the target's furniture, or an empty anchor where it belongs to none.
 
     Args:
         scene: the room.
         target: the part that moves.
         frozen: ids of all other parts of its object, the object first.
-        corridor: the hand's way to the handle.
+        spaces: convex pieces into which nothing may reach, such as the hand's way to the handle.
         config: how fine.
     """
     if not frozen:
@@ -57,7 +57,7 @@ def freeze(scene: Scene, target: str, frozen: Sequence[str], corridor: Mesh, con
     visual = merge([scene.parts[i].mesh for i in frozen])
     found = []
     for i in frozen:
-        free = [cut_all(piece, [corridor]) for piece in _pieces(scene, i, config)]
+        free = [cut_all(piece, spaces) for piece in _pieces(scene, i, config)]
         found += [Collider(i, piece) for piece in free if piece is not None]
     return SimBody(frozen[0], visual, tuple(found), box_mass(visual, config.mass, np.eye(3)))
 

@@ -48,7 +48,7 @@ def sweep(mesh: Mesh, joint: Joint, clearance: float = 0.0, step: float = 0.2) -
     if whole is None:
         return []
     stops = np.linspace(lower, upper, count + 1)
-    covers = [hull(_grown(_cover(whole.vertices, joint, a, b), clearance)) for a, b in pairwise(stops)]
+    covers = [hull(grown(_cover(whole.vertices, joint, a, b), clearance)) for a, b in pairwise(stops)]
     return [cover for cover in covers if cover is not None]
 
 
@@ -62,7 +62,7 @@ def _cover(points: np.ndarray, joint: Joint, start: float, end: float) -> np.nda
     return np.concatenate([*ends, middle + (1.0 / np.cos((end - start) / 2) - 1.0) * arms])
 
 
-def _grown(points: np.ndarray, by: float) -> np.ndarray:
+def grown(points: np.ndarray, by: float) -> np.ndarray:
     """Return the corners of cubes around points [point 3] that reach `by` [m] to each side; the points where it is 0."""
     if by <= 0.0:
         return points

@@ -43,12 +43,14 @@ def write(sim_scene: SimScene, path: Path) -> None:
     _write_static(stage, sim_scene)
     _write_colliders(stage, f"{ROOT}/static", sim_scene.static_colliders, surface, by_part=True)
     carcass, target = f"{ROOT}/{sim_scene.carcass.id}", f"{ROOT}/{sim_scene.target.id}"
-    _write_body(stage, carcass, sim_scene.carcass, surface, root=True)
-    _write_body(stage, target, sim_scene.target, surface, root=False)
+    _write_body(stage, carcass, sim_scene.carcass, surface, root=True, is_target=False)
+    _write_body(stage, target, sim_scene.target, surface, root=False, is_target=True)
     if sim_scene.filtered:
         # Simulators that do not leave out a joint's two bodies by themselves need to be told.
         pairs = UsdPhysics.FilteredPairsAPI.Apply(stage.GetPrimAtPath(target))
         pairs.CreateFilteredPairsRel().SetTargets([carcass])
+    for body in sim_scene.free:
+        _write_body(stage, f"{ROOT}/{body.id}", body, surface, root=False, is_target=False)
     _write_grasp(stage, target, sim_scene.grasp)
     UsdGeom.Scope.Define(stage, f"{ROOT}/joints")
     write_fixed_joint(stage, f"{ROOT}/joints/{sim_scene.carcass.id}", carcass)
@@ -104,9 +106,11 @@ def _write_surface(stage: Usd.Stage) -> UsdShade.Material:
     return material
 
 
-def _write_body(stage: Usd.Stage, path: str, body: SimBody, surface: UsdShade.Material, *, root: bool) -> None:
+def _write_body(
+    stage: Usd.Stage, path: str, body: SimBody, surface: UsdShade.Material, *, root: bool, is_target: bool
+) -> None:
     prim = write_body(stage, path, root=root).GetPrim()
-    if not root:
+    if is_target:
         write_attribute(prim, "target", Types.Int, 1)
     if body.mass.source:
         write_attribute(prim, "massSource", Types.String, body.mass.source)

@@ -128,6 +128,7 @@ class SimScene:
         static_parts: ids of the room's parts, to which `static_face_part` points.
         static_face_part: index of the part that each face of `static_visual` belongs to, shape [face], int32.
         reductions: what decimation did to the room's looks.
+        free: objects that lie about freely.
     """
 
     name: str
@@ -147,3 +148,4 @@ class SimScene:
     static_parts: tuple[str, ...] = ()
     static_face_part: np.ndarray | None = field(default=None, compare=False)
     reductions: tuple[Reduction, ...] = ()
+    free: tuple[SimBody, ...] = ()

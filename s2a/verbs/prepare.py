@@ -18,12 +18,14 @@ class Config:
     Attributes:
         stage: the geometric.usd.
         target: id of the part that the robot is to move, such as drawer_7, or several of them: a stage for each.
+        free: ids of objects that lie about freely instead of being one with the room, such as [teddy_bear_12].
         out: the sim.usd to write; for several targets a folder, in which each becomes <target>.usd.
         prepare: how the scene is prepared.
     """
 
     stage: Path
     target: str | tuple[str, ...]
+    free: tuple[str, ...]
     out: Path
     prepare: PrepareConfig
 
@@ -32,10 +34,11 @@ def run(config: Config) -> str:
     """Read the stage, prepare every target, write its sim.usd, and return what is in it."""
     scene = geometric.read(config.stage)
     if isinstance(config.target, str):
-        return _write(prepare(scene, config.target, config.prepare), config.out)
+        return _write(prepare(scene, config.target, config.prepare, config.free), config.out)
     for target in config.target:
         scene.joint(target)  # an immovable one is refused before the first is worked on
-    return "\n".join(_write(prepare(scene, i, config.prepare), config.out / f"{i}.usd") for i in config.target)
+    made = ((i, prepare(scene, i, config.prepare, config.free)) for i in config.target)
+    return "\n".join(_write(one, config.out / f"{i}.usd") for i, one in made)
 
 
 def _write(scene: SimScene, path: Path) -> str:
@@ -47,6 +50,9 @@ def _write(scene: SimScene, path: Path) -> str:
     lines += [_told(reduction) for reduction in scene.reductions]
     robot = "robot" if scene.base_free else "warning: no base pose is free; nearest one"
     lines += [f"  {robot}: {scene.base_reason}", *(f"  {note}" for note in scene.notes)]
+    lines += [
+        f"  {b.id} lies free: {b.mass.mass:.2f} kg ({b.mass.source}), {len(b.colliders)} pieces" for b in scene.free
+    ]
     return "\n".join(lines)
 
 

@@ -22,7 +22,6 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -31,7 +30,7 @@ from scipy.stats import binomtest
 
 from s2a import config
 from s2a.edit.fit import NoRoom
-from s2a.edit.insert import Inserted, Room, Thing, insert
+from s2a.edit.insert import Inserted, Room, Thing, Watch, insert
 from s2a.edit.llm import choose, kind_of
 from s2a.edit.openings import blocked, openings
 from s2a.edit.record import Ledger
@@ -45,6 +44,7 @@ from s2a.progress import track
 from s2a.provenance import provenance
 from s2a.scene import Mesh
 from s2a.verbs import insert as verb
+from s2a.verbs.drop import drop
 
 RESULTS = Path(__file__).parent / "results"
 ROOMS = {c: c for c in ("bathroom", "kitchen", "bedroom")} | {"stationery": "office", "living room": "living_room"}
@@ -105,9 +105,9 @@ def _one(
 ) -> tuple[dict, Inserted | None, dict]:
     """Insert an object; return what is measured of it, itself, and the record."""
     ledger, record = Ledger(settings.llm.prices), {"object": str(thing.file), "label": thing.label}
-    drop = verb.watch(settings)
+    looker = drop(settings.pieces, settings.placement.settle)
     # The paper's method does not look whether a thing stays; ours does, and tries the next place.
-    looks = drop if method == "ours" else lambda *_: {"problem": ""}
+    looks = looker if method == "ours" else lambda *_: {"problem": ""}
     start = time.perf_counter()
     try:
         inserted = insert(room, thing, choose(settings.llm, None), verb.settings(settings), looks, ledger, record)
@@ -117,7 +117,7 @@ def _one(
         ratio = _ratio(record, truth)
         return {**said, "ratio": ratio, **dict.fromkeys(CHECKS, False), "success": False}, None, record | said
     seconds = round(time.perf_counter() - start, 2)
-    said = _measured(room, inserted, drop, settings) | {"ratio": _ratio(record, truth)}
+    said = _measured(room, inserted, looker) | {"ratio": _ratio(record, truth)}
     said["scale"] = abs(said["ratio"] - 1.0) <= SCALE
     said["success"] = all(said[check] for check in CHECKS)
     where = {"target": inserted.spot.target, "relation": inserted.spot.choice.relation}
@@ -136,7 +136,7 @@ def _ratio(record: dict, truth: dict) -> float:
     return round(max(size) / max(truth["size"]), 4) if size else float("nan")
 
 
-def _measured(room: Room, inserted: Inserted, drop: Any, settings: verb.Config) -> dict:
+def _measured(room: Room, inserted: Inserted, looker: Watch) -> dict:
     """Return what holds of an object in its place."""
     scene, mesh, spot = room.scene, inserted.part.mesh, inserted.spot
     around = nearby(scene, *(mesh.bounds + [[-0.05], [0.05]]))
@@ -146,7 +146,7 @@ def _measured(room: Room, inserted: Inserted, drop: Any, settings: verb.Config) 
     stops = sorted({way.part for way in ways if blocked(way, surface, WAY)})
     standing = Mesh(np.asarray(mesh.vertices, np.float64) - np.asarray(spot.pose.position), mesh.faces, mesh.colors)
     still = replace(spot, pose=replace(spot.pose, quaternion=(0.0, 0.0, 0.0, 1.0)))
-    fell = drop(standing, still, scene)
+    fell = looker(standing, still, scene)
     return {
         "free": deepest <= DEEPEST,
         "stable": not fell["problem"],

@@ -233,14 +233,16 @@ def test_where_no_unit_fits_the_middle_of_the_ranges_is_taken():
     assert same.scale == pytest.approx(found.scale / 2)
 
 
-def test_a_table_stands_on_four_legs_but_not_on_its_side():
+def test_a_table_stands_on_four_legs_and_better_upside_down():
     legs = [at(block(0.05, 0.05, 0.7), x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.3, 0.3)]
     whole = [at(block(1.1, 0.7, 0.04), 0, 0, 0.7), *legs]
     faces = np.concatenate([mesh.faces + 8 * n for n, mesh in enumerate(whole)])
     stands = feet(Mesh(np.concatenate([mesh.vertices for mesh in whole]), faces))
-    # The legs' outer corners span 1.05 x 0.65 m under a top of 1.1 x 0.7 m.
-    assert (stands["+z"], stands["-z"]) == (pytest.approx(1.05 * 0.65 / 0.77, abs=0.01), 1.0)
-    assert feet(Mesh(block(1, 1, 1).vertices[:, [1, 2, 0]], block(1, 1, 1).faces)) == dict.fromkeys(stands, 1.0)
+    # By area the top weighs 1.684 m^2 at 0.72 m and the legs 0.58 m^2 at 0.35 m; the foot's edge is 0.325 m away.
+    up = (1.684 * 0.72 + 0.58 * 0.35) / (1.684 + 0.58)
+    assert stands["+z"] == pytest.approx(math.atan2(0.325, up) / (math.pi / 2), abs=0.01)
+    assert stands["-z"] > stands["+z"] > stands["+x"]
+    assert feet(block(1, 1, 1)) == dict.fromkeys(stands, 0.5)
 
 
 def test_the_description_has_supports_carriers_and_no_handles():

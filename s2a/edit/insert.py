@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from pxr import Sdf
 
-from s2a.edit import describe, prompts
-from s2a.edit.ask import Complaint, Model, Request, ask
+from s2a.edit import describe
+from s2a.edit.ask import Model
+from s2a.edit.author import author, placement
 from s2a.edit.confine import ConfinementConfig
 from s2a.edit.fit import NoRoom
 from s2a.edit.objects import ObjectConfig, ObjectFile, read_object, upright
@@ -24,14 +25,11 @@ from s2a.edit.placement import Placement
 from s2a.edit.plan import Choice, Plan, plan
 from s2a.edit.pose import PoseConfig
 from s2a.edit.record import Ledger, tokens
-from s2a.edit.refusal import Refusal
 from s2a.edit.scale import fit, size
-from s2a.edit.script import Outcome, run_script
 from s2a.edit.spots import Spot, spots
 from s2a.edit.stance import feet
 from s2a.edit.surfaces import SurfaceConfig
 from s2a.errors import InputError
-from s2a.scan.labels import part_id
 from s2a.scene import Mesh, Part, Scene
 
 Record = dict[str, Any]
@@ -150,10 +148,10 @@ def insert(
     object, _ = upright(file, where.up, where.front, scale)
     spot = _spot(room, object, where, config, watch, record)
     with _step(record, "script") as said:
-        placement = _placement(room.scene, thing.label, spot, scale)
-        outcome = _script(model, room.skeleton, placement, config, ledger, said)
+        planned = placement(room.scene, thing.label, spot.pose, scale)
+        outcome = author(model, room.skeleton, planned, config.confinement, config.trusted, ledger, said)
     own, _ = upright(file, where.up, where.front, 1.0)
-    return Inserted(placement, spot, Part(thing.label, spot.pose.moved(object)), own, outcome.layer)
+    return Inserted(planned, spot, Part(thing.label, spot.pose.moved(object)), own, outcome.layer)
 
 
 @contextmanager
@@ -249,49 +247,3 @@ def _spot(room: Room, object: Mesh, where: Plan, config: InsertConfig, watch: Wa
     raise NoRoom(
         f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}; wish for another place with prompt=..."
     )
-
-
-def _placement(scene: Scene, label: str, spot: Spot, scale: float) -> Placement:
-    """Return the plan of the script; the id has the number after the highest in the scene."""
-    numbers = [int(tail) for i in scene.parts if (tail := i.rpartition("_")[2]).isdecimal()]
-    name = part_id("_".join(label.lower().split())[:40], max(numbers, default=0) + 1).lstrip("_")
-    name = name if name[0].isalpha() else f"object_{name}"
-    x, y, z = map(float, spot.pose.position)  # numpy's floats would spell out their type in a script
-    qx, qy, qz, qw = map(float, spot.pose.quaternion)
-    return Placement(name, label, f"objects/{name}.usdc", (x, y, z), (qx, qy, qz, qw), float(scale))
-
-
-def _script(
-    model: Model, skeleton: str, placement: Placement, config: InsertConfig, ledger: Ledger, said: Record
-) -> Outcome:
-    """Ask for a script and run it; a refusal goes back to the model once."""
-    facts = {
-        "id": placement.part_id,
-        "label": placement.label,
-        "reference": placement.reference,
-        "translate": list(placement.position),
-        "orient": list(placement.orientation),
-        "scale": placement.scale,
-    }
-    refusals: list[str] = said.setdefault("refusals", [])
-
-    def accept(text: str) -> Outcome:
-        try:
-            return run_script(_bare(text), skeleton, placement, config.confinement, trusted=config.trusted)
-        except Refusal as refusal:
-            refusals.append(str(refusal))
-            raise Complaint(f"{refusal}. Write the script again, whole.") from refusal
-
-    request = Request("script", prompts.SCRIPT, (("user", prompts.script_question(facts)),), None, facts)
-    outcome = ask(model, request, accept, 1, ledger)
-    said |= {name: value for name, value in outcome.record.items() if name != "seconds"}
-    said["confined_seconds"] = outcome.record["seconds"]
-    return outcome
-
-
-def _bare(text: str) -> str:
-    """Return the script in an answer, without the fence that models put around code."""
-    if "```" not in text:
-        return text
-    inside = text.split("```")[1]
-    return inside.partition("\n")[2] if not inside.startswith("\n") else inside

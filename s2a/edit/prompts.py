@@ -22,7 +22,8 @@ each with kind, height above the floor, free area in m^2 and free room above it 
 Small things that carry nothing are listed with their ids only. Parts without supports can still carry things on upright sides.
 
 The object comes with its label, the sides of its mesh along x, y and z in the file's own unknown unit, the up axis that the
-file states (exporters often leave that wrong), and feet: for each axis how well the object would stand with this axis up, 0 to 1.
+file states (exporters often leave that wrong), and feet: for each axis, how far the object standing with this axis up could be
+tilted before it falls, as a share of a right angle (0: it does not stand; a cube 0.5; a plate lying flat almost 1).
 
 Answer with one JSON object:
 - up: the axis of the file that points up once the object is in its place ("+x", "-x", "+y", "-y", "+z", "-z").
@@ -35,15 +36,17 @@ Answer with one JSON object:
     "hanging" (only on a vertical surface);
   - height: the height of the support that you mean, as listed, or null;
   - reason: in a few words.
-The object must fit: look at free area and free room, and keep small things off the floor. A wish, if there is one, comes first:
+The object must fit: look at free area and free room, and keep small things off the floor. What does not stand on any
+axis leans (against something) or hangs. A wish, if there is one, comes first:
 all choices must honour it. Labels may be brands or rare words: think of what the thing is.
 
 Example. Object {"label":"coffee mug","sides":[12.1,9.4,8.6],"up":null,
-"feet":{"+x":0.0,"-x":0.0,"+y":0.9,"-y":0.7,"+z":0.1,"-z":0.1}} in a room with desk_4, shelf_9 and keyboard_6 on the desk:
+"feet":{"+x":0.0,"-x":0.0,"+y":0.46,"-y":0.44,"+z":0.12,"-z":0.12}} in a room with desk_4, shelf_9 and keyboard_6 on the desk:
 {"up":"+y","front":"+z","near":"keyboard_6","choices":[
 {"target":"desk_4","surface":"horizontal","relation":"on","height":0.74,"reason":"mugs stand on desks, within reach"},
 {"target":"shelf_9","surface":"inside","relation":"in","height":1.1,"reason":"a free compartment at hand height"}]}
-Example. Object {"label":"bar of soap","sides":[9,6,3],"up":"+z","feet":{"+z":0.8,"-z":0.8,"+y":0.3,"-y":0.3,"+x":0.2,"-x":0.2}}
+Example. Object {"label":"bar of soap","sides":[9,6,3],"up":"+z",
+"feet":{"+z":0.63,"-z":0.63,"+y":0.24,"-y":0.24,"+x":0.15,"-x":0.15}}
 in a bathroom with washbasin_2, whose supports are a basin at 0.72 and a horizontal rim at 0.85:
 {"up":"+z","front":"-y","near":null,"choices":[
 {"target":"washbasin_2","surface":"horizontal","relation":"on","height":0.85,"reason":"soap lies on the rim of the basin"},

@@ -8,51 +8,32 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 import yaml
 from pxr import Sdf
+from scipy.spatial.transform import Rotation
 
-from s2a.certify.settle import SettleConfig, settle
+from s2a.certify.settle import SettleConfig
 from s2a.edit import overlay
 from s2a.edit.confine import ConfinementConfig
 from s2a.edit.describe import survey
-from s2a.edit.insert import InsertConfig, Inserted, Record, Room, Thing, Watch, insert
+from s2a.edit.insert import InsertConfig, Inserted, Record, Room, Thing, insert
 from s2a.edit.llm import LlmConfig, choose, kind_of
 from s2a.edit.objects import ObjectConfig
 from s2a.edit.pose import PoseConfig
 from s2a.edit.record import Ledger
 from s2a.edit.skeleton import skeleton
-from s2a.edit.spots import Spot
-from s2a.edit.surfaces import SurfaceConfig, nearby
+from s2a.edit.surfaces import SurfaceConfig
 from s2a.errors import InputError, NotPassed
-from s2a.geometry.decompose import one_hull, vhacd
+from s2a.geometry.look import LookConfig, frame
+from s2a.geometry.picture import draw, write
 from s2a.geometry.ransac import RansacConfig
 from s2a.geometry.regions import RegionConfig
 from s2a.outputs import aside
 from s2a.progress import track
-from s2a.scene import Mesh, Scene
 from s2a.usd import descriptive, geometric
+from s2a.verbs.drop import PiecesConfig, drop
 
 LAYER, RECORD = "insert.usda", "insert.json"
-AROUND = 0.05
-"""Surroundings within this distance of an object take part in its drop [m]."""
-
-
-@dataclass(frozen=True)
-class PiecesConfig:
-    """Convex pieces that stand for an object while it is watched.
-
-    Attributes:
-        full: share of its convex hull from which an object is taken for that.
-        hulls: largest number.
-        resolution: voxels.
-        vertices: largest number a piece.
-    """
-
-    full: float
-    hulls: int
-    resolution: int
-    vertices: int
 
 
 @dataclass(frozen=True)
@@ -88,6 +69,7 @@ class Config:
         prompt: a wish in words, such as "put it next to the keyboard", or null.
         out: folder that receives insert.usda (open it instead of the stage; delete it and nothing was inserted), objects/,
             descriptive.usda and insert.json.
+        picture: the PNG file to write, of the first object in its place, or null.
         record: a file to which the answers of the model are added, for llm=replay; null for none.
         surface: "regions" grows bounded surfaces; "ransac" is the baseline, one plane, and needs pose=paper.
         pose: "search" looks for the best place; "paper" is the baseline, random offsets until nothing collides.
@@ -97,6 +79,7 @@ class Config:
         placement: where an object goes.
         confinement: what a script may do.
         pieces: convex pieces that stand for an object while it is watched.
+        look: how the picture is taken.
     """
 
     stage: Path
@@ -105,6 +88,7 @@ class Config:
     objects: Path | None
     prompt: str | None
     out: Path
+    picture: Path | None
     record: Path | None
     surface: Literal["regions", "ransac"]
     pose: Literal["search", "paper"]
@@ -114,6 +98,7 @@ class Config:
     placement: PlacementConfig
     confinement: ConfinementConfig
     pieces: PiecesConfig
+    look: LookConfig
 
 
 def run(config: Config) -> str:
@@ -140,6 +125,8 @@ def run(config: Config) -> str:
         raise InputError(f"none of {len(things)} objects could be inserted; the first: {records[0]['problem']}")
     with aside(config.out, earlier=RECORD) as out:
         _write(found, records, room, config, out)
+    if config.picture:
+        _draw(found[0], room, config.look, config.picture)
     said = _summary(found, records, config)
     if len(found) < len(things):
         raise NotPassed(said)
@@ -156,7 +143,9 @@ def attempt(room: Room, thing: Thing, model: Any, config: Config, record: Record
     """Insert an object; return it, or None, and the record, which has its problem."""
     ledger, inserted = Ledger(config.llm.prices), None
     try:
-        inserted = insert(room, thing, model, settings(config), watch(config), ledger, record)
+        inserted = insert(
+            room, thing, model, settings(config), drop(config.pieces, config.placement.settle), ledger, record
+        )
     except InputError as error:
         record["problem"] = str(error)
     else:
@@ -170,37 +159,6 @@ def settings(config: Config) -> InsertConfig:
     surface = SurfaceConfig(where.surface, where.regions, where.ransac)
     ours = kind_of(config.llm) == "rules"
     return InsertConfig(surface, where.pose, where.object, config.confinement, config.retries, config.neighbours, ours)
-
-
-def watch(config: Config) -> Watch:
-    """Return what drops an object at a spot and says whether it stays."""
-    pieces: dict[int, list[Mesh]] = {}
-
-    def watched(object: Mesh, spot: Spot, scene: Scene) -> Record:
-        if id(object) not in pieces:
-            pieces[id(object)] = _pieces(object, config.pieces)
-        moved = [spot.pose.moved(piece) for piece in pieces[id(object)]]
-        bounds = spot.pose.moved(object).bounds
-        support = nearby(scene, bounds[0] - AROUND, bounds[1] + AROUND)
-        hangs_on = -spot.normal if spot.choice.relation == "hanging" else None
-        found = settle(moved, support, config.placement.settle, hangs_on)
-        return {name: round(value, 5) if isinstance(value, float) else value for name, value in vars(found).items()}
-
-    return watched
-
-
-def _pieces(object: Mesh, config: PiecesConfig) -> list[Mesh]:
-    """Return convex pieces of an object: its hull, where that fills in little, which saves a second."""
-    whole = one_hull(object, config.vertices)
-    if not whole or _volume(object) > config.full * _volume(whole[0]):
-        return whole
-    return vhacd(object, config.hulls, config.resolution, config.vertices)
-
-
-def _volume(mesh: Mesh) -> float:
-    """Return what a surface encloses [m^3]; of an open one, about that."""
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
-    return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6.0
 
 
 def _things(config: Config) -> list[Thing]:
@@ -237,6 +195,14 @@ def _write(found: list[Inserted], records: list[Record], room: Room, config: Con
     about = {"stage": str(config.stage), "surface": config.surface, "pose": config.pose}
     about |= {"llm": kind_of(config.llm), "model": config.llm.model}
     (out / RECORD).write_text(json.dumps({**about, "objects": records}, indent=1) + "\n")
+
+
+def _draw(inserted: Inserted, room: Room, look: LookConfig, path: Path) -> None:
+    """Draw an object in its place, from its front."""
+    front = Rotation.from_quat(inserted.spot.pose.quaternion).apply([1.0, 0.0, 0.0])
+    view = frame(inserted.part.mesh.vertices, front, look)
+    with aside(path) as out:
+        write(draw([part.mesh for part in room.scene.parts.values()], view, look), out)
 
 
 def _summary(found: list[Inserted], records: list[Record], config: Config) -> str:

@@ -1,0 +1,80 @@
+"""The last step of an insertion: the plan in numbers, and a model's script that carries it out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from s2a.edit import prompts
+from s2a.edit.ask import Complaint, Model, Request, ask
+from s2a.edit.confine import ConfinementConfig
+from s2a.edit.fit import Pose
+from s2a.edit.placement import Placement
+from s2a.edit.record import Ledger
+from s2a.edit.refusal import Refusal
+from s2a.edit.script import Outcome, run_script
+from s2a.scan.labels import part_id
+from s2a.scene import Scene
+
+
+def placement(scene: Scene, label: str, pose: Pose, scale: float) -> Placement:
+    """Return the plan of the script; the id is the label with the number after the highest in the scene."""
+    numbers = [int(tail) for i in scene.parts if (tail := i.rpartition("_")[2]).isdecimal()]
+    name = part_id("_".join(label.lower().split())[:40], max(numbers, default=0) + 1).lstrip("_")
+    name = name if name[0].isalpha() else f"object_{name}"
+    x, y, z = map(float, pose.position)  # numpy's floats would spell out their type in a script
+    qx, qy, qz, qw = map(float, pose.quaternion)
+    return Placement(name, label, f"objects/{name}.usdc", (x, y, z), (qx, qy, qz, qw), float(scale))
+
+
+def author(
+    model: Model,
+    skeleton: str,
+    planned: Placement,
+    config: ConfinementConfig,
+    trusted: bool,
+    ledger: Ledger,
+    said: dict[str, Any],
+) -> Outcome:
+    """Ask for a script and run it confined; a refusal goes back to the model once.
+
+    Args:
+        model: who is asked.
+        skeleton: text of the stage.
+        planned: what the script is to add.
+        config: what it may do.
+        trusted: whether the script is our own.
+        ledger: where the answers are noted.
+        said: receives the refusals, the script, the locks that held and the seconds they took, for the record.
+
+    Raises:
+        InputError: the second script was refused too, or the system cannot confine scripts.
+    """
+    facts = {
+        "id": planned.part_id,
+        "label": planned.label,
+        "reference": planned.reference,
+        "translate": list(planned.position),
+        "orient": list(planned.orientation),
+        "scale": planned.scale,
+    }
+    refusals: list[str] = said.setdefault("refusals", [])
+
+    def accept(text: str) -> Outcome:
+        try:
+            return run_script(bare(text), skeleton, planned, config, trusted=trusted)
+        except Refusal as refusal:
+            refusals.append(str(refusal))
+            raise Complaint(f"{refusal}. Write the script again, whole.") from refusal
+
+    request = Request("script", prompts.SCRIPT, (("user", prompts.script_question(facts)),), None, facts)
+    outcome = ask(model, request, accept, 1, ledger)
+    said |= {name: value for name, value in outcome.record.items() if name != "seconds"}
+    said["confined_seconds"] = outcome.record["seconds"]
+    return outcome
+
+
+def bare(text: str) -> str:
+    """Return the script in an answer, without the fence that models put around code and what they say around that."""
+    if "```" not in text:
+        return text
+    return text.split("```")[1].partition("\n")[2]

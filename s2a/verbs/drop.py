@@ -1,0 +1,64 @@
+"""Objects that are watched in their places, by convex pieces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2a.certify.settle import SettleConfig, settle
+from s2a.edit.insert import Record, Watch
+from s2a.edit.spots import Spot
+from s2a.edit.surfaces import nearby
+from s2a.geometry.decompose import one_hull, vhacd
+from s2a.scene import Mesh, Scene
+
+AROUND = 0.05
+"""Surroundings within this distance of an object take part in its drop [m]."""
+
+
+@dataclass(frozen=True)
+class PiecesConfig:
+    """Convex pieces that stand for an object while it is watched.
+
+    Attributes:
+        full: share of its convex hull from which an object is taken for that.
+        hulls: largest number.
+        resolution: voxels.
+        vertices: largest number a piece.
+    """
+
+    full: float
+    hulls: int
+    resolution: int
+    vertices: int
+
+
+def drop(pieces: PiecesConfig, config: SettleConfig) -> Watch:
+    """Return what drops an object at a spot and says whether it stays; an object's pieces are made once."""
+    known: dict[int, tuple[Mesh, list[Mesh]]] = {}  # with the mesh, or another might get its address
+
+    def watched(object: Mesh, spot: Spot, scene: Scene) -> Record:
+        if id(object) not in known:
+            known[id(object)] = object, _pieces(object, pieces)
+        moved = [spot.pose.moved(piece) for piece in known[id(object)][1]]
+        low, high = spot.pose.moved(object).bounds
+        hangs_on = -spot.normal if spot.choice.relation == "hanging" else None
+        found = settle(moved, nearby(scene, low - AROUND, high + AROUND), config, hangs_on)
+        return {name: round(value, 5) if isinstance(value, float) else value for name, value in vars(found).items()}
+
+    return watched
+
+
+def _pieces(object: Mesh, config: PiecesConfig) -> list[Mesh]:
+    """Return convex pieces of an object: its hull, where that fills in little, which saves a second."""
+    whole = one_hull(object, config.vertices)
+    if not whole or _volume(object) > config.full * _volume(whole[0]):
+        return whole
+    return vhacd(object, config.hulls, config.resolution, config.vertices)
+
+
+def _volume(mesh: Mesh) -> float:
+    """Return what a surface encloses [m^3]; of an open one, about that."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
+    return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6.0

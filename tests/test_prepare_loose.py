@@ -95,6 +95,14 @@ def test_the_object_leaves_the_room_and_stands_on_the_table(prepared: SimScene) 
     assert np.sort(body.mass.inertia) == pytest.approx(exact, rel=0.1)
 
 
+def test_what_stood_though_most_of_its_underside_was_not_seen_stands_on_its_outline() -> None:
+    half = carton()
+    seen = half.vertices[half.faces].mean(axis=1)
+    leaning = keep(half, (seen[:, 0] > 0.56) | (seen[:, 2] > 0.74 + 0.12))
+    foot = lift(room(box_21=Part("box", leaning)), "box_21", "drawer_7", settings().loose).body.colliders[0].mesh
+    assert np.diff(foot.bounds, axis=0)[0, :2] == pytest.approx(SIZE[:2], abs=0.005)
+
+
 def test_it_stays_where_it_is(prepared: SimScene, tmp_path: Path) -> None:
     simready.write(prepared, tmp_path / "sim.usd")
     config = load(CertifyConfig, "certify/default")

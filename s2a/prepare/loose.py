@@ -10,7 +10,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
-from s2a.geometry.convex import box, clip, hull, volume
+from s2a.geometry.convex import box, clip, contains, hull, volume
 from s2a.geometry.decompose import vhacd
 from s2a.geometry.rays import first_hits, ray_mesh
 from s2a.geometry.solid import close, largest_pieces
@@ -22,6 +22,8 @@ from s2a.usd.simscene import Collider, Mass, SimBody
 
 HOLLOW, FULL = 0.1, 1.0
 """Shares of its convex hull that the volume of a sound solid lies between."""
+STABLE = 0.001
+"""[m] How far inside of its foot an object's centre of mass lies at least; less than half the foot's thickness."""
 RAYS = 24
 """Of those that look for a support, along either side of an object."""
 
@@ -94,15 +96,17 @@ def lift(scene: Scene, part: str, target: str, config: LooseConfig) -> Loose:
     below, ground = _support(scene, part, members, surface, config)
     solid = close(surface, ground, config.near)
 
+    mass = _mass(scene, members, solid, config)
+
     def make() -> dict[str, np.ndarray]:
         return pack(_pieces(solid, ground, config))
 
-    pieces = unpack(recall("loose", [solid, repr((ground, config))], make))
+    pieces = [_foot(solid, ground, mass, config), *unpack(recall("loose", [solid, repr((ground, config))], make))]
     spaces = [hull(grown(piece.vertices, config.clearance)) for piece in pieces]
     low, high = solid.bounds
     size = np.array([*(high - low)[:2] + 2 * config.margin, config.thickness])
     top = box(np.array([*(low + high)[:2] / 2, ground - config.thickness / 2]), np.eye(3), size)
-    body = SimBody(part, solid, tuple(Collider(part, piece) for piece in pieces), _mass(scene, members, solid, config))
+    body = SimBody(part, solid, tuple(Collider(part, piece) for piece in pieces), mass)
     return Loose(body, Collider(below, top), members, tuple(piece for piece in spaces if piece is not None))
 
 
@@ -135,9 +139,12 @@ def _support(scene: Scene, part: str, members: Sequence[str], surface: Mesh, con
         if i in members or not len(below.faces):
             continue
         fall = first_hits(ray_mesh(below.vertices, below.faces), starts, np.tile([0.0, 0.0, -1.0], (len(starts), 1)))
-        met = fall < 2 * config.near
-        if met.any() and (best is None or met.sum() > best[0]):
-            best = (int(met.sum()), i, float(low[2] + config.near - np.median(fall[met])))
+        height = low[2] + config.near - fall[fall < 2 * config.near]
+        # Where its top has holes, one looks through to what is below.
+        near = height[np.abs(height - low[2]) < config.near / 3]
+        height = near if len(near) else height
+        if len(height) and (best is None or len(height) > best[0]):
+            best = (len(height), i, float(np.median(height)))
     if best is None:
         raise InputError(f"free={part}: nothing level carries it within {100 * config.near:.0f} cm of its lowest point")
     return best[1], best[2]
@@ -152,12 +159,26 @@ def _within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
 
 
 def _pieces(solid: Mesh, ground: float, config: LooseConfig) -> list[Mesh]:
-    """Return convex pieces above the ground, and the flat foot on which the object stands."""
+    """Return convex pieces above the ground."""
     found = vhacd(solid, config.pieces, config.resolution, config.max_vertices)
     cut = [clip(piece, np.array([0.0, 0.0, -1.0]), -ground) for piece in found]
-    sole = solid.vertices[solid.vertices[:, 2] < ground + config.foot].astype(np.float64)
-    flat = np.concatenate([sole * [1, 1, 0] + [0, 0, ground], sole * [1, 1, 0] + [0, 0, ground + config.foot]])
-    return [piece for piece in (hull(flat, 2 * config.max_vertices), *cut) if piece is not None]
+    return [piece for piece in cut if piece is not None]
+
+
+def _foot(solid: Mesh, ground: float, mass: Mass, config: LooseConfig) -> Mesh:
+    """Return the flat piece on which an object stands.
+
+    It stood when it was scanned: where its centre of mass is not above what is known of its underside, the rest of that was
+    not seen, and all of the object's outline carries it.
+    """
+    points = solid.vertices.astype(np.float64)
+    for sole in (points[points[:, 2] < ground + config.foot], points):
+        flat = np.concatenate([sole * [1, 1, 0] + [0, 0, height] for height in (ground, ground + config.foot)])
+        foot = hull(flat, 2 * config.max_vertices)
+        above = np.array([[*mass.center[:2], ground + config.foot / 2]])
+        if foot is not None and contains(foot, above, -STABLE)[0]:
+            break
+    return solid if foot is None else foot
 
 
 def _mass(scene: Scene, members: Sequence[str], solid: Mesh, config: LooseConfig) -> Mass:

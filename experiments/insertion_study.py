@@ -6,7 +6,8 @@
 Writes the zoo (`s2a zoo`) and scans of the rooms below RUNS, unless they are there; then puts every object alone into the
 room of its category, and measures what can be measured: its scale against the truth, and in the stage that came out
 collisions, support, stability, and whether every door and drawer still opens. Prints the table by category, and writes
-it with a line an object to experiments/results/insertion_<llm>.json, and all records to RUNS/<llm>/.
+it with a line an object to experiments/results/insertion_<llm>.json, and all records to RUNS/<llm>/; categories that are
+done there are not done again.
 
 Pictures are for raters who must not know the method: FOLDER/<object>_<letter>.png shows before and after, wide and close,
 and FOLDER/key.json says which letter is which.
@@ -70,7 +71,11 @@ def main() -> None:
     name = args.name or ("replay" if args.answers else args.llm)
     rows = []
     for category in args.categories:
-        rows += _category(category, name, args)
+        done = args.runs / name / f"{category}.json"
+        if not done.exists():
+            found = _category(category, name, args)
+            done.write_text(json.dumps(found, indent=1) + "\n")
+        rows += json.loads(done.read_text())
         print(table(rows), flush=True)
     report = {"llm": name, "seed": args.seed, **provenance("cpu"), "table": summary(rows), "rows": rows}
     RESULTS.mkdir(exist_ok=True)

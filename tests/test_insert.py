@@ -13,7 +13,7 @@ from fake_llm import endpoint, message
 from test_place import at, block, sheet
 
 from s2a import cli, config
-from s2a.edit import describe, prompts
+from s2a.edit import describe, prompts, scale
 from s2a.edit.rules import brands, known, rules, table
 from s2a.edit.scale import Size, fit
 from s2a.edit.stance import feet
@@ -210,7 +210,7 @@ def test_the_baseline_puts_the_mug_somewhere_too(folder, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("height", "longest", "stated", "scale"),
+    ("height", "longest", "stated", "metres"),
     [
         (9.5, 11.0, None, 0.01),  # centimetres
         (95.0, 110.0, None, 0.001),
@@ -220,8 +220,8 @@ def test_the_baseline_puts_the_mug_somewhere_too(folder, tmp_path):
         (11.0, 11.0, None, 0.01),
     ],
 )
-def test_a_unit_that_fits_is_the_files(height, longest, stated, scale):
-    assert fit(MUG, height, longest, stated).scale == scale
+def test_a_unit_that_fits_is_the_files(height, longest, stated, metres):
+    assert fit(MUG, height, longest, stated).scale == metres
 
 
 def test_where_no_unit_fits_the_middle_of_the_ranges_is_taken():
@@ -301,6 +301,7 @@ def test_every_answer_of_the_rules_fits_the_schema_that_models_are_given():
         facts |= {"wish": "", "room": lines}
         found = checked(parse(rules(Request("plan", "", (), None, facts)).text, Plan), room)
         assert found.choices
+        assert scale.checked(parse(rules(Request("scale", "", (), None, facts)).text, Size)).noun == entry.noun
 
 
 @pytest.mark.parametrize(

@@ -145,7 +145,7 @@ def test_an_id_that_is_not_there_goes_back_with_those_that_are(monkeypatch):
         ({**SIZE, "height": [80.0, 120.0], "longest": [90.0, 140.0]}, "in metres"),
         ({**SIZE, "height": [0.12, 0.08]}, "least and largest in metres"),
         ({**SIZE, "height": [float("nan"), 0.1]}, "least and largest in metres"),
-        ({**SIZE, "height": [0.001, 1.0], "longest": [0.001, 1.0]}, "says too little"),
+        ({**SIZE, "height": [0.01, 1.0], "longest": [0.01, 1.0]}, "says too little"),
         ({**SIZE, "height": [0.3, 0.4]}, "more than the longest side"),
         ({**SIZE, "height": [0.6, 0.9], "longest": [0.6, 0.9]}, "leaves 0.5 m of height"),
         ({**SIZE, "height": [0.4, 0.49], "longest": [0.4, 0.6]}, "A mug in this room is 0.11 m long"),

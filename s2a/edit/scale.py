@@ -15,8 +15,8 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 """Metres in a unit that meshes come in."""
 SMALLEST, LARGEST = 0.001, 4.0
 """What goes into a room [m]."""
-WIDEST = 12.0
-"""Upper by lower end of a range that says something: a battery lies or stands."""
+WIDEST = {"height": 30.0, "longest": 12.0}
+"""Upper by lower end of a range that says something: an envelope lies or is a stack, a battery lies or stands."""
 SLACK = 1.15
 """A size may be outside its range by this factor and a unit still be taken for the file's: makers differ, and so do models."""
 
@@ -90,7 +90,7 @@ def checked(answer: Size) -> Size:
             raise Complaint(
                 f"{name} is {low:g} to {high:g}; give least and largest in metres, from {SMALLEST:g} to {LARGEST:g}."
             )
-        if high > WIDEST * low:
+        if high > WIDEST[name] * low:
             raise Complaint(f"{name} {low:g} to {high:g} m says too little; give the usual range.")
     if answer.height[0] > answer.longest[1] * 1.01:
         raise Complaint("The height is more than the longest side, which cannot be.")

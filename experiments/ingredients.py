@@ -60,7 +60,7 @@ def table(rows: list[Row], runs: list[dict]) -> list[str]:
         mine = [run for run in runs if run["row"] == row.name]
         steps = " / ".join(f"{run['env_steps'] / 1e6:.0f}" for run in mine)
         rates = [percent([run["evaluation"][name]["rate"] for run in mine]) for name in COLUMNS]
-        lines.append(f"| {row.about} | {' | '.join(rates)} | {steps or 'not run'} |")
+        lines.append(f"| {row.about} | {' | '.join(rates)} | {steps} |")
     return lines
 
 

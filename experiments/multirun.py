@@ -1,8 +1,8 @@
 """The rows of a table as Hydra multiruns of `s2a train`, and every policy measured by `s2a evaluate`.
 
 A row is one multirun over its seeds. Hydra's own launchers place no jobs on GPUs and do not stop at a wall-clock limit, so
-the multiruns are handed out job by job. Job `RUNS/<row>-<seed>/` holds `.hydra/` (what it was told), `run/` (what
-`s2a train` writes), `evaluation.json` and `log.txt`. What is finished is kept; what was cut goes on with the next call.
+the multiruns are handed out job by job. Job `RUNS/<row>-<seed>/` holds `run/` (what `s2a train` writes), `evaluation.json`
+and `log.txt`. What is finished is kept; what was cut goes on from its last checkpoint with the next call.
 """
 
 from __future__ import annotations
@@ -16,15 +16,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-from outcome import curve, iterations, last_checkpoint
+from outcome import curve
 from side_by_side import gpu_slots, run
 
 from s2a import config
+from s2a.policy import folder
 
+S2A = (sys.executable, "-m", "s2a")
 EVALUATION_SEED = 100
 """Plus the training's seed: the start noise of evaluation, which no training has met."""
-NOT_SETTINGS = ("stage", "out", "device", "plan")
+SAVE_INTERVAL = 25
+"""Iterations between checkpoints: what a cut can cost."""
+NOT_SETTINGS = ("stage", "out", "resume", "export", "device", "plan")
 """Keys of `s2a train` that say nothing of the experiment."""
 
 
@@ -65,7 +68,7 @@ class Job:
     @property
     def checkpoint(self) -> Path | None:
         """The last checkpoint, or None before the first."""
-        return last_checkpoint(self.folder / "run")
+        return folder.latest(self.folder / "run")
 
     @property
     def evaluated(self) -> bool:
@@ -97,8 +100,11 @@ def sweep(rows: Sequence[Row], stages: Path, args: argparse.Namespace) -> list[d
         args: with the `options`.
     """
     end = time.monotonic() + 60.0 * args.minutes
+    names = [row.name for row in rows]
+    if unknown := set(args.only or ()).difference(names):
+        sys.exit(f"row {min(unknown)!r} is unknown; rows: {', '.join(names)}")
     slots, table = gpu_slots(args.side_by_side), jobs(rows, args.runs)
-    left = [job for job in table if not job.finished and job.row.name in (args.only or job.row.name)]
+    left = [job for job in table if not job.finished and job.row.name in (args.only or names)]
     trainings = [(training(job, stages, args), job.folder / "log.txt") for job in left]
     failed = run(trainings, slots, end - 60.0 * args.evaluation_minutes)
     evaluations = [
@@ -117,12 +123,11 @@ def jobs(rows: Sequence[Row], runs: Path) -> list[Job]:
 
 def training(job: Job, stages: Path, args: argparse.Namespace) -> list[str]:
     """Return the command that trains: the row's multirun with one of its seeds."""
-    told = [*job.row.overrides, *args.set]
-    steps = config.compose("train", told)["policy"]["steps"]
+    told = [*job.row.overrides, f"seed={job.seed}", f"worlds={args.worlds}", *args.set]
+    steps = args.worlds * config.compose("train", told)["policy"]["steps"]
     return [
-        *(sys.executable, "-m", "s2a", "train", "-m", *told, f"seed={job.seed}", f"worlds={args.worlds}"),
-        f"policy.iterations={round(args.env_steps / (args.worlds * steps))}",
-        *(f"stage={stages.resolve() / job.row.stage}", "out=run"),
+        *(*S2A, "train", "-m", *told, f"stage={stages / job.row.stage}", "out=run", "resume=true"),
+        *(f"policy.iterations={round(args.env_steps / steps)}", f"policy.save_interval={SAVE_INTERVAL}"),
         *(f"hydra.sweep.dir={job.folder.parent}", f"hydra.sweep.subdir={job.folder.name}"),
     ]
 
@@ -130,7 +135,7 @@ def training(job: Job, stages: Path, args: argparse.Namespace) -> list[str]:
 def evaluation(job: Job, stages: Path, episodes: int) -> list[str]:
     """Return the command that evaluates the last checkpoint, one episode a world."""
     return [
-        *(sys.executable, "-m", "s2a", "evaluate", f"stage={stages.resolve() / job.row.stage}", f"worlds={episodes}"),
+        *(*S2A, "evaluate", f"stage={stages / job.row.stage}", f"worlds={episodes}"),
         *(f"checkpoint={job.checkpoint}", f"seed={EVALUATION_SEED + job.seed}", f"out={job.folder}/evaluation.json"),
     ]
 
@@ -139,14 +144,14 @@ def collect(job: Job) -> dict[str, Any] | None:
     """Return what a run came to; None before it was evaluated. env_steps is what its last checkpoint was trained for."""
     if job.checkpoint is None or not (job.folder / "evaluation.json").is_file():
         return None
-    told = yaml.safe_load((job.folder / ".hydra/config.yaml").read_text())
+    told = json.loads((job.folder / "run" / folder.SETTINGS).read_text())
     steps = told["worlds"] * told["policy"]["steps"]
     return {
         "row": job.row.name,
         "about": job.row.about,
         "seed": job.seed,
         "finished": job.finished,
-        "env_steps": iterations(job.checkpoint) * steps,
+        "env_steps": (folder.iteration(job.checkpoint) + 1) * steps,
         "stage": job.row.stage,
         "settings": {key: value for key, value in told.items() if key not in NOT_SETTINGS},
         "evaluation": json.loads((job.folder / "evaluation.json").read_text()),

@@ -7,48 +7,27 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from s2a.policy import folder
 
 POINTS = 80
 """Of a curve that is kept."""
-CURVES = {
-    "success": "/success",
-    "final_success": "/final_success",
-    "handle_use_of_successes": "/handle_use_of_successes",
-    "opening": "/opening",
-    "reward": "Train/mean_reward",
-}
-"""Name in the results -> tag in the TensorBoard log."""
+CURVES = ("success", "final_success", "handle_use_of_successes", "opening", "reward")
 
 
-def last_checkpoint(folder: Path) -> Path | None:
-    """Return the last model_N.pt in a folder of `s2a train`, or None."""
-    return max(folder.glob("model_*.pt"), key=iterations, default=None)
-
-
-def iterations(checkpoint: Path) -> int:
-    """Return how many iterations a checkpoint was trained for: model_N.pt is written after iteration N, counted from 0."""
-    return int(checkpoint.stem.removeprefix("model_")) + 1
-
-
-def curve(folder: Path, steps: int) -> dict[str, list[float | None]]:
-    """Return what the TensorBoard log of a run says, also of one that was cut.
+def curve(run: Path, steps: int) -> dict[str, list[float | None]]:
+    """Return what the log of a run says, also of one that was cut.
 
     Args:
-        folder: where `s2a train` wrote.
+        run: the folder that `s2a train` wrote.
         steps: environment steps of an iteration.
 
     Returns:
-        env_steps and each of CURVES, at evenly spaced iterations up to the last; None where nothing was logged.
+        env_steps and each of CURVES, at evenly spaced iterations up to the last; None where there was nothing to log.
     """
-    events = EventAccumulator(str(folder), size_guidance={"scalars": 0})
-    events.Reload()
-    known = events.Tags()["scalars"]
-    logged = {name: {e.step: e.value for e in events.Scalars(tag)} for name, tag in CURVES.items() if tag in known}
-    every = sorted({step for values in logged.values() for step in values})
-    kept = every[:: -max(1, -(-len(every) // POINTS))][::-1]
-    columns = {name: [_short(values.get(step)) for step in kept] for name, values in logged.items()}
-    return {"env_steps": [(step + 1) * steps for step in kept], **columns}
+    rows = folder.curve(run)
+    kept = rows[:: -max(1, -(-len(rows) // POINTS))][::-1]
+    columns = {name: [_short(row.get(name)) for row in kept] for name in CURVES}
+    return {"env_steps": [(int(row["iteration"]) + 1) * steps for row in kept], **columns}
 
 
 def write(results: dict[str, Any], path: Path, table: Sequence[str]) -> None:
@@ -62,8 +41,9 @@ def write(results: dict[str, Any], path: Path, table: Sequence[str]) -> None:
 
 
 def percent(shares: Iterable[float]) -> str:
-    """Return shares as percentages, seed by seed: "100 / 99.7 %"."""
-    return " / ".join(f"{100.0 * share:.3g}" for share in shares) + " %"
+    """Return shares as percentages, seed by seed: "100 / 99.7 %"; "not run" without any."""
+    told = " / ".join(f"{100.0 * share:.3g}" for share in shares)
+    return f"{told} %" if told else "not run"
 
 
 def _short(value: float | None) -> float | None:

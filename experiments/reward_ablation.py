@@ -1,0 +1,126 @@
+"""The paper's table of reward weights: does PPO open a scanned drawer, and does it use the handle?
+
+    python experiments/reward_ablation.py STAGES --runs FOLDER [--scan demo/scan --target drawer_7]
+        [--seeds 3] [--side-by-side 2] [--minutes 9]
+
+STAGES is a folder with twin.usd, one_hull.usd, handle.usd, coacd.usd and moved.usd; where one is missing it is prepared from
+--scan, a folder that `s2a sample` wrote (a virtual scan, whose CAD twin lies in truth/). Every row is a Hydra multirun of
+`s2a train` over its seeds, each policy is measured by `s2a evaluate` in 1024 episodes. Writes
+experiments/results/reward_ablation.json, its table (reward_ablation.md) and docs/ablation.png. With --minutes it stops in
+time: a run that was cut goes into the table as far as it came, and the same command later goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from curves import draw
+from multirun import Row, options, sweep
+from outcome import percent, write
+from pxr import Gf, Usd
+
+from s2a.outputs import aside
+
+HERE = Path(__file__).parent
+RESULTS = HERE / "results/reward_ablation.json"
+PICTURE = HERE.parent / "docs/ablation.png"
+
+PAPER = "+experiment=paper"
+SHIFT = (0.0, 0.0, 0.01)
+"""How the grasp point is moved "by hand" [m], along the grasp frame's axes: deeper behind the handle, whose mean lies in it."""
+WEIGHTS = {
+    "paper": ("(1.5, 1.5, 10, 2)", "87 to 88 %, handle not used"),
+    "handle": ("(50.5, 50.5, 10, 50)", "74 %, handle used"),
+}
+"""Name in conf/reward -> weights of distance, rotation, opening and finger, and what the paper reports on its scan."""
+COLLIDERS = {"one_hull": "one hull", "handle": "finger gap kept free"}
+COLUMNS = ("success", "final_success", "handle_success")
+
+
+def table_rows(seeds: int) -> list[Row]:
+    """Return the rows of the table; the two side questions are asked with one seed."""
+    first, paper = WEIGHTS["paper"]
+    return [
+        Row("twin_paper", "twin.usd", (PAPER,), seeds, f"CAD twin, {first}", "98 %, handle used"),
+        *(
+            Row(f"{c}_{r}", f"{c}.usd", (PAPER, f"reward={r}"), seeds, f"scan, {colliders}, {weights}", reported)
+            for c, colliders in COLLIDERS.items()
+            for r, (weights, reported) in WEIGHTS.items()
+        ),
+        Row("coacd_paper", "coacd.usd", (PAPER,), 1, f"scan, coacd's default, {first}", paper),
+        Row("moved_paper", "moved.usd", (PAPER,), 1, f"scan, grasp point moved by hand, {first}", "tried"),
+        Row("twin_best", "twin.usd", ("+experiment=best",), seeds, "CAD twin, our recipe"),
+        Row("scan_best", "handle.usd", ("+experiment=best",), seeds, "scan, finger gap kept free, our recipe"),
+    ]
+
+
+def main() -> None:
+    """Stages, runs, evaluations, table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("stages", type=Path)
+    parser.add_argument("--scan", type=Path, default=Path("demo/scan"))
+    parser.add_argument("--target", default="drawer_7")
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--picture", type=Path, default=PICTURE)
+    options(parser)
+    args = parser.parse_args()
+    make_stages(args.scan, args.target, args.stages)
+    rows = table_rows(args.seeds)
+    runs = sweep(rows, args.stages, args)
+    write({"scan": "virtual", "target": args.target, "runs": runs}, args.out, table(rows, runs))
+    draw(runs, args.picture)
+
+
+def make_stages(scan: Path, target: str, stages: Path) -> None:
+    """Prepare the stages that are not there yet: the scan with three kinds of colliders, the twin, the moved grasp point."""
+    scanned, twin = stages / "geometric.usd", scan / "truth/truth.usda"
+    missing = [name for name in ("one_hull", "handle", "coacd") if not (stages / f"{name}.usd").is_file()]
+    if missing and not scanned.is_file():
+        _s2a("export", f"scan={scan}", f"out={stages}")
+    for name in missing:
+        _s2a("prepare", f"stage={scanned}", f"target={target}", f"prepare={name}", f"out={stages}/{name}.usd")
+    if not (stages / "twin.usd").is_file():
+        _s2a("prepare", f"stage={twin}", f"target={target}", f"out={stages}/twin.usd")
+    if not (stages / "moved.usd").is_file():
+        move_grasp(stages / "handle.usd", target, SHIFT, stages / "moved.usd")
+
+
+def move_grasp(stage: Path, target: str, shift: tuple[float, float, float], out: Path) -> None:
+    """Copy a sim.usd with its grasp point moved along the axes of its grasp frame [m]; the grasp region stays."""
+    with aside(out) as copy:
+        shutil.copy(stage, copy)
+        opened = Usd.Stage.Open(str(copy))
+        site = opened.GetPrimAtPath(f"/scene/{target}/grasp")
+        turn = Gf.Rotation(Gf.Quatd(site.GetAttribute("xformOp:orient").Get()))
+        place = site.GetAttribute("xformOp:translate")
+        place.Set(type(place.Get())(Gf.Vec3d(place.Get()) + turn.TransformDir(Gf.Vec3d(*shift))))
+        opened.Save()
+
+
+def table(rows: list[Row], runs: list[dict]) -> list[str]:
+    """Return the lines of a Markdown table: what the paper reports and what came out, seed by seed."""
+    lines = [
+        "| virtual scan, weights (distance, rotation, opening, finger) | paper, real scan | opened by 0.20 m | open at the end "
+        "| opened by the handle | steps, millions |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        mine = [run for run in runs if run["row"] == row.name]
+        rates = [percent(run["evaluation"][name]["rate"] for run in mine) for name in COLUMNS]
+        steps = " / ".join(f"{run['env_steps'] / 1e6:.3g}{'' if run['finished'] else ' (cut)'}" for run in mine)
+        lines.append(f"| {row.about} | {row.paper} | {' | '.join(rates)} | {steps} |")
+    return lines
+
+
+def _s2a(*arguments: str) -> None:
+    """Run a command of s2a; what it says goes to the terminal, and its failure ends the experiment."""
+    if subprocess.run([sys.executable, "-m", "s2a", *arguments]).returncode:
+        sys.exit(f"s2a {' '.join(arguments)}: failed")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,107 @@
+"""The machinery below the tables of experiments/."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cabinet import write_cabinet
+from scipy.spatial.transform import Rotation
+
+from s2a.sim.build import read_stage
+
+ROOT = Path(__file__).parents[1]
+sys.path.append(str(ROOT / "experiments"))
+
+from multirun import Row, jobs  # noqa: E402
+from outcome import percent, write  # noqa: E402
+from reward_ablation import move_grasp, table, table_rows  # noqa: E402
+from side_by_side import run  # noqa: E402
+
+
+def _sleep(seconds: float, log: Path, code: int = 0) -> tuple[list[str], Path]:
+    return [sys.executable, "-c", f"import time; time.sleep({seconds}); raise SystemExit({code})"], log
+
+
+def test_every_row_gets_its_first_seed_before_any_gets_its_second(tmp_path: Path) -> None:
+    rows = [Row("a", "a.usd", (), 2, "A"), Row("b", "b.usd", (), 1, "B"), Row("c", "c.usd", (), 2, "C")]
+    assert [job.folder.name for job in jobs(rows, tmp_path)] == ["a-0", "b-0", "c-0", "a-1", "c-1"]
+
+
+def test_commands_run_side_by_side_and_those_that_fail_are_told(tmp_path: Path) -> None:
+    commands = [_sleep(1.0, tmp_path / f"{code}.txt", code) for code in (0, 3)]
+    start = time.monotonic()
+    assert run([*commands, *commands], ["", "", "", ""], start + 60.0) == [tmp_path / "3.txt"] * 2
+    assert time.monotonic() - start < 3.5  # one after the other they would take four seconds
+
+
+def test_what_runs_when_time_is_up_is_interrupted_and_the_rest_never_starts(tmp_path: Path) -> None:
+    commands = [_sleep(60.0, tmp_path / "first.txt"), _sleep(0.0, tmp_path / "second.txt")]
+    start = time.monotonic()
+    assert run(commands, [""], start + 1.0) == []
+    assert time.monotonic() - start < 15.0
+    assert not (tmp_path / "second.txt").exists()
+
+
+def test_the_grasp_point_moves_along_its_own_axes_and_its_region_stays(tmp_path: Path) -> None:
+    write_cabinet(tmp_path / "sim.usda")
+    target = read_stage(tmp_path / "sim.usda").target
+    move_grasp(tmp_path / "sim.usda", target, (0.0, 0.002, 0.01), tmp_path / "moved.usda")
+    before, after = read_stage(tmp_path / "sim.usda"), read_stage(tmp_path / "moved.usda")
+    moved = Rotation.from_quat(before.grasp[3:]).inv().apply(after.grasp[:3] - before.grasp[:3])
+    assert np.allclose(moved, (0.0, 0.002, 0.01), atol=1e-7)
+    assert np.array_equal(before.grasp[3:], after.grasp[3:])
+    assert np.array_equal(before.grasp_size, after.grasp_size)
+
+
+def test_a_row_tells_its_seeds_apart_and_says_which_was_cut() -> None:
+    rate = {name: {"rate": 0.997} for name in ("success", "final_success", "handle_success")}
+    runs = [
+        {"row": "twin_paper", "env_steps": 98304000, "finished": True, "evaluation": rate},
+        {"row": "twin_paper", "env_steps": 4096000, "finished": False, "evaluation": rate},
+    ]
+    lines = table(table_rows(3), runs)
+    assert "| 99.7 / 99.7 % | 99.7 / 99.7 % | 99.7 / 99.7 % | 98.3 / 4.1 (cut) |" in lines[2]
+    assert all("not run" in line for line in lines[3:])
+    assert len(lines) == 2 + 9
+
+
+def test_results_are_json_with_a_run_a_line(tmp_path: Path) -> None:
+    results = {"scan": "virtual", "runs": [{"row": "a", "curve": {"success": [None, 0.5]}}, {"row": "b"}]}
+    write(results, tmp_path / "results.json", ["| table |"])
+    assert json.loads((tmp_path / "results.json").read_text()) == results
+    assert percent([]) == "not run"
+
+
+@pytest.mark.slow
+def test_the_table_is_trained_evaluated_kept_and_written_without_what_was_not_asked_for(tmp_path: Path) -> None:
+    stages, runs, out = tmp_path / "stages", tmp_path / "runs", tmp_path / "table.json"
+    stages.mkdir()
+    for name in ("geometric", "one_hull", "handle", "coacd", "twin", "moved"):
+        write_cabinet(stages / f"{name}.usda").rename(stages / f"{name}.usd")
+    command = [sys.executable, ROOT / "experiments/reward_ablation.py", stages, "--runs", runs, "--out", out]
+    command += ["--picture", tmp_path / "table.png", "--seeds", "1", "--worlds", "4", "--episodes", "4"]
+    command += ["--env-steps", "64", "--side-by-side", "2", "--only", "twin_paper", "scan_best"]
+    command += ["--set", "policy.steps=8", "task.episode_steps=20"]
+    for cut in (False, True):
+        if cut:  # as if the machine had been taken before the end
+            (runs / "scan_best-0/run/metrics.json").unlink()
+            command += ["--minutes", "0"]
+        begun = {file: file.stat().st_mtime_ns for file in runs.glob("*/run/model_1.pt")}
+        subprocess.run(command, check=True)
+        assert all(file.stat().st_mtime_ns == then for file, then in begun.items())
+        done = json.loads(out.read_text())["runs"]
+        assert [(one["row"], one["env_steps"], one["finished"]) for one in done] == [
+            ("twin_paper", 64, True),
+            ("scan_best", 64, not cut),
+        ]
+        assert done[1]["settings"]["policy"]["reward_scale"] == 0.05
+        assert done[0]["evaluation"]["episodes"] == 4
+        assert done[0]["curve"]["env_steps"] == [32, 64]
+    assert (tmp_path / "table.png").stat().st_size > 10_000
+    assert out.with_suffix(".md").read_text().count("not run") == 7

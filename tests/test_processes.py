@@ -34,10 +34,17 @@ def test_each_process_takes_its_own_gpu(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.slow
-def test_two_processes_on_a_cpu_train_one_policy_and_one_of_them_writes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("graph", ["false", "true"])
+def test_two_processes_on_a_cpu_train_one_policy_and_one_of_them_writes(tmp_path: Path, graph: str) -> None:
     out = tmp_path / "run"
     keys = [f"stage={write_cabinet(tmp_path / 'sim.usda')}", f"out={out}", "worlds=2", "device=cpu"]
-    keys += ["policy.steps=8", "policy.iterations=3", "policy.mini_batches=2", "policy.hidden=[16]"]
+    keys += [
+        "policy.steps=8",
+        "policy.iterations=3",
+        "policy.mini_batches=2",
+        "policy.hidden=[16]",
+        f"policy.graph={graph}",
+    ]
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     done = subprocess.run([*torchrun, "-m", "s2a", "train", *keys], capture_output=True, text=True, timeout=280)
     assert done.returncode == 0, done.stderr

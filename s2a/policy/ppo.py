@@ -159,7 +159,7 @@ def make_runner(env: RslRlEnv, config: PpoConfig, log_dir: Path | None) -> Runne
     """Return rsl-rl's runner, which holds actor, critic, optimiser and normaliser."""
     settings = copy.deepcopy(rsl_rl_settings(config))
     runner = Runner(env, settings, log_dir and str(log_dir), device=str(env.device))
-    if config.fused_adam:  # rsl-rl knows an optimiser by its name alone
+    if config.fused_adam and not config.graph:  # rsl-rl knows an optimiser by its name alone
         groups = runner.alg.optimizer.param_groups
         runner.alg.optimizer = torch.optim.Adam(groups[0]["params"], lr=config.learning_rate, fused=True)
     return runner
@@ -221,7 +221,9 @@ def load_model(env: OpenDrawerEnv, checkpoint: Path) -> MLPModel:
             raise InputError(f"{file}: no such file; give the model_N.pt in a folder that s2a train wrote")
     values = json.loads(settings.read_text())
     with contextlib.redirect_stdout(io.StringIO()):
-        config = PpoConfig(**{**values, "hidden": tuple(values["hidden"]), "compile": None, "fused_adam": False})
+        config = PpoConfig(
+            **{**values, "hidden": tuple(values["hidden"]), "graph": False, "compile": None, "fused_adam": False}
+        )
         runner = make_runner(RslRlEnv(env, config.reward_scale), config, None)
     try:
         runner.load(str(checkpoint), {"actor": True}, map_location=str(env.sim.device))

@@ -29,6 +29,8 @@ class PpoConfig:
         hidden: widths of the layers of actor and critic (ELU).
         init_std: standard deviation of the first policy's actions.
         save_interval: iterations between checkpoints.
+        graph: whether an update never waits for the device, and is replayed as captured graphs on a GPU; the arithmetic is the
+            same. Of the two below, it needs neither.
         fused_adam: whether the optimiser's step is one kernel instead of some ten.
         compile: how torch.compile treats the networks; null: not at all.
     """
@@ -50,6 +52,7 @@ class PpoConfig:
     hidden: tuple[int, ...]
     init_std: float
     save_interval: int
+    graph: bool
     fused_adam: bool
     compile: Literal["default", "max-autotune-no-cudagraphs"] | None
 
@@ -70,7 +73,7 @@ def rsl_rl_settings(config: PpoConfig) -> dict[str, Any]:
         "torch_compile_mode": config.compile,
         "check_for_nan": False,  # the environment resets worlds that are not finite, and counts them
         "algorithm": {
-            "class_name": "PPO",
+            "class_name": "s2a.policy.graph:GraphPpo" if config.graph else "PPO",
             "num_learning_epochs": config.epochs,
             "num_mini_batches": config.mini_batches,
             "learning_rate": config.learning_rate,

@@ -1,0 +1,101 @@
+"""The update that never waits for the device, against rsl-rl's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+from counting_env import CountingEnv
+from settings import load
+
+from s2a.policy.ppo import RslRlEnv, Runner, make_runner
+from s2a.policy.settings import PpoConfig
+from s2a.task.open_drawer import OBSERVATIONS
+
+SMALL = {"steps": 8, "epochs": 3, "mini_batches": 4, "hidden": [16, 8], "entropy": 0.01}
+
+
+class NoisyEnv(CountingEnv):
+    """An environment whose observations and rewards are noise that depends on the actions."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.noise = torch.Generator().manual_seed(3)
+
+    def step(self, action: torch.Tensor) -> None:
+        """Draw an observation, and pay for it."""
+        self.observation.copy_(torch.randn(2, OBSERVATIONS, generator=self.noise) + action.mean())
+        self.reward.copy_(self.observation[:, 0] * action[:, 0])
+
+
+def learned(graph: bool, iterations: int = 3, **changes: object) -> Runner:
+    """Return what has learned for some iterations from a fixed seed."""
+    torch.manual_seed(0)
+    settings = load(PpoConfig, "policy/ppo", **SMALL, **changes, graph=graph)
+    runner = make_runner(RslRlEnv(NoisyEnv(), 1.0), settings, None)
+    runner.alg.act = _reproducible(runner.alg)
+    runner.learn(iterations)
+    return runner
+
+
+def _reproducible(alg: object) -> object:
+    """Return the algorithm's `act` with noise of its own: rsl-rl's update draws some that it does not need."""
+    act, generator = type(alg).act, torch.Generator().manual_seed(1)
+
+    def seeded(observation: object) -> torch.Tensor:
+        torch.manual_seed(int(torch.randint(2**31, (), generator=generator)))
+        return act(alg, observation)
+
+    return seeded
+
+
+@pytest.mark.parametrize("changes", [{}, {"clip_value": False, "desired_kl": 1e-5}, {"desired_kl": 10.0}])
+def test_the_update_is_the_librarys_own(changes: dict[str, object]) -> None:
+    theirs, ours = (learned(graph, **changes).alg for graph in (False, True))
+    assert type(ours).__name__ == "GraphPpo" and type(theirs).__name__ == "PPO"
+    assert ours.learning_rate == pytest.approx(theirs.learning_rate, rel=1e-5)
+    for model in ("actor_state_dict", "critic_state_dict"):
+        expected = theirs.save()[model]
+        for name, value in ours.save()[model].items():
+            assert torch.allclose(value, expected[name], atol=2e-5), name
+
+
+def test_its_learning_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
+    first = learned(True)
+    torch.save(first.alg.save() | {"iter": 2, "infos": {}}, tmp_path / "model_2.pt")
+    second = learned(True, iterations=1)
+    second.load(str(tmp_path / "model_2.pt"))
+    assert second.alg.learning_rate == pytest.approx(first.alg.learning_rate) != 5e-4
+    assert float(second.alg._rate) == pytest.approx(first.alg.learning_rate)
+    steps = [float(state["step"]) for state in second.alg.optimizer.state.values()]
+    assert set(steps) == {3.0 * 3 * 4}
+    second.learn(1)
+    assert {float(state["step"]) for state in second.alg.optimizer.state.values()} == {4.0 * 3 * 4}
+
+
+@pytest.mark.gpu
+def test_replayed_graphs_learn_as_the_library_does_on_a_gpu() -> None:
+    class GpuEnv(NoisyEnv):
+        def __init__(self) -> None:
+            super().__init__()
+            for name, value in vars(self).items():
+                if isinstance(value, torch.Tensor):
+                    setattr(self, name, value.cuda())
+            self.sim.device, self.noise = "cuda:0", torch.Generator("cuda").manual_seed(3)
+
+        def step(self, action: torch.Tensor) -> None:
+            noise = torch.randn(2, OBSERVATIONS, generator=self.noise, device="cuda")
+            self.observation.copy_(noise + action.mean())
+            self.reward.copy_(self.observation[:, 0] * action[:, 0])
+
+    learned = []
+    for graph in (False, True):
+        torch.manual_seed(0)
+        runner = make_runner(RslRlEnv(GpuEnv(), 1.0), load(PpoConfig, "policy/ppo", **SMALL, graph=graph), None)
+        runner.alg.act = _reproducible(runner.alg)
+        runner.learn(4)
+        learned.append((runner.alg.learning_rate, runner.alg.save()["actor_state_dict"]))
+    (rate, expected), (own_rate, found) = learned
+    assert own_rate == pytest.approx(rate, rel=1e-3)
+    assert all(torch.allclose(found[name], value, atol=1e-3) for name, value in expected.items())

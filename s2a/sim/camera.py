@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.sim.build import SimStage, body_index
 from s2a.sim.franka import FrankaConfig, add_franka
+from s2a.sim.viewpoint import viewpoint
 from s2a.usd.stage import open_stage, read_mesh
 
 BLOCK = 4
@@ -22,7 +23,7 @@ BLOCK = 4
 
 @dataclass(frozen=True)
 class CameraConfig:
-    """A picture of the robot and what it opens.
+    """A picture of the robot and what it opens, from the first place near the one asked for that sees both.
 
     Attributes:
         width: [pixel].
@@ -126,12 +127,9 @@ def bake(faces: np.ndarray, colors: np.ndarray | None) -> tuple[np.ndarray, np.n
 
 def _pose(stage: SimStage, config: CameraConfig) -> wp.transformf:
     """Return the pose of a camera that looks along -z, y up, at the space between the robot and the handle."""
-    base, grasp = stage.base[:3], stage.grasp[:3]
-    target = 0.5 * (base + grasp) + [0.0, 0.0, 0.2]
-    heading = np.arctan2(*(grasp - base)[1::-1]) + np.pi + config.azimuth
-    level = np.cos(config.elevation)
-    back = np.array([level * np.cos(heading), level * np.sin(heading), np.sin(config.elevation)])
+    place, middle = viewpoint(stage, config.distance, config.azimuth, config.elevation)
+    back = (place - middle) / np.linalg.norm(place - middle)
     right = np.cross([0.0, 0.0, 1.0], back)
     right /= np.linalg.norm(right)
     rotation = Rotation.from_matrix(np.stack([right, np.cross(back, right), back], axis=1))
-    return wp.transformf(wp.vec3(*(target + config.distance * back)), wp.quat(*rotation.as_quat()))
+    return wp.transformf(wp.vec3(*place), wp.quat(*rotation.as_quat()))

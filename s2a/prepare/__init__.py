@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,13 +13,13 @@ from s2a.prepare.base import BaseConfig, find_base
 from s2a.prepare.carcass import CarcassConfig, freeze, hand_corridor
 from s2a.prepare.colliders import ColliderConfig, find_handle, target_colliders
 from s2a.prepare.decimate import DecimateConfig, decimate_room
-from s2a.prepare.interior import drawer_box
+from s2a.prepare.interior import carcass_walls, drawer_box
 from s2a.prepare.loose import LooseConfig, lift
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
 from s2a.prepare.motion import deepest, sweep
 from s2a.prepare.pose import find_grasp, lever_arm
 from s2a.prepare.room import RoomConfig, pedestal, room_colliders
-from s2a.scene import Scene
+from s2a.scene import Mesh, Scene
 from s2a.usd.simscene import Collider, SimBody, SimScene
 
 PEDESTAL = "pedestal"
@@ -35,7 +35,8 @@ class PrepareConfig:
     Attributes:
         friction: dry friction of the target's joint as a force at the grasp point [N]; holds a drawer whose annotated axis
             is not quite level.
-        interior: whether a drawer gets the open box behind its front that a scan of the closed one cannot show.
+        interior: whether a drawer gets the open box behind its front, and its furniture the back and sides, where a scan
+            cannot show them.
         base: where the robot may stand.
         decimate: the immovable room's looks.
         colliders: the target's convex pieces.
@@ -93,12 +94,16 @@ def prepare(scene: Scene, target: str, config: PrepareConfig, free: Sequence[str
     pieces = (*(Collider(PEDESTAL, mesh) for mesh in stand), *(thing.support for thing in loose), *pieces)
     pieces = pieces[: config.room.pieces]
     carcass = freeze(scene, target, frozen, [hand_corridor(handle, grasp, config.carcass), *spaces], config.carcass)
+    walls = carcass_walls(scene, target, frozen) if config.interior and frozen else []
+    carcass = _completed(carcass, walls)
     mass, source = moving_mass(scene, moving, config.mass)
     clash = deepest([c.mesh for c in colliders], [c.mesh for c in carcass.colliders], joint)
     return SimScene(
         name=scene.name,
         carcass=carcass,
-        target=SimBody(target, visual, colliders, box_mass(visual, mass, frame, source)),
+        target=SimBody(
+            target, visual, colliders, box_mass(visual, mass, frame, source), sum(len(mesh.faces) for mesh in inside)
+        ),
         joint=joint,
         grasp=grasp,
         static_visual=merge([looks.mesh, *stand]),
@@ -108,7 +113,7 @@ def prepare(scene: Scene, target: str, config: PrepareConfig, free: Sequence[str
         friction=config.friction * lever_arm(joint, np.array(grasp.point)),
         base_reason=base.reason,
         base_free=base.free,
-        notes=_notes(target, carcass.id, trimmed, clash, len(inside) > 0),
+        notes=_notes(target, carcass.id, trimmed, clash, len(inside) > 0, len(walls)),
         filtered=clash > CLASH,
         static_parts=(*looks.parts, PEDESTAL) if stand else looks.parts,
         static_face_part=np.concatenate([looks.face_part, *(np.full(len(m.faces), len(looks.parts)) for m in stand)]),
@@ -117,12 +122,20 @@ def prepare(scene: Scene, target: str, config: PrepareConfig, free: Sequence[str
     )
 
 
-def _notes(target: str, carcass: str, trimmed: tuple[str, ...], clash: float, box: bool) -> tuple[str, ...]:
+def _notes(target: str, carcass: str, trimmed: tuple[str, ...], clash: float, box: bool, walls: int) -> tuple[str, ...]:
     """Return in words what was done so that nothing is in the way of the target."""
     cut = [f"cut where {target} moves or the robot stands: {', '.join(trimmed)}"] if trimmed else []
     apart = f"no contact between {target} and {carcass}: their colliders overlap by {1000 * clash:.1f} mm on its way"
     added = [f"box behind the front of {target} added: it was not scanned"] if box else []
+    added += [f"{walls} of back and sides of {carcass} added: they were not scanned"] if walls else []
     return (*cut, *added, *([apart] if clash > CLASH else []))
+
+
+def _completed(carcass: SimBody, walls: Sequence[Mesh]) -> SimBody:
+    """Return a carcass with walls that were not scanned."""
+    visual = merge([carcass.visual, *walls])
+    colliders = (*carcass.colliders, *(Collider(carcass.id, wall) for wall in walls))
+    return replace(carcass, visual=visual, colliders=colliders, completed=sum(len(wall.faces) for wall in walls))
 
 
 def split(scene: Scene, target: str) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:

@@ -1,10 +1,13 @@
-"""What a scan of a closed drawer cannot show: the open box behind its front."""
+"""What a scan of a closed drawer cannot show: the open box behind its front, and the back and sides of its furniture."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from s2a.geometry.convex import box
+from s2a.geometry.surfaces import merge, sample
 from s2a.prepare.pose import extents, opening_direction, widest
 from s2a.scene import Joint, Mesh, Scene
 
@@ -18,6 +21,14 @@ HEIGHT = 0.7
 """Height of the box as a share of the front's."""
 SHALLOWEST = 0.05
 """[m] A box that is less deep is not worth adding."""
+FLATTEST, DEEPEST = 0.2, 0.8
+"""[m] What is less deep is the frame of a door or window; what is deeper is no plain box but an L of cabinets, or a table."""
+NEAR = 0.02
+"""[m] A wall counts as scanned, and an end of the furniture as seen, where its surface is so near."""
+SEEN = 0.5
+"""Share of a wall above which it was scanned, and of an end's length below which there is none."""
+CELL = 0.05
+"""[m] Grain in which both are counted."""
 
 
 def drawer_box(scene: Scene, target: str) -> list[Mesh]:
@@ -57,3 +68,45 @@ def _carcass_end(scene: Scene, target: str, inwards: np.ndarray) -> float:
     root = scene.root(target)
     mesh = scene.parts[root].mesh
     return float((mesh.vertices @ inwards).max()) if root != target and len(mesh.vertices) else np.inf
+
+
+def carcass_walls(scene: Scene, target: str, furniture: Sequence[str]) -> list[Mesh]:
+    """Return the back and the sides of a target's furniture that were not scanned, as convex pieces.
+
+    A wall is added where the scan shows that the furniture ends there, along half of its length or more, and less than half
+    of the wall itself. None for furniture that is no plain box, or whose doors open upwards.
+
+    Args:
+        scene: the room.
+        target: the part that moves.
+        furniture: ids of the parts of its object, without what moves.
+    """
+    surface = merge([scene.parts[i].mesh for i in furniture])
+    inwards = -opening_direction(scene.joint(target), scene.grasp_point(target))
+    inwards = np.array([*inwards[:2], 0.0])
+    if not len(surface.faces) or np.linalg.norm(inwards) < 0.7:
+        return []
+    inwards /= np.linalg.norm(inwards)
+    frame = np.stack([np.cross([0.0, 0.0, 1.0], inwards), [0.0, 0.0, 1.0], inwards], axis=1)
+    low, high = extents(surface, frame)
+    if not FLATTEST < high[2] - low[2] < DEEPEST:
+        return []
+    points = sample(surface, int(4 * surface.face_areas.sum() / CELL**2), 0) @ frame
+    found = []
+    for normal, side in ((0, 0), (0, 1), (2, 1)):  # left and right of the front, and the back
+        at = (low, high)[side][normal]
+        close = points[np.abs(points[:, normal] - at) < NEAR]
+        spans = [k for k in range(3) if k != normal]
+        ends = max(_filled(close[:, [k]], low[[k]], high[[k]]) for k in spans)
+        if ends >= SEEN > _filled(close[:, spans], low[spans], high[spans]):
+            first, last = low.copy(), high.copy()
+            first[normal], last[normal] = (at - WALL, at) if side else (at, at + WALL)
+            found.append(box(frame @ ((first + last) / 2), frame, last - first))
+    return found
+
+
+def _filled(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
+    """Return the share of the cells between two corners [axis] in which points [point axis] lie."""
+    shape = np.maximum(np.ceil((high - low) / CELL).astype(int), 1)
+    cells = np.clip(((points - low) / CELL).astype(int), 0, shape - 1)
+    return len(np.unique(cells, axis=0)) / float(shape.prod()) if len(points) else 0.0

@@ -68,7 +68,7 @@ def blocked(start: np.ndarray, end: np.ndarray, triangles: np.ndarray) -> bool:
         turned = np.cross(start - first, a)
         v = turned @ way / size
         t = np.einsum("fk,fk->f", b, turned) / size
-    return bool(((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < 1)).any())
+        return bool(((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < 1)).any())
 
 
 def _places(

@@ -120,7 +120,11 @@ def _write_body(
     mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*body.mass.inertia))
     mass.CreatePrincipalAxesAttr(_quatf(body.mass.axes))
     if len(body.visual.faces):
-        write_mesh(stage, f"{path}/visual", body.visual)
+        visual = write_mesh(stage, f"{path}/visual", body.visual)
+        if body.completed:
+            flag = UsdGeom.PrimvarsAPI(visual).CreatePrimvar("s2a:completed", Types.IntArray, UsdGeom.Tokens.uniform)
+            scanned = len(body.visual.faces) - body.completed
+            flag.Set(Vt.IntArray.FromNumpy((np.arange(len(body.visual.faces)) >= scanned).astype(np.int32)))
     _write_colliders(stage, path, body.colliders, surface, by_part=False)
 
 

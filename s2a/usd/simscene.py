@@ -52,12 +52,14 @@ class SimBody:
         visual: everything that moves with it, at full resolution; may be empty.
         colliders: its convex pieces.
         mass: mass, centre, inertia.
+        completed: how many faces at the end of the visual were added, because the scan could not show them.
     """
 
     id: str
     visual: Mesh
     colliders: tuple[Collider, ...]
     mass: Mass
+    completed: int = 0
 
 
 @dataclass(frozen=True)

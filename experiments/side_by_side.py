@@ -11,8 +11,8 @@ from pathlib import Path
 
 import torch
 
-GRACE = 20.0
-"""Seconds that a command is given to stop."""
+GRACE = 10.0
+"""Seconds that a command is given to stop; by so much the deadline can be overrun."""
 
 
 def gpu_slots(side_by_side: int) -> list[str]:

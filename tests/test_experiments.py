@@ -13,19 +13,30 @@ import pytest
 from cabinet import write_cabinet
 from scipy.spatial.transform import Rotation
 
+from s2a import config
 from s2a.sim.build import read_stage
+from s2a.verbs import train
 
 ROOT = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "experiments"))
 
+from ingredients import BEST, CHANGES  # noqa: E402
 from multirun import Row, jobs  # noqa: E402
 from outcome import percent, write  # noqa: E402
 from reward_ablation import move_grasp, table, table_rows  # noqa: E402
 from side_by_side import run  # noqa: E402
 
+ROWS = [row.overrides for row in table_rows(1)] + [(BEST, *overrides) for _, overrides in CHANGES.values()]
+
 
 def _sleep(seconds: float, log: Path, code: int = 0) -> tuple[list[str], Path]:
     return [sys.executable, "-c", f"import time; time.sleep({seconds}); raise SystemExit({code})"], log
+
+
+def test_train_understands_every_row_and_no_change_of_the_recipe_changes_nothing() -> None:
+    told = ("stage=sim.usd", "out=run")
+    read = [config.load(train.Config, config.compose("train", [*row, *told])) for row in dict.fromkeys(ROWS)]
+    assert len(set(map(str, read))) == 2 + len(CHANGES)  # IsaacLab's weights, the paper's own, best and its changes
 
 
 def test_every_row_gets_its_first_seed_before_any_gets_its_second(tmp_path: Path) -> None:

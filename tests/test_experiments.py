@@ -115,4 +115,4 @@ def test_the_table_is_trained_evaluated_kept_and_written_without_what_was_not_as
         assert done[0]["evaluation"]["episodes"] == 4
         assert done[0]["curve"]["env_steps"] == [32, 64]
     assert (tmp_path / "table.png").stat().st_size > 10_000
-    assert out.with_suffix(".md").read_text().count("not run") == 7
+    assert sum("not run" in line for line in out.with_suffix(".md").read_text().splitlines()) == 9 - 2

@@ -58,7 +58,7 @@ def blocked(start: np.ndarray, end: np.ndarray, triangles: np.ndarray) -> bool:
         triangles: corners [m], shape [face 3 3].
     """
     way = end - start
-    way *= max(0.0, 1.0 - BEFORE / max(np.linalg.norm(way), 1e-9))
+    way *= max(0.0, 1.0 - BEFORE / max(float(np.linalg.norm(way)), 1e-9))
     first = triangles[:, 0]
     a, b = triangles[:, 1] - first, triangles[:, 2] - first
     across = np.cross(way, b)

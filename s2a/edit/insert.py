@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +75,6 @@ class Thing:
     wish: str
 
 
-@dataclass
 class Room:
     """A room that fills up.
 
@@ -83,19 +82,20 @@ class Room:
         scene: the room with what was inserted so far.
         skeleton: text of its stage, without it.
         supports: what its parts can carry.
+        lines: its description.
     """
 
-    scene: Scene
-    skeleton: str
-    supports: describe.Supports = field(repr=False)
+    def __init__(self, scene: Scene, skeleton: str, config: SurfaceConfig) -> None:
+        self.scene, self.skeleton, self._config = scene, skeleton, config.regions
+        self.supports = describe.survey(scene, config.regions)
+        self.lines = describe.describe(scene, self.supports)
 
-    def add(self, inserted: Inserted, config: SurfaceConfig) -> None:
+    def add(self, inserted: Inserted) -> None:
         """Take an object into the room."""
-        self.scene = Scene(
-            self.scene.name, {**self.scene.parts, inserted.placement.part_id: inserted.part}, self.scene.origin
-        )
-        changed = (inserted.spot.target, inserted.placement.part_id)
-        self.supports |= describe.survey(self.scene, config.regions, changed)
+        name, part = inserted.placement.part_id, inserted.part
+        self.scene = Scene(self.scene.name, {**self.scene.parts, name: part}, self.scene.origin)
+        self.supports |= describe.survey(self.scene, self._config, (inserted.spot.target, name))
+        self.lines = describe.describe(self.scene, self.supports)
 
 
 @dataclass(frozen=True)
@@ -136,10 +136,9 @@ def insert(
     """
     file = read_object(thing.file, config.object)
     with _step(record, "describe") as said:
-        lines = describe.describe(room.scene, room.supports)
-        text = describe.text(lines)
-        said |= {"parts": len(lines), "tokens": tokens(text)}
-    facts = _facts(file, thing, lines)
+        text = describe.text(room.lines)
+        said |= {"parts": len(room.lines), "tokens": tokens(text)}
+    facts = _facts(file, thing, room.lines)
     with _step(record, "plan") as said:
         where = plan(model, room.scene, facts, text, config.retries, ledger)
         said |= {"up": where.up, "front": where.front, "near": where.near, "choices": [vars(c) for c in where.choices]}

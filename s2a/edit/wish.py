@@ -64,6 +64,8 @@ class Wish:
 def read_wish(wish: str, room: list[dict[str, Any]]) -> Wish:
     """Return what a wish comes to in a room, whose lines `s2a.edit.describe` wrote."""
     words = " ".join(re.sub(r"[^a-z0-9_ ]", " ", wish.lower()).split())
+    if not words:
+        return Wish(None, [])
     near = _named(words, NEAR, room)
     for word, relation in CARRIED.items():
         carrier = _named(words, (word,), room)

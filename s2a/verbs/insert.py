@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 from s2a.certify.settle import SettleConfig
 from s2a.edit import overlay
 from s2a.edit.confine import ConfinementConfig
-from s2a.edit.describe import survey
 from s2a.edit.insert import InsertConfig, Inserted, Record, Room, Thing, insert
 from s2a.edit.llm import LlmConfig, choose, kind_of
 from s2a.edit.objects import ObjectConfig
@@ -118,7 +117,7 @@ def run(config: Config) -> str:
         records.append(record)
         if inserted is not None:
             found.append(inserted)
-            room.add(inserted, settings(config).surface)
+            room.add(inserted)
         elif len(things) == 1:
             raise InputError(record["problem"])
     if not found:
@@ -135,8 +134,7 @@ def run(config: Config) -> str:
 
 def open_room(config: Config) -> Room:
     """Read a stage, and what its parts can carry."""
-    scene = geometric.read(config.stage)
-    return Room(scene, skeleton(config.stage), survey(scene, config.placement.regions))
+    return Room(geometric.read(config.stage), skeleton(config.stage), settings(config).surface)
 
 
 def attempt(room: Room, thing: Thing, model: Any, config: Config, record: Record) -> tuple[Inserted | None, Record]:

@@ -133,6 +133,8 @@ def expected(kind: Any) -> str:
     """Describe a type of a dataclass field to a user."""
     if get_origin(kind) is Literal:
         return "one of: " + ", ".join(map(str, get_args(kind)))
+    if type(None) in get_args(kind):
+        return " or ".join(expected(option) for option in get_args(kind) if option is not type(None)) + ", or null"
     names = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
     return names.get(kind, str(kind).replace("pathlib.", ""))
 

@@ -12,13 +12,13 @@ from s2a.task.open_drawer import COUNTS, OBSERVATIONS, REWARD_TERMS
 class CountingEnv:
     """An environment whose one observation buffer, overwritten in place, counts the steps."""
 
-    def __init__(self) -> None:
-        self.num_envs, self.num_actions, self.max_episode_length = 2, 9, 500
+    def __init__(self, worlds: int = 2) -> None:
+        self.num_envs, self.num_actions, self.max_episode_length = worlds, 9, 500
         self.sim = SimpleNamespace(device="cpu")
-        self.observation = torch.zeros(2, OBSERVATIONS)
-        self.reward, self.terms = torch.zeros(2), torch.zeros(2, len(REWARD_TERMS))
-        self.done = self.time_out = self.episode_step = torch.zeros(2, dtype=torch.int32)
-        self.counts, self.midway = torch.zeros(len(COUNTS)), torch.zeros(2)
+        self.observation = torch.zeros(worlds, OBSERVATIONS)
+        self.reward, self.terms = torch.zeros(worlds), torch.zeros(worlds, len(REWARD_TERMS))
+        self.done = self.time_out = self.episode_step = torch.zeros(worlds, dtype=torch.int32)
+        self.counts, self.midway = torch.zeros(len(COUNTS)), torch.zeros(worlds)
 
     def step(self, action: torch.Tensor) -> None:
         """Count."""

@@ -47,6 +47,11 @@ def test_the_baselines_are_zero_and_uniform_and_the_seed_decides() -> None:
     assert not torch.equal(actions, baseline("random", env, 1)(env.observation))
 
 
+def test_an_unknown_agent_is_told_the_known_ones() -> None:
+    with pytest.raises(InputError, match="'agent' is 'zeros'; expected one of: zero, random, or null"):
+        settings("stage=x", "out=y", "agent=zeros")
+
+
 def test_an_export_needs_a_checkpoint(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no checkpoint to export"):
         verb.run(settings(f"stage={tmp_path}", f"out={tmp_path / 'x.json'}", "export=true"))

@@ -10,6 +10,7 @@ import torch
 from cabinet import write_cabinet
 from counting_env import CountingEnv
 from settings import load
+from tensordict import TensorDict
 
 from s2a.errors import InputError
 from s2a.policy.ppo import RslRlEnv, load_policy, make_runner, train
@@ -17,7 +18,7 @@ from s2a.policy.settings import PpoConfig
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import OpenDrawerConfig
+from s2a.task.open_drawer import OBSERVATIONS, OpenDrawerConfig
 
 SMALL = {"steps": 8, "iterations": 2, "epochs": 2, "mini_batches": 2, "hidden": [16]}
 
@@ -27,6 +28,30 @@ def test_stored_observations_are_those_the_policy_saw() -> None:
     runner.learn(1)
     stored = runner.alg.storage.observations["policy"][:, 0, 0]
     assert stored.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+
+
+class PayingEnv(CountingEnv):
+    """An environment that pays for actions near 0.5."""
+
+    def step(self, action: torch.Tensor) -> None:
+        """Pay, and leave the observation as it is."""
+        self.reward.copy_(-(action - 0.5).square().sum(dim=1))
+
+
+@pytest.mark.parametrize("graph", [False, True])
+def test_the_reward_rises(graph: bool) -> None:
+    torch.manual_seed(0)
+    settings = load(PpoConfig, "policy/ppo", **{**SMALL, "epochs": 4}, graph=graph)
+    runner = make_runner(RslRlEnv(PayingEnv(64), 1.0), settings, None)
+    seen = TensorDict({"policy": torch.zeros(1, OBSERVATIONS)}, batch_size=[1])
+
+    def error() -> float:
+        """Return by how much less than the most the mean action is paid."""
+        return float((runner.alg.get_policy()(seen).detach() - 0.5).square().sum())
+
+    before = error()
+    runner.learn(20)
+    assert error() < 0.25 * before
 
 
 def test_training_writes_a_checkpoint_that_acts_the_same_when_loaded(tmp_path: Path) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from settings import load
 from s2a import config
 from s2a.errors import InputError
 from s2a.sim.simulation import SimConfig
-from s2a.task.open_drawer import OpenDrawerConfig
+from s2a.task.open_drawer import LEVELS, OpenDrawerConfig
 from s2a.verbs.train import Config
 from s2a.verbs.trained import read_world, write_world
 
@@ -30,6 +31,13 @@ def test_what_is_counted_beside_the_success_is_up_to_the_evaluation(tmp_path: Pa
     now = replace(task, wide_opening=0.35, end_opening=9.0)
     world = read_world(tmp_path / "model_1.pt", now)
     assert world is not None and world[1] == replace(task, wide_opening=0.35)
+
+
+def test_a_world_written_before_something_was_counted_can_be_read(tmp_path: Path) -> None:
+    sim, task = load(SimConfig, "sim/planner"), load(OpenDrawerConfig, "task/open_drawer")
+    older = {key: value for key, value in asdict(task).items() if key not in LEVELS}
+    (tmp_path / "world.json").write_text(json.dumps({"sim": asdict(sim), "task": older}))
+    assert read_world(tmp_path / "model_1.pt", task) == (sim, task)
 
 
 def test_a_checkpoint_from_elsewhere_brings_none(tmp_path: Path) -> None:

@@ -139,6 +139,15 @@ def test_an_id_that_is_not_there_goes_back_with_those_that_are(monkeypatch):
     assert "desk_1, shelf_2, keyboard_3" in there.asked[1]["messages"][-1]["content"]
 
 
+def test_a_plan_without_room_goes_back_with_the_reason(monkeypatch):
+    with chat(monkeypatch, words(PLAN)) as (model, there):
+        first = asked(model)
+        plan(model, ROOM, FACTS, "{}", 2, Ledger((0.0, 0.0)), (first, "on desk_1: it is too small"))
+    answer, reason = there.asked[1]["messages"][-2:]
+    assert json.loads(answer["content"]) == PLAN
+    assert reason["content"].startswith("on desk_1: it is too small")
+
+
 @pytest.mark.parametrize(
     ("answer", "said"),
     [

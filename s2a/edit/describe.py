@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from s2a.edit.plan import Choice
 from s2a.edit.surfaces import target_regions
 from s2a.geometry.regions import Region, RegionConfig
 from s2a.geometry.surfaces import normals
@@ -95,6 +96,25 @@ def box_of(scene: Scene, part_id: str) -> Box:
 def looks_up(mesh: Mesh) -> bool:
     """Whether so much of a surface looks upwards that something could stand on it: a quick test before regions are grown."""
     return bool(mesh.face_areas[normals(mesh)[:, 2] > LEVEL].sum() > 0.1 * WORTH)
+
+
+def surroundings(scene: Scene, supports: Supports, choice: Choice, count: int) -> dict[str, Any]:
+    """Return the support that a plan means, and the things nearest to it, none longer than a metre, as a model is told."""
+    regions, meant = supports.get(choice.target, []), choice.height
+    if meant is not None:
+        regions = sorted(regions, key=lambda region: abs(region.height - meant))
+    part = scene.parts[choice.target]
+    below: dict[str, Any] = {"part": part.label}
+    middle = part.mesh.bounds.mean(axis=0) if len(part.mesh.vertices) else np.zeros(3)
+    if regions:
+        below |= support(regions[0]) | {"widest": round(float(np.hypot(*regions[0].size)), CENTIMETRES)}
+        middle = regions[0].center
+    bounds = {i: scene.parts[i].mesh.bounds for i in shown(scene) if i != choice.target}
+    near = [
+        (float(np.linalg.norm(b.mean(axis=0) - middle)), i) for i, b in bounds.items() if np.ptp(b, axis=0).max() < 1.0
+    ]
+    things = [{"label": scene.parts[i].label, "size": _rounded(box_of(scene, i).size)} for _, i in sorted(near)[:count]]
+    return {"support": below, "neighbours": things}
 
 
 def _supports(scene: Scene, part_id: str, config: RegionConfig) -> list[Region]:

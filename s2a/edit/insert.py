@@ -5,12 +5,9 @@ Whether it stays where it is put is for the caller to say (`watch`): a simulator
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pxr import Sdf
@@ -22,17 +19,15 @@ from s2a.edit.confine import ConfinementConfig
 from s2a.edit.fit import NoRoom
 from s2a.edit.objects import ObjectConfig, ObjectFile, read_object, upright
 from s2a.edit.placement import Placement
-from s2a.edit.plan import Choice, Plan, plan
+from s2a.edit.plan import Plan, plan
 from s2a.edit.pose import PoseConfig
-from s2a.edit.record import Ledger, tokens
-from s2a.edit.scale import fit, size
+from s2a.edit.record import Ledger, Record, step, tokens
+from s2a.edit.scale import Size, fit, size
 from s2a.edit.spots import Spot, spots
 from s2a.edit.stance import feet
 from s2a.edit.surfaces import SurfaceConfig
-from s2a.errors import InputError
 from s2a.scene import Mesh, Part, Scene
 
-Record = dict[str, Any]
 Watch = Callable[[Mesh, Spot, Scene], Record]
 """Of an upright object, the spot where it is put, and the room: what comes of it, with the key `problem`, empty if it stays."""
 
@@ -135,36 +130,23 @@ def insert(
         InputError: the file holds no object, no answer of the model could be used, or no place is free.
     """
     file = read_object(thing.file, config.object)
-    with _step(record, "describe") as said:
+    with step(record, "describe") as said:
         text = describe.text(room.lines)
         said |= {"parts": len(room.lines), "tokens": tokens(text)}
     facts = _facts(file, thing, room.lines)
-    with _step(record, "plan") as said:
-        where = plan(model, room.scene, facts, text, config.retries, ledger)
-        said |= {"up": where.up, "front": where.front, "near": where.near, "choices": [vars(c) for c in where.choices]}
-    with _step(record, "scale") as said:
-        scale = _scale(model, room, facts, file, where, config, ledger, said)
-    object, _ = upright(file, where.up, where.front, scale)
-    spot = _spot(room, object, where, config, watch, record)
-    with _step(record, "script") as said:
+    where = _planned(model, room, facts, text, config, ledger, record, None)
+    with step(record, "scale") as said:
+        answer = _size(model, room, facts, file, where, config, ledger, said)
+    try:
+        object, scale, spot = _placed(room, file, where, answer, config, watch, record)
+    except NoRoom as full:
+        where = _planned(model, room, facts, text, config, ledger, record, (where, str(full)))
+        object, scale, spot = _placed(room, file, where, answer, config, watch, record)
+    with step(record, "script") as said:
         planned = placement(room.scene, thing.label, spot.pose, scale)
         outcome = author(model, room.skeleton, planned, config.confinement, config.trusted, ledger, said)
     own, _ = upright(file, where.up, where.front, 1.0)
     return Inserted(planned, spot, Part(thing.label, spot.pose.moved(object)), own, outcome.layer)
-
-
-@contextmanager
-def _step(record: Record, name: str) -> Iterator[Record]:
-    """Note what a step says and how long it took, also where it fails."""
-    said: Record = record.setdefault(name, {})
-    start = time.perf_counter()
-    try:
-        yield said
-    except InputError as error:
-        said["problem"] = str(error)
-        raise
-    finally:
-        said["seconds"] = round(said.get("seconds", 0.0) + time.perf_counter() - start, 3)
 
 
 def _facts(file: ObjectFile, thing: Thing, lines: list[Record]) -> Record:
@@ -180,7 +162,24 @@ def _facts(file: ObjectFile, thing: Thing, lines: list[Record]) -> Record:
     }
 
 
-def _scale(
+def _planned(
+    model: Model,
+    room: Room,
+    facts: Record,
+    text: str,
+    config: InsertConfig,
+    ledger: Ledger,
+    record: Record,
+    failed: tuple[Plan, str] | None,
+) -> Plan:
+    """Ask for a plan, or for another one after a plan without room."""
+    with step(record, "plan again" if failed else "plan") as said:
+        found = plan(model, room.scene, facts, text, config.retries, ledger, failed)
+        said |= asdict(found)
+    return found
+
+
+def _size(
     model: Model,
     room: Room,
     facts: Record,
@@ -189,41 +188,32 @@ def _scale(
     config: InsertConfig,
     ledger: Ledger,
     said: Record,
-) -> float:
-    """Return metres in a unit of an object's file."""
-    sides = np.ptp(file.mesh.bounds, axis=0)
-    height, longest = float(sides["xyz".index(where.up[1])]), float(sides.max())
+) -> Size:
+    """Ask how large an object is."""
+    height, longest = _extents(file, where)
     asked = {"label": facts["label"], "sides": facts["sides"], "stated": file.unit}
     asked |= {"height": float(f"{height:.3g}"), "longest": float(f"{longest:.3g}")}
-    asked |= _surroundings(room, where.choices[0], config.neighbours)
+    asked |= describe.surroundings(room.scene, room.supports, where.choices[0], config.neighbours)
     answer = size(model, asked, config.retries, ledger)
-    found = fit(answer, height, longest, file.unit)
-    said |= vars(answer) | vars(found) | {"size": [round(found.scale * float(side), 4) for side in sides]}
-    return found.scale
+    said |= vars(answer)
+    return answer
 
 
-def _surroundings(room: Room, choice: Choice, count: int) -> Record:
-    """Return the support that is meant, and what is near it, as a model is told."""
-    regions = room.supports.get(choice.target, [])
-    meant = choice.height
-    if meant is not None:
-        regions = sorted(regions, key=lambda region: abs(region.height - meant))
-    part = room.scene.parts[choice.target]
-    support: Record = {"part": part.label}
-    middle = part.mesh.bounds.mean(axis=0) if len(part.mesh.vertices) else np.zeros(3)
-    if regions:
-        support |= describe.support(regions[0]) | {"widest": round(float(np.hypot(*regions[0].size)), 2)}
-        middle = regions[0].center
-    near = []
-    for i in describe.shown(room.scene):
-        bounds = room.scene.parts[i].mesh.bounds
-        if i != choice.target and np.ptp(bounds, axis=0).max() < 1.0:
-            near.append((float(np.linalg.norm(bounds.mean(axis=0) - middle)), i))
-    boxes = [(room.scene.parts[i].label, describe.box_of(room.scene, i)) for _, i in sorted(near)[:count]]
-    return {
-        "support": support,
-        "neighbours": [{"label": w, "size": [round(s, 2) for s in box.size]} for w, box in boxes],
-    }
+def _extents(file: ObjectFile, where: Plan) -> tuple[float, float]:
+    """Return an object's height and longest side in the file's unit."""
+    sides = np.ptp(file.mesh.bounds, axis=0)
+    return float(sides["xyz".index(where.up[1])]), float(sides.max())
+
+
+def _placed(
+    room: Room, file: ObjectFile, where: Plan, answer: Size, config: InsertConfig, watch: Watch, record: Record
+) -> tuple[Mesh, float, Spot]:
+    """Return an object upright and in its size, metres in a unit of its file, and its spot."""
+    found = fit(answer, *_extents(file, where), file.unit)
+    object, _ = upright(file, where.up, where.front, found.scale)
+    sides = np.ptp(object.bounds, axis=0)
+    record["scale"] |= vars(found) | {"size": [round(float(side), 4) for side in sides]}
+    return object, found.scale, _spot(room, object, where, config, watch, record)
 
 
 def _spot(room: Room, object: Mesh, where: Plan, config: InsertConfig, watch: Watch, record: Record) -> Spot:
@@ -231,11 +221,11 @@ def _spot(room: Room, object: Mesh, where: Plan, config: InsertConfig, watch: Wa
     reasons: list[str] = []
     found = spots(room.scene, object, where, config.surface, config.pose, reasons)
     while True:
-        with _step(record, "pose"):
+        with step(record, "pose"):
             spot = next(found, None)
         if spot is None:
             break
-        with _step(record, "verify") as said:
+        with step(record, "verify") as said:
             said |= watch(object, spot, room.scene)
         if not said["problem"]:
             record["surface"] = {**spot.surface, "passed over": reasons}

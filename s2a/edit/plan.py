@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from s2a.config import nearest
@@ -53,7 +54,15 @@ class Plan:
     choices: tuple[Choice, ...]
 
 
-def plan(model: Model, scene: Scene, facts: dict[str, Any], room: str, retries: int, ledger: Ledger) -> Plan:
+def plan(
+    model: Model,
+    scene: Scene,
+    facts: dict[str, Any],
+    room: str,
+    retries: int,
+    ledger: Ledger,
+    failed: tuple[Plan, str] | None = None,
+) -> Plan:
     """Ask a model where an object belongs.
 
     Args:
@@ -63,11 +72,18 @@ def plan(model: Model, scene: Scene, facts: dict[str, Any], room: str, retries: 
         room: the room's description.
         retries: answers that may be refused: ids that are not there go back with the list of those that are.
         ledger: where the answers are noted.
+        failed: an earlier plan, and why there is no room in its places.
 
     Raises:
         InputError: no answer could be used.
     """
     request = Request("plan", prompts.PLAN, (("user", prompts.plan_question(facts, room)),), prompts.PLAN_SCHEMA, facts)
+    if failed:
+        tried = [(choice.target, choice.height) for choice in failed[0].choices]
+        request = replace(request, facts={**facts, "tried": tried})
+        request = request.after(
+            json.dumps(asdict(failed[0])), f"{failed[1]}. Think of other places, or of another up axis."
+        )
     return ask(model, request, lambda text: checked(parse(text, Plan), scene), retries, ledger)
 
 

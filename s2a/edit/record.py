@@ -1,14 +1,21 @@
-"""What was asked of a model, what it took, and what it cost."""
+"""What came of every step; what was asked of a model, what it took, and what it cost."""
 
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+from s2a.errors import InputError
 
 if TYPE_CHECKING:
     from s2a.edit.ask import Answer
 
+Record = dict[str, Any]
+"""What there is to say of an insertion, step by step: plain values."""
 PER_TOKEN = 3.5
 """Characters in a token of a description: between 3 and 4 for the JSON of a room with the tokenizers of 2024 and 2025."""
 
@@ -52,3 +59,17 @@ class Ledger:
 def tokens(text: str) -> int:
     """Return about how many tokens a text has."""
     return math.ceil(len(text) / PER_TOKEN)
+
+
+@contextmanager
+def step(record: Record, name: str) -> Iterator[Record]:
+    """Note what a step of an insertion says and how long it took, also where it fails."""
+    said: Record = record.setdefault(name, {})
+    start = time.perf_counter()
+    try:
+        yield said
+    except InputError as error:
+        said["problem"] = str(error)
+        raise
+    finally:
+        said["seconds"] = round(said.get("seconds", 0.0) + time.perf_counter() - start, 3)

@@ -127,6 +127,7 @@ def _plan(facts: Any, entry: Entry | None) -> dict[str, Any]:
     up = _up(facts, entry)
     wish = read_wish(facts.get("wish") or "", facts["room"])
     choices = wish.choices or _choices(facts["room"], entry.places if entry else ())
+    choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
     front = {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
     return {"up": up, "front": front, "near": wish.near, "choices": choices[:3]}
 

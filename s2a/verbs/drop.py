@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.certify.settle import SettleConfig, settle
-from s2a.edit.insert import Record, Watch
+from s2a.edit.insert import Watch
+from s2a.edit.record import Record
 from s2a.edit.spots import Spot
 from s2a.edit.surfaces import nearby
 from s2a.geometry.decompose import one_hull, vhacd

@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 from s2a.certify.settle import SettleConfig
 from s2a.edit import overlay
 from s2a.edit.confine import ConfinementConfig
-from s2a.edit.insert import InsertConfig, Inserted, Record, Room, Thing, insert
+from s2a.edit.insert import InsertConfig, Inserted, Room, Thing, insert
 from s2a.edit.llm import LlmConfig, choose, kind_of
 from s2a.edit.objects import ObjectConfig
 from s2a.edit.pose import PoseConfig
-from s2a.edit.record import Ledger
+from s2a.edit.record import Ledger, Record
 from s2a.edit.skeleton import skeleton
 from s2a.edit.surfaces import SurfaceConfig
 from s2a.errors import InputError, NotPassed

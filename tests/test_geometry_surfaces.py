@@ -8,8 +8,8 @@ import trimesh
 
 from s2a.geometry import convex, planes, surfaces
 from s2a.geometry.gap import share_inside, surface_distance
-from s2a.prepare.decimate import DecimateConfig, decimate, decimate_room, is_shell
-from s2a.scene import Mesh, Part
+from s2a.prepare.decimate import decimate, is_shell
+from s2a.scene import Mesh
 
 
 def rough_wall(width: float, height: float, noise: float, step: float = 0.02) -> Mesh:
@@ -54,20 +54,6 @@ def test_decimation_reaches_its_ratio_and_stays_near_the_surface(ratio: float) -
     assert len(less.faces) == pytest.approx(ratio * len(wall.faces), rel=0.01)
     assert np.abs(less.vertices[:, 1] - 2.0).max() < 0.006
     assert less.face_areas.sum() == pytest.approx(4.0, rel=0.05)
-
-
-def test_decimation_carries_colours_over() -> None:
-    less = decimate(rough_wall(1.2, 1.2, 0.001), 0.3, 3.0)
-    assert less.colors is not None
-    assert (less.colors[less.vertices[:, 0] < 0.37, 0] == 200).all()
-    assert (less.colors[less.vertices[:, 0] > 0.43, 2] == 200).all()
-
-
-def test_walls_lose_more_faces_than_furniture() -> None:
-    wall = rough_wall(1.0, 1.0, 0.001)
-    config = DecimateConfig(0.1, 0.3, ("wall",), 3.0)
-    parts = [Part("wall", wall), Part("desk", Mesh(wall.vertices + 5, wall.faces, wall.colors))]
-    assert len(decimate_room(parts, config).faces) == pytest.approx(0.4 * len(wall.faces), rel=0.01)
 
 
 def test_a_wall_cabinet_is_no_wall() -> None:

@@ -39,7 +39,7 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
     ("arguments", "words"),
     [
         (["exprt"], ["'exprt'", "did you mean: export"]),
-        (["zzz"], ["'zzz'", "known: sample, export, prepare"]),
+        (["zzz"], ["'zzz'", "known: sample, export, insert, prepare"]),
         (["export", "--halp"], ["'--halp'", "--help"]),
         (["export", "scam=x", "out=y"], ["'scam'", "did you mean: scan"]),
         (["train", "policy.iteration=3"], ["'policy.iteration'", "policy.iterations"]),

@@ -24,6 +24,8 @@ LEVEL = 0.8
 """Upward component from which a face of a noisy scan may be level."""
 WORTH = 0.008
 """Free area from which a support is told of [m^2]: a glass stands on it."""
+BASIN = 0.5
+"""Share of a region's border at which its own part rises, from which it is a basin."""
 COUNT = 6
 """Supports of a part that are told of."""
 NEAR = 0.03
@@ -78,7 +80,7 @@ def worth(regions: list[Region]) -> list[Region]:
 
 def support(region: Region) -> dict[str, Any]:
     """Return what there is to know of a support."""
-    kind = "basin" if region.walled > 0.5 and region.kind == "horizontal" else region.kind
+    kind = "basin" if region.walled > BASIN and region.kind == "horizontal" else region.kind
     return {
         "kind": kind,
         "height": round(region.height, CENTIMETRES) + 0.0,

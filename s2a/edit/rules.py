@@ -129,6 +129,8 @@ def _plan(facts: Any, entry: Entry | None) -> dict[str, Any]:
     choices = wish.choices or _choices(facts["room"], entry.places if entry else ())
     choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
     front = {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
+    if choices and choices[0]["relation"] == "hanging":
+        up, front = _flat(facts)
     return {"up": up, "front": front, "near": wish.near, "choices": choices[:3]}
 
 
@@ -179,6 +181,15 @@ def _up(facts: Any, entry: Entry | None) -> str:
         return min(1.0, facts["feet"][axis] / FIRM) * misfit + habit
 
     return max(AXES, key=merit)
+
+
+def _flat(facts: Any) -> tuple[str, str]:
+    """Return the up axis and the front of a thing that hangs: it looks along its thinnest side."""
+    sides = dict(zip("xyz", facts["sides"], strict=True))
+    thin = min(sides, key=sides.__getitem__)
+    ways = [axis for axis in ("+z", "+y", "+x") if axis[1] != thin]
+    up = facts["up"] if facts["up"] in ways else ways[0]
+    return up, {"x": "+x", "y": "-y", "z": "+z"}[thin]
 
 
 def _placement(facts: Any) -> Placement:

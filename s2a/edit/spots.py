@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from s2a.edit.baseline import place_paper
-from s2a.edit.describe import looks_up
+from s2a.edit.describe import BASIN, looks_up
 from s2a.edit.fit import NoRoom, Pose
 from s2a.edit.plan import Choice, Plan
 from s2a.edit.pose import PoseConfig, place
@@ -118,14 +118,22 @@ def _kinds(choice: Choice) -> tuple[Any, ...]:
 
 
 def _ordered(regions: list[Region], choice: Choice) -> list[Region]:
-    """Return regions, those first that a choice means: of its height and kind, walled for what is in them, with free area."""
+    """Return regions, those first that a choice means: of its height and kind, with free area.
 
-    def merit(region: Region) -> tuple[bool, bool, bool, float]:
+    What is to be on something does not go into its basin, nor what is to be in it onto its rim, where it has both.
+    """
+
+    def within(region: Region) -> bool:
+        return region.kind == "inside" or region.walled > BASIN
+
+    def merit(region: Region) -> tuple[bool, bool, float]:
         meant = choice.height is not None and abs(region.height - choice.height) < MEANT
-        walled = choice.surface == "horizontal" and (region.walled > 0.5) == (choice.relation == "in")
-        return meant, region.kind == choice.surface, walled, region.free_area
+        return meant, region.kind == choice.surface, region.free_area
 
-    return sorted(regions, key=merit, reverse=True)
+    fitting = [
+        region for region in regions if within(region) == (choice.relation == "in" or choice.surface == "inside")
+    ]
+    return sorted(fitting or regions, key=merit, reverse=True)
 
 
 def _told(region: Region, choice: Choice) -> dict[str, Any]:

@@ -28,6 +28,7 @@ tilted before it falls, as a share of a right angle (0: it does not stand; a cub
 Answer with one JSON object:
 - up: the axis of the file that points up once the object is in its place ("+x", "-x", "+y", "-y", "+z", "-z").
 - front: the axis along which its front looks, across up; files with +z up mostly have their front at -y, those with +y up at +z.
+  What hangs on a wall has its back to the wall: its front is then its thin axis, and up is across that, whatever feet say.
 - near: id of a part that it should be beside, or null. Set it if there is a wish for it or if things obviously go together.
 - choices: one to three places, best first, each with
   - target: an id from the room, exactly as given;

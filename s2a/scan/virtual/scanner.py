@@ -60,7 +60,9 @@ def scan(
     def cast(place: np.ndarray, errors: np.random.Generator) -> np.ndarray:
         return cast_panorama(mesh, dropout, T_room_scene @ translation(place), config.spacing, config.noise, errors)
 
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:  # Warp works without Python's lock, on one core a launch
+    with ThreadPoolExecutor(
+        len(os.sched_getaffinity(0))
+    ) as pool:  # Warp works without Python's lock, on one core a launch
         cast_all = pool.map(cast, scanners, rng.spawn(len(scanners)))
         panoramas = list(track(cast_all, "scan", len(scanners)))
     return thin(extract(fuse(panoramas, scanners, config.spacing, bounds, config.fusion)), config.thin)

@@ -28,8 +28,8 @@ LIKE = 0.86
 """Likeness (difflib's ratio) from which two words are one, misspelt."""
 UNKNOWN_HEIGHT, UNKNOWN_LONGEST = (0.03, 0.35), (0.06, 0.4)
 """Of what the table does not know [m]: something that a hand can hold."""
-FIRM = 0.45
-"""Tilt, as a share of a right angle, from which a thing stands as firmly as any: a cube has 0.5."""
+FIRM = 0.15
+"""Tilt, as a share of a right angle, from which a thing stands as firmly as it need: a bottle has 0.1, a cube 0.5."""
 ANYWHERE = ("on table", "on desk", "on counter", "on shelf", "inside shelf", "on cabinet", "on nightstand", "on floor")
 """Where to put what the table does not know, or what finds none of its places."""
 
@@ -177,8 +177,8 @@ def _up(facts: Any, entry: Entry | None) -> str:
         if entry:
             low, high = entry.height[0] / entry.longest[1], entry.height[1] / entry.longest[0]
             misfit = min(ratio / low, high / ratio, 1.0)
-        habit = {"+z": 0.1, "+y": 0.08}.get(axis, 0.0) + (0.3 if axis == facts["up"] else 0.0)
-        return min(1.0, facts["feet"][axis] / FIRM) * misfit + habit
+        habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.3 if axis == facts["up"] else 0.0)
+        return min(1.0, facts["feet"][axis] / FIRM) * misfit**2 + habit
 
     return max(AXES, key=merit)
 

@@ -11,9 +11,12 @@ from s2a.edit.insert import Watch
 from s2a.edit.record import Record
 from s2a.edit.spots import Spot
 from s2a.edit.surfaces import nearby
+from s2a.geometry.convex import clip
 from s2a.geometry.decompose import one_hull, vhacd
 from s2a.scene import Mesh, Scene
 
+FOOT = 0.03
+"""What is below this share of an object's height is its foot."""
 AROUND = 0.05
 """Surroundings within this distance of an object take part in its drop [m]."""
 
@@ -56,7 +59,17 @@ def _pieces(object: Mesh, config: PiecesConfig) -> list[Mesh]:
     whole = one_hull(object, config.vertices)
     if not whole or _volume(object) > config.full * _volume(whole[0]):
         return whole
-    return vhacd(object, config.hulls, config.resolution, config.vertices)
+    # Pieces follow the surface to a voxel only, on which a bottle would lean: the foot is exact, and nothing is below it.
+    low, high = object.bounds[:, 2]
+    foot = one_hull(_below(object, low + FOOT * (high - low)), config.vertices)
+    pieces = vhacd(object, config.hulls, config.resolution, config.vertices)
+    clipped = [clip(piece, np.array([0.0, 0.0, -1.0]), -low) for piece in pieces]
+    return [*foot, *(piece for piece in clipped if piece is not None)]
+
+
+def _below(mesh: Mesh, height: float) -> Mesh:
+    """Return the vertices of a mesh up to a height [m], without faces."""
+    return Mesh(mesh.vertices[mesh.vertices[:, 2] <= height], np.empty((0, 3), int))
 
 
 def _volume(mesh: Mesh) -> float:

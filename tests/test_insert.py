@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 from pathlib import Path
 
@@ -133,6 +134,8 @@ def test_an_insertion_goes_over_an_insertion(folder, tmp_path):
 @pytest.mark.parametrize("said", ["Sorry, no.", "{" * 100, "x" * 3_000_000, '{"noun": "Tasse"}'])
 def test_a_model_that_talks_rubbish_leaves_all_as_it_was(folder, tmp_path, monkeypatch, capsys, said):
     before = sorted((path, path.stat().st_mtime_ns) for path in folder.rglob("*"))
+    # Other tests' libraries leave handlers behind that write to streams long closed.
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])
     with endpoint(message(said)) as there:
         monkeypatch.setenv("OPENAI_API_KEY", "secret-key")
         monkeypatch.setenv("OPENAI_BASE_URL", there.url)

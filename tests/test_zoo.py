@@ -41,7 +41,7 @@ def load(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertices, faces and colours (of vertices) of any of the files."""
     if path.suffix == ".usda":
         stage = Usd.Stage.Open(str(path))
-        mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/root/mesh"))
+        mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/thing/mesh"))
         colors = np.array(mesh.GetDisplayColorPrimvar().Get()) * 255
         faces = np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
         return np.array(mesh.GetPointsAttr().Get(), float), faces, colors

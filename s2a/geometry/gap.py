@@ -72,13 +72,6 @@ def finger_space(region: Mesh, point: np.ndarray, frame: np.ndarray, front: floa
     return FingerSpace(None if reaches_front else space((low, high), (back + margin, end)), beside)
 
 
-def gap_filled(pieces: Sequence[Mesh], space: FingerSpace, count: int = 4000, seed: int = 0) -> float:
-    """Return the share of the fingers' space that pieces swallow, 0 to 1; 1 if there is no space for fingers."""
-    if not space.boxes:
-        return 1.0
-    return share_inside(pieces, gap_points(space, count, seed))
-
-
 def gap_points(space: FingerSpace, count: int = 4000, seed: int = 0) -> np.ndarray:
     """Return about `count` points spread evenly in each box of the fingers' space [m], shape [point 3]."""
     return np.concatenate([np.empty((0, 3)), *(_fill(part, count, seed) for part in space.boxes)])

@@ -52,17 +52,7 @@ def add_franka(builder: newton.ModelBuilder, config: FrankaConfig, base: wp.tran
     Colliders are the convex hulls of its links' collision meshes; the links do not collide with each other. The fingers
     are driven one by one: the URDF's mimic joint would become a soft equality in MuJoCo.
     """
-    first_shape, first_body = builder.shape_count, builder.body_count
-    builder.add_urdf(
-        _urdf(visuals),
-        package_dirs=[str(_share())],
-        xform=base,
-        enable_self_collisions=False,
-        collapse_fixed_joints=False,
-    )
-    shapes = range(first_shape, builder.shape_count)
-    meshes = [i for i in shapes if builder.shape_type[i] == newton.GeoType.MESH and _collides(builder, i)]
-    builder.approximate_meshes("convex_hull", shape_indices=meshes)
+    first_body = _add_links(builder, _urdf(visuals), base)
     for i in range(JOINTS):
         arm = i < ARM_JOINTS
         builder.joint_target_ke[i] = config.arm_stiffness if arm else config.finger_stiffness
@@ -73,8 +63,7 @@ def add_franka(builder: newton.ModelBuilder, config: FrankaConfig, base: wp.tran
         if not arm:
             builder.joint_effort_limit[i] = config.finger_effort
     if config.gravity_compensation:
-        compensation = builder.custom_attributes["mujoco:gravcomp"]
-        compensation.values = {**(compensation.values or {}), **{i: 1.0 for i in range(first_body, builder.body_count)}}
+        _hold_weight(builder, first_body)
 
 
 def add_hand(builder: newton.ModelBuilder, pose: wp.transform) -> None:
@@ -82,9 +71,15 @@ def add_hand(builder: newton.ModelBuilder, pose: wp.transform) -> None:
 
     Its frame is `panda_hand`: z forward, the fingers move along y, the point between their pads is TOOL_OFFSET ahead.
     """
+    first_body = _add_links(builder, _hand_urdf(), pose)
+    _hold_weight(builder, first_body)
+
+
+def _add_links(builder: newton.ModelBuilder, urdf: str, pose: wp.transform) -> int:
+    """Add a URDF's links at a pose, their collision meshes as convex hulls; return the index of the first body."""
     first_shape, first_body = builder.shape_count, builder.body_count
     builder.add_urdf(
-        _hand_urdf(),
+        urdf,
         package_dirs=[str(_share())],
         xform=pose,
         enable_self_collisions=False,
@@ -93,6 +88,11 @@ def add_hand(builder: newton.ModelBuilder, pose: wp.transform) -> None:
     shapes = range(first_shape, builder.shape_count)
     meshes = [i for i in shapes if builder.shape_type[i] == newton.GeoType.MESH and _collides(builder, i)]
     builder.approximate_meshes("convex_hull", shape_indices=meshes)
+    return first_body
+
+
+def _hold_weight(builder: newton.ModelBuilder, first_body: int) -> None:
+    """Let MuJoCo carry the weight of all bodies from the given one on."""
     compensation = builder.custom_attributes["mujoco:gravcomp"]
     compensation.values = {**(compensation.values or {}), **{i: 1.0 for i in range(first_body, builder.body_count)}}
 

@@ -96,14 +96,6 @@ def kettle() -> Piece:
     return Piece("kettle", join(cylinder(0.085, 0.02, BLACK), body, spout, grip))
 
 
-def toaster() -> Piece:
-    """Return a toaster with two slots along y."""
-    body = box((-0.08, 0.08), (-0.14, 0.14), (0.01, 0.19), (186, 188, 190))
-    slots = [box((x - 0.014, x + 0.014), (-0.11, 0.11), (0.19, 0.192), BLACK) for x in (-0.035, 0.035)]
-    lever = box((-0.02, 0.02), (0.14, 0.165), (0.13, 0.145), BLACK)
-    return Piece("toaster", join(body, *slots, lever, box((-0.07, 0.07), (-0.13, 0.13), (0, 0.01), BLACK)))
-
-
 def jar(rng: np.random.Generator) -> Piece:
     """Return a storage jar with a lid."""
     radius, height = rng.uniform(0.035, 0.055), rng.uniform(0.1, 0.18)

@@ -99,6 +99,7 @@ def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, 
         "action": (action.clamp(-1.0, 1.0) ** 2).sum(dim=1).double(),
         "grip": torch.zeros(WORLDS).double(),
         "led_opening": torch.zeros(WORLDS).double(),
+        "closing": torch.zeros(WORLDS).double(),
     }
     for i, name in enumerate(REWARD_TERMS):
         assert torch.allclose(env.terms[:, i].double(), expected[name], atol=1e-5), name
@@ -244,6 +245,23 @@ def test_a_grip_is_felt_on_the_region_and_not_beside_it(stage: SimStage, cone: s
     env.step(planner(env.observation.clone()))
     assert env.touch.tolist() == [[0.0, 0.0], [0.0, 0.0]]
     assert env.elsewhere.flatten().tolist() == pytest.approx([23.8] * 4, rel=0.2)
+
+
+def test_closing_counts_around_the_grasp_point_alone(stage: SimStage) -> None:
+    env = make_env(stage, 3, hand_point=(0.0, 0.0, 0.2104))
+    sim, up = env.sim, torch.tensor(Rotation.from_quat(stage.grasp[3:]).as_matrix()[:, 1]).float()
+    point = torch.tensor(stage.grasp[:3]).float()
+    sim.body_q[:] = 0.0
+    sim.body_q[..., 6] = 1.0
+    # The hand at the grasp point, the left finger above and the right below it; in world 1 both above, in world 2 all 3 cm off.
+    away = torch.tensor([0.0, 0.0, 0.03])[:, None] * up
+    sim.body_q[:, sim.body("panda_link7"), :3] = point - torch.tensor([0.0, 0.0, 0.2104]) + away
+    sim.body_q[:, sim.body("panda_leftfinger"), :3] = point + 0.04 * up + away
+    sim.body_q[:, sim.body("panda_rightfinger"), :3] = point + torch.tensor([-0.04, 0.01, -0.04])[:, None] * up + away
+    sim.joint_q[:, 7:9] = torch.tensor([0.03, 0.01])
+    sim.body_q[:, sim.body("drawer_2"), 6] = 1.0
+    env.step(torch.zeros(3, 9))
+    assert env.terms[:, REWARD_TERMS.index("closing")].tolist() == pytest.approx([0.04, 0.0, 0.0])
 
 
 @pytest.mark.slow

@@ -122,13 +122,20 @@ def test_an_unknown_reward_term_names_the_known_ones(stage: Path) -> None:
 
 
 def test_a_share_of_the_episodes_starts_on_the_way_ahead(stage: Path) -> None:
-    sim = Simulation(read_stage(stage), load(SimConfig, "sim/paper"), 64)
+    sim = Simulation(read_stage(stage), load(SimConfig, "sim/paper"), 256)
     start = torch.tensor(sim.config.robot.start)
-    ahead = start.clone()
-    ahead[0] -= 1.0
+    first, last = start.clone(), start.clone()
+    first[0], last[0] = start[0] - 1.0, start[0] - 1.5
+    last[7:] = 0.0
     task = load(OpenDrawerConfig, "task/open_drawer", start_noise=0.0)
-    env = OpenDrawerEnv(sim, task, load(dict, "reward/paper"), 0, ahead=(ahead.tolist(), 0.5))
-    moved = (start - env.sim.joint_q[:, :9])[:, 0]
-    assert 16 < int((moved > 1e-6).sum()) < 48  # half of 64, give or take four standard deviations
-    assert float(moved.min()) >= 0.0 and 0.8 < float(moved.max()) <= 1.0
-    assert torch.allclose(env.sim.joint_q[:, 1:9], start[1:].expand(64, 8))
+    motion = torch.stack([first, first, first, last]).tolist()
+    env = OpenDrawerEnv(sim, task, load(dict, "reward/paper"), 0, ahead=(motion, 0.5))
+    q, target = env.sim.joint_q[:, :9], env.sim.joint_target_q[:, :9]
+    moved = (start - q)[:, 0]
+    shares = [(moved.abs() < 1e-6), (moved > 1e-6) & (moved < 1.0 - 1e-6), moved > 1.4]
+    # Half start as ever, a quarter on the way, an eighth and a quarter of another eighth at the end: 4 standard deviations.
+    assert [int(s.sum()) for s in shares] == pytest.approx([128, 64, 40], abs=32)
+    assert torch.allclose(q[:, 1:7], start[1:7].expand(256, 6))
+    closing = shares[2]
+    assert torch.allclose(q[closing][:, 7:], torch.tensor(0.04)) and torch.all(target[closing][:, 7:] == 0.0)
+    assert torch.equal(q[~closing & (moved < 0.99)], target[~closing & (moved < 0.99)])

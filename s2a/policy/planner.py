@@ -65,11 +65,8 @@ class Planner:
         """Plan for an environment's stage; InputError if the arm cannot reach along the whole way."""
         sim = env.sim
         self._env = env
-        rate = 1.0 / (sim.config.dt * sim.config.substeps)
-        poses, fingers = _hand_path(sim.stage, config, rate)
-        arm = _track(sim.stage, sim.config.robot, poses, config)
-        path = np.concatenate([arm, fingers[:, None], fingers[:, None]], axis=1)
-        self.path = torch.tensor(path, dtype=torch.float32, device=sim.device)
+        rate = _rate(sim)
+        self.path = torch.tensor(_path(sim, config), dtype=torch.float32, device=sim.device)
         self.reach_steps = round(config.reach_time * rate)
         self._speed = torch.ones(JOINTS, device=sim.device) * env.config.action_scale / rate
         self._speed[ARM_JOINTS:] *= env.config.finger_speed
@@ -85,14 +82,26 @@ class Planner:
         return (target - now) / self._speed
 
 
-def approach_position(sim: Simulation, config: PlannerConfig) -> tuple[float, ...]:
-    """Return joint positions [9] with the open hand before the grasp, from where it only moves straight on.
+def grasping_motion(sim: Simulation, config: PlannerConfig) -> np.ndarray:
+    """Return joint targets [step 9] that bring the open hand straight to the grasp and close it.
 
     Raises:
         InputError: the arm cannot reach along the whole way.
     """
-    poses, fingers = _hand_path(sim.stage, config, 1.0 / (sim.config.dt * sim.config.substeps))
-    return (*_track(sim.stage, sim.config.robot, poses, config)[0].tolist(), fingers[0], fingers[0])
+    path = _path(sim, config)
+    return path[: round((config.approach_time + config.close_time) * _rate(sim))]
+
+
+def _rate(sim: Simulation) -> float:
+    """Return the control steps a second."""
+    return 1.0 / (sim.config.dt * sim.config.substeps)
+
+
+def _path(sim: Simulation, config: PlannerConfig) -> np.ndarray:
+    """Return joint targets [step 9] from the point of approach to the end of the pull; InputError: out of reach."""
+    poses, fingers = _hand_path(sim.stage, config, _rate(sim))
+    arm = _track(sim.stage, sim.config.robot, poses, config)
+    return np.concatenate([arm, fingers[:, None], fingers[:, None]], axis=1)
 
 
 def _hand_path(stage: SimStage, config: PlannerConfig, rate: float) -> tuple[np.ndarray, np.ndarray]:

@@ -26,7 +26,7 @@ class OpenDrawerEnv:
         observation: shape [world 23], overwritten by every step.
         reward: shape [world].
         done, time_out: 0 or 1, shape [world], int32; a time-out is not a termination.
-        terms: unweighted reward terms in the order of REWARD_TERMS, shape [world 8].
+        terms: unweighted reward terms in the order of REWARD_TERMS, shape [world 9].
         touch: largest normal force of the left and right finger on the grasp region [N], shape [world 2].
         elsewhere: the same on the rest of the part.
         result: how each world's last finished episode went, in the order of RESULTS, shape [world 14].
@@ -44,7 +44,7 @@ class OpenDrawerEnv:
         weights: Mapping[str, float],
         seed: int,
         graph: bool = True,
-        ahead: tuple[Sequence[float], float] | None = None,
+        ahead: tuple[Sequence[Sequence[float]], float] | None = None,
     ) -> None:
         """Prepare the kernels' data, reset all worlds, capture the step where there is a GPU and `graph` is true.
 
@@ -54,15 +54,16 @@ class OpenDrawerEnv:
             weights: of all reward terms, by name.
             seed: of the start noise.
             graph: whether to capture the step on a GPU.
-            ahead: joint positions [9], and the share of episodes that start somewhere on the way there; None: none does.
+            ahead: joint targets [step 9] of a motion that closes the hand on the handle, and the share of episodes that
+                start somewhere on the way to it or in it; None: none does.
         """
         self.sim, self.config = sim, config
         self.num_envs, self.max_episode_length = sim.worlds, config.episode_steps
         self._weights_given = _weights(weights)
-        ahead_pose, self._ahead_share = ahead or (sim.config.robot.start, 0.0)
+        motion, self._ahead_share = ahead or ([sim.config.robot.start], 0.0)
         with wp.ScopedDevice(sim.device):
             self._allocate(seed)
-            self._ahead = wp.array(ahead_pose, dtype=float)
+            self._ahead = wp.array(np.asarray(motion, dtype=np.float32), dtype=float)
         self._whole_step = sim.capture(self._step) if graph else self._step
         self.reset_all()
 
@@ -90,8 +91,8 @@ class OpenDrawerEnv:
         inputs = [self._constants, self._region.id, self._geom_kind, data.nacon, contact.geom, contact.worldid]
         inputs += [contact.pos, contact.efc_address, data.efc.force, q["body_q"], self._touch]
         self._launch(judge.feel, [*inputs, self._elsewhere], dim=data.naconmax)
-        inputs = [self._constants, self._weights, q["joint_q"], q["joint_qd"], q["body_q"], self._action, self._touch]
-        self._launch(judge.give_reward, [*inputs, self._lead, self._terms, self._reward])
+        inputs = [self._constants, self._weights, self._upper, q["joint_q"], q["joint_qd"], q["body_q"], self._action]
+        self._launch(judge.give_reward, [*inputs, self._touch, self._lead, self._terms, self._reward])
         inputs = [self._constants, q["joint_q"], q["joint_qd"], self._terms, self._touch, self._elsewhere]
         inputs += [self._overflow, self._steps, self._midway, self._progress]
         self._launch(judge.tally, [*inputs, self._done, self._time_out, self._result, self._counts])

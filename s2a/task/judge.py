@@ -4,7 +4,7 @@
 import warp as wp
 from mujoco_warp import OverflowType
 
-from s2a.sim.franka import JOINTS
+from s2a.sim.franka import ARM_JOINTS, JOINTS
 from s2a.task.kernels import Constants
 from s2a.task.open_drawer import RESULTS, REWARD_TERMS
 
@@ -89,6 +89,7 @@ def state_is_finite(joint_q: wp.array2d(dtype=float), joint_qd: wp.array2d(dtype
 def give_reward(
     c: Constants,
     weights: wp.array(dtype=float),
+    upper: wp.array(dtype=float),
     joint_q: wp.array2d(dtype=float),
     joint_qd: wp.array2d(dtype=float),
     body_q: wp.array2d(dtype=wp.transform),
@@ -98,7 +99,7 @@ def give_reward(
     terms: wp.array2d(dtype=float),
     reward: wp.array(dtype=float),
 ):
-    """Compute the reward's terms [world 8] and the reward; all zero where the state is not finite.
+    """Compute the reward's terms [world 9] and the reward; all zero where the state is not finite.
 
     lead [world 2] is kept between steps: the opening, and how much of it both fingers led the part on the grasp region [m].
     """
@@ -118,6 +119,8 @@ def give_reward(
     bonus = float(0.0)
     for i in range(3):
         bonus += wp.where(opening > c.bonus[i], 1.0, 0.0)
+    between = wp.dot(left, up) > 0.0 and wp.dot(right, up) < 0.0 and d <= c.close_distance
+    closed = upper[ARM_JOINTS] - joint_q[world, ARM_JOINTS] + upper[ARM_JOINTS + 1] - joint_q[world, ARM_JOINTS + 1]
     effort = float(0.0)
     for i in range(JOINTS):
         effort += action[world, i] * action[world, i]
@@ -134,6 +137,7 @@ def give_reward(
     terms[world, 5] = effort
     terms[world, 6] = grip
     terms[world, 7] = led
+    terms[world, 8] = wp.where(between, closed, 0.0)
     finite = state_is_finite(joint_q, joint_qd, world)
     total = float(0.0)
     for i in range(TERMS):

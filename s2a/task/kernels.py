@@ -70,7 +70,7 @@ def act(
 def reset(
     c: Constants,
     start: wp.array(dtype=float),
-    ahead: wp.array(dtype=float),
+    ahead: wp.array2d(dtype=float),
     ahead_share: float,
     lower: wp.array(dtype=float),
     upper: wp.array(dtype=float),
@@ -87,7 +87,9 @@ def reset(
 ):
     """Put the worlds whose episode ended back to the start, with noise; mark them in both masks.
 
-    A share of them starts on the straight way in joint space from `start` to `ahead` [9], anywhere on it alike.
+    A share of them starts ahead: half of these on the straight way in joint space from `start` to the first of the joint
+    targets `ahead` [step 9], the noise fading, a quarter at any of these targets, a quarter at the last, where the fingers
+    close; they stand open at first.
     Targets start at the sampled positions. (The reference leaves them where the last episode ended, which pulls the arm
     away in the first step.)
     """
@@ -102,13 +104,16 @@ def reset(
             joint_q[world, i] = 0.0
             joint_qd[world, i] = 0.0
         way = float(0.0)
+        at = int(0)
         if ahead_share > 0.0:  # the stream of random numbers stays as it was where nothing starts ahead
             if wp.randf(state) < ahead_share:
-                way = wp.randf(state)
+                way = wp.min(2.0 * wp.randf(state), 1.0)
+                at = wp.where(way < 1.0, 0, wp.min(wp.randi(state, 0, 2 * ahead.shape[0]), ahead.shape[0] - 1))
         for i in range(JOINTS):
-            q = start[i] + way * (ahead[i] - start[i]) + wp.randf(state, -c.start_noise, c.start_noise)
-            joint_q[world, i] = wp.clamp(q, lower[i], upper[i])
-            target_q[world, i] = joint_q[world, i]
+            noise = (1.0 - way) * wp.randf(state, -c.start_noise, c.start_noise)
+            target = wp.clamp(start[i] + way * (ahead[at, i] - start[i]) + noise, lower[i], upper[i])
+            target_q[world, i] = target
+            joint_q[world, i] = wp.where(way < 1.0 or i < ARM_JOINTS, target, upper[i])
         rng[world] = state
         step[world] = 0
         for i in range(progress.shape[1]):

@@ -14,10 +14,11 @@ from s2a.sim.franka import JOINTS
 
 OBSERVATIONS = 2 * JOINTS + 5
 """Joint positions (scaled to their range) and velocities, hand to grasp point (3, robot base frame), joint, its velocity."""
-REWARD_TERMS = ("distance", "rotation", "opening", "finger", "bonus", "action", "grip", "led_opening")
+REWARD_TERMS = ("distance", "rotation", "opening", "finger", "bonus", "action", "grip", "led_opening", "closing")
 """Names of the unweighted reward terms, in the order of the kernel's columns. The first six are the reference's; "grip" is 1
 while both fingers press on the grasp region, "led_opening" how far they led the part there [m]: it grows with the opening while
-both press, and never exceeds it."""
+both press, and never exceeds it; "closing" how far both have closed [m] while the grasp point is between them and within
+`close_distance` of the hand."""
 RESULTS = (
     "success",
     "final_success",
@@ -63,7 +64,7 @@ class OpenDrawerConfig:
         observation_limit: observations are clamped to +- this.
         start_noise: half range of the uniform noise on the start position [rad, m].
         hand_point: origin of the hand frame in the frame of panda_link7 [m].
-        close_distance: where the distance term doubles [m].
+        close_distance: where the distance term doubles, and within which the closing term counts [m].
         bonus_openings: openings that give a bonus of 1 each [m].
         end_opening: opening that ends the episode [m]; infinite: never.
         success_opening: opening that counts as success [m].

@@ -14,7 +14,7 @@ from s2a.evaluate import warn_of_trouble
 from s2a.outputs import aside
 from s2a.policy import folder, ppo, processes
 from s2a.policy.export import export
-from s2a.policy.planner import PlannerConfig, approach_position
+from s2a.policy.planner import PlannerConfig, grasping_motion
 from s2a.policy.settings import PpoConfig
 from s2a.provenance import provenance
 from s2a.sim.build import read_stage
@@ -42,7 +42,7 @@ class Config:
         task: what the robot has to do.
         reward: weight of each reward term.
         policy: what rsl-rl is told.
-        starts_ahead: share of episodes that start somewhere on the way to the planner's point of approach; evaluation has none.
+        starts_ahead: share of episodes that start on the way to the handle or in the planner's grasp; evaluation has none.
         plan: the planner's motion, for that point.
     """
 
@@ -68,8 +68,8 @@ def run(config: Config) -> str:
     first = folder.iteration(checkpoint) + 1 if checkpoint else 0
     torch.manual_seed(processes.own_seed(config.seed, first))
     sim = simulation(config.stage, config.sim, config.worlds, processes.own_device(config.device))
-    approach = (approach_position(sim, config.plan), config.starts_ahead) if config.starts_ahead > 0.0 else None
-    env = OpenDrawerEnv(sim, config.task, config.reward, processes.own_seed(config.seed, first), ahead=approach)
+    motion = (grasping_motion(sim, config.plan), config.starts_ahead) if config.starts_ahead > 0.0 else None
+    env = OpenDrawerEnv(sim, config.task, config.reward, processes.own_seed(config.seed, first), ahead=motion)
     if lead:
         config.out.mkdir(parents=True, exist_ok=True)
         folder.keep_settings(asdict(config), config.out)

@@ -130,6 +130,13 @@ def test_the_papers_place_is_kept_where_it_serves() -> None:
     assert "0.55 m before the handle, on the floor" in found.reason
 
 
+def test_a_floor_lamp_is_no_floor_to_stand_on() -> None:
+    lit = with_block((0.7, -0.5, 1.5), (1.2, -0.3, 1.6))
+    lamp = replace(lit.parts["block_99"], label="floor lamp")
+    scene = replace(lit, parts={**lit.parts, "block_99": lamp})
+    assert base(scene, search=False).position[2] == pytest.approx(0.0, abs=1e-6)
+
+
 def test_what_stands_there_is_walked_around_and_named() -> None:
     blocked = with_block((0.8, -0.2, 0.0), (1.1, 0.05, 0.3))
     stuck, found = base(blocked, search=False), base(blocked)

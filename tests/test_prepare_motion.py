@@ -17,8 +17,9 @@ from s2a.geometry.convex import box, contains, overlap, volume
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.mass import MassConfig, moving_mass
 from s2a.prepare.motion import deepest, displace, sweep
+from s2a.prepare.pose import opening_direction
 from s2a.prepare.room import cut_all
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.scene import Joint, Mesh, Part, Scene, Vec3
 from s2a.usd import geometric, simready
 from s2a.usd.simscene import SimScene
 from s2a.verbs import prepare as verb
@@ -61,6 +62,13 @@ def test_the_label_and_the_annotation_know_better() -> None:
 def test_the_centre_of_mass_lies_inside_the_part(prepared: SimScene) -> None:
     low, high = prepared.target.visual.bounds
     assert (prepared.target.mass.center > low).all() and (prepared.target.mass.center < high).all()
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.6, 0.0, 0.8)])
+def test_what_turns_about_its_own_grasp_point_still_has_a_direction(axis: Vec3) -> None:
+    dial = Joint("revolute", axis, (0.1, 0.2, 0.3), (0.0, 1.5))
+    found = opening_direction(dial, np.array(dial.origin))
+    assert np.linalg.norm(found) == pytest.approx(1.0) and found @ axis == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_clash_is_found_where_it_is_deepest() -> None:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from s2a.geometry.convex import column, overlap
 from s2a.prepare import panda
-from s2a.prepare.pose import floor_height, heading, lever_arm, widest
+from s2a.prepare.pose import floor_height, floor_points, heading, lever_arm, widest
 from s2a.prepare.reach import follow, hand_way
 from s2a.prepare.surroundings import Surroundings
 from s2a.scene import Joint, Mesh, Scene, Vec3
@@ -116,10 +116,10 @@ def find_base(
     joint, point = scene.joint(target), np.array(grasp.point)
     way = hand_way(grasp, joint, config.approach, _opening(joint, point, config))
     near = Surroundings(scene, moving, point, config.around)
-    ahead, start = heading(scene, target), np.array(config.start)
+    ahead, floor, start = heading(scene, target), floor_points(scene), np.array(config.start)
     tried: list[tuple[float, str, np.ndarray, Place]] = []
     for chunk in _places(config):
-        poses = [_pose(scene, point, ahead, place) for place in chunk]
+        poses = [_pose(floor, point, ahead, place) for place in chunk]
         taken = [_taken(near, swept, base, place, config.radius) for base, place in zip(poses, chunk, strict=True)]
         free = [k for k, problem in enumerate(taken) if problem is None]
         tried += [(STUCK, f"{taken[k]}", poses[k], chunk[k]) for k in range(len(chunk)) if k not in free]
@@ -215,14 +215,14 @@ def _places(config: BaseConfig) -> Iterator[list[Place]]:
         yield places[k : k + CHUNK]
 
 
-def _pose(scene: Scene, point: np.ndarray, ahead: np.ndarray, place: Place) -> np.ndarray:
-    """Return the pose [4 4] of the base at a place, facing the handle."""
+def _pose(floor: np.ndarray, point: np.ndarray, ahead: np.ndarray, place: Place) -> np.ndarray:
+    """Return the pose [4 4] of the base at a place above the floor's points [point 3], facing the handle."""
     left = np.array([-ahead[1], ahead[0]])
     spot = point[:2] - place.distance * ahead + place.side * left
     towards = point[:2] - spot
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("z", math.atan2(towards[1], towards[0])).as_matrix()
-    pose[:3, 3] = [*spot, floor_height(scene, spot) + place.pedestal]
+    pose[:3, 3] = [*spot, floor_height(floor, spot) + place.pedestal]
     return pose
 
 

@@ -9,13 +9,16 @@ from scipy.spatial.transform import Rotation
 
 from s2a.geometry.bar import bar_profile
 from s2a.geometry.surfaces import centroids, merge, normals
+from s2a.prepare.decimate import is_shell
 from s2a.scene import Joint, Mesh, Scene, Vec3
-from s2a.usd.simready import Grasp, Quat
+from s2a.usd.simscene import Grasp, Quat
 
 SLICES = 12
 """Places along a bar at which its thickness is measured."""
 ROUND = 1.5
 """Grasp regions less elongated than this (knobs) are taken for round: the fingers then close along the vertical."""
+FLOOR = ("floor", "floors")
+"""Last words of a label that make it the floor's."""
 
 
 def opening_direction(joint: Joint, point: np.ndarray) -> np.ndarray:
@@ -27,8 +30,9 @@ def opening_direction(joint: Joint, point: np.ndarray) -> np.ndarray:
     if joint.kind == "prismatic":
         return axis
     tangent = np.cross(axis, point - np.array(joint.origin))
-    length = np.linalg.norm(tangent)
-    return tangent / length if length > 1e-9 else np.cross(axis, [1.0, 0.0, 0.0])
+    if np.linalg.norm(tangent) <= 1e-9:  # a point on the axis does not move: any direction across the axis
+        tangent = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    return tangent / np.linalg.norm(tangent)
 
 
 def lever_arm(joint: Joint, point: np.ndarray) -> float:
@@ -57,9 +61,9 @@ def find_grasp(scene: Scene, target: str) -> Grasp:
 
 def grasp_frame(region: Mesh, inwards: np.ndarray) -> np.ndarray:
     """Return a rotation [3 3]: x along the region, y across its thin section, z into the furniture."""
-    centroids = region.vertices[region.faces].mean(axis=1, dtype=np.float64)
+    middle = centroids(region)
     flat = np.eye(3) - np.outer(inwards, inwards)
-    centred = (centroids - np.average(centroids, axis=0, weights=region.face_areas)) @ flat
+    centred = (middle - np.average(middle, axis=0, weights=region.face_areas)) @ flat
     spread, axes = np.linalg.eigh((centred * region.face_areas[:, None]).T @ centred)
     # The smallest spread lies along `inwards`, from which it was projected out; the next is the thin direction.
     order = np.argsort(np.abs(axes.T @ inwards))
@@ -105,14 +109,18 @@ def heading(scene: Scene, target: str) -> np.ndarray:
     return -outwards[:2] / length if length > 1e-6 else np.array([-1.0, 0.0])
 
 
-def floor_height(scene: Scene, place: np.ndarray, radius: float = 0.4) -> float:
-    """Return the height of the floor [m] at a place (x, y): of the parts labelled so, else the room's lowest point."""
-    floors = merge([part.mesh for part in scene.parts.values() if "floor" in part.label.lower()])
+def floor_points(scene: Scene) -> np.ndarray:
+    """Return points of the floor [m], shape [point 3]: of the parts labelled so, else one at the room's lowest height."""
+    floors = merge([part.mesh for part in scene.parts.values() if is_shell(part.label, FLOOR)])
     points = centroids(floors)[normals(floors)[:, 2] > 0.5]
-    if not len(points):
-        return float(np.nanmin([part.mesh.bounds[0, 2] for part in scene.parts.values()]))
-    near = np.linalg.norm(points[:, :2] - place, axis=1) < radius
-    return float(np.median(points[near if near.any() else slice(None), 2]))
+    lowest = np.nanmin([part.mesh.bounds[0, 2] for part in scene.parts.values()])
+    return points if len(points) else np.array([[0.0, 0.0, lowest]])
+
+
+def floor_height(floor: np.ndarray, place: np.ndarray, radius: float = 0.4) -> float:
+    """Return the height [m] of the floor's points [point 3] around a place (x, y), or of all where there are none."""
+    near = np.linalg.norm(floor[:, :2] - place, axis=1) < radius
+    return float(np.median(floor[near if near.any() else slice(None), 2]))
 
 
 def _vec3(values: np.ndarray) -> Vec3:

@@ -13,6 +13,7 @@ from pxr import Usd, UsdGeom
 from settings import load
 
 from s2a.errors import InputError
+from s2a.geometry.convex import box
 from s2a.geometry.deviation import deviation
 from s2a.geometry.surfaces import centroids
 from s2a.prepare import PrepareConfig, prepare
@@ -99,6 +100,21 @@ def test_a_surface_that_is_missing_counts_though_what_is_left_is_exact() -> None
     # Half of the sheet is missing; its farthest points are 0.6 m away.
     for pair in ((whole, half), (half, whole)):
         assert deviation(*pair, 4000).max == pytest.approx(0.6, abs=0.01)
+
+
+def test_a_surface_is_infinitely_far_from_none() -> None:
+    none = Mesh(np.empty((0, 3)), np.empty((0, 3)))
+    assert deviation(sheet(0.0, (0, 0, 0)), none, 10).mean == deviation(none, sheet(0.0, (0, 0, 0)), 10).max == np.inf
+    assert deviation(none, none, 10).max == 0.0
+
+
+def test_what_would_vanish_stays_as_it_is() -> None:
+    crate = Scene("crate", {"crate_1": Part("crate", box(np.zeros(3), np.eye(3), np.ones(3)))})
+    found = decimate_room(crate, ("crate_1",), config(other=0.1))
+    assert len(found.mesh.faces) == 12 and not found.reductions[0].reached
+    # However far the surface may move, some of it has to be left.
+    found = decimate_room(crate, ("crate_1",), config(mode="error", max_error=5.0))
+    assert 0 < len(found.mesh.faces) < 12 and found.reductions[0].p99 < 5.0
 
 
 def test_the_stated_error_is_that_of_the_surfaces() -> None:

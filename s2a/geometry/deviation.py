@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +28,7 @@ class Deviation:
 
 
 def deviation(a: Mesh, b: Mesh, count: int, seed: int = 0, tree: RayMesh | None = None) -> Deviation:
-    """Return how far two surfaces are from each other, from a to b and from b to a.
+    """Return how far two surfaces are from each other, from a to b and from b to a; inf where only one is there.
 
     Args:
         a: a surface.
@@ -35,15 +36,10 @@ def deviation(a: Mesh, b: Mesh, count: int, seed: int = 0, tree: RayMesh | None 
         count: points sampled on either, evenly by area.
         seed: of the points.
         tree: `ray_mesh` of a, if it is at hand.
-
-    Raises:
-        ValueError: one of them has no surface and the other one has.
     """
-    empty = [not mesh.face_areas.sum() > 0 for mesh in (a, b)]
-    if all(empty):
-        return Deviation(0.0, 0.0, 0.0)
+    empty = [not mesh.face_areas.any() for mesh in (a, b)]
     if any(empty):
-        raise ValueError("the distance to a mesh without surface is infinite")
+        return Deviation(*(0.0 if all(empty) else math.inf,) * 3)
     there = nearest_faces(ray_mesh(b.vertices, b.faces), sample(a, count, seed))[1]
     back = nearest_faces(tree or ray_mesh(a.vertices, a.faces), sample(b, count, seed))[1]
     both = [(float(d.mean()), float(np.quantile(d, 0.99)), float(d.max())) for d in (there, back)]

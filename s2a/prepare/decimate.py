@@ -145,7 +145,10 @@ def _decimate_group(
 def _fewer(
     whole: Mesh, owner: np.ndarray, ratio: float, config: DecimateConfig
 ) -> tuple[Mesh, np.ndarray, int, Deviation]:
-    """Return a mesh with fewer faces, the owner of each, how many were asked for, and how far off its surface is."""
+    """Return a mesh with fewer faces, the owner of each, how many were asked for, and how far off its surface is.
+
+    The mesh stays as it is where so few faces are asked for that nothing would be left of it.
+    """
     if config.mode == "none" or not whole.face_areas.sum() > 0:
         return whole, owner, len(whole.faces), Deviation(0.0, 0.0, 0.0)
     tree = ray_mesh(whole.vertices, whole.faces)
@@ -155,8 +158,8 @@ def _fewer(
     else:
         fewer, asked = decimate(whole, ratio, config.aggressiveness), round(ratio * len(whole.faces))
         error = deviation(whole, fewer, config.samples, tree=tree)
-    if len(fewer.faces) == len(whole.faces):
-        return whole, owner, asked, error
+    if len(fewer.faces) == len(whole.faces) or not fewer.face_areas.any():
+        return whole, owner, asked, Deviation(0.0, 0.0, 0.0)
     colored = Mesh(fewer.vertices, fewer.faces, _nearest_colors(whole, tree, fewer.vertices))
     return colored, owner[nearest_faces(tree, centroids(fewer))[0]], asked, error
 

@@ -43,6 +43,15 @@ def test_a_door_gets_none() -> None:
     assert drawer_box(clean_cabinet_room(), "door_5") == []
 
 
+@pytest.mark.parametrize("faces", [np.empty((0, 3)), np.array([[0, 0, 1]])])
+def test_without_a_scanned_surface_nothing_is_added(faces: np.ndarray) -> None:
+    room = clean_cabinet_room()
+    none = Mesh(np.array([[0.3, -0.3, 0.7], [0.3, 0.3, 0.7]])[: 2 * len(faces)], faces)
+    bare = {i: replace(room.parts[i], mesh=none) for i in ("drawer_7", "cabinet_3")}
+    scene = replace(room, parts={**room.parts, **bare})
+    assert drawer_box(scene, "drawer_7") == carcass_walls(scene, "drawer_7", ["cabinet_3"]) == []
+
+
 def test_it_is_added_to_looks_and_colliders_on_request_and_told() -> None:
     settings = load(PrepareConfig, "prepare/handle")
     settings = replace(settings, base=replace(settings.base, search=False))

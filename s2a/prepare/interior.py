@@ -9,7 +9,7 @@ import numpy as np
 from s2a.geometry.convex import box
 from s2a.geometry.surfaces import merge, sample
 from s2a.prepare.pose import extents, opening_direction, widest
-from s2a.scene import Joint, Mesh, Scene
+from s2a.scene import Mesh, Scene
 
 WALL = 0.006
 """[m] Thickness of a drawer box's sides and bottom."""
@@ -34,18 +34,19 @@ CELL = 0.05
 def drawer_box(scene: Scene, target: str) -> list[Mesh]:
     """Return bottom, two sides and back of a drawer's box as convex pieces, at the pose in which it was scanned.
 
-    It is as deep as the joint's range, but ends inside the carcass. None for a part that turns or opens upwards.
+    It is as deep as the joint's range, but ends inside the carcass. None for a part that turns or opens upwards, or whose
+    front was not scanned.
     """
     joint, front = scene.joint(target), scene.parts[target].mesh
     inwards = -opening_direction(joint, front.bounds.mean(axis=0))
-    if joint.kind != "prismatic" or abs(inwards[2]) > 0.5:
+    if joint.kind != "prismatic" or abs(inwards[2]) > 0.5 or not front.face_areas.any():
         return []
     up = np.array([0.0, 0.0, 1.0]) - inwards[2] * inwards
     up /= np.linalg.norm(up)
     frame = np.stack([np.cross(up, inwards), up, inwards], axis=1)
     low, high = extents(front, frame)
     start = low[2] + FRONT
-    depth = min(_range(joint), _carcass_end(scene, target, inwards) - WALL - start)
+    depth = min(abs(widest(joint)), _carcass_end(scene, target, inwards) - WALL - start)
     width, height = high[0] - low[0] - 2 * INSET, HEIGHT * (high[1] - low[1])
     if depth < SHALLOWEST or min(width, height) < SHALLOWEST / 2:
         return []
@@ -57,10 +58,6 @@ def drawer_box(scene: Scene, target: str) -> list[Mesh]:
     ]
     walls += [((x, bottom, start), (WALL, height, depth)) for x in (left, left + width - WALL)]
     return [box(frame @ (np.array(at) + np.array(size) / 2), frame, np.array(size)) for at, size in walls]
-
-
-def _range(joint: Joint) -> float:
-    return abs(widest(joint))
 
 
 def _carcass_end(scene: Scene, target: str, inwards: np.ndarray) -> float:
@@ -84,7 +81,7 @@ def carcass_walls(scene: Scene, target: str, furniture: Sequence[str]) -> list[M
     surface = merge([scene.parts[i].mesh for i in furniture])
     inwards = -opening_direction(scene.joint(target), scene.grasp_point(target))
     inwards = np.array([*inwards[:2], 0.0])
-    if not len(surface.faces) or np.linalg.norm(inwards) < 0.7:
+    if not surface.face_areas.any() or np.linalg.norm(inwards) < 0.7:
         return []
     inwards /= np.linalg.norm(inwards)
     frame = np.stack([np.cross([0.0, 0.0, 1.0], inwards), [0.0, 0.0, 1.0], inwards], axis=1)

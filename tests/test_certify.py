@@ -169,6 +169,32 @@ def shifted_grasp(stage: Usd.Stage) -> None:
     attribute(stage, f"{TARGET}/grasp.xformOp:translate", Gf.Vec3d(0.351, 0.1, 0.7267))
 
 
+def missing_grasp(stage: Usd.Stage) -> None:
+    stage.RemovePrim(f"{TARGET}/grasp")
+
+
+def missing_grasp_size(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath(f"{TARGET}/grasp").RemoveProperty("s2a:size")
+
+
+def missing_region(stage: Usd.Stage) -> None:
+    stage.RemovePrim(f"{TARGET}/region")
+
+
+def empty_region(stage: Usd.Stage) -> None:
+    """As a scan without a surface there is written: a Mesh without faces would be refused by Newton."""
+    missing_region(stage)
+    UsdGeom.Points.Define(stage, f"{TARGET}/region")
+
+
+def missing_base(stage: Usd.Stage) -> None:
+    stage.GetDefaultPrim().RemoveProperty("s2a:basePosition")
+
+
+def missing_base_turn(stage: Usd.Stage) -> None:
+    stage.GetDefaultPrim().RemoveProperty("s2a:baseOrientation")
+
+
 def external_reference(stage: Usd.Stage) -> None:
     stage.GetPrimAtPath("/scene/static").GetReferences().AddReference("./other.usda", "/scene")
 
@@ -197,7 +223,9 @@ STATIC_DEFECTS = {
     mirrored_frame: "joint_frames", axis_disagrees: "joint_frames", origin_disagrees: "joint_frames",
     flipped_limits: "opens_outwards", zero_mass: "mass", impossible_inertia: "mass", dented_piece: "convex",
     open_piece: "convex", missing_collision: "collision", nan_point: "finite", shifted_grasp: "grasp_site",
-    no_colliders: "collider_count",
+    no_colliders: "collider_count", missing_grasp: "grasp_and_base", missing_grasp_size: "grasp_and_base",
+    missing_region: "grasp_and_base", empty_region: "grasp_and_base", missing_base: "grasp_and_base",
+    missing_base_turn: "grasp_and_base",
 }  # fmt: skip
 
 
@@ -254,6 +282,16 @@ def test_a_failed_check_is_a_result_with_exit_code_1(
     captured = capsys.readouterr()
     assert "FAILED" in captured.out and "mass at /scene/drawer_2" in captured.out and "a mass of 0 kg" in captured.out
     assert "bug" not in captured.err and (tmp_path / "certificate" / "certificate.html").exists()
+
+
+@pytest.mark.parametrize("defect", [missing_grasp, missing_grasp_size, empty_region, missing_base])
+def test_what_physics_would_ask_in_vain_is_a_failed_check_and_no_bug(
+    defect: Callable[[Usd.Stage], None], stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edit(stage, defect)
+    assert cli.main(quick(stage, tmp_path / "certificate")) == 1
+    captured = capsys.readouterr()
+    assert "grasp_and_base at /scene" in captured.out and "bug" not in captured.err
 
 
 def test_a_sweep_ends_with_a_table_and_the_worst_exit_code(

@@ -1,4 +1,4 @@
-"""What the surfaces of a sim.usd must be: finite, convex where they collide, few, and the grasp where it was annotated."""
+"""What the surfaces of a sim.usd must be: finite, convex where they collide, few; and the grasp where it was annotated."""
 
 from __future__ import annotations
 
@@ -104,18 +104,32 @@ def collider_count(contents: Contents, config: ShapeConfig) -> Check:
     return decide(name, problems, PREPARE, f"{own} on the moving part, {around} in the room")
 
 
+def grasp_and_base(contents: Contents, config: ShapeConfig) -> Check:
+    """The stage says where to take hold of the target, and where the robot stands."""
+    name = "grasp_and_base"
+    if contents.target is None:
+        return Check(name, "not run", message="needs what target asks for")
+    grasp, region = (contents.target.GetChild(key) for key in ("grasp", "region"))
+    problems = []
+    if not grasp or not isinstance(grasp.GetAttribute("s2a:size").Get(), Gf.Vec3d):
+        problems.append((f"{contents.target.GetPath()}/grasp", "no grasp site with s2a:size, three doubles"))
+    if not region or not len(faces(region)):
+        problems.append((f"{contents.target.GetPath()}/region", "no annotated surface to take hold of"))
+    root = contents.stage.GetPrimAtPath(ROOT)
+    for key, kind in (("basePosition", Gf.Vec3d), ("baseOrientation", Gf.Quatd)):
+        if not isinstance(root.GetAttribute(f"s2a:{key}").Get(), kind):
+            problems.append((ROOT, f"no s2a:{key}, a {kind.__name__}, says where the robot stands"))
+    return decide(name, problems, PREPARE, prim=f"{contents.target.GetPath()}/grasp")
+
+
 def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
     """The grasp site is the mean of the annotated grasp region."""
     name = "grasp_site"
     site, region = (contents.target and contents.target.GetChild(key) for key in ("grasp", "region"))
-    if not site or not region:
-        path = f"{contents.target.GetPath()}/grasp" if contents.target else ROOT
-        return judge(name, math.nan, config.site, "m", prim=path, message="no grasp site or region", remedy=PREPARE)
+    if not site or not region or not len(faces(region)):
+        return Check(name, "not run", message="needs what grasp_and_base asks for")
     place = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractTranslation()
-    vertices, triangles = points(region), faces(region)
-    if not len(triangles):
-        return judge(name, math.nan, config.site, "m", prim=str(region.GetPath()), message="empty", remedy=PREPARE)
-    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+    a, b, c = np.moveaxis(points(region)[faces(region)], 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     middle = np.average((a + b + c) / 3.0, axis=0, weights=areas)
     return judge(
@@ -124,5 +138,7 @@ def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
     )  # fmt: skip
 
 
-RULES: tuple[Callable[[Contents, ShapeConfig], Check], ...] = (finite, collision, convex, collider_count, grasp_site)
+RULES: tuple[Callable[[Contents, ShapeConfig], Check], ...] = (
+    finite, collision, convex, collider_count, grasp_and_base, grasp_site,
+)  # fmt: skip
 """Every rule about surfaces."""

@@ -62,7 +62,7 @@ def _write(config: Config) -> report.Certificate:
         certificate = certify(config.stage, config.certify)
         out.mkdir()
         # What is not sound enough to be read safely is not drawn either.
-        broken = {"finite", "units", "target"} & {check.name for check in certificate.failed}
+        broken = {"finite", "units", "target", "grasp_and_base"} & {check.name for check in certificate.failed}
         shown = {} if broken else pictures(config.stage, certificate.target, config.look)
         (out / RECORD).write_text(report.to_json(certificate))
         (out / "certificate.html").write_text(report.to_html(certificate, shown))

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from cabinet import HANDLE, box, write_cabinet
 from pxr import Gf, Usd, UsdGeom, Vt
+from seeded_defects import JOINT, STATIC_DEFECTS, TARGET, attribute, edit, nan_point
 from settings import load
-from test_certify import JOINT, STATIC_DEFECTS, TARGET, attribute, edit
 
 from s2a.certify import contents, gap, physics_grip, physics_motion
 from s2a.certify.battery import CertifyConfig, certify
@@ -130,7 +130,7 @@ def test_a_flat_front_is_not_graspable_which_is_no_defect(stage: Path) -> None:
 
 
 def test_a_broken_structure_is_not_simulated(stage: Path) -> None:
-    edit(stage, next(defect for defect in STATIC_DEFECTS if defect.__name__ == "nan_point"))
+    edit(stage, nan_point)
     certificate = certify(stage, CONFIG)
     assert not certificate.passed and certificate.graspable is None
     assert next(check for check in certificate.checks if check.name == "physics").status == "not run"

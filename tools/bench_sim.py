@@ -1,9 +1,11 @@
 """Throughput of a sim.usd on one device: physics alone, the whole environment step, PPO; with and without the room.
 
-    python tools/bench_sim.py STAGE [--worlds 4096 ...] [--iterations 20] [--out FILE]
+    python tools/bench_sim.py STAGE [--worlds 4096 ...] [--ppo 8x8x40 5x4x24 ...] [--iterations 20] [--out FILE]
 
 An environment step is one control step (4 physics steps) of one world. Actions are uniform random, resets included.
-Contacts and constraint rows are counted after the random steps. Rates are compared within one run only.
+"grasp_physics" is physics alone while every world's hand holds the handle, where the planner brought it (so the arm is that
+of conf/sim/planner.yaml). Contacts and constraint rows are counted after the random steps, and in the grasp. Rates are
+compared within one run only.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ import torch
 import warp as wp
 
 from s2a import config
-from s2a.policy.ppo import PpoConfig, train
+from s2a.policy.planner import Planner, PlannerConfig
+from s2a.policy.ppo import train
+from s2a.policy.settings import PpoConfig
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
@@ -37,8 +41,12 @@ def main() -> None:
     parser.add_argument("stage", type=Path)
     parser.add_argument("--worlds", type=int, nargs="+", default=[4096])
     parser.add_argument(
-        "--iterations", type=int, default=20, help="PPO iterations of 40 steps, 8 epochs, 8 mini-batches"
+        "--ppo",
+        nargs="*",
+        default=["8x8x40", "8x8x40:graph=true"],
+        help="what to train: epochs x mini-batches x steps, and keys of conf/policy/ppo.yaml after a colon",
     )
+    parser.add_argument("--iterations", type=int, default=20, help="of PPO")
     parser.add_argument("--device", default="cuda:0" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--out", type=Path, help="write the rows as JSON")
     args = parser.parse_args()
@@ -59,7 +67,7 @@ def main() -> None:
 def bench(args: argparse.Namespace, worlds: int, room: bool) -> dict:
     """Measure one number of worlds."""
     begin = time.perf_counter()
-    sim = Simulation(read_stage(args.stage), replace(_load(SimConfig, "sim/paper"), room=room), worlds, args.device)
+    sim = Simulation(read_stage(args.stage), replace(_load(SimConfig, "sim/planner"), room=room), worlds, args.device)
     env = OpenDrawerEnv(sim, _load(OpenDrawerConfig, "task/open_drawer"), config.compose("reward/paper")["reward"], 0)
     _sync(args.device)
     row: dict = {"worlds": worlds, "room": room, "build_and_compile_s": time.perf_counter() - begin}
@@ -71,15 +79,35 @@ def bench(args: argparse.Namespace, worlds: int, room: bool) -> dict:
     row |= _contacts(sim)
     physics = sim.capture(sim.step)
     row["physics"] = worlds * _rate(args.device, physics)
-    if args.iterations:
-        policy = replace(_load(PpoConfig, "policy/ppo"), iterations=args.iterations, save_interval=10**6)
+    for shape in args.ppo:
         with tempfile.TemporaryDirectory() as folder:
-            row["ppo_8x8x40"] = train(env, policy, Path(folder))["env_steps_per_second"]
+            row[f"ppo_{shape}"] = train(env, _policy(shape, args.iterations), Path(folder))["env_steps_per_second"]
+    _grasp(env)
+    row |= {f"grasp_{name}": value for name, value in _contacts(sim).items()}
+    row["grasp_physics"] = worlds * _rate(args.device, physics)
     if args.device.startswith("cuda"):
         free, total = torch.cuda.mem_get_info(args.device)
         row["gpu_memory_gb"] = (total - free) / 1e9
     print(json.dumps({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}), flush=True)
     return row
+
+
+def _policy(shape: str, iterations: int) -> PpoConfig:
+    """Return rsl-rl's settings for EPOCHSxBATCHESxSTEPS[:KEY=VALUE,...]."""
+    numbers, _, keys = shape.partition(":")
+    values = dict(zip(("epochs", "mini_batches", "steps"), numbers.split("x"), strict=True))
+    values |= dict(item.split("=") for item in keys.split(",") if item)
+    overrides = [f"policy.{key}={value}" for key, value in values.items()]
+    settings = config.load(PpoConfig, config.compose("policy/ppo", overrides)["policy"])
+    return replace(settings, iterations=iterations, save_interval=10**6)
+
+
+def _grasp(env: OpenDrawerEnv) -> None:
+    """Bring every world's hand to the handle and close it."""
+    planner = Planner(env, _load(PlannerConfig, "policy/planner"))
+    env.reset_all()
+    while int(env.episode_step.max()) < planner.grasp_steps:
+        env.step(planner(env.observation))
 
 
 def _rate(device: str, function: Callable[[], object]) -> float:

@@ -59,6 +59,7 @@ class Planner:
     Attributes:
         path: joint targets after the reach, shape [step 9].
         reach_steps: control steps from the start position to `path[0]`.
+        grasp_steps: until the hand has closed.
     """
 
     def __init__(self, env: OpenDrawerEnv, config: PlannerConfig) -> None:
@@ -68,6 +69,7 @@ class Planner:
         rate = _rate(sim)
         self.path = torch.tensor(_path(sim, config), dtype=torch.float32, device=sim.device)
         self.reach_steps = round(config.reach_time * rate)
+        self.grasp_steps = self.reach_steps + round((config.approach_time + config.close_time) * rate)
         self._speed = torch.ones(JOINTS, device=sim.device) * env.config.action_scale / rate
         self._speed[ARM_JOINTS:] *= env.config.finger_speed
 

@@ -1,13 +1,17 @@
 """Do a hundred objects land where they belong? Ours beside the paper's surface and pose, in five rooms.
 
-    python experiments/insertion_study.py [--llm rules | --answers FILE] [--methods ours paper] [--pictures FOLDER]
-        [--categories bathroom ...] [--runs runs/insertion] [--seed 0]
+    python experiments/insertion_study.py [--llm rules | chat | replay] [--recordings FOLDER] [--methods ours paper]
+        [--categories bathroom ... foreign] [--pictures FOLDER] [--runs runs/insertion] [--name NAME] [--seed 0] [llm.model=...]
 
 Writes the zoo (`s2a zoo`) and scans of the rooms below RUNS, unless they are there; then puts every object alone into the
 room of its category, and measures what can be measured: its scale against the truth, and in the stage that came out
-collisions, support, stability, and whether every door and drawer still opens. Prints the table by category, and writes
-it with a line an object to experiments/results/insertion_<llm>.json, and all records to RUNS/<llm>/; categories that are
-done there are not done again.
+collisions, support, stability, and whether every door and drawer still opens. The category "foreign" has objects that nobody
+here modelled (foreign.yaml). Prints the table by category, and writes it with a line an object to
+experiments/results/insertion_NAME.json and .md, and all records to RUNS/NAME/; categories that are done there are not done
+again.
+
+With `--llm chat` a model is asked (OPENAI_API_KEY, OPENAI_BASE_URL, llm.model=...), of --at-once objects at a time, and its
+answers are kept in FOLDER/<category>.json; what is there already is not asked again. `--llm replay` needs them only.
 
 Pictures are for raters who must not know the method: FOLDER/<object>_<letter>.png shows before and after, wide and close,
 and FOLDER/key.json says which letter is which.
@@ -21,8 +25,11 @@ import random
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from importlib.metadata import distribution
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 import yaml
@@ -30,9 +37,10 @@ from PIL import Image
 from scipy.stats import binomtest
 
 from s2a import config
+from s2a.edit.ask import Answer, Model, Request
 from s2a.edit.fit import NoRoom
 from s2a.edit.insert import Inserted, Room, Thing, Watch, insert
-from s2a.edit.llm import choose, kind_of
+from s2a.edit.llm import choose
 from s2a.edit.openings import blocked, openings
 from s2a.edit.record import Ledger
 from s2a.edit.surfaces import nearby
@@ -48,9 +56,11 @@ from s2a.verbs import insert as verb
 from s2a.verbs.drop import drop
 
 RESULTS = Path(__file__).parent / "results"
+FOREIGN = Path(__file__).parent / "foreign.yaml"
 ROOMS = {c: c for c in ("bathroom", "kitchen", "bedroom")} | {"stationery": "office", "living room": "living_room"}
+ROOMS |= {"foreign": "living_room"}
 """The room that objects of a category go to."""
-METHODS = {"ours": ["surface=regions", "pose=search"], "paper": ["surface=ransac", "pose=paper"]}
+METHODS = {"ours": ["surface=regions", "pose=search"], "paper": ["surface=ransac", "pose=paper", "plans=1"]}
 SCALE, DEEPEST, WAY = 0.25, 0.001, 0.008
 """Largest error of the size, depth of a collision [m], and depth in the way of a door [m], whose scan is that noisy."""
 CHECKS = ("scale", "free", "stable", "openings")
@@ -59,16 +69,20 @@ CHECKS = ("scale", "free", "stable", "openings")
 def main() -> None:
     """Insert every object by every method, and write what came of it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--llm", default="rules")
-    parser.add_argument("--answers", type=Path, help="a recording: --llm replay")
+    parser.add_argument("--llm", default="rules", choices=["rules", "chat", "replay"])
+    parser.add_argument("--recordings", type=Path, help="folder of a model's answers, a file a category")
+    parser.add_argument("--at-once", type=int, default=1, help="objects that a model is asked of at a time")
     parser.add_argument("--methods", nargs="*", default=list(METHODS), choices=METHODS)
-    parser.add_argument("--categories", nargs="*", default=list(ROOMS), choices=ROOMS)
+    parser.add_argument("--categories", nargs="*", default=[c for c in ROOMS if c != "foreign"], choices=ROOMS)
     parser.add_argument("--runs", type=Path, default=Path("runs/insertion"))
-    parser.add_argument("--name", help="of the results; default: the model")
+    parser.add_argument("--name", help="of the results; default: rules, or that of the folder of recordings")
     parser.add_argument("--pictures", type=Path)
     parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
-    name = args.name or ("replay" if args.answers else args.llm)
+    parser.add_argument("settings", nargs="*", help="of `s2a insert`, such as llm.model=gpt-4o-mini")
+    args = parser.parse_intermixed_args()
+    if (args.llm != "rules") != bool(args.recordings):
+        parser.error("--llm chat and --llm replay need --recordings FOLDER, and --llm rules has none")
+    name = args.name or (args.recordings.name if args.recordings else args.llm)
     rows = []
     for category in args.categories:
         done = args.runs / name / f"{category}.json"
@@ -80,65 +94,92 @@ def main() -> None:
     report = {"llm": name, "seed": args.seed, **provenance("cpu"), "table": summary(rows), "rows": rows}
     RESULTS.mkdir(exist_ok=True)
     (RESULTS / f"insertion_{name}.json").write_text(json.dumps(report, indent=1) + "\n")
+    (RESULTS / f"insertion_{name}.md").write_text(f"```\n{table(rows)}\n```\n")
 
 
 def _category(category: str, name: str, args: argparse.Namespace) -> list[dict]:
     """Insert the objects of a category by every method; return a line an object and method."""
-    stage, zoo = _stage(ROOMS[category], args), _zoo(args)
-    truth = {entry["object"]: entry for entry in json.loads((zoo / "truth.json").read_text())["objects"].values()}
-    things = [entry for entry in yaml.safe_load((zoo / "list.yaml").read_text()) if entry["category"] == category]
-    rows = []
-    settings = {method: _settings(stage, METHODS[method], args) for method in args.methods}
-    room = verb.open_room(settings[args.methods[0]])
-    for entry in track(things, category):
-        done = {}
-        for method in args.methods:
-            thing = Thing(zoo / entry["object"], entry["label"], "")
-            row, inserted, record = _one(room, thing, truth[entry["object"]], settings[method], method)
-            rows.append({"object": Path(entry["object"]).stem, "category": category, "method": method, **row})
-            done[method] = inserted
-            out = args.runs / name / method / f"{Path(entry['object']).stem}.json"
-            out.parent.mkdir(parents=True, exist_ok=True)
-            out.write_text(json.dumps(record, indent=1) + "\n")
-        if args.pictures:
-            _pictures(room, Path(entry["object"]).stem, done, args.pictures)
+    stage = _stage(ROOMS[category], args)
+    settings = {method: _settings(stage, category, METHODS[method], args) for method in args.methods}
+    first = settings[args.methods[0]]
+    room, turn = verb.open_room(first), Lock()
+    model = _in_turn(choose(first.llm, first.record), turn)
+
+    def insert_one(entry: tuple[Thing, float | None]) -> list[dict]:
+        with turn:  # what is not waiting for a model is done by one at a time
+            return _object(room, *entry, model, settings, args.runs / name, args.pictures)
+
+    things = _things(category, args)
+    with ThreadPoolExecutor(args.at_once) as pool:
+        found = list(track(pool.map(insert_one, things), category, len(things)))
+    return [{"category": category, **row} for rows in found for row in rows]
+
+
+def _in_turn(model: Model, turn: Lock) -> Model:
+    """Return a model that lets others have their turn while it is asked."""
+
+    def answer(request: Request) -> Answer:
+        turn.release()
+        try:
+            return model(request)
+        finally:
+            turn.acquire()
+
+    return answer
+
+
+def _object(
+    room: Room,
+    thing: Thing,
+    size: float | None,
+    model: Model,
+    settings: dict[str, verb.Config],
+    out: Path,
+    pictures: Path | None,
+) -> list[dict]:
+    """Insert an object by every method; return a line a method. `size` is its true longest side [m], if that is known."""
+    rows, done = [], {}
+    for method, how in settings.items():
+        row, done[method], record = _one(room, thing, size, model, how, method)
+        rows.append({"object": thing.file.stem, "method": method, **row})
+        path = out / method / f"{thing.file.stem}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(record, indent=1) + "\n")
+    if pictures:
+        _pictures(room, thing.file.stem, done, pictures)
     return rows
 
 
 def _one(
-    room: Room, thing: Thing, truth: dict, settings: verb.Config, method: str
+    room: Room, thing: Thing, size: float | None, model: Model, settings: verb.Config, method: str
 ) -> tuple[dict, Inserted | None, dict]:
     """Insert an object; return what is measured of it, itself, and the record."""
-    ledger, record = Ledger(settings.llm.prices), {"object": str(thing.file), "label": thing.label}
+    ledger, record = Ledger(settings.llm.prices), {"object": thing.file.name, "label": thing.label}
     looker = drop(settings.pieces, settings.placement.settle)
     # The paper's method does not look whether a thing stays; ours does, and tries the next place.
     looks = looker if method == "ours" else lambda *_: {"problem": ""}
-    start = time.perf_counter()
+    start, inserted, problem = time.perf_counter(), None, ""
     try:
-        inserted = insert(room, thing, choose(settings.llm, None), verb.settings(settings), looks, ledger, record)
+        inserted = insert(room, thing, model, verb.settings(settings), looks, ledger, record)
     except InputError as error:
-        kind = "no place" if isinstance(error, NoRoom) else "error"
-        said = {"seconds": round(time.perf_counter() - start, 2), "problem": f"{kind}: {str(error)[:300]}"}
-        ratio = _ratio(record, truth)
-        return {**said, "ratio": ratio, **dict.fromkeys(CHECKS, False), "success": False}, None, record | said
-    seconds = round(time.perf_counter() - start, 2)
-    said = _measured(room, inserted, looker) | {"ratio": _ratio(record, truth)}
-    said["scale"] = abs(said["ratio"] - 1.0) <= SCALE
+        problem = f"{'no place' if isinstance(error, NoRoom) else 'error'}: {str(error)[:300]}"
+    said = {"seconds": round(time.perf_counter() - start, 2), "ratio": _ratio(record, size)}
+    if inserted is None:
+        said |= {"problem": problem, **dict.fromkeys(CHECKS, False)}
+    else:
+        said |= _measured(room, inserted, looker)
+        said["scale"] = said["ratio"] is None or abs(said["ratio"] - 1.0) <= SCALE
+        said |= {"target": inserted.spot.target, "relation": inserted.spot.choice.relation, "problem": said["fell"]}
     said["success"] = all(said[check] for check in CHECKS)
-    where = {"target": inserted.spot.target, "relation": inserted.spot.choice.relation}
     total = ledger.total()
-    tokens = {"prompt_tokens": total["prompt_tokens"], "completion_tokens": total["completion_tokens"]}
-    return (
-        {**said, **where, "seconds": seconds, **tokens, "problem": said["fell"]},
-        inserted,
-        record | {"measured": said},
-    )
+    tokens = {key: total[key] for key in ("calls", "prompt_tokens", "completion_tokens")}
+    return said | tokens, inserted, record | {"measured": said, "answers": ledger.entries}
 
 
-def _ratio(record: dict, truth: dict) -> float:
-    """Return an object's longest side over the true one; nan if it never got a size."""
+def _ratio(record: dict, true: float | None) -> float | None:
+    """Return an object's longest side over the true one [m]; None if that is unknown, or the object never got a size."""
     size = record.get("scale", {}).get("size")
-    return round(max(size) / max(truth["size"]), 4) if size else float("nan")
+    return round(max(size) / true, 4) if size and true else None
 
 
 def _measured(room: Room, inserted: Inserted, looker: Watch) -> dict:
@@ -222,13 +263,27 @@ def _view(inserted: Inserted, distance: float) -> View:
     return View(tuple(eye), tuple(middle))
 
 
-def _settings(stage: Path, method: list[str], args: argparse.Namespace) -> verb.Config:
+def _settings(stage: Path, category: str, method: list[str], args: argparse.Namespace) -> verb.Config:
     """Return the settings of the verb for a method."""
-    llm = ["llm=replay", f"llm.answers={args.answers}"] if args.answers else [f"llm={args.llm}"]
-    values = config.compose("insert", [f"stage={stage}", "out=unused", *llm, *method])
-    found = config.load(verb.Config, values)
-    assert kind_of(found.llm) == ("replay" if args.answers else args.llm)
-    return found
+    llm = [f"llm={args.llm}"]
+    if args.recordings:
+        file = args.recordings / f"{category.replace(' ', '_')}.json"
+        llm.append(f"record={file}" if args.llm == "chat" else f"llm.answers={file}")
+    return config.load(
+        verb.Config, config.compose("insert", [f"stage={stage}", "out=unused", *llm, *method, *args.settings])
+    )
+
+
+def _things(category: str, args: argparse.Namespace) -> list[tuple[Thing, float | None]]:
+    """Return the objects of a category, with their true longest sides [m] where these are known."""
+    if category == "foreign":
+        entries = yaml.safe_load(FOREIGN.read_text())
+        files = [Path(str(distribution(entry["package"]).locate_file(entry["file"]))) for entry in entries]
+        return [(Thing(file, entry["label"], ""), entry["size"]) for file, entry in zip(files, entries, strict=True)]
+    zoo = _zoo(args)
+    truth = {entry["object"]: entry for entry in json.loads((zoo / "truth.json").read_text())["objects"].values()}
+    entries = [entry for entry in yaml.safe_load((zoo / "list.yaml").read_text()) if entry["category"] == category]
+    return [(Thing(zoo / e["object"], e["label"], ""), max(truth[e["object"]]["size"])) for e in entries]
 
 
 def _zoo(args: argparse.Namespace) -> Path:

@@ -23,7 +23,12 @@ from s2a.errors import InputError
 from s2a.scene import Mesh, Part, Scene
 
 ROOM = Scene("room", {i: Part(i[:-2], Mesh([], [])) for i in ("desk_1", "shelf_2", "keyboard_3")})
-FACTS = {"label": "mug", "sides": [11.0, 8.0, 9.5], "up": None, "feet": {}, "wish": "", "room": []}
+FACTS = {"label": "mug", "sides": [11.0, 8.0, 9.5], "up": None, "wish": "", "room": [{"id": "desk_1"}]}
+FACTS |= {
+    "feet": {"+z": 0.5, "+x": 0.0},
+    "hollow": {"+z": 0.7, "-z": 0.0},
+    "slices": {"x": [0.5], "y": [0.5], "z": [0.9]},
+}
 SIDES = {"label": "mug", "sides": [11.0, 8.0, 9.5], "height": 9.5, "longest": 11.0, "stated": None}
 SIDES |= {
     "support": {"part": "desk", "room": 0.5, "widest": 1.2},
@@ -63,7 +68,9 @@ def test_an_answer_is_believed_and_its_tokens_are_counted(monkeypatch):
     (request,) = there.asked
     assert request["temperature"] == 0.0
     assert request["messages"][0] == {"role": "system", "content": prompts.PLAN}
-    assert "the lines" in request["messages"][1]["content"]
+    question = request["messages"][1]["content"]
+    assert "the lines" in question
+    assert '"feet":{"+z":0.5},"hollow":{"+z":0.7}' in question
     assert request["response_format"]["json_schema"]["schema"]["required"] == ["up", "front", "near", "choices"]
 
 
@@ -214,7 +221,7 @@ def test_a_recording_says_why_it_has_no_answer(monkeypatch, tmp_path):
     recording(monkeypatch, tmp_path / "answers.json")
     model = replay(tmp_path / "answers.json")
     with pytest.raises(InputError, match="'mug' in this room: the room or the object has changed"):
-        plan(model, ROOM, FACTS, '{"id":"sofa_4"}', 2, Ledger((0.0, 0.0)))
+        plan(model, ROOM, {**FACTS, "room": [{"id": "sofa_4"}]}, '{"id":"sofa_4"}', 2, Ledger((0.0, 0.0)))
     with pytest.raises(InputError, match="no answer to step 'plan' for 'vase'; record it"):
         plan(model, ROOM, {**FACTS, "label": "vase"}, "{}", 2, Ledger((0.0, 0.0)))
     monkeypatch.setattr(prompts, "PLAN", prompts.PLAN + " Be brief.")
@@ -222,17 +229,44 @@ def test_a_recording_says_why_it_has_no_answer(monkeypatch, tmp_path):
         plan(model, ROOM, FACTS, "{}", 2, Ledger((0.0, 0.0)))
 
 
+def test_a_recording_answers_in_the_same_room_measured_anew_and_says_so(monkeypatch, tmp_path):
+    recording(monkeypatch, tmp_path / "answers.json")
+    ledger = Ledger((0.0, 0.0))
+    assert plan(replay(tmp_path / "answers.json"), ROOM, FACTS, '{"size":0.76}', 2, ledger).up == "+z"
+    assert "measures" in ledger.entries[0]["note"]
+
+
+def test_what_is_recorded_is_not_asked_again(monkeypatch, tmp_path):
+    recording(monkeypatch, tmp_path / "answers.json")
+    with chat(monkeypatch, words({**PLAN, "up": "-z"})) as (_, there):
+        model = choose(load(LlmConfig, compose("insert", ["llm=chat"])["llm"]), tmp_path / "answers.json")
+        assert asked(model).up == "+z"
+        assert plan(model, ROOM, FACTS, "other lines", 2, Ledger((0.0, 0.0))).up == "-z"
+    assert len(there.asked) == 1
+
+
+def test_tokens_that_an_endpoint_does_not_count_are_estimated(monkeypatch):
+    reply = message(json.dumps(PLAN))
+    silent = Said(reply.body.replace(b'"prompt_tokens": 100, "completion_tokens": 20', b'"prompt_tokens": 0'))
+    ledger = Ledger((2.5, 10.0))
+    with chat(monkeypatch, silent) as (model, _):
+        plan(model, ROOM, FACTS, "the lines", 2, ledger)
+    assert ledger.total()["prompt_tokens"] == pytest.approx(len(prompts.PLAN) / 3.5, rel=0.2)
+    assert ledger.total()["completion_tokens"] == pytest.approx(len(json.dumps(PLAN)) / 3.5, abs=1)
+
+
 def script(x: str, y: str) -> Request:
     return Request("script", "Write a script.", (("user", f"translate {x} {y} scale 0.01"),), None, {"label": "mug"})
 
 
-def test_a_recorded_script_fits_a_pose_that_differs_in_the_last_digit(monkeypatch, tmp_path):
-    with chat(monkeypatch, words("move(1.2345678, -0.7654321); scale(0.01)")) as (_, there):
+def test_a_recorded_script_fits_another_pose_however_many_zeros_the_model_wrote(monkeypatch, tmp_path):
+    with chat(monkeypatch, words("move(1.25, -0.76543); scale(0.01)")) as (_, there):
         model = choose(load(LlmConfig, compose("insert", ["llm=chat"])["llm"]), tmp_path / "a.json")
-        ask(model, script("1.2345678", "-0.7654321"), str, 0, Ledger((0.0, 0.0)))
+        ask(model, script("1.25000", "-0.76543"), str, 0, Ledger((0.0, 0.0)))
     assert len(there.asked) == 1
-    again = replay(tmp_path / "a.json")(script("1.2345679", "-0.7654333"))
-    assert again.text == "move(1.2345679, -0.7654333); scale(0.01)"
+    again = replay(tmp_path / "a.json")(script("1.31000", "1.31000"))
+    assert again.text == "move(1.31000, 1.31000); scale(0.01)"
+    assert not again.note
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"a": {}}', "\x00"])

@@ -51,8 +51,9 @@ class Answer:
         text: the answer.
         model: who gave it.
         seconds: that it took.
-        prompt_tokens: of the request, as the model counts; 0 where it does not say.
+        prompt_tokens: of the request, as the model counts, or an estimate (`s2a.edit.record.tokens`); 0 without a model.
         completion_tokens: of the answer.
+        note: what else there is to know of it, for the record.
     """
 
     text: str
@@ -60,6 +61,7 @@ class Answer:
     seconds: float = 0.0
     prompt_tokens: int = 0
     completion_tokens: int = 0
+    note: str = ""
 
 
 Model = Callable[[Request], Answer]

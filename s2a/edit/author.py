@@ -66,7 +66,7 @@ def author(
             refusals.append(str(refusal))
             raise Complaint(f"{refusal}. Write the script again, whole.") from refusal
 
-    request = Request("script", prompts.SCRIPT, (("user", prompts.script_question(facts)),), None, facts)
+    request = Request("script", prompts.SCRIPT, (("user", prompts.script_question(planned)),), None, facts)
     outcome = ask(model, request, accept, 1, ledger)
     said |= {name: value for name, value in outcome.record.items() if name != "seconds"}
     said["confined_seconds"] = outcome.record["seconds"]

@@ -53,5 +53,5 @@ def place_paper(scene: Scene, object: Mesh, plane: Plane, inliers: np.ndarray, c
         pose = Pose(tuple(start + random.normal(size=3) * spread), (0.0, 0.0, 0.0, 1.0), 0.0, number + 1)
         moved = pose.moved(object)
         if crossing(moved, nearby(scene, *moved.bounds)) is None:
-            return pose
+            return pose.rounded()
     raise NoRoom(f"all of {config.tries} random offsets collide; give surface=regions pose=search")

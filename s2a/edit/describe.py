@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from scipy import ndimage
 
 from s2a.edit.plan import Choice
 from s2a.edit.surfaces import target_regions
@@ -26,8 +26,12 @@ WORTH = 0.008
 """Free area from which a support is told of [m^2]: a glass stands on it."""
 BASIN = 0.5
 """Share of a region's border at which its own part rises, from which it is a basin."""
+SLIVER, FOOT = 0.1, 0.06
+"""Supports of less than this share of the part's largest, or without a free circle of this diameter [m], are not told of."""
 COUNT = 6
 """Supports of a part that are told of."""
+SMALL, REACH = 0.5, 2.2
+"""What has no side this long [m] is a thing rather than furniture; what begins above this height [m] is out of reach."""
 NEAR = 0.03
 """A thing whose underside is this near to a support [m] stands on it: the noise of a scan and of its plane."""
 
@@ -38,31 +42,24 @@ def survey(scene: Scene, config: RegionConfig, part_ids: Iterable[str] | None = 
 
 
 def describe(scene: Scene, supports: Supports) -> list[dict[str, Any]]:
-    """Return what there is to know of each part; small parts that carry nothing are only named, together.
+    """Return what there is to know of each part, a line a part.
 
-    Keys: id, label, center and size of its upright box [m], yaw [deg] if turned, part_of, opens (slides or turns), on (the
-    part it stands on), supports (kind, height [m], free area [m^2], room above [m] of each, largest first).
+    Keys: id, label; center and size of its upright box [m]; part_of; opens (slides or turns); on (the part it stands on);
+    supports (kind, height [m], free area [m^2], diameter of the largest free circle [m], room above [m] of each, the largest
+    first). Doors and drawers have no box, nor has what carries nothing and is small or out of reach.
     """
-    lines, small = [], dict[str, list[str]]()
-    for part_id in shown(scene):
-        carries = worth(supports.get(part_id, []))
-        if (
-            not carries
-            and part_id not in scene.movable
-            and scene.parts[part_id].parent is None
-            and _small(scene, part_id)
-        ):
-            small.setdefault(scene.parts[part_id].label, []).append(part_id)
-        else:
-            lines.append(_line(scene, part_id, carries, supports))
-    for label, ids in small.items():
-        lines.append(_line(scene, ids[0], [], supports) if len(ids) == 1 else _group(scene, label, ids, supports))
-    return lines
+    return [_line(scene, part_id, supports) for part_id in shown(scene)]
 
 
 def text(lines: list[dict[str, Any]]) -> str:
-    """Return a description as a model reads it."""
-    return "\n".join(json.dumps(line, separators=(",", ":"), ensure_ascii=False) for line in lines)
+    """Return a description as a model reads it: furniture with its doors, then small things by what they stand on."""
+    told = [_told(line, lines) for line in lines if "size" in line]
+    small: dict[str | None, list[str]] = {}
+    for line in lines:
+        if "size" not in line and "opens" not in line:
+            small.setdefault(line.get("on"), []).append(line["id"])
+    told += [{**({"on": on} if on else {}), "things": ids} for on, ids in small.items()]
+    return "\n".join(json.dumps(line, separators=(",", ":"), ensure_ascii=False) for line in told)
 
 
 def shown(scene: Scene) -> list[str]:
@@ -72,10 +69,16 @@ def shown(scene: Scene) -> list[str]:
     return [i for i, part in parts if len(part.mesh.faces) and i not in hidden and not part.graspable]
 
 
-def worth(regions: list[Region]) -> list[Region]:
-    """Return the regions on which something could stand, those with the most free area first."""
-    free = [region for region in regions if region.free_area >= WORTH]
+def worth(regions: list[Region], foot: float = FOOT) -> list[Region]:
+    """Return the regions on which a foot of some diameter [m] could stand, those with the most free area first."""
+    largest = max((region.free_area for region in regions), default=0.0)
+    free = [region for region in regions if region.free_area >= max(WORTH, SLIVER * largest) and circle(region) >= foot]
     return sorted(free, key=lambda region: -region.free_area)[:COUNT]
+
+
+def circle(region: Region) -> float:
+    """Return the diameter of the largest free circle on a region [m]."""
+    return 2.0 * region.cell * float(ndimage.distance_transform_edt(np.pad(region.free, 1)).max())
 
 
 def support(region: Region) -> dict[str, Any]:
@@ -85,6 +88,7 @@ def support(region: Region) -> dict[str, Any]:
         "kind": kind,
         "height": round(region.height, CENTIMETRES) + 0.0,
         "free": _two_digits(region.free_area),
+        "circle": round(circle(region), CENTIMETRES),
         "room": round(region.clearance, 1 if region.clearance >= 1.0 else CENTIMETRES),
     }
 
@@ -126,28 +130,33 @@ def _supports(scene: Scene, part_id: str, config: RegionConfig) -> list[Region]:
     return target_regions(scene, part_id, config, ("horizontal", "inside"))
 
 
-def _line(scene: Scene, part_id: str, carries: list[Region], supports: Supports) -> dict[str, Any]:
+def _line(scene: Scene, part_id: str, supports: Supports) -> dict[str, Any]:
     """Return what there is to know of one part."""
     part, box = scene.parts[part_id], box_of(scene, part_id)
+    small = part.parent is None and max(box.size) < SMALL
+    carries = worth(supports.get(part_id, []), 2.0 * FOOT if small else FOOT)
     line: dict[str, Any] = {"id": part_id, "label": part.label}
-    line |= {"center": _rounded(box.center), "size": _rounded(box.size)}
-    if yaw := round(math.degrees(box.yaw)):
-        line["yaw"] = yaw
     if part.parent is not None:
         line["part_of"] = part.parent
     if isinstance(part.motion, Joint):
-        line["opens"] = "slides" if part.motion.kind == "prismatic" else "turns"
+        return {**line, "opens": "slides" if part.motion.kind == "prismatic" else "turns"}
     if below := _carrier(scene, part_id, box, supports):
         line["on"] = below
+    if carries or not (small or box.center[2] - box.size[2] / 2 > REACH):
+        line |= {"center": _rounded(box.center), "size": _rounded(box.size)}
     if carries:
         line["supports"] = [support(region) for region in carries]
     return line
 
 
-def _group(scene: Scene, label: str, ids: list[str], supports: Supports) -> dict[str, Any]:
-    """Return the line of several small things of a kind."""
-    below = [carrier for i in ids if (carrier := _carrier(scene, i, box_of(scene, i), supports))]
-    return {"label": label, "ids": ids, **({"on": list(dict.fromkeys(below))} if below else {})}
+def _told(line: dict[str, Any], lines: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a line as a model reads it: without what its id says, its supports as plain lists, with its doors and drawers."""
+    id_says = line["id"].rpartition("_")[0].replace("_", " ")
+    told = {key: value for key, value in line.items() if key != "label" or value != id_says}
+    if "supports" in line:
+        told["supports"] = [list(values.values()) for values in line["supports"]]
+    opens = {other["id"]: other["opens"] for other in lines if "opens" in other and other.get("part_of") == line["id"]}
+    return told | ({"opens": opens} if opens else {})
 
 
 def _carrier(scene: Scene, part_id: str, box: Box, supports: Supports) -> str | None:
@@ -168,11 +177,6 @@ def _stands_on(foot: np.ndarray, region: Region) -> bool:
         return False
     # What stands there hid the support from the scanner: the outline counts, not the cells.
     return True
-
-
-def _small(scene: Scene, part_id: str) -> bool:
-    """Whether a part is a thing to be handled rather than furniture: no side longer than half a metre."""
-    return bool(np.ptp(scene.parts[part_id].mesh.bounds, axis=0).max() < 0.5)
 
 
 def _two_digits(value: float) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.edit.openings import Opening, blocked
+from s2a.edit.placement import ORIENTATION, POSITION
 from s2a.errors import InputError
 from s2a.geometry.clash import crossing, inside
 from s2a.geometry.rays import RayMesh, ray_mesh
@@ -40,6 +41,12 @@ class Pose:
     def yaw(self) -> float:
         """The turn about z [rad]."""
         return float(Rotation.from_quat(self.quaternion).as_euler("zyx")[0])
+
+    def rounded(self) -> Pose:
+        """Return the pose in as many digits as a script spells out."""
+        x, y, z = (round(float(value), POSITION) + 0.0 for value in self.position)
+        i, j, k, w = (round(float(value), ORIENTATION) + 0.0 for value in self.quaternion)
+        return replace(self, position=(x, y, z), quaternion=(i, j, k, w))
 
     def moved(self, object: Mesh) -> Mesh:
         """Return an object at this pose in the scene."""

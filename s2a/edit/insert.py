@@ -24,7 +24,7 @@ from s2a.edit.pose import PoseConfig
 from s2a.edit.record import Ledger, Record, step, tokens
 from s2a.edit.scale import Size, fit, size
 from s2a.edit.spots import Spot, spots
-from s2a.edit.stance import feet
+from s2a.edit.stance import hollows, slices
 from s2a.edit.surfaces import SurfaceConfig
 from s2a.scene import Mesh, Part, Scene
 
@@ -42,6 +42,7 @@ class InsertConfig:
         object: how objects are read.
         confinement: what scripts may do.
         retries: answers of a model that may be refused, a step.
+        plans: that a model is asked for, if there is no room in the places of the first.
         neighbours: things near the place that a model is told of when it says how large an object is.
         trusted: whether the scripts are our own.
     """
@@ -51,6 +52,7 @@ class InsertConfig:
     object: ObjectConfig
     confinement: ConfinementConfig
     retries: int
+    plans: int
     neighbours: int
     trusted: bool
 
@@ -137,15 +139,18 @@ def insert(
     where = _planned(model, room, facts, text, config, ledger, record, None)
     with step(record, "scale") as said:
         answer = _size(model, room, facts, file, where, config, ledger, said)
-    try:
-        object, scale, spot = _placed(room, file, where, answer, config, watch, record)
-    except NoRoom as full:
-        where = _planned(model, room, facts, text, config, ledger, record, (where, str(full)))
-        object, scale, spot = _placed(room, file, where, answer, config, watch, record)
+    for left in reversed(range(config.plans)):
+        try:
+            object, scale, spot = _placed(room, file, where, answer, config, watch, record)
+            break
+        except NoRoom as full:
+            if not left:
+                raise
+            where = _planned(model, room, facts, text, config, ledger, record, (where, str(full)))
     with step(record, "script") as said:
         planned = placement(room.scene, thing.label, spot.pose, scale)
         outcome = author(model, room.skeleton, planned, config.confinement, config.trusted, ledger, said)
-    own, _ = upright(file, where.up, where.front, 1.0)
+    own, _ = upright(file, where.up, where.front, 1.0, where.hangs)
     return Inserted(planned, spot, Part(thing.label, spot.pose.moved(object)), own, outcome.layer)
 
 
@@ -156,7 +161,9 @@ def _facts(file: ObjectFile, thing: Thing, lines: list[Record]) -> Record:
         "label": thing.label,
         "sides": sides,
         "up": file.up,
-        "feet": feet(file.mesh),
+        "feet": {axis: round(firmness, 2) for axis, (_, firmness) in file.rests.items()},
+        "hollow": hollows(file.mesh),
+        "slices": slices(file.mesh),
         "wish": thing.wish,
         "room": lines,
     }
@@ -210,7 +217,7 @@ def _placed(
 ) -> tuple[Mesh, float, Spot]:
     """Return an object upright and in its size, metres in a unit of its file, and its spot."""
     found = fit(answer, *_extents(file, where), file.unit)
-    object, _ = upright(file, where.up, where.front, found.scale)
+    object, _ = upright(file, where.up, where.front, found.scale, where.hangs)
     sides = np.ptp(object.bounds, axis=0)
     record["scale"] |= vars(found) | {"size": [round(float(side), 4) for side in sides]}
     return object, found.scale, _spot(room, object, where, config, watch, record)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from s2a.edit.ask import Answer, Model, Request
+from s2a.edit.record import tokens
 from s2a.edit.replay import recorded, recorder
 from s2a.edit.rules import rules
 from s2a.errors import InputError
@@ -100,7 +101,7 @@ class Chat:
                 f"{' '.join(str(error).split())[:300] or type(error).__name__}; "
                 f"check OPENAI_BASE_URL, OPENAI_API_KEY and llm.model, or give llm=rules"
             ) from error
-        return self._answer(body, time.perf_counter() - start)
+        return self._answer(body, request, time.perf_counter() - start)
 
     def _completion(self, request: Request) -> dict[str, Any]:
         """Return the response, asked for by schema where the endpoint knows that."""
@@ -151,15 +152,16 @@ class Chat:
             ) from error
         return body
 
-    def _answer(self, body: dict[str, Any], seconds: float) -> Answer:
-        """Return what a response says; what is not text is nothing."""
+    def _answer(self, body: dict[str, Any], request: Request, seconds: float) -> Answer:
+        """Return what a response says; what is not text is nothing. Tokens that it does not tell are estimated."""
         text = body["choices"][0]["message"].get("content")
+        text = text if isinstance(text, str) else ""
         usage = body.get("usage") or {}
         asked, said = (usage.get(key) for key in ("prompt_tokens", "completion_tokens"))
-        return Answer(
-            text if isinstance(text, str) else "",
-            self._config.model,
-            seconds,
-            asked if isinstance(asked, int) else 0,
-            said if isinstance(said, int) else 0,
+        asked = (
+            asked
+            if isinstance(asked, int) and asked
+            else tokens(request.system + "".join(m for _, m in request.messages))
         )
+        said = said if isinstance(said, int) and said else tokens(text)
+        return Answer(text, self._config.model, seconds, asked, said)

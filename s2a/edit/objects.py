@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import trimesh
 from pxr import Usd, UsdGeom
 from scipy.spatial import cKDTree
 
+from s2a.edit.axes import AXES, sideways
+from s2a.edit.stance import rests
 from s2a.errors import InputError
 from s2a.geometry.surfaces import GREY
 from s2a.prepare.decimate import decimate
@@ -18,12 +21,6 @@ from s2a.usd.stage import reading
 
 STAGES = (".usd", ".usda", ".usdc", ".usdz")
 MESHES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
-AXES = {
-    f"{sign}{name}": direction
-    for name, axis in zip("xyz", np.eye(3), strict=True)
-    for sign, direction in (("+", axis), ("-", -axis))
-}
-"""Directions by name: "+x" to "-z"."""
 WELD = 1e-6
 """Vertices nearer than this share of the object's size are one."""
 Shape = tuple[np.ndarray, np.ndarray, np.ndarray | None]
@@ -59,6 +56,11 @@ class ObjectFile:
     unit: float | None
     up: str | None
 
+    @cached_property
+    def rests(self) -> dict[str, tuple[np.ndarray, float]]:
+        """How it stands with each axis about upwards: `s2a.edit.stance.rests`."""
+        return rests(self.mesh)
+
 
 def read_object(path: Path, config: ObjectConfig) -> ObjectFile:
     """Read an object.
@@ -88,14 +90,17 @@ def read_object(path: Path, config: ObjectConfig) -> ObjectFile:
     return ObjectFile(mesh, origin, unit, up)
 
 
-def upright(file: ObjectFile, up: str, front: str, scale: float) -> tuple[Mesh, np.ndarray]:
+def upright(file: ObjectFile, up: str, front: str, scale: float, hangs: bool = False) -> tuple[Mesh, np.ndarray]:
     """Return the mesh standing on z = 0 above the origin, its front towards +x, and what takes the file's points there, [4 4].
+
+    Where it would fall over a little, because the file's axes are not quite its own, it stands as it comes to rest.
 
     Args:
         file: what was read.
         up: axis of the file that points up, "+x" to "-z".
         front: axis of the file that the object's front looks along.
         scale: metres in a unit of the file, times whatever else makes it as large as it should be.
+        hangs: whether it does not stand at all.
 
     Raises:
         InputError: an unknown axis, front along up, or a scale that is not positive.
@@ -108,6 +113,9 @@ def upright(file: ObjectFile, up: str, front: str, scale: float) -> tuple[Mesh, 
         raise InputError(f"front axis {front!r} lies along the up axis {up!r}; possible: {', '.join(sideways(up))}")
     if not (np.isfinite(scale) and scale > 0):
         raise InputError(f"scale {scale} is not a positive number; give the metres in a unit of the file")
+    if not hangs:
+        z = file.rests[up][0]
+        x = (x - x @ z * z) / np.linalg.norm(x - x @ z * z)
     turn = scale * np.stack([x, np.cross(z, x), z])
     turned = file.mesh.vertices.astype(np.float64) @ turn.T
     low, high = turned.min(axis=0), turned.max(axis=0)
@@ -115,11 +123,6 @@ def upright(file: ObjectFile, up: str, front: str, scale: float) -> tuple[Mesh, 
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = turn, -base - turn @ file.origin
     return Mesh(turned - base, file.mesh.faces, file.mesh.colors), transform
-
-
-def sideways(up: str) -> list[str]:
-    """Return the axes across an up axis: the possible fronts."""
-    return [name for name, axis in AXES.items() if abs(axis @ AXES[up]) < 0.5]
 
 
 def cleaned(mesh: Mesh) -> Mesh:

@@ -12,6 +12,9 @@ from s2a.errors import InputError
 from s2a.scene import Vec3
 from s2a.usd.stage import RESERVED
 
+POSITION, ORIENTATION, SCALE = 5, 7, 6
+"""Decimals of a position [m] and of a quaternion, and digits of a scale: no more than a model can copy."""
+
 
 @dataclass(frozen=True)
 class Placement:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from s2a.config import nearest
 from s2a.edit import prompts
 from s2a.edit.ask import Complaint, Model, Request, ask, parse
-from s2a.edit.objects import AXES, sideways
+from s2a.edit.axes import AXES, sideways
 from s2a.edit.record import Ledger
 from s2a.scene import Scene
 
@@ -52,6 +52,11 @@ class Plan:
     front: str
     near: str | None
     choices: tuple[Choice, ...]
+
+    @property
+    def hangs(self) -> bool:
+        """Whether it is turned for a wall: then it need not stand."""
+        return self.choices[0].relation == "hanging"
 
 
 def plan(

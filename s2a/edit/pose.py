@@ -92,7 +92,7 @@ def place(
     for number, one in enumerate(_spread(found, apart, config.attempts), start=1):
         pose, reason = _tried(scene, object, region, one, base, ways, relation, config, number)
         if pose is not None:
-            return pose
+            return pose.rounded()
         stopped.append(reason)
     worst = max(set(stopped), key=stopped.count)
     raise NoRoom(f"none of {len(stopped)} places on {target!r} at {region.height:.2f} m is free: most {worst}")

@@ -42,7 +42,8 @@ class Ledger:
             "completion_tokens": answer.completion_tokens,
             "characters": len(answer.text),
         }
-        self.entries.append({**entry, "refused": refused} if refused else entry)
+        notes = {"note": answer.note, "refused": refused}
+        self.entries.append(entry | {name: said for name, said in notes.items() if said})
 
     def total(self) -> dict[str, Any]:
         """Return the number of calls, the tokens, seconds and US dollars of all answers."""

@@ -5,31 +5,34 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from itertools import count
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from s2a.edit.ask import Answer, Model, Request
 from s2a.errors import InputError
 from s2a.outputs import aside
 
-EXACT = re.compile(r"(?<![\w.])-?\d+\.\d{4,}(?:[eE][-+]?\d+)?(?![\w.])")
-"""Numbers with more decimals than a description has: a pose. In a recording a slot stands for each, because the same question
-may be asked of a pose that differs in the last digit."""
+EXACT = re.compile(r"(?<![\w.])-?\d+\.\d{4,}(?![\w.])")
+"""Numbers of a pose in the question for a script. In a recording a slot stands for each, because the same question may be asked
+of another pose: surfaces differ in their last digits, and so do ways to find a place."""
+NUMBER = re.compile(r"(?<![\w.])-?\d+\.\d+(?![\w.])")
+OTHER = "recorded in this room when its measures were others"
 
 
 def recorder(model: Model, path: Path) -> Model:
-    """Return a model whose answers are kept in a file, beside those that are there already."""
-    kept = _load(path) if path.exists() else {}
+    """Return a model whose answers are kept in a file, and which is not asked again what is there already."""
+    kept, lock = _load(path) if path.exists() else {}, Lock()
 
     def answer(request: Request) -> Answer:
+        if key(request) in kept:
+            return _answer(kept[key(request)], request, "")
         said = model(request)
-        text = said.text
-        for number, exact in enumerate(_exact(request)):
-            text = re.sub(rf"(?<![\w.]){re.escape(exact)}(?![\w.])", _slot(number), text)
+        about = {"step": request.step, "prompt": _hash(request.system), "about": _about(request), "gist": gist(request)}
         tokens = {"prompt_tokens": said.prompt_tokens, "completion_tokens": said.completion_tokens}
-        about = {"step": request.step, "prompt": _hash(request.system), "about": _about(request), "model": said.model}
-        kept[key(request)] = {**about, **tokens, "answer": text}
-        with aside(path) as room:
+        with lock, aside(path) as room:
+            kept[key(request)] = {**about, "model": said.model, **tokens, "answer": _slotted(said.text, request)}
             room.write_text(json.dumps(dict(sorted(kept.items())), indent=1, ensure_ascii=False) + "\n")
         return said
 
@@ -39,35 +42,60 @@ def recorder(model: Model, path: Path) -> Model:
 def recorded(path: Path) -> Model:
     """Return a model that gives the answers of a recording.
 
+    A question that differs in nothing but the measures of the room has the recorded answer too, which then says so.
+
     Raises:
         InputError: no such recording; from the model: a question that it does not have.
     """
     kept = _load(path)
+    gists = {entry["gist"]: entry for entry in kept.values()}
 
     def answer(request: Request) -> Answer:
-        found = kept.get(key(request))
-        if found is None:
-            raise InputError(_missing(request, kept, path))
-        text = found["answer"]
-        for number, exact in enumerate(_exact(request)):
-            text = text.replace(_slot(number), exact)
-        return Answer(text, found["model"], 0.0, found["prompt_tokens"], found["completion_tokens"])
+        if key(request) in kept:
+            return _answer(kept[key(request)], request, "")
+        if gist(request) in gists:
+            return _answer(gists[gist(request)], request, OTHER)
+        raise InputError(_missing(request, kept, path))
 
     return answer
 
 
 def key(request: Request) -> str:
-    """Return the hash of a question, exact numbers left out."""
+    """Return the hash of a question; of one for a script, without the numbers of the pose."""
+    numbers = count()
     texts = [request.step, request.system, *(f"{role}: {text}" for role, text in request.messages)]
-    for number, exact in enumerate(_exact(request)):
-        texts = [re.sub(rf"(?<![\w.]){re.escape(exact)}(?![\w.])", _slot(number), text) for text in texts]
+    if request.step == "script":
+        texts = [EXACT.sub(lambda _: _slot(next(numbers)), text) for text in texts]
     return _hash("\n\n".join(texts))
 
 
+def gist(request: Request) -> str:
+    """Return the hash of what a question is about: prompt, object, wish and the ids of the room, without its measures."""
+    facts = request.facts
+    named = [facts.get(name) for name in ("label", "sides", "height", "wish", "id", "tried")]
+    ids = sorted(line["id"] for line in facts.get("room", ()))
+    return _hash(json.dumps([request.step, request.system, named, ids, len(request.messages)]))
+
+
+def _answer(entry: dict[str, Any], request: Request, note: str) -> Answer:
+    """Return a recorded answer, with the numbers of this question."""
+    text = entry["answer"]
+    for number, exact in enumerate(_exact(request)):
+        text = text.replace(_slot(number), exact)
+    return Answer(text, entry["model"], 0.0, entry["prompt_tokens"], entry["completion_tokens"], note)
+
+
+def _slotted(text: str, request: Request) -> str:
+    """Return an answer with a slot for each number of the question's pose, however many zeros the model wrote."""
+    slots: dict[float, str] = {}
+    for number, exact in enumerate(_exact(request)):
+        slots.setdefault(float(exact), _slot(number))
+    return NUMBER.sub(lambda found: slots.get(float(found[0]), found[0]), text) if slots else text
+
+
 def _exact(request: Request) -> list[str]:
-    """Return the exact numbers of a question, each once, in order."""
-    found = [number for _, text in request.messages for number in EXACT.findall(text)]
-    return list(dict.fromkeys(found))
+    """Return the numbers of the pose in a question for a script, in order."""
+    return EXACT.findall(request.messages[0][1]) if request.step == "script" else []
 
 
 def _slot(number: int) -> str:
@@ -104,7 +132,7 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         kept = json.loads(path.read_text())
         for entry in kept.values():
-            entry["step"], entry["prompt"], entry["about"], entry["model"], entry["answer"]
+            entry["step"], entry["prompt"], entry["about"], entry["gist"], entry["model"], entry["answer"]
             entry["prompt_tokens"], entry["completion_tokens"]
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(f"{path}: not a recording, or a damaged one ({error}); make one with record=FILE") from error

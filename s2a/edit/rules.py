@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from s2a.edit.ask import Answer, Request
-from s2a.edit.objects import AXES, sideways
+from s2a.edit.axes import AXES, sideways
 from s2a.edit.placement import Placement
 from s2a.edit.scale import Range
 from s2a.edit.script import write_script
@@ -139,7 +139,7 @@ def _choices(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...]) ->
     anywhere = tuple((how, where) for how, _, where in (place.partition(" ") for place in ANYWHERE))
     found: list[dict[str, Any]] = []
     for how, where in (*places, *(anywhere if len(places) < 9 else ())):
-        lines = [line for line in room if "id" in line and same_thing(line["label"], where)]
+        lines = [line for line in room if same_thing(line["label"], where)]
         options = [option for line in lines for option in _options(line, how, room)]
         options.sort(key=lambda option: -option.pop("free"))
         found += [option for option in options[:1] if option not in found]
@@ -149,13 +149,13 @@ def _choices(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...]) ->
 def _options(line: dict[str, Any], how: str, room: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return how a part can carry something in a way of the table, with the area that is free for it."""
     reason = f"the table says: {how} {line['label']}"
-    if how == "hanging":
+    if how == "hanging" and "size" in line:
         area = line["size"][2] * max(line["size"][:2])
         return [_option(line["id"], "vertical", "hanging", None, reason, area)]
     if how == "against":
         floors = [other for other in room if other.get("label") == "floor" and "supports" in other]
         return [_option(i["id"], "horizontal", "against", None, reason, i["supports"][0]["free"]) for i in floors[:1]]
-    kinds = {"on": ("horizontal",), "in": ("basin", "inside"), "inside": ("inside",)}[how]
+    kinds = {"on": ("horizontal",), "in": ("basin", "inside"), "inside": ("inside",)}.get(how, ())
     fitting = [support for support in line.get("supports", ()) if support["kind"] in kinds]
     surface = {"horizontal": "horizontal", "basin": "horizontal", "inside": "inside"}
     relation = "on" if how == "on" else "in"
@@ -178,7 +178,7 @@ def _up(facts: Any, entry: Entry | None) -> str:
             low, high = entry.height[0] / entry.longest[1], entry.height[1] / entry.longest[0]
             misfit = min(ratio / low, high / ratio, 1.0)
         habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.3 if axis == facts["up"] else 0.0)
-        return min(1.0, facts["feet"][axis] / FIRM) * misfit**2 + habit
+        return min(1.0, facts["feet"].get(axis, 0.0) / FIRM) * misfit**2 + habit
 
     return max(AXES, key=merit)
 

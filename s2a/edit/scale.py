@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from s2a.edit import prompts
 from s2a.edit.ask import Complaint, Model, Request, ask, parse
+from s2a.edit.placement import SCALE
 from s2a.edit.record import Ledger
 
 Range = tuple[float, float]
@@ -136,8 +137,12 @@ def fit(answer: Size, height: float, longest: float, stated: float | None) -> Fi
         if fitting:
             own = [name for name in fitting if units[name] == stated]
             name = own[0] if own else min(fitting, key=far.__getitem__)
-            return Fit(units[name], f"unit {name}")
-    return Fit(_middle(answer, height, longest), "range")
+            return Fit(_short(units[name]), f"unit {name}")
+    return Fit(_short(_middle(answer, height, longest)), "range")
+
+
+def _short(scale: float) -> float:
+    return float(f"{scale:.{SCALE}g}")
 
 
 def _within(value: float, span: Range) -> bool:

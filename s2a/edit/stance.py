@@ -1,38 +1,130 @@
-"""How a thing in a file could stand: along which of its axes it has a foot, and how broad."""
+"""How a thing in a file could stand: on which of its ends it has a foot, which end is open, and how its girth changes."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from s2a.edit.objects import AXES
+from s2a.edit.axes import AXES
+from s2a.edit.fit import rays
+from s2a.geometry.rays import RayMesh
+from s2a.geometry.sight import sight
+from s2a.geometry.surfaces import sample
 from s2a.scene import Mesh
 
 FOOT = 0.02
 """What is nearer to the lowest point than this share of the longest side belongs to the foot: few things lie quite flat."""
-POINTS = 20000
+STEADY = 0.05
+"""What tilts less than this share of a right angle before it falls does not stand."""
+ASKEW = 0.966
+"""Cosine of 15 deg: an axis of a file may be off the way the thing stands by this much."""
+TRIED = 12
+"""Faces of the convex hull on which a thing is tried, the largest first."""
+SLICES = 5
+SAMPLES = 5000
+GRID = 24
+"""Rays along a side, into each end."""
+DEEP = 0.25
+"""A hollow is deeper than this share of the extent."""
+SIDEWAYS = 8
+"""Directions in which a hollow must have walls, but for one."""
 
 
-def feet(mesh: Mesh) -> dict[str, float]:
-    """Return for each axis, "+x" to "-z", how far a thing that stands with it upwards can be tilted before it falls.
+def rests(mesh: Mesh) -> dict[str, tuple[np.ndarray, float]]:
+    """Return for each axis, "+x" to "-z", what is up when a thing stands with about that axis up, [3], and how firmly.
 
-    As a share of a right angle: 0 does not stand at all, a cube has 0.5, a thin plate almost 1. Weight is where the surface is.
+    Firmness is how far it can be tilted before it falls, as a share of a right angle: 0 does not stand at all, a cube has
+    0.5, a thin plate almost 1. Weight is where the surface is. What is up is the axis itself, if it stands so. Else it is the
+    way in which it stands best with the axis not more than 15 deg off: of many files the axes are not quite the thing's own.
     """
-    points = mesh.vertices[:: max(1, len(mesh.vertices) // POINTS)].astype(np.float64)
+    points = mesh.vertices.astype(np.float64)
     middle = np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.face_areas)
-    return {name: round(_tilt(points, middle, axis), 2) for name, axis in AXES.items()}
+    downs = _faces(points)
+    found = {}
+    for name, axis in AXES.items():
+        ways = [axis, *[-down for down in downs if -down @ axis > ASKEW][:TRIED]]
+        firm = _tilt(points, middle, axis)
+        if firm < STEADY:
+            firms = [firm, *[_tilt(points, middle, way) for way in ways[1:]]]
+            best = int(np.argmax(firms))
+            axis, firm = ways[best], firms[best]
+        found[name] = axis, firm
+    return found
+
+
+def hollows(mesh: Mesh) -> dict[str, float]:
+    """Return for each axis, "+x" to "-z", which share of the outline seen from that end is a hollow with walls around.
+
+    A cup has 0.7 at its mouth and 0 elsewhere; between the legs of a table turned over there is none.
+    """
+    asked = rays(mesh)
+    return {name: round(_hollow(mesh, asked, axis), 1) for name, axis in AXES.items()}
+
+
+def slices(mesh: Mesh) -> dict[str, list[float]]:
+    """Return for "x", "y" and "z" which share of the box's cross-section each slice of a thing spans, from - to +.
+
+    A bottle along y has about [0.8, 0.8, 0.8, 0.4, 0.1]: what a slice spans is the convex hull of its surface.
+    """
+    points = sample(mesh, SAMPLES, seed=0)
+    low, high = mesh.bounds.astype(np.float64)
+    found = {}
+    for axis, name in enumerate("xyz"):
+        across = [i for i in range(3) if i != axis]
+        box = max(float(np.prod((high - low)[across])), 1e-12)
+        numbers = np.clip(SLICES * (points[:, axis] - low[axis]) / max(high[axis] - low[axis], 1e-12), 0, SLICES - 1)
+        hulls = [_hull(points[numbers.astype(int) == i][:, across]) for i in range(SLICES)]
+        found[name] = [round(min(1.0, hull.volume / box), 1) if hull else 0.0 for hull in hulls]
+    return found
+
+
+def _faces(points: np.ndarray) -> np.ndarray:
+    """Return the outward normals of the faces of the convex hull of points [point 3], the largest first, shape [face 3]."""
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):
+        return np.empty((0, 3))
+    a, b, c = np.moveaxis(points[hull.simplices], 1, 0)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    normals, faces = np.unique(hull.equations[:, :3].round(2), axis=0, return_inverse=True)
+    order = np.argsort(-np.bincount(faces.ravel(), areas), kind="stable")
+    return normals[order] / np.linalg.norm(normals[order], axis=1, keepdims=True)
 
 
 def _tilt(points: np.ndarray, middle: np.ndarray, up: np.ndarray) -> float:
     """Return how far a thing of some points [point 3] tilts before it falls, as a share of a right angle."""
-    level = [i for i in range(3) if not up[i]]
+    level = np.linalg.svd(up[None])[2][1:].T
     height = points @ up
     low = points[height <= height.min() + FOOT * max(float(np.ptp(points, axis=0).max()), 1e-12)]
-    foot = _hull(low[:, level])
+    foot = _hull(low @ level)
     if foot is None:
         return 0.0
-    edge = -float((foot.equations[:, :2] @ middle[level] + foot.equations[:, 2]).max())
+    edge = -float((foot.equations[:, :2] @ (middle @ level) + foot.equations[:, 2]).max())
     return max(0.0, float(np.arctan2(edge, middle @ up - height.min()) / (np.pi / 2)))
+
+
+def _hollow(mesh: Mesh, asked: RayMesh, axis: np.ndarray) -> float:
+    """Return which share of the outline seen from one end is a hollow with walls around."""
+    low, high = mesh.bounds.astype(np.float64)
+    up = int(np.abs(axis).argmax())
+    extent, across = float((high - low)[up]), [i for i in range(3) if i != up]
+    middles = (np.stack(np.meshgrid(*[np.arange(GRID)] * 2), axis=-1).reshape(-1, 2) + 0.5) / GRID
+    start = np.empty((len(middles), 3))
+    start[:, across] = low[across] + middles * (high - low)[across]
+    start[:, up] = high[up] if axis[up] > 0 else low[up]
+    start += 0.01 * extent * axis
+    reach = 1.1 * extent
+    depth, _ = sight(asked, start, -axis, reach)
+    seen = depth < reach
+    deep = np.flatnonzero(seen & (depth > DEEP * extent))
+    walls = np.zeros(len(deep), int)
+    for angle in np.arange(SIDEWAYS) * 2 * np.pi / SIDEWAYS:
+        sideways = np.zeros(3)
+        sideways[across] = np.cos(angle), np.sin(angle)
+        far = float(np.linalg.norm(high - low))
+        away, _ = sight(asked, start[deep] - 0.5 * depth[deep, None] * axis, sideways, far)
+        walls += away < far
+    return float((walls >= SIDEWAYS - 1).sum() / max(seen.sum(), 1))
 
 
 def _hull(points: np.ndarray) -> ConvexHull | None:

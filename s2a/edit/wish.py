@@ -70,13 +70,12 @@ def read_wish(wish: str, room: list[dict[str, Any]]) -> Wish:
     for word, relation in CARRIED.items():
         carrier = _named(words, (word,), room)
         if carrier:
-            return Wish(None if near is None else _id(near), _places(carrier, relation))
+            return Wish(None if near is None else near["id"], _places(carrier, relation))
     if near is None:
         return Wish(None, [])
-    carriers = near.get("on", [])
-    carriers = [carriers] if isinstance(carriers, str) else carriers
-    below = [line for line in room if line.get("id") in carriers or (not carriers and line["label"] == "floor")]
-    return Wish(_id(near), _places(below[0], "on") if below else [])
+    carrier = near.get("on")
+    below = [line for line in room if line["id"] == carrier or (not carrier and line["label"] == "floor")]
+    return Wish(near["id"], _places(below[0], "on") if below else [])
 
 
 def same_thing(label: str, noun: str) -> bool:
@@ -89,7 +88,7 @@ def _named(words: str, before: tuple[str, ...], room: list[dict[str, Any]]) -> d
     """Return the line of the part that follows one of some words, the one with the longest label."""
     found = []
     for line in room:
-        names = {line["label"].lower(), *(i.lower() for i in (line.get("id"), *line.get("ids", ())) if i)}
+        names = {line["label"].lower(), line["id"].lower()}
         names |= {other for name in (line["label"].lower(),) for other in SAME.get(name, ())}
         hits = [
             name
@@ -98,10 +97,6 @@ def _named(words: str, before: tuple[str, ...], room: list[dict[str, Any]]) -> d
         ]
         found += [(max(map(len, hits)), line)] if hits else []
     return max(found, key=lambda pair: pair[0])[1] if found else None
-
-
-def _id(line: dict[str, Any]) -> str:
-    return line["id"] if "id" in line else line["ids"][0]
 
 
 def _places(line: dict[str, Any], relation: str) -> list[dict[str, Any]]:
@@ -114,7 +109,7 @@ def _places(line: dict[str, Any], relation: str) -> list[dict[str, Any]]:
     reason = "as wished"
     return [
         {
-            "target": _id(line),
+            "target": line["id"],
             "surface": "inside" if s["kind"] == "inside" else "horizontal",
             "relation": relation,
             "height": s["height"],

@@ -73,6 +73,7 @@ class Config:
         surface: "regions" grows bounded surfaces; "ransac" is the baseline, one plane, and needs pose=paper.
         pose: "search" looks for the best place; "paper" is the baseline, random offsets until nothing collides.
         retries: answers of the model that may be refused, a step.
+        plans: that the model is asked for, if there is no room in the places of the first.
         neighbours: things near the place that the model is told of when it says how large an object is.
         llm: who is asked.
         placement: where an object goes.
@@ -92,6 +93,7 @@ class Config:
     surface: Literal["regions", "ransac"]
     pose: Literal["search", "paper"]
     retries: int
+    plans: int
     neighbours: int
     llm: LlmConfig
     placement: PlacementConfig
@@ -156,7 +158,8 @@ def settings(config: Config) -> InsertConfig:
     where = config.placement
     surface = SurfaceConfig(where.surface, where.regions, where.ransac)
     ours = kind_of(config.llm) == "rules"
-    return InsertConfig(surface, where.pose, where.object, config.confinement, config.retries, config.neighbours, ours)
+    asked = (config.retries, config.plans, config.neighbours)
+    return InsertConfig(surface, where.pose, where.object, config.confinement, *asked, ours)
 
 
 def _things(config: Config) -> list[Thing]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cabinet import HANDLE, box, write_cabinet
-from pxr import Gf, Usd, UsdGeom, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from seeded_defects import JOINT, STATIC_DEFECTS, TARGET, attribute, edit, nan_point
 from settings import load
 
@@ -76,6 +76,25 @@ def test_a_defect_of_motion_is_named(defect: Callable[[Usd.Stage], None], stage:
     assert check.status == "fail" and check.value > check.bound and check.remedy
     if defect is obstacle:
         assert found["joint_sweep"].prim == ROOM
+
+
+def test_a_body_that_falls_is_named_though_it_is_called_like_the_robot(stage: Path) -> None:
+    def add(edited: Usd.Stage) -> None:
+        Sdf.CopySpec(edited.GetRootLayer(), TARGET, edited.GetRootLayer(), "/scene/panda_9")
+        edited.RemovePrim("/scene/panda_9/colliders")
+
+    edit(stage, add)
+    settle, _ = physics_motion.rest(World(stage, CONFIG.physics), QUICK.motion)
+    # 0.2 s of free fall
+    assert settle.prim == "/scene/panda_9" and settle.value == pytest.approx(0.5 * 9.81 * 0.2**2, rel=0.05)
+
+
+def test_what_turns_about_its_own_grasp_point_gets_an_answer_too(stage: Path) -> None:
+    world = World(stage, CONFIG.physics)
+    world.stage = replace(world.stage, kind="revolute", origin=world.stage.grasp[:3])
+    assert world.lever == 0.0
+    # Half of its 0.4 rad are tried, at which the model's drawer stands 0.2 m out, around the hand.
+    assert physics_grip.grip(world, CONFIG.grip).prim.startswith(f"{TARGET}/colliders")
 
 
 def test_clean_furniture_keeps_still_runs_freely_and_survives_mujoco(stage: Path) -> None:

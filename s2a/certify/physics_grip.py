@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import mujoco
@@ -70,8 +71,9 @@ class Grip:
 
 def grip(world: World, config: GripConfig) -> Grip:
     """Try the depths and openings one after the other; return the first attempt that holds, else the one that came farthest."""
-    opened = min(config.opened, 0.5 * max(map(abs, world.stage.limits)) * world.lever)
-    q = world.sign * opened / world.lever
+    # What turns about the grasp point itself opens without a way: there half of the range counts alone.
+    way = config.opened / world.lever if world.lever > 0.0 else math.inf
+    q = world.sign * min(way, 0.5 * max(map(abs, world.stage.limits)))
     thin = 0.5 * float(world.stage.grasp_size[1])
     openings = [OPEN, *(min(OPEN, thin + margin) for margin in config.margins)]
     tries = []

@@ -50,8 +50,8 @@ def motion(world: World, config: MotionConfig) -> list[Check]:
         joint_sweep(world, config),
         penetration(world, "rest_penetration", np.zeros(1), config),
         penetration(world, "sweep_penetration", np.linspace(*world.stage.limits, config.poses), config),
-        carcass_overlap(world, config),
-        reload(world, config),
+        carcass_overlap(world),
+        reload(world),
     ]
 
 
@@ -61,7 +61,7 @@ def rest(world: World, config: MotionConfig) -> list[Check]:
     state, other, control = model.state(), model.state(), model.control()
     newton.eval_fk(model, model.joint_q, model.joint_qd, state)
     names = [label.split("/")[-1] for label in model.body_label]
-    own = [i for i, name in enumerate(names) if "panda" not in name]
+    own = [i for i, label in enumerate(model.body_label) if label.startswith("/scene/")]  # all but the hand
     start, moved = state.body_q.numpy()[own], np.zeros(len(own))
     # Of each body its centre, and of the target (its frame is the scene's) also where it is held.
     centers = model.body_com.numpy()[own]
@@ -120,7 +120,7 @@ def penetration(world: World, name: str, coordinates: np.ndarray, config: Motion
     )  # fmt: skip
 
 
-def carcass_overlap(world: World, config: MotionConfig) -> Check:
+def carcass_overlap(world: World) -> Check:
     """Report how deep the moving part is in its carcass: a joint connects the two, so that simulators let them overlap."""
     stage = world.stage
     moving, still = world.geoms(stage.target), world.geoms(world.carcass)
@@ -132,7 +132,7 @@ def carcass_overlap(world: World, config: MotionConfig) -> Check:
     )
 
 
-def reload(world: World, config: MotionConfig) -> Check:
+def reload(world: World) -> Check:
     """Compile the model anew from its own XML with MuJoCo alone, and compare what moves, its limits and its mass."""
     problems = []
     again = mujoco.MjModel.from_xml_string(world.xml)

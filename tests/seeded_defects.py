@@ -6,7 +6,10 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+
+from s2a.scene import Mesh
 
 TARGET, CARCASS, JOINT = "/scene/drawer_2", "/scene/cabinet_1", "/scene/joints/drawer_2"
 BAR = f"{TARGET}/colliders/hull_00"
@@ -21,6 +24,13 @@ def edit(path: Path, change: Callable[[Usd.Stage], object]) -> None:
 
 def attribute(stage: Usd.Stage, path: str, value: object) -> None:
     assert stage.GetAttributeAtPath(path).Set(value)
+
+
+def reshape(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
+    """Give a piece that is a box the points of another box."""
+    UsdGeom.Mesh(stage.GetPrimAtPath(path)).GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(mesh.vertices))
+    corners = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
+    UsdGeom.Mesh(stage.GetPrimAtPath(path)).GetExtentAttr().Set(Vt.Vec3fArray.FromNumpy(corners))
 
 
 def wrong_units(stage: Usd.Stage) -> None:

@@ -7,9 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from cabinet import write_cabinet
-from pxr import Usd
+from cabinet import HANDLE, box, write_cabinet
+from pxr import Sdf, Usd
 from seeded_defects import (
+    CARCASS,
     STATIC_DEFECTS,
     edit,
     empty_region,
@@ -17,6 +18,7 @@ from seeded_defects import (
     missing_grasp,
     missing_grasp_size,
     missing_root,
+    reshape,
     zero_mass,
 )
 from settings import load
@@ -25,7 +27,9 @@ from s2a import cli
 from s2a.certify import contents, foundation, shapes, static
 from s2a.certify.battery import CertifyConfig
 from s2a.certify.check import Check
+from s2a.certify.pictures import pictures
 from s2a.errors import InputError
+from s2a.geometry.look import LookConfig
 from s2a.usd.stage import new_stage, save
 
 
@@ -83,6 +87,21 @@ def test_the_command_writes_a_record_and_a_page_and_keeps_them(
     written = (out / "certificate.json").stat().st_mtime_ns
     assert cli.main(quick(stage, out)) == 0
     assert "kept from" in capsys.readouterr().out and (out / "certificate.json").stat().st_mtime_ns == written
+
+
+def test_only_what_moves_is_painted_orange_wherever_the_rest_stands(stage: Path) -> None:
+    def blue() -> int:
+        image = pictures(stage, "drawer_2", load(LookConfig, "look/near"))["what collides; orange moves"].astype(int)
+        return int((image[..., 2] > image[..., 0]).sum())
+
+    def plate_on_the_bar(edited: Usd.Stage) -> None:
+        path = f"{CARCASS}/colliders/hull_99"
+        Sdf.CopySpec(edited.GetRootLayer(), f"{CARCASS}/colliders/hull_00", edited.GetRootLayer(), path)
+        reshape(edited, path, box(tuple(HANDLE + [0.0072, 0.0, 0.0]), (0.0001, 0.08, 0.011)))
+
+    without = blue()
+    edit(stage, plate_on_the_bar)
+    assert blue() > without + 500
 
 
 def test_a_failed_check_is_a_result_with_exit_code_1(

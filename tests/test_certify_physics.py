@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 from cabinet import HANDLE, box, write_cabinet
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
-from seeded_defects import JOINT, STATIC_DEFECTS, TARGET, attribute, edit, nan_point
+from seeded_defects import JOINT, STATIC_DEFECTS, TARGET, attribute, edit, nan_point, reshape
 from settings import load
 
 from s2a.certify import contents, gap, physics_grip, physics_motion
 from s2a.certify.battery import CertifyConfig, certify
 from s2a.certify.physics import World
-from s2a.scene import Mesh
 from s2a.usd.joints import frame
 from s2a.usd.stage import new_stage, save
 
@@ -29,13 +28,6 @@ QUICK = replace(CONFIG, motion=replace(CONFIG.motion, settle_time=0.2, open_time
 @pytest.fixture
 def stage(tmp_path: Path) -> Path:
     return write_cabinet(tmp_path / "sim.usda")
-
-
-def reshape(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
-    """Give a piece that is a box the points of another box."""
-    UsdGeom.Mesh(stage.GetPrimAtPath(path)).GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(mesh.vertices))
-    corners = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
-    UsdGeom.Mesh(stage.GetPrimAtPath(path)).GetExtentAttr().Set(Vt.Vec3fArray.FromNumpy(corners))
 
 
 def clash(stage: Usd.Stage) -> None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from pxr import Usd, UsdPhysics
 
 from s2a.geometry.look import LookConfig, View, frame, front_of
 from s2a.geometry.picture import draw, painted
 from s2a.scene import Mesh
-from s2a.usd.stage import open_stage, read_mesh
+from s2a.usd.stage import ROOT, open_stage, read_attribute, read_mesh
 from s2a.usd.visible import Visible, visible
 
 TARGET = ((230, 120, 40), (250, 170, 60), (205, 90, 60), (245, 140, 100))
@@ -33,12 +35,12 @@ def pictures(path: Path, target: str, look: LookConfig) -> dict[str, np.ndarray]
     middle = scene.surfaces.get(target)
     if middle is None or not len(middle.faces) or not scene.colliders:
         return {}
-    moving, others = _pieces(scene, target)
+    stage = open_stage(path)  # a prim lives no longer than its stage
+    body = stage.GetPrimAtPath(f"{ROOT}/{target}")
+    moving, others = _pieces(scene, body)
     view = _view(middle, middle, look)
     seen, hard = list(scene.surfaces.values()), [*moving, *others]
-    stage = open_stage(path)  # a prim lives no longer than its stage
-    region = read_mesh(stage.GetPrimAtPath(f"/scene/{target}/region"))
-    near = _view(region, middle, replace(look, margin=NEAR))
+    near = _view(read_mesh(body.GetChild("region")), middle, replace(look, margin=NEAR))
     return {
         "the scan": draw(seen, view, look),
         "what collides; orange moves": draw(hard, view, look),
@@ -52,17 +54,13 @@ def _mixed(seen: list[Mesh], hard: list[Mesh], view: View, look: LookConfig) -> 
     return ((draw(seen, view, look).astype(int) + draw(hard, view, look)) // 2).astype(np.uint8)
 
 
-def _pieces(scene: Visible, target: str) -> tuple[list[Mesh], list[Mesh]]:
-    """Return the target's pieces and all others, in their colours; the target's are those within its bounds."""
-    inside = scene.surfaces[target].bounds + [[-0.01] * 3, [0.01] * 3]
-    moving: list[Mesh] = []
-    others: list[Mesh] = []
-    for _, mesh in scene.colliders:
-        middle = mesh.bounds.mean(axis=0)
-        own = bool(((middle > inside[0]) & (middle < inside[1])).all())
-        color = TARGET[len(moving) % len(TARGET)] if own else OTHERS
-        (moving if own else others).append(painted(mesh, color))
-    return moving, others
+def _pieces(scene: Visible, body: Usd.Prim) -> tuple[list[Mesh], list[Mesh]]:
+    """Return the pieces that stand for the parts of a body, and all others, in their colours."""
+    pieces = (prim for prim in Usd.PrimRange(body) if prim.HasAPI(UsdPhysics.CollisionAPI))
+    own = {read_attribute(prim, "part", str, "?") for prim in pieces}
+    moving = [mesh for part, mesh in scene.colliders if part in own]
+    others = [painted(mesh, OTHERS) for part, mesh in scene.colliders if part not in own]
+    return [painted(mesh, color) for mesh, color in zip(moving, itertools.cycle(TARGET), strict=False)], others
 
 
 def _view(shown: Mesh, part: Mesh, look: LookConfig) -> View:

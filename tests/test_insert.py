@@ -350,7 +350,7 @@ def test_every_answer_of_the_rules_fits_the_schema_that_models_are_given():
     for entry in table():
         sides = [100 * math.sqrt(entry.longest[0] * entry.longest[1])] * 3
         facts = {"label": entry.noun, "sides": sides, "up": None, "feet": dict.fromkeys(prompts.AXIS["enum"], 1.0)}
-        facts |= {"hollow": {}, "slices": {}, "wish": "", "room": lines}
+        facts |= {"hollow": {}, "slices": {}, "format": "obj", "wish": "", "room": lines}
         found = checked(parse(rules(Request("plan", "", (), None, facts)).text, Plan), room)
         assert found.choices
         assert scale.checked(parse(rules(Request("scale", "", (), None, facts)).text, Size)).noun == entry.noun

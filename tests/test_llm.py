@@ -23,7 +23,7 @@ from s2a.errors import InputError
 from s2a.scene import Mesh, Part, Scene
 
 ROOM = Scene("room", {i: Part(i[:-2], Mesh([], [])) for i in ("desk_1", "shelf_2", "keyboard_3")})
-FACTS = {"label": "mug", "sides": [11.0, 8.0, 9.5], "up": None, "wish": "", "room": [{"id": "desk_1"}]}
+FACTS = {"label": "mug", "sides": [11.0, 8.0, 9.5], "format": "obj", "up": None, "wish": "", "room": [{"id": "desk_1"}]}
 FACTS |= {
     "feet": {"+z": 0.5, "+x": 0.0},
     "hollow": {"+z": 0.7, "-z": 0.0},

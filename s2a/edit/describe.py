@@ -105,7 +105,7 @@ def looks_up(mesh: Mesh) -> bool:
 
 
 def surroundings(scene: Scene, supports: Supports, choice: Choice, count: int) -> dict[str, Any]:
-    """Return the support that a plan means, and the things nearest to it, none longer than a metre, as a model is told."""
+    """Return the support that a plan means, and the things nearest to it, one of a kind and none longer than a metre."""
     regions, meant = supports.get(choice.target, []), choice.height
     if meant is not None:
         regions = sorted(regions, key=lambda region: abs(region.height - meant))
@@ -115,11 +115,13 @@ def surroundings(scene: Scene, supports: Supports, choice: Choice, count: int) -
     if regions:
         below |= support(regions[0]) | {"widest": round(float(np.hypot(*regions[0].size)), CENTIMETRES)}
         middle = regions[0].center
-    bounds = {i: scene.parts[i].mesh.bounds for i in shown(scene) if i != choice.target}
+    bounds = {i: scene.parts[i].mesh.bounds for i in shown(scene) if i != choice.target and i not in scene.movable}
     near = [
         (float(np.linalg.norm(b.mean(axis=0) - middle)), i) for i, b in bounds.items() if np.ptp(b, axis=0).max() < 1.0
     ]
-    things = [{"label": scene.parts[i].label, "size": _rounded(box_of(scene, i).size)} for _, i in sorted(near)[:count]]
+    first = {scene.parts[i].label: i for _, i in sorted(near, reverse=True)}  # of each kind the nearest
+    nearest = [i for _, i in sorted(near) if first[scene.parts[i].label] == i][:count]
+    things = [{"label": scene.parts[i].label, "size": _rounded(box_of(scene, i).size)} for i in nearest]
     return {"support": below, "neighbours": things}
 
 

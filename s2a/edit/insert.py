@@ -28,6 +28,7 @@ from s2a.edit.stance import hollows, slices
 from s2a.edit.surfaces import SurfaceConfig
 from s2a.scene import Mesh, Part, Scene
 
+ELSEWHERE = "; wish for another place with prompt=..."
 Watch = Callable[[Mesh, Spot, Scene], Record]
 """Of an upright object, the spot where it is put, and the room: what comes of it, with the key `problem`, empty if it stays."""
 
@@ -146,7 +147,8 @@ def insert(
         except NoRoom as full:
             if not left:
                 raise
-            where = _planned(model, room, facts, text, config, ledger, record, (where, str(full)))
+            reason = str(full).removesuffix(ELSEWHERE)
+            where = _planned(model, room, facts, text, config, ledger, record, (where, reason))
     with step(record, "script") as said:
         planned = placement(room.scene, thing.label, spot.pose, scale)
         outcome = author(model, room.skeleton, planned, config.confinement, config.trusted, ledger, said)
@@ -160,6 +162,7 @@ def _facts(file: ObjectFile, thing: Thing, lines: list[Record]) -> Record:
     return {
         "label": thing.label,
         "sides": sides,
+        "format": thing.file.suffix.lower().lstrip("."),
         "up": file.up,
         "feet": {axis: round(firmness, 2) for axis, (_, firmness) in file.rests.items()},
         "hollow": hollows(file.mesh),
@@ -240,6 +243,4 @@ def _spot(room: Room, object: Mesh, where: Plan, config: InsertConfig, watch: Wa
             return spot
         reasons.append(f"{spot.choice.relation} {spot.target}: {said['problem']}")
     record["surface"] = {"passed over": reasons}
-    raise NoRoom(
-        f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}; wish for another place with prompt=..."
-    )
+    raise NoRoom(f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}{ELSEWHERE}")

@@ -27,7 +27,8 @@ Things can hang on the upright sides of walls and furniture.
 
 The object comes with its label, and
 - sides: of its mesh along the file's x, y and z, in an unknown unit;
-- stated_up: the up axis that the file states, or null; exporters often leave that wrong;
+- format of the file, and stated_up: the up axis that it states, or null. Objects are often turned otherwise than that, or than
+  is the habit of the format (obj and glb +y, stl and ply +z);
 - feet: how firmly it stands with an axis upwards: how far it could be tilted before it falls, as a share of a right angle (a
   cube 0.5, a plate lying flat almost 1); on axes that are not listed it cannot stand;
 - hollow: seen from the end at which an axis points, the share of the outline that is a deep hollow with walls all around: a mug
@@ -56,15 +57,16 @@ circle may still fit along a narrow surface. Doors and drawers must stay free to
 off the floor, and do not pile things on small or unsteady ones. A wish, if there is one, comes first: all choices must
 honour it. Labels may be brands or rare words: think of what the thing is.
 
-Example. Object {"label":"coffee mug","sides":[12.1,9.4,8.6],"stated_up":null,
+Example. Object {"label":"coffee mug","sides":[12.1,9.4,8.6],"format":"obj","stated_up":null,
 "feet":{"+y":0.46,"-y":0.44,"+z":0.12,"-z":0.12},"hollow":{"+y":0.7},
 "slices":{"x":[0.2,0.8,0.9,0.8,0.4],"y":[0.7,0.8,0.8,0.8,0.7],"z":[0.4,0.9,0.9,0.9,0.4]}}
 in a room with desk_4, shelf_9, and keyboard_6 on the desk:
 {"up":"+y","front":"+z","near":"keyboard_6","choices":[
 {"target":"desk_4","surface":"horizontal","relation":"on","height":0.74,"reason":"mugs stand on desks, within reach"},
 {"target":"shelf_9","surface":"inside","relation":"in","height":1.1,"reason":"a free compartment at hand height"}]}
-Example. Object {"label":"bar of soap","sides":[9,6,3],"stated_up":"+z","feet":{"+z":0.63,"-z":0.63,"+y":0.24,"-y":0.24},
-"hollow":{},"slices":{"x":[0.8,1.0,1.0,1.0,0.8],"y":[0.8,1.0,1.0,1.0,0.8],"z":[0.9,1.0,1.0,1.0,0.9]}}
+Example. Object {"label":"bar of soap","sides":[9,6,3],"format":"usda","stated_up":"+z",
+"feet":{"+z":0.63,"-z":0.63,"+y":0.24,"-y":0.24},"hollow":{},
+"slices":{"x":[0.8,1.0,1.0,1.0,0.8],"y":[0.8,1.0,1.0,1.0,0.8],"z":[0.9,1.0,1.0,1.0,0.9]}}
 in a bathroom with washbasin_2, whose supports are ["basin",0.72,0.1,0.3,1.9] and ["horizontal",0.85,0.2,0.13,1.8]:
 {"up":"+z","front":"-y","near":null,"choices":[
 {"target":"washbasin_2","surface":"horizontal","relation":"on","height":0.85,"reason":"soap lies on the rim of the basin"},
@@ -82,12 +84,12 @@ that place with their sizes in metres.
 
 Answer with one JSON object:
 - noun: the plain English word for what it is. Resolve brands and rare words first: "Nespresso Vertuo" is a coffee machine.
-- height: [least, largest] height in metres of such things, standing as they should.
+- height: [least, largest] height in metres of such things, turned as this one: its given height is along what will be up.
 - longest: [least, largest] length in metres of their longest side, which may be the height.
 - unit: the unit that the file is probably written in: "m", "cm", "mm", "in", "ft" or "unknown".
 - reason: in a few words.
 Give the range in which nine of ten such things lie, not wider, in metres. Mind the proportions: they tell which kind it is, and
-what belongs to the mesh (a stand, a dish, a lid, an open lid). Longest over height must be possible with the given sides.
+what belongs to the mesh (a stand, a dish, a lid, an open lid). Longest over height should be about that of the given numbers.
 It must fit the support, and the things around it.
 
 Example. {"label":"Swingline 747","sides":[7.4,1.5,2.2],"height":2.2,"longest":7.4,"stated":null,"support":{"part":"desk"}}:
@@ -155,7 +157,7 @@ SCALE_SCHEMA = _object(
 def plan_question(facts: Mapping[str, Any], room: str) -> str:
     """Return the question of where an object belongs; ends on which it cannot stand, or that are closed, are left out."""
     wish = f"\nThe wish: {facts['wish']}" if facts.get("wish") else ""
-    thing = {"label": facts["label"], "sides": facts["sides"], "stated_up": facts["up"]}
+    thing = {"label": facts["label"], "sides": facts["sides"], "format": facts["format"], "stated_up": facts["up"]}
     thing |= {name: {axis: share for axis, share in facts[name].items() if share} for name in ("feet", "hollow")}
     return f"The room:\n{room}\n\nThe object: {_json({**thing, 'slices': facts['slices']})}{wish}"
 

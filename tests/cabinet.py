@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from s2a.geometry.surfaces import merge
 from s2a.scene import Joint, Mesh
 from s2a.usd import simready
+from s2a.usd.simscene import Collider, Grasp, Mass, SimBody, SimScene
 
 HANDLE = np.array([0.351, 0.0, 0.7267])
 """Centre of the drawer's bar [m]; the drawer opens towards +x, the robot stands at x = 0.9."""
@@ -36,15 +38,15 @@ def write_cabinet(
     posts = [box((0.3345, y, HANDLE[2]), (0.0115, 0.0175, 0.0119)) for y in (-0.0665, 0.0665)]
     front = box((0.31515, 0.0, 0.7172), (0.0095, 0.3594, 0.0619))
     floor = [box((0.5, 0.0, -0.01), (2.0, 2.0, 0.01)), box((-0.5, 0.0, 1.0), (0.02, 2.0, 1.0))]
-    scene = simready.SimScene(
+    scene = SimScene(
         name="test",
         carcass=_body("cabinet_1", carcass, 60.0, (120, 90, 60)),
         target=_body("drawer_2", [bar, *posts, front], 5.32, (200, 20, 20)),
         joint=Joint("prismatic", (1.0, 0.0, 0.0), tuple(HANDLE), (0.0, TRAVEL)),
         # z into the cabinet (-x), y up, x = y cross z = -y of the world.
-        grasp=simready.Grasp(grasp, (0.5, -0.5, -0.5, 0.5), (0.168, 0.0238, 0.0142), bar),
-        static_visual=_joined(floor),
-        static_colliders=tuple(simready.Collider("room_3", mesh) for mesh in floor),
+        grasp=Grasp(grasp, (0.5, -0.5, -0.5, 0.5), (0.168, 0.0238, 0.0142), bar),
+        static_visual=merge(floor),
+        static_colliders=tuple(Collider("room_3", mesh) for mesh in floor),
         base_position=base,
         base_orientation=(0.0, 0.0, 1.0, 0.0),
     )
@@ -52,20 +54,11 @@ def write_cabinet(
     return path
 
 
-def _body(name: str, meshes: list[Mesh], mass: float, color: tuple[int, int, int]) -> simready.SimBody:
+def _body(name: str, meshes: list[Mesh], mass: float, color: tuple[int, int, int]) -> SimBody:
     """Return a body of convex pieces with the inertia of its bounding box."""
-    joined = _joined(meshes)
+    joined = merge(meshes)
     joined = Mesh(joined.vertices, joined.faces, np.tile(np.uint8(color), (len(joined.vertices), 1)))
     size = np.diff(joined.bounds, axis=0)[0]
     inertia = mass / 12.0 * (np.sum(size**2) - size**2)
-    colliders = tuple(simready.Collider(name, mesh) for mesh in meshes)
-    return simready.SimBody(
-        name, joined, colliders, simready.Mass(mass, tuple(joined.bounds.mean(axis=0)), tuple(inertia))
-    )
-
-
-def _joined(meshes: list[Mesh]) -> Mesh:
-    """Return several meshes as one."""
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
+    colliders = tuple(Collider(name, mesh) for mesh in meshes)
+    return SimBody(name, joined, colliders, Mass(mass, tuple(joined.bounds.mean(axis=0)), tuple(inertia)))

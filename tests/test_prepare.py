@@ -23,7 +23,7 @@ from s2a.prepare.motion import sweep
 from s2a.prepare.pose import find_grasp
 from s2a.scene import Mesh, Part, Scene
 from s2a.usd import simready
-from s2a.usd.simready import SimScene
+from s2a.usd.simscene import SimScene
 from s2a.usd.validate import problems
 
 BAR_HEIGHT = 0.73

@@ -9,6 +9,7 @@ from s2a.certify.settle import SettleConfig, Settled, settle
 from s2a.config import compose
 from s2a.config import load as typed
 from s2a.geometry.convex import box, column
+from s2a.geometry.surfaces import merge
 from s2a.scene import Mesh
 
 CONFIG: SettleConfig = typed(SettleConfig, compose("edit/placement")["edit"]["settle"])
@@ -84,12 +85,7 @@ def test_a_box_in_a_narrow_bowl_rests_on_its_ground_and_on_no_hull() -> None:
         wall = np.array([[0.16, -0.16, 0], [0.16, 0.16, 0], [0.16, 0.16, 0.2], [0.16, -0.16, 0.2]])
         turned = wall @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
         walls.append(Mesh(turned, np.array([[0, 2, 1], [0, 3, 2]])))
-    starts = np.cumsum([0, *(len(wall.vertices) for wall in walls)])
-    bowl = Mesh(
-        np.concatenate([wall.vertices for wall in walls]),
-        np.concatenate([wall.faces + start for wall, start in zip(walls, starts, strict=False)]),
-    )
-    found = dropped(block((0.25, 0.25, 0.1)), bowl)
+    found = dropped(block((0.25, 0.25, 0.1)), merge(walls))
     assert found.stays, found.problem
 
 

@@ -16,7 +16,7 @@ from settings import load
 from s2a.prepare import PrepareConfig, prepare
 from s2a.scene import Part
 from s2a.usd import simready
-from s2a.usd.simready import SimScene
+from s2a.usd.simscene import SimScene
 from s2a.usd.validate import problems
 
 

@@ -11,6 +11,7 @@ from PIL import Image
 
 from s2a.geometry.look import LookConfig, View, axes
 from s2a.geometry.rays import ray_mesh
+from s2a.geometry.surfaces import merge
 from s2a.scene import Mesh
 
 GREY = (170, 174, 180)
@@ -92,7 +93,7 @@ def draw(meshes: Sequence[Mesh], view: View, look: LookConfig) -> np.ndarray:
     paper = np.tile(_linear(np.array(BACKGROUND)), (size[0] * size[1], 1))
     image = wp.array(paper, dtype=wp.vec3, device="cpu")
     if any(len(mesh.faces) for mesh in meshes):
-        whole = joined(meshes)
+        whole = merge([mesh if mesh.colors is not None else painted(mesh, GREY) for mesh in meshes])
         colors = wp.array(_linear(whole.colors), dtype=wp.vec3, device="cpu")
         surface = ray_mesh(whole.vertices, whole.faces)
         inputs = [surface.id, colors, _lens(view, look)]
@@ -109,17 +110,6 @@ def write(picture: np.ndarray, path: Path) -> None:
 def painted(mesh: Mesh, color: tuple[int, int, int]) -> Mesh:
     """Return a mesh in one colour."""
     return Mesh(mesh.vertices, mesh.faces, np.tile(np.array(color, np.uint8), (len(mesh.vertices), 1)))
-
-
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Return meshes as one with colours, grey where they have none."""
-    meshes = [mesh if mesh.colors is not None else painted(mesh, GREY) for mesh in meshes]
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    return Mesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]),
-        np.concatenate([mesh.colors for mesh in meshes]),
-    )
 
 
 def _lens(view: View, look: LookConfig) -> Lens:

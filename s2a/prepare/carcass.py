@@ -17,7 +17,7 @@ from s2a.prepare.mass import box_mass
 from s2a.prepare.pose import opening_direction
 from s2a.prepare.room import cut_all
 from s2a.scene import Joint, Mesh, Scene
-from s2a.usd.simready import Collider, Grasp, Mass, SimBody
+from s2a.usd.simscene import Collider, Grasp, Mass, SimBody
 
 
 @dataclass(frozen=True)

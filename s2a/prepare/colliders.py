@@ -18,7 +18,7 @@ from s2a.geometry.knob import knob_pieces
 from s2a.geometry.shell import sheet_opening, shell_pieces
 from s2a.geometry.surfaces import merge
 from s2a.scene import Mesh, Scene
-from s2a.usd.simready import Collider
+from s2a.usd.simscene import Collider
 
 SWALLOWED = 2e-4
 """[m] A piece that reaches into the fingers' space by a smaller ball than this leaves it free."""

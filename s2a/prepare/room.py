@@ -14,12 +14,11 @@ from s2a.geometry.planes import find_planes, slabs
 from s2a.geometry.surfaces import centroids, keep
 from s2a.prepare.cache import pack, recall, unpack
 from s2a.prepare.decimate import is_shell
+from s2a.prepare.panda import SHOULDER
 from s2a.progress import track
 from s2a.scene import Mesh, Scene, Vec3
-from s2a.usd.simready import Collider
+from s2a.usd.simscene import Collider
 
-SHOULDER = 0.333
-"""[m] The Panda's shoulder above its base."""
 GAP = 0.002
 """[m] Between a pedestal and the robot's base."""
 UNEVEN = 0.01

@@ -12,14 +12,12 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from s2a.usd.joints import write_body, write_fixed_joint, write_joint, write_site
-from s2a.usd.simscene import Collider, Grasp, Mass, Quat, Reduction, SimBody, SimScene
+from s2a.usd.simscene import Collider, Grasp, Quat, SimBody, SimScene
 from s2a.usd.stage import ROOT, new_stage, save, write_attribute, write_mesh
 
 Types = Sdf.ValueTypeNames
 
 FLAVOUR = "simready"
-
-__all__ = ["Collider", "Grasp", "Mass", "Quat", "Reduction", "SimBody", "SimScene", "write"]
 
 GRAVITY = 9.81
 """[m/s^2], along -z."""

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.certify.contents import Contents
 from s2a.geometry.gap import share_inside
-from s2a.geometry.rays import first_hits, ray_mesh
+from s2a.geometry.rays import RayMesh, first_hits, ray_mesh
 from s2a.geometry.surfaces import merge, sample
 from s2a.scene import Mesh
 from s2a.usd.stage import read_mesh
@@ -79,7 +79,8 @@ def gap(path: Path, held: Contents) -> Gap:
     (low, face), (high, _) = np.quantile(here[:, 1:], [0.02, 0.98], axis=0)
     scene = visible(path)
     pieces = [mesh for _, mesh in scene.colliders if _near(mesh, origin)]
-    surface = merge(list(scene.surfaces.values()))
+    whole = merge(list(scene.surfaces.values()))
+    surface = ray_mesh(whole.vertices, whole.faces)
     sides = [_fill(y, (min(face, 0.0), BEHIND)) for y in ((low - MARGIN, -1.0), (high + MARGIN, 1.0))]
     free = [_reached(points, surface, origin, frame) for points in sides]
     open_points = np.concatenate([points[mask] for points, mask in zip(sides, free, strict=True)])
@@ -95,12 +96,12 @@ def _fill(start: tuple[float, float], depth: tuple[float, float]) -> np.ndarray:
     return np.stack([x, y + side * unit[:, 1] * FINGER[1], depth[0] + unit[:, 2] * (depth[1] - depth[0])], axis=1)
 
 
-def _reached(points: np.ndarray, surface: Mesh, origin: np.ndarray, frame: np.ndarray) -> np.ndarray:
+def _reached(points: np.ndarray, surface: RayMesh, origin: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """Return which points of the grasp frame a line along the approach reaches with a margin, shape [point], bool."""
     away = 0.15
     starts = origin + (points - [0.0, 0.0, away]) @ frame.T
     directions = np.tile(frame[:, 2], (len(points), 1))
-    way = first_hits(ray_mesh(surface.vertices, surface.faces), starts, directions)
+    way = first_hits(surface, starts, directions)
     return way > away + MARGIN
 
 

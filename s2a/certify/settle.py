@@ -56,14 +56,12 @@ class Settled:
         drift: distance from the placed position at the end [m].
         tilt: angle of its upright from the placed one [rad].
         penetration: largest depth of a contact in the last quarter [m].
-        touches: whether there was any contact.
         problem: what is wrong, in words; empty if it stays.
     """
 
     drift: float
     tilt: float
     penetration: float
-    touches: bool
     problem: str
 
     @property
@@ -118,7 +116,7 @@ def _dropped(model: mujoco.MjModel, config: SettleConfig) -> Settled:
     clauses += [(drift <= config.drift, f"it drifts by {1000 * drift:.0f} mm")]
     clauses += [(deepest <= config.penetration, f"it sinks in by {1000 * deepest:.1f} mm")]
     problem = problem or next((words for holds, words in clauses if not holds), "")
-    return Settled(drift, tilt, deepest, touches, problem)
+    return Settled(drift, tilt, deepest, problem)
 
 
 def _hangs(model: mujoco.MjModel, toward: np.ndarray, config: SettleConfig) -> Settled:
@@ -132,7 +130,7 @@ def _hangs(model: mujoco.MjModel, toward: np.ndarray, config: SettleConfig) -> S
     problem = "" if touches else f"there is nothing within {1000 * config.touch:.0f} mm behind it"
     if deepest > config.penetration:
         problem = f"it reaches {1000 * deepest:.1f} mm into what is around it"
-    return Settled(0.0, 0.0, deepest, touches, problem)
+    return Settled(0.0, 0.0, deepest, problem)
 
 
 def _depth(data: mujoco.MjData) -> float:

@@ -18,8 +18,6 @@ FINGER_DEPTH = 0.015
 """[m] Thickness of its tip (15.2 mm) across the handle."""
 CLEARANCE = 0.002
 """[m] What fingers keep from the front; a scan is not surer than that."""
-
-
 SAMPLES = 20000
 """Points by which a handle is asked."""
 

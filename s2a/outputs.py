@@ -20,10 +20,11 @@ def aside(path: Path, earlier: str | None = None) -> Iterator[Path]:
 
     Args:
         path: the file or folder to write.
-        earlier: a file, relative to `path`, by which a folder is known to be an earlier output, which may be replaced.
+        earlier: where `path` is a folder, a file in it by which an earlier output is known, which may be replaced.
 
     Raises:
-        InputError: `path` is a folder that is neither empty nor an earlier output; one from the block names `path`.
+        InputError: a file is to be written where a folder is, or a folder where a file is, or one that is neither empty nor an
+            earlier output; one from the block names `path`.
     """
     _refuse_foreign(path, earlier)
     made = _make_parents(path)
@@ -42,11 +43,14 @@ def aside(path: Path, earlier: str | None = None) -> Iterator[Path]:
 
 
 def _refuse_foreign(path: Path, earlier: str | None) -> None:
-    """Raise if replacing `path` would delete files that are not ours."""
-    if not path.is_dir() or not any(path.iterdir()) or (earlier and (path / earlier).exists()):
-        return
-    kind = f"has no {earlier} as an earlier output would" if earlier else "is a folder where a file should be written"
-    raise InputError(f"out {str(path)!r} is not empty and {kind}; choose another place or delete it yourself")
+    """Raise if `path` is of the other kind, or replacing it would delete files that are not ours."""
+    remedy = "choose another place or delete it yourself"
+    if earlier is None and path.is_dir():
+        raise InputError(f"out {str(path)!r} is a folder where a file should be written; {remedy}")
+    if earlier is not None and path.exists() and not path.is_dir():
+        raise InputError(f"out {str(path)!r} is a file where a folder should be written; {remedy}")
+    if earlier is not None and path.is_dir() and any(path.iterdir()) and not (path / earlier).exists():
+        raise InputError(f"out {str(path)!r} is not empty and has no {earlier} as an earlier output would; {remedy}")
 
 
 def _make_parents(path: Path) -> list[Path]:

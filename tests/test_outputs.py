@@ -76,9 +76,20 @@ def test_a_folder_with_other_things_in_it_is_never_replaced(tmp_path: Path):
     write_folder(tmp_path / "home", letters="")
     with pytest.raises(InputError, match="not empty and has no mark"), aside(tmp_path / "home", earlier="mark"):
         pass
-    with pytest.raises(InputError, match="folder where a file"), aside(tmp_path / "home"):
-        pass
     assert names(tmp_path / "home") == ["letters"]
+
+
+def test_neither_a_file_nor_a_folder_is_replaced_by_the_other(tmp_path: Path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("letter")
+    with pytest.raises(InputError, match="'.*/folder' is a folder where a file"), aside(tmp_path / "folder"):
+        pytest.fail("nothing is begun")
+    with (
+        pytest.raises(InputError, match="'.*/file' is a file where a folder"),
+        aside(tmp_path / "file", earlier="mark"),
+    ):
+        pytest.fail("nothing is begun")
+    assert names(tmp_path) == ["file", "folder"] and (tmp_path / "file").read_text() == "letter"
 
 
 def test_an_output_below_a_file_is_refused(tmp_path: Path):

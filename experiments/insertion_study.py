@@ -11,7 +11,8 @@ experiments/results/insertion_NAME.json and .md, and all records to RUNS/NAME/; 
 again.
 
 With `--llm chat` a model is asked (OPENAI_API_KEY, OPENAI_BASE_URL, llm.model=...), of --at-once objects at a time, and its
-answers are kept in FOLDER/<category>.json; what is there already is not asked again. `--llm replay` needs them only.
+answers are kept in FOLDER/<category>.json; what is there already is not asked again, and no results are written. `--llm replay`
+needs no more than that.
 
 Pictures are for raters who must not know the method: FOLDER/<object>_<letter>.png shows before and after, wide and close,
 and FOLDER/key.json says which letter is which.
@@ -43,6 +44,7 @@ from s2a.edit.insert import Inserted, Room, Thing, Watch, insert
 from s2a.edit.llm import choose
 from s2a.edit.openings import blocked, openings
 from s2a.edit.record import Ledger
+from s2a.edit.rules import rules
 from s2a.edit.surfaces import nearby
 from s2a.errors import InputError
 from s2a.geometry.clash import depth
@@ -91,6 +93,8 @@ def main() -> None:
             done.write_text(json.dumps(found, indent=1) + "\n")
         rows += json.loads(done.read_text())
         print(table(rows), flush=True)
+    if args.llm == "chat":
+        return  # what counts is measured without waiting, by --llm replay
     report = {"llm": name, "seed": args.seed, **provenance("cpu"), "table": summary(rows), "rows": rows}
     RESULTS.mkdir(exist_ok=True)
     (RESULTS / f"insertion_{name}.json").write_text(json.dumps(report, indent=1) + "\n")
@@ -128,6 +132,11 @@ def _in_turn(model: Model, turn: Lock) -> Model:
     return answer
 
 
+def _own_script(model: Model) -> Model:
+    """Return a model whose scripts are our own: they say where the paper's method has put a thing, which was not recorded."""
+    return lambda request: rules(request) if request.step == "script" else model(request)
+
+
 def _object(
     room: Room,
     thing: Thing,
@@ -154,6 +163,8 @@ def _one(
     room: Room, thing: Thing, size: float | None, model: Model, settings: verb.Config, method: str
 ) -> tuple[dict, Inserted | None, dict]:
     """Insert an object; return what is measured of it, itself, and the record."""
+    if method == "paper":
+        model = _own_script(model)
     ledger, record = Ledger(settings.llm.prices), {"object": thing.file.name, "label": thing.label}
     looker = drop(settings.pieces, settings.placement.settle)
     # The paper's method does not look whether a thing stays; ours does, and tries the next place.

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 from cabinet import write_cabinet
+from pxr import Usd, UsdGeom, UsdPhysics
 from settings import load
 
 from s2a.errors import InputError
@@ -100,6 +101,25 @@ def test_a_reset_touches_no_other_world(stage: Path) -> None:
         single.step(action)
         assert torch.equal(pair.observation[1], single.observation[1])
     assert not torch.equal(pair.observation[0], single.observation[0])
+
+
+def test_what_lies_free_is_put_back_where_it_was_scanned(tmp_path: Path) -> None:
+    file = Usd.Stage.Open(str(write_cabinet(tmp_path / "sim.usda")))
+    ball = UsdGeom.Sphere.Define(file, "/scene/ball_3")
+    ball.CreateRadiusAttr(0.05)
+    ball.AddTranslateOp().Set((1.0, 2.0, 0.5))
+    for api in (UsdPhysics.RigidBodyAPI, UsdPhysics.CollisionAPI):
+        api.Apply(ball.GetPrim())
+    file.Save()
+    env = make_env(tmp_path / "sim.usda", episode_steps=5)
+    ball_pose = env.sim.body_q[:, env.sim.body("ball_3")]
+    heights = []
+    for _ in range(4):  # it falls, until the episode ends in the fourth step
+        env.step(torch.zeros(2, 9))
+        heights.append(float(ball_pose[0, 2]))
+    assert 0.499 > heights[0] > heights[1] > heights[2]
+    assert ball_pose.tolist() == [pytest.approx([1.0, 2.0, 0.5, 0.0, 0.0, 0.0, 1.0], abs=1e-6)] * 2
+    assert float(env.sim.joint_qd[:, 10:].abs().max()) == 0.0
 
 
 def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(stage: Path) -> None:

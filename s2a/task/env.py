@@ -103,6 +103,7 @@ class OpenDrawerEnv:
         sim, q = self.sim, self._views
         inputs = [
             self._constants,
+            self._scanned,
             self._start,
             self._ahead,
             self._ahead_share,
@@ -130,6 +131,7 @@ class OpenDrawerEnv:
         self._weights = wp.array(self._weights_given, dtype=float)
         self._lower = wp.array(sim.model.joint_limit_lower.numpy()[:JOINTS], dtype=float)
         self._upper = wp.array(sim.model.joint_limit_upper.numpy()[:JOINTS], dtype=float)
+        self._scanned = wp.clone(sim.model.joint_q[: sim.model.joint_coord_count // n])
         self._start = wp.array(sim.config.robot.start, dtype=float)
         self._rng = wp.zeros(n, dtype=wp.uint32)
         self._launch(kernels.seed_worlds, [seed, self._rng])

@@ -69,6 +69,7 @@ def act(
 @wp.kernel
 def reset(
     c: Constants,
+    scanned: wp.array(dtype=float),
     start: wp.array(dtype=float),
     ahead: wp.array2d(dtype=float),
     ahead_share: float,
@@ -85,7 +86,9 @@ def reset(
     world_mask: wp.array(dtype=bool),
     articulation_mask: wp.array2d(dtype=bool),
 ):
-    """Put the worlds whose episode ended back to the start, with noise; mark them in both masks.
+    """Put the worlds whose episode ended back to the start, the robot with noise; mark them in both masks.
+
+    The part and what lies free in the room take the coordinates that they were `scanned` with [coord].
 
     A share of them starts ahead: half of these on the straight way in joint space from `start` to the first of the joint
     targets `ahead` [step 9], the noise fading, a quarter at any of these targets, a quarter at the last, where the fingers
@@ -101,7 +104,8 @@ def reset(
     if ended:
         state = rng[world]
         for i in range(joint_q.shape[1]):
-            joint_q[world, i] = 0.0
+            joint_q[world, i] = scanned[i]
+        for i in range(joint_qd.shape[1]):
             joint_qd[world, i] = 0.0
         way = float(0.0)
         at = int(0)

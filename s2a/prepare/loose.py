@@ -16,6 +16,7 @@ from s2a.geometry.rays import first_hits, ray_mesh
 from s2a.geometry.solid import close, largest_pieces
 from s2a.geometry.surfaces import keep, merge
 from s2a.prepare.cache import pack, recall, unpack
+from s2a.prepare.mass import MassConfig, known_mass
 from s2a.prepare.motion import grown
 from s2a.scene import Mesh, Scene
 from s2a.usd.simscene import Collider, Mass, SimBody
@@ -42,10 +43,7 @@ class LooseConfig:
         margin: how far the support's level top reaches beyond it [m].
         thickness: of that top [m].
         clearance: what is cut free around it [m].
-        priors: mass [kg] by the last word of its label.
-        density: [kg/m^3] of its volume, for labels without a prior.
-        lowest: smallest estimate [kg].
-        highest: largest estimate [kg].
+        mass: what it weighs.
     """
 
     near: float
@@ -57,10 +55,7 @@ class LooseConfig:
     margin: float
     thickness: float
     clearance: float
-    priors: dict[str, float]
-    density: float
-    lowest: float
-    highest: float
+    mass: MassConfig
 
 
 @dataclass(frozen=True)
@@ -188,14 +183,7 @@ def _mass(scene: Scene, members: Sequence[str], solid: Mesh, config: LooseConfig
     whole = volume(closed) if closed is not None else 0.0
     if closed is not None and not HOLLOW * whole < shape.volume <= FULL * whole:
         shape = trimesh.Trimesh(closed.vertices, closed.faces, process=False)
-    annotated = [scene.parts[i].mass for i in members]
-    words = scene.parts[members[0]].label.lower().replace("_", " ").split()
-    if annotated[0] is not None:
-        mass, source = float(sum(m for m in annotated if m is not None)), "annotated"
-    elif words and words[-1] in config.priors:
-        mass, source = config.priors[words[-1]], f"usual for a {words[-1]}"
-    else:
-        mass, source = float(np.clip(config.density * shape.volume, config.lowest, config.highest)), "its volume"
+    mass, source = known_mass(scene, members, config.mass) or (config.mass.estimate(shape.volume), "its volume")
     moments, axes = np.linalg.eigh(shape.moment_inertia * (mass / shape.volume))
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     quat = Rotation.from_matrix(axes).as_quat(canonical=True)

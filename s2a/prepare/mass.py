@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +18,10 @@ class MassConfig:
     """What to assume where no mass is annotated.
 
     Attributes:
-        priors: mass [kg] of a moving part by the last word of its label.
+        priors: mass [kg] by the last word of a label.
         lowest: smallest estimate [kg].
         highest: largest estimate [kg].
-        density: [kg/m^3] of the convex hull of the scanned surface, for labels without a prior.
+        density: [kg/m^3] by which a volume is weighed, for labels without a prior.
     """
 
     priors: dict[str, float]
@@ -28,9 +29,13 @@ class MassConfig:
     highest: float
     density: float
 
+    def estimate(self, volume: float) -> float:
+        """Return what a volume [m^3] weighs within bounds [kg]."""
+        return float(np.clip(self.density * volume, self.lowest, self.highest))
 
-def moving_mass(scene: Scene, members: tuple[str, ...], config: MassConfig) -> tuple[float, str]:
-    """Return the mass of a body [kg] and where it comes from: annotated, else its label, else its volume within bounds.
+
+def known_mass(scene: Scene, members: Sequence[str], config: MassConfig) -> tuple[float, str] | None:
+    """Return the mass of a body [kg] and where it comes from: annotated, else its label's; None if neither says it.
 
     Args:
         scene: the room.
@@ -41,11 +46,14 @@ def moving_mass(scene: Scene, members: tuple[str, ...], config: MassConfig) -> t
     if annotated[0] is not None:
         return float(sum(mass for mass in annotated if mass is not None)), "annotated"
     words = scene.parts[members[0]].label.lower().replace("_", " ").split()
-    if words and words[-1] in config.priors:
-        return config.priors[words[-1]], f"usual for a {words[-1]}"
+    return (config.priors[words[-1]], f"usual for a {words[-1]}") if words and words[-1] in config.priors else None
+
+
+def moving_mass(scene: Scene, members: Sequence[str], config: MassConfig) -> tuple[float, str]:
+    """Return a body's `known_mass`, or else what the convex hull of its surface holds."""
     closed = hull(np.concatenate([scene.parts[i].mesh.vertices for i in members]))
-    estimate = config.density * (volume(closed) if closed is not None else 0.0)
-    return float(np.clip(estimate, config.lowest, config.highest)), "volume of its hull"
+    estimate = config.estimate(volume(closed) if closed is not None else 0.0), "volume of its hull"
+    return known_mass(scene, members, config) or estimate
 
 
 def box_mass(mesh: Mesh, mass: float, frame: np.ndarray, source: str = "") -> Mass:

@@ -42,7 +42,7 @@ from s2a.edit.ask import Answer, Model, Request
 from s2a.edit.fit import NoRoom
 from s2a.edit.insert import Inserted, Room, Thing, Watch, insert
 from s2a.edit.llm import choose
-from s2a.edit.openings import blocked, openings
+from s2a.edit.openings import blocked, reaching
 from s2a.edit.record import Ledger
 from s2a.edit.rules import rules
 from s2a.edit.surfaces import nearby
@@ -199,7 +199,7 @@ def _measured(room: Room, inserted: Inserted, looker: Watch) -> dict:
     around = nearby(scene, *(mesh.bounds + [[-0.05], [0.05]]))
     deepest = depth(mesh, around)
     surface = np.concatenate([mesh.vertices, sample(mesh, 2000, seed=1)])
-    ways = openings(scene, *mesh.bounds, carrier=spot.target)
+    ways = reaching(room.ways, *mesh.bounds, scene, spot.target)
     stops = sorted({way.part for way in ways if blocked(way, surface, WAY)})
     standing = Mesh(np.asarray(mesh.vertices, np.float64) - np.asarray(spot.pose.position), mesh.faces, mesh.colors)
     still = replace(spot, pose=replace(spot.pose, quaternion=(0.0, 0.0, 0.0, 1.0)))

@@ -12,7 +12,7 @@ from test_regions import sheet, sink
 from s2a.config import compose, load
 from s2a.edit.baseline import place_paper
 from s2a.edit.fit import NoRoom, Pose
-from s2a.edit.openings import openings
+from s2a.edit.openings import openings, reaching
 from s2a.edit.pose import PoseConfig, Relation, place
 from s2a.edit.surfaces import nearby, target_plane, target_regions
 from s2a.errors import InputError
@@ -41,7 +41,7 @@ def put(
     scene: Scene, thing: Mesh, target: str, relation: Relation = "on", kind: Kind = "horizontal", near=None
 ) -> Pose:
     region = target_regions(scene, target, REGIONS, (kind,))[0]
-    return place(scene, thing, region, relation, POSE, target, near)
+    return place(scene, thing, region, relation, POSE, target, openings(scene), near)
 
 
 @cache
@@ -103,7 +103,7 @@ def test_a_soap_goes_into_the_basin_and_not_onto_the_rim() -> None:
     scene = Scene("bathroom", {"sink_1": Part("sink", sink())})
     basin = min(target_regions(scene, "sink_1", REGIONS, ("horizontal",)), key=lambda region: region.height)
     soap = block(0.09, 0.06, 0.03)
-    pose = place(scene, soap, basin, "in", POSE, "sink_1")
+    pose = place(scene, soap, basin, "in", POSE, "sink_1", [])
     check(scene, soap, pose)
     assert pose.position[2] == pytest.approx(0.703, abs=0.004)
     assert np.abs(pose.moved(soap).vertices[:, :2]).max() < 0.2
@@ -125,7 +125,7 @@ def test_nothing_is_put_where_a_drawer_slides() -> None:
     still = Scene("room", {i: replace(part, motion="fixed") for i, part in scene.parts.items()})
     blind = put(still, bin_, "floor_1")
     low, high = np.array([-1.0, -1.0, 0.0]), np.array([2.0, 1.0, 1.0])
-    ways = [way.piece for way in openings(scene, low, high)]
+    ways = [way.piece for way in reaching(openings(scene), low, high, scene)]
     assert not any(inside(way, pose.moved(bin_).vertices).any() for way in ways)
     assert pose.moved(bin_).bounds[0, 0] > 0.59
     # Without the drawer the freest place is in the middle, in its way.
@@ -135,8 +135,8 @@ def test_nothing_is_put_where_a_drawer_slides() -> None:
 def test_what_a_drawer_carries_is_not_in_its_way() -> None:
     scene = cabinet()
     low, high = np.array([-1.0, -1.0, 0.0]), np.array([2.0, 1.0, 1.0])
-    assert {way.part for way in openings(scene, low, high)} == {"drawer_3"}
-    assert openings(scene, low, high, carrier="drawer_3") == []
+    assert {way.part for way in reaching(openings(scene), low, high, scene)} == {"drawer_3"}
+    assert reaching(openings(scene), low, high, scene, carrier="drawer_3") == []
 
 
 def corner() -> Scene:
@@ -169,9 +169,9 @@ def test_a_book_goes_into_the_shelf_compartment_that_is_high_enough() -> None:
     scene = Scene("room", {"shelf_1": Part("shelf", merge(boards))})
     low, high = sorted(target_regions(scene, "shelf_1", REGIONS, ("inside",)), key=lambda region: region.height)
     book = block(0.15, 0.03, 0.25)
-    check(scene, book, place(scene, book, low, "in", POSE, "shelf_1"))
+    check(scene, book, place(scene, book, low, "in", POSE, "shelf_1", []))
     with pytest.raises(NoRoom):
-        place(scene, book, high, "in", POSE, "shelf_1")
+        place(scene, book, high, "in", POSE, "shelf_1", [])
 
 
 def test_the_papers_rule_shifts_until_nothing_is_cut() -> None:

@@ -18,6 +18,7 @@ from s2a.edit.author import author, placement
 from s2a.edit.confine import ConfinementConfig
 from s2a.edit.fit import NoRoom
 from s2a.edit.objects import ObjectConfig, ObjectFile, read_object, upright
+from s2a.edit.openings import openings
 from s2a.edit.placement import Placement
 from s2a.edit.plan import Plan, plan
 from s2a.edit.pose import PoseConfig
@@ -79,12 +80,14 @@ class Room:
     Attributes:
         scene: the room with what was inserted so far.
         skeleton: text of its stage, without it.
+        ways: of its drawers and doors.
         supports: what its parts can carry.
         lines: its description.
     """
 
     def __init__(self, scene: Scene, skeleton: str, config: SurfaceConfig) -> None:
         self.scene, self.skeleton, self._config = scene, skeleton, config.regions
+        self.ways = openings(scene)
         self.supports = describe.survey(scene, config.regions)
         self.lines = describe.describe(scene, self.supports)
 
@@ -229,7 +232,7 @@ def _placed(
 def _spot(room: Room, object: Mesh, where: Plan, config: InsertConfig, watch: Watch, record: Record) -> Spot:
     """Return the first spot, in the order of the plan, at which the object stays."""
     reasons: list[str] = []
-    found = spots(room.scene, object, where, config.surface, config.pose, reasons)
+    found = spots(room.scene, object, where, room.ways, config.surface, config.pose, reasons)
     while True:
         with step(record, "pose"):
             spot = next(found, None)

@@ -9,7 +9,7 @@ import numpy as np
 from s2a.geometry.convex import halfspaces
 from s2a.geometry.surfaces import merge
 from s2a.prepare.motion import sweep
-from s2a.scene import Joint, Mesh, Scene
+from s2a.scene import Mesh, Scene
 
 
 @dataclass(frozen=True)
@@ -27,31 +27,41 @@ class Opening:
     planes: np.ndarray
 
 
-def openings(scene: Scene, low: np.ndarray, high: np.ndarray, carrier: str | None = None) -> list[Opening]:
-    """Return the ways of the jointed parts that reach into a box [m].
-
-    Args:
-        scene: the room.
-        low: the box's lower corner.
-        high: its upper corner.
-        carrier: id of the part on which the object will be: what carries it along is not in its way.
-    """
-    carriers = _carriers(scene, carrier)
+def openings(scene: Scene) -> list[Opening]:
+    """Return the ways of all jointed parts of a scene."""
     found = []
     for part_id in scene.movable:
         mesh = merge([Mesh(scene.parts[i].mesh.vertices, scene.parts[i].mesh.faces) for i in scene.members(part_id)])
-        joint = scene.joint(part_id)
-        if part_id in carriers or not len(mesh.faces) or not _may_reach(mesh, joint, low, high):
-            continue
-        for piece in sweep(mesh, joint):
-            if (piece.bounds[0] < high).all() and (piece.bounds[1] > low).all():
-                found.append(Opening(part_id, piece, halfspaces(piece)))
+        if len(mesh.faces):
+            found += [Opening(part_id, piece, halfspaces(piece)) for piece in sweep(mesh, scene.joint(part_id))]
     return found
+
+
+def reaching(
+    ways: list[Opening], low: np.ndarray, high: np.ndarray, scene: Scene, carrier: str | None = None
+) -> list[Opening]:
+    """Return the ways that reach into a box [m].
+
+    Args:
+        ways: of the scene's parts.
+        low: the box's lower corner.
+        high: its upper corner.
+        scene: the room.
+        carrier: id of the part on which the object will be: what carries it along is not in its way.
+    """
+    carriers = _carriers(scene, carrier)
+    return [
+        way
+        for way in ways
+        if way.part not in carriers and (way.piece.bounds[0] < high).all() and (way.piece.bounds[1] > low).all()
+    ]
 
 
 def blocked(opening: Opening, points: np.ndarray, slack: float) -> bool:
     """Whether any of the points [point 3] is in the way of a part by more than `slack` [m]."""
-    return bool((points @ opening.planes[:, :3].T + opening.planes[:, 3] < -slack).all(axis=1).any())
+    low, high = opening.piece.bounds
+    near = points[((points > low) & (points < high)).all(axis=1)]
+    return bool((near @ opening.planes[:, :3].T + opening.planes[:, 3] < -slack).all(axis=1).any())
 
 
 def heights_within(opening: Opening, places: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -73,11 +83,3 @@ def _carriers(scene: Scene, part_id: str | None) -> set[str]:
         found.add(part_id)
         part_id = scene.parts[part_id].parent
     return found
-
-
-def _may_reach(mesh: Mesh, joint: Joint, low: np.ndarray, high: np.ndarray) -> bool:
-    """Whether a part's box, grown by the longest way of any of its points, meets another box."""
-    way = max(abs(limit) for limit in joint.limits)
-    if joint.kind == "revolute":
-        way = 2.0 * float(np.linalg.norm(mesh.vertices - np.array(joint.origin), axis=1).max())
-    return bool((mesh.bounds[0] - way < high).all() and (mesh.bounds[1] + way > low).all())

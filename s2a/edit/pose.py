@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.edit.baseline import PaperConfig
 from s2a.edit.fit import NoRoom, Pose, in_the_way, pushed
-from s2a.edit.openings import openings
+from s2a.edit.openings import Opening, reaching
 from s2a.edit.search import Candidate, SearchConfig, Wish, board, candidates
 from s2a.edit.surfaces import facing, nearby, target_mesh
 from s2a.errors import InputError
@@ -60,6 +60,7 @@ def place(
     relation: Relation,
     config: PoseConfig,
     target: str,
+    ways: list[Opening],
     near: str | None = None,
 ) -> Pose:
     """Return the best pose of an object on a region.
@@ -71,6 +72,7 @@ def place(
         relation: "on" or "in" stands, "against" stands with its back to something, "hanging" hangs on an upright region.
         config: how it is found.
         target: id of the part that the region belongs to.
+        ways: of the room's drawers and doors, which are kept free.
         near: id of a part that it should be near, if it can.
 
     Raises:
@@ -81,7 +83,7 @@ def place(
         raise InputError(f"relation {relation!r} on a region of kind {region.kind!r}; only hanging goes with vertical")
     base, radius, height = _frame(scene, object, region, target)
     low, high = _box(region, radius, height)
-    ways = openings(scene, low, high, target)
+    ways = reaching(ways, low, high, scene, target)
     grid = board(region, radius, height, [part.mesh for part in scene.parts.values()], ways, config.search)
     wish = Wish(relation == "against", None if near is None else target_mesh(scene, near).vertices)
     found = candidates(grid, region, object, base, wish, config.search)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import difflib
 import json
+import math
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -126,7 +127,7 @@ def _plan(facts: Any, entry: Entry | None) -> dict[str, Any]:
     """Return the answer to where a thing belongs."""
     up = _up(facts, entry)
     wish = read_wish(facts.get("wish") or "", facts["room"])
-    choices = wish.choices or _choices(facts["room"], entry.places if entry else ())
+    choices = wish.choices or _choices(facts["room"], entry.places if entry else (), _breadth(facts, entry, up))
     choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
     front = {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
     if choices and choices[0]["relation"] == "hanging":
@@ -134,37 +135,49 @@ def _plan(facts: Any, entry: Entry | None) -> dict[str, Any]:
     return {"up": up, "front": front, "near": wish.near, "choices": choices[:3]}
 
 
-def _choices(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...]) -> list[dict[str, Any]]:
-    """Return the places of a thing that there are in a room, three at most."""
+def _breadth(facts: Any, entry: Entry | None, up: str) -> float:
+    """Return about how broad a thing is where it stands [m]: the shorter of its level sides."""
+    low, high = entry.longest if entry else UNKNOWN_LONGEST
+    level = [side for side, axis in zip(facts["sides"], "xyz", strict=True) if axis != up[1]]
+    return math.sqrt(low * high) * min(level) / max(facts["sides"])
+
+
+def _choices(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], breadth: float) -> list[dict[str, Any]]:
+    """Return the places of a thing that there are in a room, those first that have a free circle of its breadth [m]."""
     anywhere = tuple((how, where) for how, _, where in (place.partition(" ") for place in ANYWHERE))
     found: list[dict[str, Any]] = []
     for how, where in (*places, *(anywhere if len(places) < 9 else ())):
         lines = [line for line in room if same_thing(line["label"], where)]
         options = [option for line in lines for option in _options(line, how, room)]
-        options.sort(key=lambda option: -option.pop("free"))
+        options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
         found += [option for option in options[:1] if option not in found]
-    return found
+    found.sort(key=lambda option: option["circle"] < breadth)
+    return [{key: value for key, value in option.items() if key not in ("free", "circle")} for option in found]
 
 
 def _options(line: dict[str, Any], how: str, room: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return how a part can carry something in a way of the table, with the area that is free for it."""
-    reason = f"the table says: {how} {line['label']}"
+    """Return how a part can carry something in a way of the table, with the area and the circle that are free for it."""
+    target = {"target": line["id"], "reason": f"the table says: {how} {line['label']}"}
     if how == "hanging" and "size" in line:
-        area = line["size"][2] * max(line["size"][:2])
-        return [_option(line["id"], "vertical", "hanging", None, reason, area)]
+        high, wide = line["size"][2], max(line["size"][:2])
+        free = {"free": high * wide, "circle": min(high, wide)}
+        return [{**target, "surface": "vertical", "relation": "hanging", "height": None, **free}]
     if how == "against":
-        floors = [other for other in room if other.get("label") == "floor" and "supports" in other]
-        return [_option(i["id"], "horizontal", "against", None, reason, i["supports"][0]["free"]) for i in floors[:1]]
+        floors = [other for other in room if other["label"] == "floor" and "supports" in other]
+        against = {**target, "surface": "horizontal", "relation": "against", "height": None}
+        return [{**against, "target": floor["id"], **_free(floor["supports"][0])} for floor in floors[:1]]
     kinds = {"on": ("horizontal",), "in": ("basin", "inside"), "inside": ("inside",)}.get(how, ())
-    fitting = [support for support in line.get("supports", ()) if support["kind"] in kinds]
     surface = {"horizontal": "horizontal", "basin": "horizontal", "inside": "inside"}
     relation = "on" if how == "on" else "in"
-    return [_option(line["id"], surface[s["kind"]], relation, s["height"], reason, s["free"]) for s in fitting]
+    return [
+        {**target, "surface": surface[s["kind"]], "relation": relation, "height": s["height"], **_free(s)}
+        for s in line.get("supports", ())
+        if s["kind"] in kinds
+    ]
 
 
-def _option(target: str, surface: str, relation: str, height: float | None, reason: str, free: float) -> dict[str, Any]:
-    names = ("target", "surface", "relation", "height", "reason", "free")
-    return dict(zip(names, (target, surface, relation, height, reason, free), strict=True))
+def _free(support: dict[str, Any]) -> dict[str, float]:
+    return {key: support[key] for key in ("free", "circle")}
 
 
 def _up(facts: Any, entry: Entry | None) -> str:
@@ -177,10 +190,16 @@ def _up(facts: Any, entry: Entry | None) -> str:
         if entry:
             low, high = entry.height[0] / entry.longest[1], entry.height[1] / entry.longest[0]
             misfit = min(ratio / low, high / ratio, 1.0)
+        # What holds something has its mouth up.
+        mouth = 0.4 * (facts["hollow"].get(axis, 0.0) - facts["hollow"].get(_opposite(axis), 0.0))
         habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.3 if axis == facts["up"] else 0.0)
-        return min(1.0, facts["feet"].get(axis, 0.0) / FIRM) * misfit**2 + habit
+        return (min(1.0, facts["feet"].get(axis, 0.0) / FIRM) + mouth) * misfit**2 + habit
 
     return max(AXES, key=merit)
+
+
+def _opposite(axis: str) -> str:
+    return axis.translate(str.maketrans("+-", "-+"))
 
 
 def _flat(facts: Any) -> tuple[str, str]:

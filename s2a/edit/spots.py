@@ -11,6 +11,7 @@ import numpy as np
 from s2a.edit.baseline import place_paper
 from s2a.edit.describe import BASIN, looks_up
 from s2a.edit.fit import NoRoom, Pose
+from s2a.edit.openings import Opening
 from s2a.edit.plan import Choice, Plan
 from s2a.edit.pose import PoseConfig, place
 from s2a.edit.surfaces import SurfaceConfig, target_mesh, target_plane, target_regions
@@ -45,7 +46,13 @@ class Spot:
 
 
 def spots(
-    scene: Scene, object: Mesh, plan: Plan, surface: SurfaceConfig, pose: PoseConfig, reasons: list[str]
+    scene: Scene,
+    object: Mesh,
+    plan: Plan,
+    ways: list[Opening],
+    surface: SurfaceConfig,
+    pose: PoseConfig,
+    reasons: list[str],
 ) -> Iterator[Spot]:
     """Yield the spots of a plan, the best first.
 
@@ -53,6 +60,7 @@ def spots(
         scene: the room.
         object: upright, standing on z = 0, front towards +x, in metres.
         plan: where it belongs.
+        ways: of the room's drawers and doors.
         surface: how surfaces are found.
         pose: how poses are found.
         reasons: receives why a place was passed over.
@@ -70,13 +78,20 @@ def spots(
                 plane, points = target_plane(scene, choice.target, choice.surface == "vertical", surface.ransac)
                 yield _on_plane(scene, object, plane, points, choice, pose, "ransac")
             else:
-                yield from _on_regions(scene, object, plan, choice, surface, pose, reasons)
+                yield from _on_regions(scene, object, plan, choice, ways, surface, pose, reasons)
         except InputError as error:
             reasons.append(f"{choice.relation} {choice.target}: {error}")
 
 
 def _on_regions(
-    scene: Scene, object: Mesh, plan: Plan, choice: Choice, surface: SurfaceConfig, pose: PoseConfig, reasons: list[str]
+    scene: Scene,
+    object: Mesh,
+    plan: Plan,
+    choice: Choice,
+    ways: list[Opening],
+    surface: SurfaceConfig,
+    pose: PoseConfig,
+    reasons: list[str],
 ) -> Iterator[Spot]:
     """Yield the spots on the regions of a choice."""
     level = choice.surface != "vertical"
@@ -92,7 +107,7 @@ def _on_regions(
                 plane = Plane(region.normal, float(region.normal @ region.center), np.arange(len(points)))
                 yield _on_plane(scene, object, plane, points, choice, pose, "regions")
                 continue
-            found = place(scene, object, region, choice.relation, pose, choice.target, plan.near)
+            found = place(scene, object, region, choice.relation, pose, choice.target, ways, plan.near)
             yield Spot(choice.target, choice, region.normal, found, _told(region, choice))
         except NoRoom as error:
             reasons.append(f"{choice.relation} {choice.target}: {error}")

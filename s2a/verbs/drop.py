@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +12,15 @@ from s2a.edit.insert import Watch
 from s2a.edit.record import Record
 from s2a.edit.spots import Spot
 from s2a.edit.surfaces import nearby
-from s2a.geometry.convex import clip
-from s2a.geometry.decompose import one_hull, vhacd
+from s2a.geometry.convex import hull
+from s2a.geometry.decompose import one_hull
+from s2a.geometry.surfaces import sample
 from s2a.scene import Mesh, Scene
 
 FOOT = 0.03
 """What is below this share of an object's height is its foot."""
+SAMPLES = 4000
+"""Points on its surface, besides its vertices."""
 AROUND = 0.05
 """Surroundings within this distance of an object take part in its drop [m]."""
 
@@ -27,14 +31,12 @@ class PiecesConfig:
 
     Attributes:
         full: share of its convex hull from which an object is taken for that.
-        hulls: largest number.
-        resolution: voxels.
+        slices: level slices above its foot, each a convex hull.
         vertices: largest number a piece.
     """
 
     full: float
-    hulls: int
-    resolution: int
+    slices: int
     vertices: int
 
 
@@ -55,21 +57,20 @@ def drop(pieces: PiecesConfig, config: SettleConfig) -> Watch:
 
 
 def _pieces(object: Mesh, config: PiecesConfig) -> list[Mesh]:
-    """Return convex pieces of an object: its hull, where that fills in little, which saves a second."""
+    """Return convex pieces of an upright object: its hull, where that fills in little, else its foot and level slices.
+
+    Convex decomposition took one to three seconds, and its pieces follow a surface to a voxel only, on which a bottle leans.
+    Slices are exact where it stands, fill in what is hollow, and what is between legs.
+    """
     whole = one_hull(object, config.vertices)
     if not whole or _volume(object) > config.full * _volume(whole[0]):
         return whole
-    # Pieces follow the surface to a voxel only, on which a bottle would lean: the foot is exact, and nothing is below it.
-    low, high = object.bounds[:, 2]
-    foot = one_hull(_below(object, low + FOOT * (high - low)), config.vertices)
-    pieces = vhacd(object, config.hulls, config.resolution, config.vertices)
-    clipped = [clip(piece, np.array([0.0, 0.0, -1.0]), -low) for piece in pieces]
-    return [*foot, *(piece for piece in clipped if piece is not None)]
-
-
-def _below(mesh: Mesh, height: float) -> Mesh:
-    """Return the vertices of a mesh up to a height [m], without faces."""
-    return Mesh(mesh.vertices[mesh.vertices[:, 2] <= height], np.empty((0, 3), int))
+    low, high = object.bounds[:, 2].astype(np.float64)
+    points = np.concatenate([object.vertices, sample(object, SAMPLES, seed=0)])
+    edges = np.array([0.0, *np.linspace(FOOT, 1.0, config.slices + 1)]) * (high - low) + low
+    slices = [points[(points[:, 2] >= a) & (points[:, 2] <= b)] for a, b in itertools.pairwise(edges)]
+    found = [hull(piece, config.vertices) for piece in slices if len(piece)]
+    return [piece for piece in found if piece is not None]
 
 
 def _volume(mesh: Mesh) -> float:

@@ -27,6 +27,7 @@ def test_an_agent_that_does_nothing_opens_nothing_and_says_so(tmp_path: Path) ->
     said = verb.run(settings(*keys, "device=cpu"))
     metrics = json.loads((tmp_path / "zero.json").read_text())
     assert metrics["episodes"] == 3
+    assert (metrics["stage"], metrics["policy"]) == ("sim.usda", "zero")
     for name in ("success", "final_success", "wide", "final_wide", "static", "final_static", "full", "final_full"):
         # Wilson's interval of 0 of 3: z^2 / (3 + z^2) = 3.84 / 6.84.
         assert metrics[name] == {"rate": 0.0, "low": 0.0, "high": pytest.approx(0.5615, abs=1e-4)}, name
@@ -52,9 +53,20 @@ def test_an_unknown_agent_is_told_the_known_ones() -> None:
         settings("stage=x", "out=y", "agent=zeros")
 
 
-def test_an_export_needs_a_checkpoint(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no checkpoint to export"):
-        verb.run(settings(f"stage={tmp_path}", f"out={tmp_path / 'x.json'}", "export=true"))
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        (("export=true",), "no checkpoint to export"),
+        (("agent=zero", "checkpoint=model_1.pt"), "only one can act"),
+        ((f"pictures={__file__}",), "a file; give a folder"),
+    ],
+)
+def test_keys_that_cannot_go_together_are_refused_before_anything_is_done(
+    keys: tuple[str, ...], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=message):
+        verb.run(settings("stage=nowhere.usd", f"out={tmp_path / 'x.json'}", *keys))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_album_ends_with_the_first_episode() -> None:

@@ -99,10 +99,27 @@ def _policy(config: Config, env: OpenDrawerEnv) -> Policy:
     return load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.policy)
 
 
-def run(config: Config) -> str:
-    """Run one episode in every world, write the metrics, and return the rates."""
+def _who(config: Config) -> str:
+    """Return who acts: an agent, a checkpoint with its folder, or the planner."""
+    trained = config.checkpoint and f"{config.checkpoint.absolute().parent.name}/{config.checkpoint.name}"
+    return config.agent or trained or "planner"
+
+
+def _refuse_contradictions(config: Config) -> None:
+    """Raise for keys that cannot go together, before an evaluation is spent on them."""
     if config.export and not config.checkpoint:
         raise InputError("key 'export' is true, and there is no checkpoint to export; give checkpoint=.../model_N.pt")
+    if config.agent and config.checkpoint:
+        raise InputError(
+            f"keys 'agent' ({config.agent}) and 'checkpoint' ({config.checkpoint}): only one can act; drop the other"
+        )
+    if config.pictures and config.pictures.exists() and not config.pictures.is_dir():
+        raise InputError(f"key 'pictures' is {str(config.pictures)!r}, a file; give a folder")
+
+
+def run(config: Config) -> str:
+    """Run one episode in every world, write the metrics, and return the rates."""
+    _refuse_contradictions(config)
     world = read_world(config.checkpoint, config.task) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with aside(config.out) as out:
@@ -111,7 +128,8 @@ def run(config: Config) -> str:
         policy = _policy(config, env)
         album = Album(env)
         watch = [album.watch] if config.pictures else []  # it waits for the device in every step
-        metrics = evaluate(env, policy, *watch) | {"seed": config.seed, **provenance(sim.device)}
+        origin = {"stage": config.stage.name, "policy": _who(config), "seed": config.seed, **provenance(sim.device)}
+        metrics = evaluate(env, policy, *watch) | origin
         out.write_text(json.dumps(metrics, indent=1))
     warn_of_trouble(metrics, env)
     if config.export and config.checkpoint:

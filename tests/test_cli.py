@@ -59,6 +59,9 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
         (["train", "stage=nowhere.usd", "out=y"], ["nowhere.usd"]),
         (["train", "stage=x", "out=y", "device=cuda:99"], ["'device'", "'cuda:99'", "auto, cpu"]),
         (["train", "stage=x", "out=y", "worlds=0"], ["'worlds'", "0", "1 or more"]),
+        (["train", "stage=x", "out=y", "policy.iterations=0"], ["'policy.iterations'", "0", "1 or more"]),
+        (["train", "stage=x", f"out={__file__}"], [__file__, "is a file where a folder"]),
+        (["prepare", "stage=x", "target=[]", "out=y.usd"], ["'target'", "names no part"]),
     ],
 )
 def test_bad_input_is_one_line_that_names_it_and_the_remedy(

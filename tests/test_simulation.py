@@ -49,7 +49,7 @@ def test_an_undisturbed_drawer_stays_where_it_was_scanned(stage: Path) -> None:
 
 
 def test_an_odd_number_of_substeps_is_refused(stage: Path) -> None:
-    with pytest.raises(ValueError, match="substeps=3 is odd"):
+    with pytest.raises(InputError, match="'sim.substeps' is 3; .* even"):
         Simulation(read_stage(stage), load(SimConfig, "sim/paper", substeps=3), 1)
 
 

@@ -10,6 +10,7 @@ import mujoco_warp
 import newton
 import warp as wp
 
+from s2a.errors import InputError
 from s2a.sim.build import JointConfig, SimStage, body_index, build_world
 from s2a.sim.franka import FrankaConfig
 
@@ -70,7 +71,7 @@ class Simulation:
     ) -> None:
         """Build the worlds; the first call on a machine compiles kernels for a minute."""
         if config.substeps % 2:
-            raise ValueError(f"substeps={config.substeps} is odd; a captured step needs an even number")
+            raise InputError(f"key 'sim.substeps' is {config.substeps}; a captured step needs an even number")
         self.stage, self.config, self.worlds, self.device = stage, config, worlds, device
         with wp.ScopedDevice(device):
             robot = config.robot if with_robot else None

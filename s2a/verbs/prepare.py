@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from s2a.errors import InputError
 from s2a.outputs import aside
 from s2a.prepare import PrepareConfig, prepare
 from s2a.usd import geometric, simready
@@ -31,7 +32,13 @@ class Config:
 
 
 def run(config: Config) -> str:
-    """Read the stage, prepare every target, write its sim.usd, and return what is in it."""
+    """Read the stage, prepare every target, write its sim.usd, and return what is in it.
+
+    Raises:
+        InputError: no target is named, or one is not in the stage or does not move.
+    """
+    if not config.target:
+        raise InputError("key 'target' names no part; give target=drawer_7 or target=[drawer_6,drawer_7]")
     scene = geometric.read(config.stage)
     if isinstance(config.target, str):
         return _write(prepare(scene, config.target, config.prepare, config.free), config.out)

@@ -82,8 +82,13 @@ def _start_of(config: Config) -> Path | None:
     """Return the checkpoint to go on from, None to begin.
 
     Raises:
-        InputError: the folder holds something, and the run is not to go on; or has done all its iterations.
+        InputError: no iteration is asked for; `out` is a file; it holds something, and the run is not to go on; or it has done
+            all its iterations.
     """
+    if config.policy.iterations < 1:
+        raise InputError(f"key 'policy.iterations' is {config.policy.iterations}; give 1 or more")
+    if config.out.exists() and not config.out.is_dir():
+        raise InputError(f"out {str(config.out)!r} is a file where a folder should be written; choose another place")
     if processes.rank() == 0 and config.out.exists() and any(config.out.iterdir()):
         if not config.resume:
             raise InputError(
@@ -105,7 +110,7 @@ def _report(config: Config, env: OpenDrawerEnv, metrics: dict[str, Any]) -> str:
     with aside(config.out / METRICS) as out:
         out.write_text(json.dumps(metrics | provenance(env.sim.device), indent=1))
     last = metrics["curve"][-1] if metrics["curve"] else {}
-    said = ", ".join(f"{name} {value:.3g}" for name, value in last.items())
+    said = ", ".join(f"{name} {value:.3g}" for name, value in last.items()) or "no episode has ended yet"
     lines = [f"{config.out}: {metrics['env_steps_per_second']:.0f} env steps/s; {said}"]
     if config.export and (checkpoint := folder.latest(config.out)):
         lines += [f"  {file}" for file in export(ppo.load_model(env, checkpoint), checkpoint)]

@@ -24,13 +24,15 @@ REFERENCE_HAND = "task.hand_point=[0.0,0.04,0.1654]"
 
 CHANGES = {
     "best": ("as it is", ()),
+    "no_starts": ("no episode starts on the way to the handle", ("starts_ahead=0",)),
+    "no_closing": ("no reward for closing around the handle", ("reward.closing=0",)),
+    "neither": ("neither of these two", ("starts_ahead=0", "reward.closing=0")),
     "plain_opening": ("an opening counts however it came about", ("reward.led_opening=0", "reward.opening=22")),
     "led_alone": ("no reward for an opening that was not led", ("reward.opening=0",)),
     "soft_arm": ("the paper's arm: stiffness 80, its weight not held", ("sim=paper",)),
     "reference_hand": ("the reference's point of the hand", (REFERENCE_HAND,)),
     "ends_at_success": ("an episode ends at 0.39 m", ("task.end_opening=0.39",)),
     "full_reward": ("rewards not scaled down", ("policy.reward_scale=1",)),
-    "ahead": ("plus: 30 % of the episodes start on the way to the handle", ("starts_ahead=0.3",)),
     "free_value": ("the value's change is not clipped", ("policy.clip_value=false",)),
 }
 """Name -> what it is, and the overrides."""

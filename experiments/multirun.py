@@ -2,7 +2,7 @@
 
 A row is one multirun over its seeds. Hydra's own launchers place no jobs on GPUs and do not stop at a wall-clock limit, so
 the multiruns are handed out job by job. Job `RUNS/<row>-<seed>/` holds `run/` (what `s2a train` writes), `evaluation.json`
-and `log.txt`. What is finished is kept; what was cut goes on from its last checkpoint with the next call.
+and `log.txt`. What is finished is kept; what was cut, or is now wanted longer, goes on from its last checkpoint.
 """
 
 from __future__ import annotations
@@ -60,10 +60,9 @@ class Job:
     seed: int
     folder: Path
 
-    @property
-    def finished(self) -> bool:
-        """Whether the training came to its end."""
-        return (self.folder / "run/metrics.json").is_file()
+    def finished(self, iterations: int) -> bool:
+        """Whether the training came to so many iterations."""
+        return self.checkpoint is not None and folder.iteration(self.checkpoint) + 1 >= iterations
 
     @property
     def checkpoint(self) -> Path | None:
@@ -104,7 +103,8 @@ def sweep(rows: Sequence[Row], stages: Path, args: argparse.Namespace) -> list[d
     if unknown := set(args.only or ()).difference(names):
         sys.exit(f"row {min(unknown)!r} is unknown; rows: {', '.join(names)}")
     slots, table = gpu_slots(args.side_by_side), jobs(rows, args.runs)
-    left = [job for job in table if not job.finished and job.row.name in (args.only or names)]
+    wanted = [job for job in table if job.row.name in (args.only or names)]
+    left = [job for job in wanted if not job.finished(iterations(job, args))]
     trainings = [(training(job, stages, args), job.folder / "log.txt") for job in left]
     failed = run(trainings, slots, end - 60.0 * args.evaluation_minutes)
     evaluations = [
@@ -112,7 +112,7 @@ def sweep(rows: Sequence[Row], stages: Path, args: argparse.Namespace) -> list[d
     ]
     for log in failed + run(evaluations, slots, end):
         print(f"{log}: failed: {log.read_text().strip().splitlines()[-1]}", file=sys.stderr)
-    return [collected for job in table if (collected := collect(job))]
+    return [collected for job in table if (collected := collect(job, iterations(job, args)))]
 
 
 def jobs(rows: Sequence[Row], runs: Path) -> list[Job]:
@@ -121,13 +121,21 @@ def jobs(rows: Sequence[Row], runs: Path) -> list[Job]:
     return sorted(every, key=lambda job: job.seed)
 
 
+def told(job: Job, args: argparse.Namespace) -> list[str]:
+    """Return what the training is told, beside the stage, the place and the length."""
+    return [*job.row.overrides, f"seed={job.seed}", f"worlds={args.worlds}", *args.set]
+
+
+def iterations(job: Job, args: argparse.Namespace) -> int:
+    """Return how many iterations the training is to have."""
+    return round(args.env_steps / (args.worlds * config.compose("train", told(job, args))["policy"]["steps"]))
+
+
 def training(job: Job, stages: Path, args: argparse.Namespace) -> list[str]:
     """Return the command that trains: the row's multirun with one of its seeds."""
-    told = [*job.row.overrides, f"seed={job.seed}", f"worlds={args.worlds}", *args.set]
-    steps = args.worlds * config.compose("train", told)["policy"]["steps"]
     return [
-        *(*S2A, "train", "-m", *told, f"stage={stages / job.row.stage}", "out=run", "resume=true"),
-        *(f"policy.iterations={round(args.env_steps / steps)}", f"policy.save_interval={SAVE_INTERVAL}"),
+        *(*S2A, "train", "-m", *told(job, args), f"stage={stages / job.row.stage}", "out=run", "resume=true"),
+        *(f"policy.iterations={iterations(job, args)}", f"policy.save_interval={SAVE_INTERVAL}"),
         *(f"hydra.sweep.dir={job.folder.parent}", f"hydra.sweep.subdir={job.folder.name}"),
     ]
 
@@ -140,20 +148,23 @@ def evaluation(job: Job, stages: Path, episodes: int) -> list[str]:
     ]
 
 
-def collect(job: Job) -> dict[str, Any] | None:
-    """Return what a run came to; None before it was evaluated. env_steps is what its last checkpoint was trained for."""
+def collect(job: Job, iterations: int) -> dict[str, Any] | None:
+    """Return what a run of so many iterations came to; None before it was evaluated.
+
+    env_steps is what its last checkpoint was trained for.
+    """
     if job.checkpoint is None or not (job.folder / "evaluation.json").is_file():
         return None
-    told = json.loads((job.folder / "run" / folder.SETTINGS).read_text())
-    steps = told["worlds"] * told["policy"]["steps"]
+    settings = json.loads((job.folder / "run" / folder.SETTINGS).read_text())
+    steps = settings["worlds"] * settings["policy"]["steps"]
     return {
         "row": job.row.name,
         "about": job.row.about,
         "seed": job.seed,
-        "finished": job.finished,
+        "finished": job.finished(iterations),
         "env_steps": (folder.iteration(job.checkpoint) + 1) * steps,
         "stage": job.row.stage,
-        "settings": {key: value for key, value in told.items() if key not in NOT_SETTINGS},
+        "settings": {key: value for key, value in settings.items() if key not in NOT_SETTINGS},
         "evaluation": json.loads((job.folder / "evaluation.json").read_text()),
         "curve": curve(job.folder / "run", steps),
     }

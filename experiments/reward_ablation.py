@@ -1,11 +1,12 @@
 """The paper's table of reward weights: does PPO open a scanned drawer, and does it use the handle?
 
     python experiments/reward_ablation.py STAGES --runs FOLDER [--scan demo/scan --target drawer_7]
-        [--seeds 3] [--side-by-side 2] [--minutes 9]
+        [--second SCAN --others drawer_15 door_2] [--seeds 3] [--side-by-side 2] [--minutes 9]
 
 STAGES is a folder with twin.usd, one_hull.usd, handle.usd, coacd.usd and moved.usd; where one is missing it is prepared from
---scan, a folder that `s2a sample` wrote (a virtual scan, whose CAD twin lies in truth/). Every row is a Hydra multirun of
-`s2a train` over its seeds, each policy is measured by `s2a evaluate` in 1024 episodes. Writes
+--scan, a folder that `s2a sample` wrote (a virtual scan, whose CAD twin lies in truth/); likewise drawer.usd and door.usd, on
+which our recipe is tried without change, from --second, by default `s2a sample room=bedroom`. Every row is a Hydra multirun
+of `s2a train` over its seeds, each policy is measured by `s2a evaluate` in 1024 episodes. Writes
 experiments/results/reward_ablation.json, its table (reward_ablation.md) and docs/ablation.png. With --minutes it stops in
 time: a run that was cut goes into the table as far as it came, and the same command later goes on.
 """
@@ -55,6 +56,8 @@ def table_rows(seeds: int) -> list[Row]:
         Row("moved_paper", "moved.usd", (PAPER,), 1, f"scan, grasp point moved by hand, {first}", "tried"),
         Row("twin_best", "twin.usd", ("+experiment=best",), seeds, "CAD twin, our recipe"),
         Row("scan_best", "handle.usd", ("+experiment=best",), seeds, "scan, finger gap kept free, our recipe"),
+        Row("drawer_best", "drawer.usd", ("+experiment=best",), seeds, "another scan's drawer, our recipe"),
+        Row("door_best", "door.usd", ("+experiment=best",), seeds, "another scan's hinged door, our recipe"),
     ]
 
 
@@ -64,14 +67,19 @@ def main() -> None:
     parser.add_argument("stages", type=Path)
     parser.add_argument("--scan", type=Path, default=Path("demo/scan"))
     parser.add_argument("--target", default="drawer_7")
+    parser.add_argument("--second", type=Path, help="another scan")
+    parser.add_argument(
+        "--others", nargs=2, default=["drawer_15", "door_2"], metavar=("DRAWER", "DOOR"), help="parts of it"
+    )
     parser.add_argument("--out", type=Path, default=RESULTS)
     parser.add_argument("--picture", type=Path, default=PICTURE)
     options(parser)
     args = parser.parse_args()
     make_stages(args.scan, args.target, args.stages)
+    make_others(args.second, args.others, args.stages)
     rows = table_rows(args.seeds)
     runs = sweep(rows, args.stages, args)
-    write({"scan": "virtual", "target": args.target, "runs": runs}, args.out, table(rows, runs))
+    write({"scan": "virtual", "target": args.target, "others": args.others, "runs": runs}, args.out, table(rows, runs))
     draw(runs, args.picture)
 
 
@@ -87,6 +95,20 @@ def make_stages(scan: Path, target: str, stages: Path) -> None:
         _s2a("prepare", f"stage={twin}", f"target={target}", f"out={stages}/twin.usd")
     if not (stages / "moved.usd").is_file():
         move_grasp(stages / "handle.usd", target, SHIFT, stages / "moved.usd")
+
+
+def make_others(scan: Path | None, targets: list[str], stages: Path) -> None:
+    """Prepare another scan's drawer and door where they are not there yet; without a scan, a bedroom is sampled."""
+    for name, target in zip(("drawer", "door"), targets, strict=True):
+        if (stages / f"{name}.usd").is_file():
+            continue
+        second = stages / "second"
+        if not (second / "geometric.usd").is_file():
+            if scan is None:
+                scan = stages / "second/scan"
+                _s2a("sample", "room=bedroom", f"out={scan}")
+            _s2a("export", f"scan={scan}", f"out={second}")
+        _s2a("prepare", f"stage={second}/geometric.usd", f"target={target}", f"out={stages}/{name}.usd")
 
 
 def move_grasp(stage: Path, target: str, shift: tuple[float, float, float], out: Path) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import is_dataclass
+from itertools import takewhile
 from typing import Any, get_args, get_origin, get_type_hints
 
 from s2a import config
@@ -28,35 +30,58 @@ def general(verbs: Mapping[str, str]) -> str:
 
 
 def verb(name: str, meaning: str, cls: type) -> str:
-    """Return the help text of one verb: every key with its value in the YAML tree and its meaning."""
+    """Return the help text of one verb: examples, then every key with its value in the YAML tree and its meaning."""
     values = sorted(config.leaves(config.compose(name)), key=lambda leaf: "." in leaf[0])
     meanings = attributes(cls)
-    lines = [f"s2a {name} key=value ...: {meaning}", ""]
+    lines = [f"s2a {name} key=value ...: {meaning}", *examples(name), ""]
     for key, value in values:
-        shown = "(required)" if value == config.REQUIRED else f"{value}"
-        lines.append(f"  {key + '=' + shown:40} {meaning_of(key, meanings)}".rstrip())
+        lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, meanings)}".rstrip())
     return "\n".join([*lines, *options(name)])
 
 
+def examples(name: str) -> list[str]:
+    """Return the comment at the head of a verb's YAML, which shows how the verb is called."""
+    lines = (config.folder() / f"{name}.yaml").read_text().splitlines()
+    return [line.removeprefix("#").rstrip() for line in takewhile(lambda line: line.startswith("#"), lines)]
+
+
+def typed(value: Any) -> str:
+    """Return a value as a user types it: true, null, [1,2]."""
+    if value == config.REQUIRED:
+        return "(required)"
+    if isinstance(value, (list, tuple)):
+        return f"[{','.join(map(typed, value))}]"
+    return json.dumps(value) if value is None or isinstance(value, bool) else f"{value}"
+
+
 def options(name: str) -> list[str]:
-    """List the alternatives of the groups that a verb's configuration takes from sub-folders."""
+    """List the alternatives of the groups that a verb's configuration takes from sub-folders: those that have the same keys.
+
+    Verbs share some groups, of which each takes its own: `policy` holds what trains and what plans.
+    """
     text = (config.folder() / f"{name}.yaml").read_text()
     groups = re.findall(r"^\s*- (?:override )?/?([\w/]+)(?:@\w+)?: ", text, flags=re.MULTILINE)
-    found = {group: sorted(path.stem for path in (config.folder() / group).glob("*.yaml")) for group in groups}
+    known = set(config.keys(config.compose(name)))
+    found = {}
+    for group in groups:
+        names = sorted(path.stem for path in (config.folder() / group).glob("*.yaml"))
+        found[group] = [
+            other for other in names if set(config.keys(config.compose(name, [f"{group}={other}"]))) == known
+        ]
     return ["", *(f"  {group}=...  one of: {', '.join(names)}" for group, names in found.items())] if found else []
 
 
 def meaning_of(key: str, meanings: Mapping[str, str]) -> str:
-    """Find the meaning of a dotted key, for one inside a dictionary under `*`; empty where only the whole has one."""
+    """Find the meaning of a dotted key; one inside a dictionary has it under `*`, or has that of the whole dictionary."""
     names = key.split(".")
     inside = (".".join([*names[:i], "*", *names[i + 1 :]]) for i in range(1, len(names)))
-    return next((meanings[name] for name in (key, *inside) if name in meanings), "")
+    return next((meanings[name] for name in (key, *inside, ".".join(names[:-1])) if name in meanings), "")
 
 
 def attributes(cls: type, prefix: str = "") -> dict[str, str]:
     """Read the meaning of every dotted key from the `Attributes:` of a dataclass and of those inside it.
 
-    What lies in a dictionary of dataclasses is found under the key `*`.
+    What lies in a dictionary of dataclasses is found under the key `*`. Choices that the text does not name are added to it.
     """
     found: dict[str, str] = {}
     for part in reversed(cls.__mro__[:-1]):
@@ -65,7 +90,15 @@ def attributes(cls: type, prefix: str = "") -> dict[str, str]:
         found |= {f"{prefix}{key}": " ".join(text.split()) for key, text in entries}
     hints: dict[str, Any] = get_type_hints(cls)
     for key, kind in hints.items():
+        if text := found.get(f"{prefix}{key}"):
+            found[f"{prefix}{key}"] = _with_choices(text, config.expected(kind))
         inner, path = (get_args(kind)[1], f"{key}.*") if get_origin(kind) is dict else (kind, key)
         if isinstance(inner, type) and is_dataclass(inner):
             found |= attributes(inner, f"{prefix}{path}.")
     return found
+
+
+def _with_choices(text: str, expected: str) -> str:
+    """Return the meaning of a key with what it may be ("one of: a, b, or null"), unless the text names all of that."""
+    choices = expected.partition("one of: ")[2].removesuffix(", or null").split(", ")
+    return text if all(choice in text for choice in choices) else f"{text.rstrip('.')}; {expected}."

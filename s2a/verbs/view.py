@@ -48,7 +48,7 @@ def run(config: Config) -> str:
     if config.text or (config.text is None and not config.picture):
         said.append(tree(config.path))
     if not said:
-        raise InputError("key 'text' is False and no picture is asked for; give picture=FILE.png or text=true")
+        raise InputError("key 'text' is false and no picture is asked for; give picture=FILE.png or text=true")
     return "\n".join(said)
 
 

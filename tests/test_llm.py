@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,16 @@ PLAN["choices"] = [{"target": "desk_1", "surface": "horizontal", "relation": "on
 SIZE = {"noun": "mug", "height": [0.08, 0.12], "longest": [0.09, 0.14], "unit": "cm", "reason": "a mug"}
 
 
+@cache
+def composed(*options: str) -> dict[str, Any]:
+    """Return the settings of a model; composing them takes half a second."""
+    return compose("insert", options)["llm"]
+
+
+def llm(kind: str, **changes: Any) -> LlmConfig:
+    return load(LlmConfig, {**composed(f"llm={kind}"), **changes})
+
+
 def words(value: object) -> Said:
     return message(value if isinstance(value, str) else json.dumps(value))
 
@@ -49,8 +60,7 @@ def chat(monkeypatch: pytest.MonkeyPatch, *replies: Any, **changes: Any) -> Iter
     with endpoint(*replies) as there:
         monkeypatch.setenv("OPENAI_API_KEY", "secret-key")
         monkeypatch.setenv("OPENAI_BASE_URL", there.url)
-        values = {**compose("insert", ["llm=chat"])["llm"], "attempts": 1, "timeout": 2.0, **changes}
-        yield choose(load(LlmConfig, values), None), there
+        yield choose(llm("chat", **{"attempts": 1, "timeout": 2.0, **changes}), None), there
 
 
 def asked(model: Model) -> Plan:
@@ -189,10 +199,10 @@ def test_whole_numbers_are_numbers_and_keys_that_nobody_asked_for_are_left_out()
 
 def test_without_a_key_there_are_rules_and_chat_says_what_is_missing(monkeypatch):
     monkeypatch.delenv("OPENAI_API_KEY", raising=False)
-    auto = load(LlmConfig, compose("insert")["llm"])
+    auto = llm("auto")
     assert kind_of(auto) == "rules"
     with pytest.raises(InputError, match="OPENAI_API_KEY"):
-        choose(load(LlmConfig, compose("insert", ["llm=chat"])["llm"]), None)
+        choose(llm("chat"), None)
     monkeypatch.setenv("OPENAI_API_KEY", "any")
     assert kind_of(auto) == "chat"
 
@@ -202,11 +212,11 @@ def recording(monkeypatch: pytest.MonkeyPatch, path: Path) -> None:
     with endpoint(words(PLAN)) as there:
         monkeypatch.setenv("OPENAI_API_KEY", "secret-key")
         monkeypatch.setenv("OPENAI_BASE_URL", there.url)
-        asked(choose(load(LlmConfig, compose("insert", ["llm=chat"])["llm"]), path))
+        asked(choose(llm("chat"), path))
 
 
 def replay(path: Path) -> Model:
-    return choose(load(LlmConfig, compose("insert", ["llm=replay", f"llm.answers={path}"])["llm"]), None)
+    return choose(llm("replay", answers=path), None)
 
 
 def test_a_recording_answers_the_same_question_and_holds_no_key(monkeypatch, tmp_path):
@@ -239,7 +249,7 @@ def test_a_recording_answers_in_the_same_room_measured_anew_and_says_so(monkeypa
 def test_what_is_recorded_is_not_asked_again(monkeypatch, tmp_path):
     recording(monkeypatch, tmp_path / "answers.json")
     with chat(monkeypatch, words({**PLAN, "up": "-z"})) as (_, there):
-        model = choose(load(LlmConfig, compose("insert", ["llm=chat"])["llm"]), tmp_path / "answers.json")
+        model = choose(llm("chat"), tmp_path / "answers.json")
         assert asked(model).up == "+z"
         assert plan(model, ROOM, FACTS, "other lines", 2, Ledger((0.0, 0.0))).up == "-z"
     assert len(there.asked) == 1
@@ -261,7 +271,7 @@ def script(x: str, y: str) -> Request:
 
 def test_a_recorded_script_fits_another_pose_however_many_zeros_the_model_wrote(monkeypatch, tmp_path):
     with chat(monkeypatch, words("move(1.25, -0.76543); scale(0.01)")) as (_, there):
-        model = choose(load(LlmConfig, compose("insert", ["llm=chat"])["llm"]), tmp_path / "a.json")
+        model = choose(llm("chat"), tmp_path / "a.json")
         ask(model, script("1.25000", "-0.76543"), str, 0, Ledger((0.0, 0.0)))
     assert len(there.asked) == 1
     again = replay(tmp_path / "a.json")(script("1.31000", "1.31000"))

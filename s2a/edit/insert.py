@@ -155,7 +155,7 @@ def insert(
     with step(record, "script") as said:
         planned = placement(room.scene, thing.label, spot.pose, scale)
         outcome = author(model, room.skeleton, planned, config.confinement, config.trusted, ledger, said)
-    own, _ = upright(file, where.up, where.front, 1.0, where.hangs)
+    own = upright(file, where.up, where.front, 1.0, where.hangs)
     return Inserted(planned, spot, Part(thing.label, spot.pose.moved(object)), own, outcome.layer)
 
 
@@ -223,7 +223,7 @@ def _placed(
 ) -> tuple[Mesh, float, Spot]:
     """Return an object upright and in its size, metres in a unit of its file, and its spot."""
     found = fit(answer, *_extents(file, where), file.unit)
-    object, _ = upright(file, where.up, where.front, found.scale, where.hangs)
+    object = upright(file, where.up, where.front, found.scale, where.hangs)
     sides = np.ptp(object.bounds, axis=0)
     record["scale"] |= vars(found) | {"size": [round(float(side), 4) for side in sides]}
     return object, found.scale, _spot(room, object, where, config, watch, record)

@@ -11,7 +11,7 @@ import trimesh
 from pxr import Usd, UsdGeom
 from scipy.spatial import cKDTree
 
-from s2a.edit.axes import AXES, sideways
+from s2a.edit.axes import AXES
 from s2a.edit.stance import rests
 from s2a.errors import InputError
 from s2a.geometry.surfaces import GREY
@@ -42,17 +42,15 @@ class ObjectConfig:
 
 @dataclass(frozen=True)
 class ObjectFile:
-    """What a file holds, in its own coordinates.
+    """What a file holds, in its own unit and axes.
 
     Attributes:
         mesh: clean: welded, without flat faces, consistently wound outwards; its zero is moved to the middle of its faces.
-        origin: that middle in the file's coordinates, shape [3].
         unit: metres in a unit of the file, if it says so.
         up: upward axis as the file says, "+y" or "+z", or None. Exporters often leave it at their format's default.
     """
 
     mesh: Mesh
-    origin: np.ndarray
     unit: float | None
     up: str | None
 
@@ -81,48 +79,33 @@ def read_object(path: Path, config: ObjectConfig) -> ObjectFile:
         raw, unit, up = _read_mesh(path), None, "+y" if ending in (".glb", ".gltf") else None
     else:
         raise InputError(f"{path}: ending {ending!r} is unknown; possible: {', '.join((*MESHES, *STAGES))}")
-    mesh, origin = _centered(raw)
-    mesh = cleaned(mesh)
+    mesh = cleaned(_centered(raw))
     if not len(mesh.faces):
         raise InputError(f"{path}: there is no surface in it; export it again with its faces")
     if len(mesh.faces) > config.faces:
         mesh = _lighter(mesh, config)
-    return ObjectFile(mesh, origin, unit, up)
+    return ObjectFile(mesh, unit, up)
 
 
-def upright(file: ObjectFile, up: str, front: str, scale: float, hangs: bool = False) -> tuple[Mesh, np.ndarray]:
-    """Return the mesh standing on z = 0 above the origin, its front towards +x, and what takes the file's points there, [4 4].
+def upright(file: ObjectFile, up: str, front: str, scale: float, hangs: bool = False) -> Mesh:
+    """Return the mesh standing on z = 0 above the origin, its front towards +x.
 
     Where it would fall over a little, because the file's axes are not quite its own, it stands as it comes to rest.
 
     Args:
         file: what was read.
         up: axis of the file that points up, "+x" to "-z".
-        front: axis of the file that the object's front looks along.
+        front: axis of the file that the object's front looks along, across `up`.
         scale: metres in a unit of the file, times whatever else makes it as large as it should be.
         hangs: whether it does not stand at all.
-
-    Raises:
-        InputError: an unknown axis, front along up, or a scale that is not positive.
     """
-    for name, axis in (("up", up), ("front", front)):
-        if axis not in AXES:
-            raise InputError(f"{name} axis {axis!r} is unknown; possible: {', '.join(AXES)}")
     z, x = AXES[up], AXES[front]
-    if abs(z @ x) > 0.5:
-        raise InputError(f"front axis {front!r} lies along the up axis {up!r}; possible: {', '.join(sideways(up))}")
-    if not (np.isfinite(scale) and scale > 0):
-        raise InputError(f"scale {scale} is not a positive number; give the metres in a unit of the file")
     if not hangs:
         z = file.rests[up][0]
         x = (x - x @ z * z) / np.linalg.norm(x - x @ z * z)
-    turn = scale * np.stack([x, np.cross(z, x), z])
-    turned = file.mesh.vertices.astype(np.float64) @ turn.T
+    turned = scale * file.mesh.vertices.astype(np.float64) @ np.stack([x, np.cross(z, x), z]).T
     low, high = turned.min(axis=0), turned.max(axis=0)
-    base = np.array([*(low + high)[:2] / 2, low[2]])
-    transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = turn, -base - turn @ file.origin
-    return Mesh(turned - base, file.mesh.faces, file.mesh.colors), transform
+    return Mesh(turned - [*(low + high)[:2] / 2, low[2]], file.mesh.faces, file.mesh.colors)
 
 
 def cleaned(mesh: Mesh) -> Mesh:
@@ -216,11 +199,11 @@ def _together(shapes: list[Shape]) -> Shape:
     return np.concatenate(vertices), np.concatenate(faces), np.concatenate(colors) if painted else None
 
 
-def _centered(shape: Shape) -> tuple[Mesh, np.ndarray]:
-    """Return a shape around zero, where single precision keeps what is small, and where its middle was, shape [3]."""
+def _centered(shape: Shape) -> Mesh:
+    """Return a shape around zero, where single precision keeps what is small."""
     vertices, faces, colors = shape
     middle = vertices[faces].reshape(-1, 3).mean(axis=0) if len(faces) else np.zeros(3)
-    return Mesh(vertices - middle, faces, colors), middle
+    return Mesh(vertices - middle, faces, colors)
 
 
 def _lighter(mesh: Mesh, config: ObjectConfig) -> Mesh:

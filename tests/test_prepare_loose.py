@@ -15,10 +15,11 @@ from s2a.certify.battery import CertifyConfig
 from s2a.certify.physics import World
 from s2a.certify.physics_motion import rest
 from s2a.errors import InputError
+from s2a.geometry.convex import box
 from s2a.geometry.solid import border, close, largest_pieces, loops
 from s2a.geometry.surfaces import keep
 from s2a.prepare import PrepareConfig, prepare
-from s2a.prepare.loose import lift
+from s2a.prepare.loose import lift, lift_all
 from s2a.scene import Mesh, Part, Scene
 from s2a.usd import simready
 from s2a.usd.simscene import SimScene
@@ -123,3 +124,28 @@ def test_what_cannot_be_lifted_is_refused_in_a_sentence(part: str, words: str) -
     more["drawer_24"] = replace(drawer, parent="cabinet_23")
     with pytest.raises(InputError, match=words):
         lift(room(**more), part, "drawer_7", settings().loose)
+
+
+def on_a_tray() -> Scene:
+    """Return the room with a carton on the carton, and one on a tray, 2 cm above the table."""
+    top = Mesh(carton().vertices + [0, 0, SIZE[2]], carton().faces)
+    tray = box(np.array([0.5, 1.45, 0.75]), np.eye(3), np.array([0.3, 0.2, 0.02]))
+    raised = Mesh(carton().vertices + [0, 0.25, 0.02], carton().faces)
+    return room(box_21=Part("box", top), tray_22=Part("tray", tray), box_23=Part("box", raised))
+
+
+def test_what_carries_an_object_hides_what_is_below() -> None:
+    found = lift(on_a_tray(), "box_23", "drawer_7", settings().loose)
+    assert found.support.part == "tray_22"
+    assert found.support.mesh.bounds[1, 2] == pytest.approx(0.76, abs=1e-5)
+    assert lift(on_a_tray(), "box_21", "drawer_7", settings().loose).support.part == "box_20"
+
+
+def test_what_stands_on_something_that_moves_is_refused() -> None:
+    scene = on_a_tray()
+    with pytest.raises(InputError, match="box_21: it stands on 'box_20', which moves too"):
+        lift_all(scene, ["box_21", "box_20"], "drawer_7", settings().loose)
+    tray = replace(clean_cabinet_room().parts["drawer_7"], mesh=scene.parts["tray_22"].mesh, parent=None)
+    scene = replace(scene, parts={**scene.parts, "tray_22": tray})
+    with pytest.raises(InputError, match="box_23: it stands on 'tray_22'"):
+        lift_all(scene, ["box_23"], "tray_22", settings().loose)

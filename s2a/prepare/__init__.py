@@ -11,16 +11,16 @@ from scipy.spatial.transform import Rotation
 from s2a.geometry.surfaces import merge
 from s2a.prepare.base import BaseConfig, find_base
 from s2a.prepare.carcass import CarcassConfig, freeze, hand_corridor
-from s2a.prepare.colliders import ColliderConfig, find_handle, target_colliders
-from s2a.prepare.decimate import DecimateConfig, decimate_room
+from s2a.prepare.colliders import ColliderConfig, Handle, find_handle, target_colliders
+from s2a.prepare.decimate import DecimateConfig, Decimated, decimate_room
 from s2a.prepare.interior import carcass_walls, drawer_box
-from s2a.prepare.loose import LooseConfig, lift
+from s2a.prepare.loose import LooseConfig, lift_all
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
 from s2a.prepare.motion import deepest, sweep
 from s2a.prepare.pose import find_grasp, lever_arm
 from s2a.prepare.room import RoomConfig, pedestal, room_colliders
 from s2a.scene import Mesh, Scene
-from s2a.usd.simscene import Collider, SimBody, SimScene
+from s2a.usd.simscene import Collider, Grasp, SimBody, SimScene
 
 PEDESTAL = "pedestal"
 """Id of what the robot stands on, where that is not the floor."""
@@ -60,8 +60,7 @@ class PrepareConfig:
 def prepare(scene: Scene, target: str, config: PrepareConfig, free: Sequence[str] = ()) -> SimScene:
     """Return what a simulator needs to open one part of a room.
 
-    The target moves with all its descendants against its carcass, whose other drawers and doors are frozen into it.
-    A target without a parent moves against an empty anchor.
+    The target moves with its descendants against its carcass, whose other fronts are frozen, or against an empty anchor.
 
     Args:
         scene: the room.
@@ -73,60 +72,70 @@ def prepare(scene: Scene, target: str, config: PrepareConfig, free: Sequence[str
         InputError: the target is unknown, does not move, or has no surface; an object cannot be lifted out.
     """
     joint, grasp = scene.joint(target), find_grasp(scene, target)
-    frame = Rotation.from_quat(grasp.orientation).as_matrix()
     moving, frozen, room = split(scene, target)
-    loose = [lift(scene, i, target, config.loose) for i in dict.fromkeys(free)]
+    loose = lift_all(scene, free, target, config.loose)
     room = tuple(i for i in room if not any(i in thing.members for thing in loose))
     spaces = [space for thing in loose for space in thing.space]
-    visual = merge([scene.parts[i].mesh for i in moving])
-    handle, others = find_handle(scene, target, frame)
-    colliders = target_colliders(scene, target, handle, others, config.colliders)
-    inside = drawer_box(scene, target) if config.interior else []
-    visual = merge([visual, *inside])
-    colliders += tuple(Collider(target, piece) for piece in inside)
-    way = sweep(merge([visual, *(collider.mesh for collider in colliders)]), joint, config.room.clearance)
+    body, handle = _target(scene, target, grasp, config)
+    way = sweep(merge([body.visual, *(c.mesh for c in body.colliders)]), joint, config.room.clearance)
     base = find_base(scene, target, grasp, moving, way, config.base)
-    looks = decimate_room(scene, room, config.decimate)
-    pieces, trimmed = room_colliders(
-        scene, room, np.array(base.position), np.array(grasp.point), [*way, *spaces], config.room
-    )
     stand = pedestal(base.position, base.pedestal, config.base.radius)
+    looks = _on_stand(decimate_room(scene, room, config.decimate), stand)
+    pieces, trimmed = room_colliders(scene, room, base.position, grasp.point, [*way, *spaces], config.room)
     pieces = (*(Collider(PEDESTAL, mesh) for mesh in stand), *(thing.support for thing in loose), *pieces)
-    pieces = pieces[: config.room.pieces]
-    carcass = freeze(scene, target, frozen, [hand_corridor(handle, grasp, config.carcass), *spaces], config.carcass)
-    walls = carcass_walls(scene, target, frozen) if config.interior and frozen else []
-    carcass = _completed(carcass, walls)
-    mass, source = moving_mass(scene, moving, config.mass)
-    clash = deepest([c.mesh for c in colliders], [c.mesh for c in carcass.colliders], joint)
+    corridor = hand_corridor(handle, grasp, config.carcass)
+    walls = carcass_walls(scene, target, frozen) if config.interior else []
+    carcass = _completed(freeze(scene, target, frozen, [corridor, *spaces], config.carcass), walls)
+    clash = deepest([c.mesh for c in body.colliders], [c.mesh for c in carcass.colliders], joint)
     return SimScene(
         name=scene.name,
         carcass=carcass,
-        target=SimBody(
-            target, visual, colliders, box_mass(visual, mass, frame, source), sum(len(mesh.faces) for mesh in inside)
-        ),
+        target=body,
         joint=joint,
         grasp=grasp,
-        static_visual=merge([looks.mesh, *stand]),
-        static_colliders=pieces,
+        static_visual=looks.mesh,
+        static_colliders=pieces[: config.room.pieces],
         base_position=base.position,
         base_orientation=base.orientation,
         friction=config.friction * lever_arm(joint, np.array(grasp.point)),
         base_reason=base.reason,
         base_free=base.free,
-        notes=_notes(target, carcass.id, trimmed, clash, len(inside) > 0, len(walls)),
+        notes=_notes(body, carcass.id, trimmed, clash, len(walls)),
         filtered=clash > CLASH,
-        static_parts=(*looks.parts, PEDESTAL) if stand else looks.parts,
-        static_face_part=np.concatenate([looks.face_part, *(np.full(len(m.faces), len(looks.parts)) for m in stand)]),
+        static_parts=looks.parts,
+        static_face_part=looks.face_part,
         reductions=looks.reductions,
         free=tuple(thing.body for thing in loose),
     )
 
 
-def _notes(target: str, carcass: str, trimmed: tuple[str, ...], clash: float, box: bool, walls: int) -> tuple[str, ...]:
+def _target(scene: Scene, target: str, grasp: Grasp, config: PrepareConfig) -> tuple[SimBody, Handle]:
+    """Return the moving body, with the box behind a drawer's front where it is asked for, and its handle."""
+    moving = (target, *scene.descendants(target))
+    handle, others = find_handle(scene, target, Rotation.from_quat(grasp.orientation).as_matrix())
+    inside = drawer_box(scene, target) if config.interior else []
+    visual = merge([*(scene.parts[i].mesh for i in moving), *inside])
+    colliders = target_colliders(scene, target, handle, others, config.colliders)
+    colliders += tuple(Collider(target, piece) for piece in inside)
+    mass, source = moving_mass(scene, moving, config.mass)
+    completed = sum(len(piece.faces) for piece in inside)
+    return SimBody(target, visual, colliders, box_mass(visual, mass, handle.frame, source), completed), handle
+
+
+def _on_stand(looks: Decimated, stand: Sequence[Mesh]) -> Decimated:
+    """Return how the room looks with what the robot stands on, if that is not the floor."""
+    if not stand:
+        return looks
+    faces = sum(len(mesh.faces) for mesh in stand)
+    face_part = np.concatenate([looks.face_part, np.full(faces, len(looks.parts), np.int32)])
+    return replace(looks, mesh=merge([looks.mesh, *stand]), parts=(*looks.parts, PEDESTAL), face_part=face_part)
+
+
+def _notes(body: SimBody, carcass: str, trimmed: tuple[str, ...], clash: float, walls: int) -> tuple[str, ...]:
     """Return in words what was done so that nothing is in the way of the target."""
-    cut = [f"cut where {target} moves or the robot stands: {', '.join(trimmed)}"] if trimmed else []
-    apart = f"no contact between {target} and {carcass}: their colliders overlap by {1000 * clash:.1f} mm on its way"
-    added = [f"box behind the front of {target} added: it was not scanned"] if box else []
+    cut = [f"cut where {body.id} moves or the robot stands: {', '.join(trimmed)}"] if trimmed else []
+    apart = f"no contact between {body.id} and {carcass}: their colliders overlap by {1000 * clash:.1f} mm on its way"
+    added = [f"box behind the front of {body.id} added: it was not scanned"] if body.completed else []
     added += [f"{walls} of back and sides of {carcass} added: they were not scanned"] if walls else []
     return (*cut, *added, *([apart] if clash > CLASH else []))
 

@@ -75,6 +75,23 @@ class Loose:
     space: tuple[Mesh, ...]
 
 
+def lift_all(scene: Scene, parts: Sequence[str], target: str, config: LooseConfig) -> list[Loose]:
+    """Return objects that were part of the room as free bodies, each once.
+
+    Raises:
+        InputError: one of them cannot be lifted out (see `lift`), or stands on the target or on another of them.
+    """
+    found = [lift(scene, part, target, config) for part in dict.fromkeys(parts)]
+    moving = {target, *scene.descendants(target), *(i for thing in found for i in thing.members)}
+    for thing in found:
+        below = thing.support.part
+        if below in moving:
+            raise InputError(
+                f"free={thing.body.id}: it stands on {below!r}, which moves too; leave one of them as it is"
+            )
+    return found
+
+
 def lift(scene: Scene, part: str, target: str, config: LooseConfig) -> Loose:
     """Return an object that was part of the room as a free body.
 
@@ -128,21 +145,21 @@ def _support(scene: Scene, part: str, members: Sequence[str], surface: Mesh, con
     low, high = np.quantile(surface.vertices, 0.005, axis=0), surface.bounds[1]
     x, y = (np.linspace(low[k] - config.near, high[k] + config.near, RAYS) for k in (0, 1))
     starts = np.stack([*(grid.ravel() for grid in np.meshgrid(x, y)), np.full(RAYS**2, low[2] + config.near)], axis=1)
-    best: tuple[int, str, float] | None = None
+    falls: dict[str, np.ndarray] = {}
     for i in scene.parts:
         below = _within(scene.parts[i].mesh, starts.min(axis=0) - [0, 0, 2 * config.near], starts.max(axis=0))
-        if i in members or not len(below.faces):
-            continue
-        fall = first_hits(ray_mesh(below.vertices, below.faces), starts, np.tile([0.0, 0.0, -1.0], (len(starts), 1)))
-        height = low[2] + config.near - fall[fall < 2 * config.near]
-        # Where its top has holes, one looks through to what is below.
-        near = height[np.abs(height - low[2]) < config.near / 3]
-        height = near if len(near) else height
-        if len(height) and (best is None or len(height) > best[0]):
-            best = (len(height), i, float(np.median(height)))
-    if best is None:
+        if i not in members and len(below.faces):
+            down = np.tile([0.0, 0.0, -1.0], (len(starts), 1))
+            falls[i] = first_hits(ray_mesh(below.vertices, below.faces), starts, down)
+    first = np.min([np.full(len(starts), 2 * config.near), *falls.values()], axis=0)
+    heights = {i: low[2] + config.near - fall[(fall == first) & (fall < 2 * config.near)] for i, fall in falls.items()}
+    # Where its top has holes, one looks through to what is below.
+    tops = {i: height[np.abs(height - low[2]) < config.near / 3] for i, height in heights.items()}
+    heights = {i: tops[i] if len(tops[i]) else height for i, height in heights.items()}
+    best = max(heights, key=lambda i: len(heights[i]), default="")
+    if not best or not len(heights[best]):
         raise InputError(f"free={part}: nothing level carries it within {100 * config.near:.0f} cm of its lowest point")
-    return best[1], best[2]
+    return best, float(np.median(heights[best]))
 
 
 def _within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:

@@ -63,7 +63,7 @@ class RoomConfig:
 
 
 def room_colliders(
-    scene: Scene, parts: Sequence[str], base: np.ndarray, grasp: np.ndarray, swept: Sequence[Mesh], config: RoomConfig
+    scene: Scene, parts: Sequence[str], base: Vec3, grasp: Vec3, swept: Sequence[Mesh], config: RoomConfig
 ) -> tuple[tuple[Collider, ...], tuple[str, ...]]:
     """Return convex pieces of the parts near the robot, and the ids of the parts of which something was cut off.
 
@@ -72,17 +72,18 @@ def room_colliders(
     Args:
         scene: the room.
         parts: ids of its immovable parts.
-        base: where the robot stands [m], shape [3].
-        grasp: where it takes hold [m], shape [3].
+        base: where the robot stands [m].
+        grasp: where it takes hold [m].
         swept: convex pieces that cover the way of the target, and what has to stay free around it.
         config: how many, how fine.
     """
-    obstacles = [column(base + [0, 0, UNEVEN], config.base_radius, config.base_height - UNEVEN), *swept]
-    near = {i: _within_reach(scene.parts[i].mesh, base, grasp, config.reach) for i in parts}
+    foot, held = np.array(base), np.array(grasp)
+    obstacles = [column(foot + [0, 0, UNEVEN], config.base_radius, config.base_height - UNEVEN), *swept]
+    near = {i: _within_reach(scene.parts[i].mesh, foot, held, config.reach) for i in parts}
     near = {i: mesh for i, mesh in near.items() if len(mesh.faces)}
     flat = {i: is_shell(scene.parts[i].label, config.shell_labels) for i in parts}
     # Walls and floor are few boxes, which no clutter may crowd out.
-    order = sorted(near, key=lambda i: (not flat[i], _distance(near[i], base, grasp)))
+    order = sorted(near, key=lambda i: (not flat[i], _distance(near[i], foot, held)))
     found: list[Collider] = []
     trimmed: list[str] = []
     for i in track(order, "room colliders"):

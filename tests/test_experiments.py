@@ -20,6 +20,7 @@ from s2a.verbs import train
 ROOT = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "experiments"))
 
+from curves import as_run  # noqa: E402
 from ingredients import BEST, CHANGES  # noqa: E402
 from multirun import Row, jobs  # noqa: E402
 from outcome import percent, write  # noqa: E402
@@ -87,6 +88,14 @@ def test_results_are_json_with_a_run_a_line(tmp_path: Path) -> None:
     write(results, tmp_path / "results.json", ["| table |"])
     assert json.loads((tmp_path / "results.json").read_text()) == results
     assert percent([]) == "not run"
+
+
+def test_the_log_of_one_run_is_drawn_over_its_environment_steps() -> None:
+    rows = [{"iteration": 4, "success": 0.0}, {"iteration": 9, "success": 1.0, "handle_use_of_successes": 0.5}]
+    run = as_run({"curve": rows, "env_steps": 1600, "worlds": 4, "seed": 7, "seconds": 90, "device": "CPU"})
+    assert run["about"] == "4 worlds, seed 7, 1.5 minutes on CPU"
+    assert run["curve"]["env_steps"] == [800, 1600]  # 160 an iteration
+    assert run["curve"]["success"] == [0.0, 1.0] and run["curve"]["handle_use_of_successes"] == [None, 0.5]
 
 
 @pytest.mark.slow

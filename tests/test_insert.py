@@ -21,7 +21,7 @@ from s2a.edit import describe, prompts, scale
 from s2a.edit.objects import ObjectFile, upright
 from s2a.edit.rules import brands, known, rules, table
 from s2a.edit.scale import Size, fit
-from s2a.edit.stance import hollows, rests, slices
+from s2a.edit.stance import feet, hollows, rest, slices
 from s2a.edit.wish import read_wish
 from s2a.errors import InputError, NotPassed
 from s2a.geometry.clash import crossing
@@ -245,16 +245,12 @@ def test_where_no_unit_fits_the_middle_of_the_ranges_is_taken():
     assert same.scale == pytest.approx(found.scale / 2, rel=1e-5)
 
 
-def firm(mesh: Mesh) -> dict[str, float]:
-    return {axis: round(firmness, 2) for axis, (_, firmness) in rests(mesh).items()}
-
-
 def test_a_thing_whose_file_is_askew_stands_as_it_comes_to_rest():
     turn = Rotation.from_euler("x", 9, degrees=True)
     box = block(8.0, 6.0, 4.0)
     askew = Mesh(turn.apply(box.vertices), box.faces)
-    up, firmness = rests(askew)["+z"]
-    assert firmness == pytest.approx(math.atan2(3.0, 2.0) / (math.pi / 2), abs=0.02)
+    up = rest(askew, np.array([0.0, 0.0, 1.0]))
+    assert feet(askew)["+z"] == pytest.approx(math.atan2(3.0, 2.0) / (math.pi / 2), abs=0.02)
     assert up == pytest.approx(turn.apply([0.0, 0.0, 1.0]), abs=0.01)
     mesh = upright(ObjectFile(askew, None, None), "+z", "-y", 0.01)
     assert np.ptp(mesh.bounds, axis=0) == pytest.approx([0.06, 0.08, 0.04], abs=1e-3)
@@ -265,12 +261,12 @@ def test_a_table_stands_on_four_legs_and_better_upside_down():
     legs = [at(block(0.05, 0.05, 0.7), x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.3, 0.3)]
     whole = [at(block(1.1, 0.7, 0.04), 0, 0, 0.7), *legs]
     faces = np.concatenate([mesh.faces + 8 * n for n, mesh in enumerate(whole)])
-    stands = firm(Mesh(np.concatenate([mesh.vertices for mesh in whole]), faces))
+    stands = feet(Mesh(np.concatenate([mesh.vertices for mesh in whole]), faces))
     # By area the top weighs 1.684 m^2 at 0.72 m and the legs 0.58 m^2 at 0.35 m; the foot's edge is 0.325 m away.
     up = (1.684 * 0.72 + 0.58 * 0.35) / (1.684 + 0.58)
     assert stands["+z"] == pytest.approx(math.atan2(0.325, up) / (math.pi / 2), abs=0.01)
     assert stands["-z"] > stands["+z"] > stands["+x"]
-    assert firm(block(1, 1, 1)) == dict.fromkeys(stands, 0.5)
+    assert feet(block(1, 1, 1)) == dict.fromkeys(stands, 0.5)
 
 
 def test_a_cup_is_hollow_at_its_mouth_and_a_table_upside_down_is_not():

@@ -10,11 +10,14 @@ from scipy.spatial.transform import Rotation
 from s2a.edit.openings import Opening, blocked
 from s2a.edit.placement import ORIENTATION, POSITION
 from s2a.errors import InputError
-from s2a.geometry.clash import crossing, inside
+from s2a.geometry.clash import crossing, depth, inside
 from s2a.geometry.rays import RayMesh, ray_mesh
 from s2a.geometry.sight import sight
 from s2a.geometry.surfaces import sample
 from s2a.scene import Mesh, Scene, Vec3
+
+DEEP = 0.0005
+"""Depth behind the surface of something from which an object is in it [m]: half of what an insertion may collide."""
 
 
 class NoRoom(InputError):
@@ -76,7 +79,8 @@ def in_the_way(scene: Scene, moved: Mesh, local: Mesh, ways: list[Opening], slac
     for way in ways:
         if blocked(way, surface, slack):
             return f"keep {way.part!r} from opening"
-    return None
+    # What was scanned from one side only has no faces there, and encloses nothing.
+    return "are in something that was scanned in part" if depth(moved, local) > DEEP else None
 
 
 def pushed(pose: Pose, object: Mesh, local: Mesh, toward: np.ndarray, reach: float, gap: float) -> Pose | None:

@@ -25,7 +25,7 @@ from s2a.edit.pose import PoseConfig
 from s2a.edit.record import Ledger, Record, step, tokens
 from s2a.edit.scale import Size, fit, size
 from s2a.edit.spots import Spot, spots
-from s2a.edit.stance import hollows, slices
+from s2a.edit.stance import feet, hollows, slices
 from s2a.edit.surfaces import SurfaceConfig
 from s2a.scene import Mesh, Part, Scene
 
@@ -167,7 +167,7 @@ def _facts(file: ObjectFile, thing: Thing, lines: list[Record]) -> Record:
         "sides": sides,
         "format": thing.file.suffix.lower().lstrip("."),
         "up": file.up,
-        "feet": {axis: round(firmness, 2) for axis, (_, firmness) in file.rests.items()},
+        "feet": feet(file.mesh),
         "hollow": hollows(file.mesh),
         "slices": slices(file.mesh),
         "wish": thing.wish,

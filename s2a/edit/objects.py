@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from pxr import Usd, UsdGeom
 from scipy.spatial import cKDTree
 
 from s2a.edit.axes import AXES
-from s2a.edit.stance import rests
+from s2a.edit.stance import rest
 from s2a.errors import InputError
 from s2a.geometry.surfaces import GREY
 from s2a.prepare.decimate import decimate
@@ -53,11 +52,6 @@ class ObjectFile:
     mesh: Mesh
     unit: float | None
     up: str | None
-
-    @cached_property
-    def rests(self) -> dict[str, tuple[np.ndarray, float]]:
-        """How it stands with each axis about upwards: `s2a.edit.stance.rests`."""
-        return rests(self.mesh)
 
 
 def read_object(path: Path, config: ObjectConfig) -> ObjectFile:
@@ -101,7 +95,7 @@ def upright(file: ObjectFile, up: str, front: str, scale: float, hangs: bool = F
     """
     z, x = AXES[up], AXES[front]
     if not hangs:
-        z = file.rests[up][0]
+        z = rest(file.mesh, z)
         x = (x - x @ z * z) / np.linalg.norm(x - x @ z * z)
     turned = scale * file.mesh.vertices.astype(np.float64) @ np.stack([x, np.cross(z, x), z]).T
     low, high = turned.min(axis=0), turned.max(axis=0)

@@ -85,7 +85,7 @@ def plan(
     request = Request("plan", prompts.PLAN, (("user", prompts.plan_question(facts, room)),), prompts.PLAN_SCHEMA, facts)
     if failed:
         tried = [(choice.target, choice.height) for choice in failed[0].choices]
-        request = replace(request, facts={**facts, "tried": tried})
+        request = replace(request, facts={**facts, "tried": tried, "tried_up": failed[0].up, "reason": failed[1]})
         request = request.after(
             json.dumps(asdict(failed[0])), f"{failed[1]}. Think of other places, or of another up axis."
         )

@@ -128,7 +128,8 @@ def _plan(facts: Any, entry: Entry | None) -> dict[str, Any]:
     up = _up(facts, entry)
     wish = read_wish(facts.get("wish") or "", facts["room"])
     choices = wish.choices or _choices(facts["room"], entry.places if entry else (), _breadth(facts, entry, up))
-    choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
+    if up == facts.get("tried_up", up):
+        choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
     front = {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
     if choices and choices[0]["relation"] == "hanging":
         up, front = _flat(facts)
@@ -195,7 +196,8 @@ def _up(facts: Any, entry: Entry | None) -> str:
         habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.3 if axis == facts["up"] else 0.0)
         return (min(1.0, facts["feet"].get(axis, 0.0) / FIRM) + mouth) * misfit**2 + habit
 
-    return max(AXES, key=merit)
+    fell = facts.get("tried_up") if re.search(r"it (?:tilts|drifts|falls)", facts.get("reason", "")) else None
+    return max((axis for axis in AXES if axis != fell), key=merit)
 
 
 def _opposite(axis: str) -> str:

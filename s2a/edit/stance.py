@@ -14,6 +14,8 @@ from s2a.scene import Mesh
 
 FOOT = 0.02
 """What is nearer to the lowest point than this share of the longest side belongs to the foot: few things lie quite flat."""
+EXACT = 0.002
+"""The same, where it matters on what exactly it comes to rest."""
 STEADY = 0.05
 """What tilts less than this share of a right angle before it falls does not stand."""
 ASKEW = 0.966
@@ -30,26 +32,43 @@ SIDEWAYS = 8
 """Directions in which a hollow must have walls, but for one."""
 
 
-def rests(mesh: Mesh) -> dict[str, tuple[np.ndarray, float]]:
-    """Return for each axis, "+x" to "-z", what is up when a thing stands with about that axis up, [3], and how firmly.
+def feet(mesh: Mesh) -> dict[str, float]:
+    """Return for each axis, "+x" to "-z", how far a thing that stands with about that axis up tilts before it falls.
 
-    Firmness is how far it can be tilted before it falls, as a share of a right angle: 0 does not stand at all, a cube has
-    0.5, a thin plate almost 1. Weight is where the surface is. What is up is the axis itself, if it stands so. Else it is the
-    way in which it stands best with the axis not more than 15 deg off: of many files the axes are not quite the thing's own.
+    As a share of a right angle: 0 does not stand at all, a cube has 0.5, a thin plate almost 1. Weight is where the surface is.
+    An axis on which it does not stand may be 15 deg off the way in which it does: of many files the axes are not its own.
     """
-    points = mesh.vertices.astype(np.float64)
-    middle = np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.face_areas)
-    downs = _faces(points)
+    points, middle = _weighed(mesh)
+    downs = _faces(points).round(2)  # what is told of a thing should not hang on its last digits
+    downs /= np.linalg.norm(downs, axis=1, keepdims=True)
     found = {}
     for name, axis in AXES.items():
-        ways = [axis, *[-down for down in downs if -down @ axis > ASKEW][:TRIED]]
-        firm = _tilt(points, middle, axis)
+        firm = _tilt(points, middle, axis, FOOT)
         if firm < STEADY:
-            firms = [firm, *[_tilt(points, middle, way) for way in ways[1:]]]
-            best = int(np.argmax(firms))
-            axis, firm = ways[best], firms[best]
-        found[name] = axis, firm
+            firm = max([firm, *[_tilt(points, middle, -down, FOOT) for down in _near(downs, axis)]])
+        found[name] = round(firm, 2)
     return found
+
+
+def rest(mesh: Mesh, axis: np.ndarray) -> np.ndarray:
+    """Return what is up when a thing that is put down with an axis up [3] has come to rest, unit, shape [3].
+
+    That is the face of its hull nearest to level on which it stays, not more than 15 deg off; the axis itself if there is none.
+    """
+    points, middle = _weighed(mesh)
+    ways = [axis, *[-down for down in sorted(_near(_faces(points), axis), key=lambda down: down @ axis)]]
+    return next((way for way in ways if _tilt(points, middle, way, EXACT) >= 0.5 * STEADY), axis)
+
+
+def _weighed(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return a thing's points [point 3] and the middle of its surface, shape [3]."""
+    middle = np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.face_areas)
+    return mesh.vertices.astype(np.float64), middle
+
+
+def _near(downs: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Return the largest of some downward normals [face 3] that are nearly opposite to an axis [3]."""
+    return downs[-downs @ axis > ASKEW][:TRIED]
 
 
 def hollows(mesh: Mesh) -> dict[str, float]:
@@ -86,16 +105,20 @@ def _faces(points: np.ndarray) -> np.ndarray:
         return np.empty((0, 3))
     a, b, c = np.moveaxis(points[hull.simplices], 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    normals, faces = np.unique(hull.equations[:, :3].round(2), axis=0, return_inverse=True)
+    _, faces = np.unique(hull.equations[:, :3].round(2), axis=0, return_inverse=True)
+    normals = np.stack([np.bincount(faces.ravel(), areas * part) for part in hull.equations[:, :3].T], axis=1)
     order = np.argsort(-np.bincount(faces.ravel(), areas), kind="stable")
     return normals[order] / np.linalg.norm(normals[order], axis=1, keepdims=True)
 
 
-def _tilt(points: np.ndarray, middle: np.ndarray, up: np.ndarray) -> float:
-    """Return how far a thing of some points [point 3] tilts before it falls, as a share of a right angle."""
+def _tilt(points: np.ndarray, middle: np.ndarray, up: np.ndarray, within: float) -> float:
+    """Return how far a thing of some points [point 3] tilts before it falls, as a share of a right angle.
+
+    Its foot is what is not higher than a share of its longest side.
+    """
     level = np.linalg.svd(up[None])[2][1:].T
     height = points @ up
-    low = points[height <= height.min() + FOOT * max(float(np.ptp(points, axis=0).max()), 1e-12)]
+    low = points[height <= height.min() + within * max(float(np.ptp(points, axis=0).max()), 1e-12)]
     foot = _hull(low @ level)
     if foot is None:
         return 0.0

@@ -6,14 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 
 from s2a.geometry.field import FusionConfig, fuse
 from s2a.geometry.nets import Net, extract
 from s2a.geometry.rays import NoiseConfig, cast_panorama, nearest_faces, pixel_tangents, ray_mesh
+from s2a.geometry.snap import snap
+from s2a.geometry.surfaces import normals, sample_with_faces
+from s2a.geometry.views import View, measure
 from s2a.scan.virtual.solids import box, join, rotation, translation
+from s2a.scene import Mesh
 
 EXACT = NoiseConfig(white=0.0, correlated=0.0, correlation=0.1, registration=0.0, grazing=0.0, blind=np.pi / 2)
-FUSION = FusionConfig(voxel=0.02, truncation=3.0, reach=1.3, depth=9.0, stencil=1)
+FUSION = FusionConfig(voxel=0.02, truncation=3.0, reach=1.3, depth=9.0)
 GREY = (200, 200, 200)
 SPACING = 0.008
 SPAN = (-0.5, 0.5)
@@ -28,11 +33,16 @@ def panorama(yaw: float, place: tuple[float, float, float], noise: NoiseConfig =
 
 
 @pytest.fixture(scope="module")
-def net() -> Net:
+def views() -> list[View]:
     """The inside of the cube at a yaw of 0.4, scanned from two places."""
     places = np.array([(0.1, 0.0, 0.05), (-0.15, 0.1, -0.1)])
-    panoramas = [panorama(0.4, tuple(place)) for place in places]
-    return extract(fuse(panoramas, places, SPACING, np.array([(-0.8,) * 3, (0.8,) * 3]), FUSION))
+    return measure([panorama(0.4, tuple(place)) for place in places], places, SPACING)
+
+
+@pytest.fixture(scope="module")
+def net(views: list[View]) -> Net:
+    """What is fused of it."""
+    return extract(fuse(views, np.array([(-0.8,) * 3, (0.8,) * 3]), FUSION))
 
 
 def test_pixels_are_almost_evenly_spaced() -> None:
@@ -97,8 +107,56 @@ def test_what_lies_deep_in_a_shadow_is_not_taken_for_filled() -> None:
 
     def phantoms(depth: float) -> int:
         config = replace(FUSION, depth=depth, truncation=5.0)
-        points = extract(fuse(seen, place, SPACING, np.array([(-0.8,) * 3, (0.8,) * 3]), config)).points
+        points = extract(fuse(measure(seen, place, SPACING), np.array([(-0.8,) * 3, (0.8,) * 3]), config)).points
         off = nearest_faces(mesh, points)[1] > 1.5 * FUSION.voxel
         return int((off & (points[:, 0] > 0.34) & (points[:, 0] < 0.5)).sum())
 
     assert phantoms(3.0) < 0.5 * phantoms(12.0)
+
+
+BAR = 0.012
+"""[m] Depth and height of a bar that stands 40 mm before a wall."""
+
+
+@pytest.fixture(scope="module")
+def bar() -> tuple[Net, list[View]]:
+    """The bar, in voxels half as large as itself, and the four panoramas that it was fused from, at a demo scan's spacing."""
+    whole = join(
+        box((0.0, 0.02), (-0.5, 0.5), (-0.3, 0.3), GREY),
+        box((-0.04 - BAR, -0.04), (-0.4, 0.4), (-BAR / 2, BAR / 2), GREY),
+    )
+    places = np.array([(-1.3, -0.9, 0.8), (-1.2, 0.9, 0.6), (-2.0, -0.5, 0.5), (-1.6, 0.1, 0.9)])
+    mesh, turn = ray_mesh(whole.vertices, whole.faces), rotation((0.0, 0.0, -0.4))
+    turned = places @ turn[:3, :3]
+    poses = [turn @ translation(tuple(place)) for place in turned]
+    seen = [cast_panorama(mesh, whole.dropout, pose, 0.0025, EXACT, np.random.default_rng(0)) for pose in poses]
+    fusion = FusionConfig(voxel=BAR / 2, truncation=3.0, reach=1.3, depth=3.0)
+    views = measure(seen, turned, 0.0025)
+    return extract(fuse(views, np.array([(-0.7,) * 3, (0.7,) * 3]), fusion)), views
+
+
+def outward_bias(net: Net) -> float:
+    """Return how far the bar's scanned front stands before its true one on average [m]; negative: within."""
+    placed = Mesh(net.points @ rotation((0.0, 0.0, -0.4))[:3, :3].T, net.faces)
+    points, faces = sample_with_faces(placed, 400_000, seed=0)
+    front = (normals(placed)[faces][:, 0] < -0.7) & (points[:, 0] < -0.045) & (np.abs(points[:, 1]) < 0.35)
+    return float((-0.04 - BAR - points[front, 0]).mean())
+
+
+def test_a_thin_bar_is_drawn_onto_what_was_measured(bar: tuple[Net, list[View]]) -> None:
+    net, views = bar
+    before, after = outward_bias(net), outward_bias(snap(net, views, BAR / 2))
+    assert before < -0.0015, "nets and rays that pass beside it make it thinner"
+    assert abs(after) < 0.4 * abs(before)
+
+
+def test_walls_stay_where_the_field_has_them(net: Net, views: list[View]) -> None:
+    moved = np.linalg.norm(snap(net, views, FUSION.voxel).points - net.points, axis=1)
+    assert np.median(moved) < 0.01 * FUSION.voxel
+
+
+def test_what_nothing_was_measured_near_stays(bar: tuple[Net, list[View]]) -> None:
+    net, views = bar
+    blind = [replace(view, ranges=wp.zeros_like(view.ranges)) for view in views]
+    assert np.array_equal(snap(net, blind, BAR / 2).points, net.points)
+    assert not np.array_equal(snap(net, views, BAR / 2).points, net.points)

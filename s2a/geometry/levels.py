@@ -53,7 +53,7 @@ def smoothed_normals(mesh: Mesh, direction: np.ndarray, rounds: int) -> np.ndarr
         field = at_vertex[faces].sum(axis=1)
     smooth = np.zeros(mesh.faces.shape)
     length = np.sqrt(np.einsum("ij,ij->i", field, field))[:, None]
-    smooth[chosen] = np.divide(field, length, out=np.zeros_like(field), where=length > 0)
+    smooth[chosen] = np.divide(field, length, out=np.zeros(field.shape), where=length > 0)
     return smooth
 
 

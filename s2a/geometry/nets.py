@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from s2a.cores import in_parallel, shares
 from s2a.geometry.field import UNKNOWN, Field, voxel_index, voxel_place, voxel_value
 
 
@@ -35,10 +36,11 @@ def _crossings(
     blocks: wp.array(dtype=wp.vec3i),
     table: wp.array3d(dtype=int),
     values: wp.array(dtype=float),
+    first: int,
     kinds: wp.array(dtype=wp.uint8),
 ):
     """Bit 0: the cell holds a vertex. Bits 1 to 3: its edge along x, y, z crosses the surface."""
-    tid = wp.tid()
+    tid = first + wp.tid()
     if values[tid] == UNKNOWN:
         return
     c = voxel_place(blocks, tid)
@@ -128,19 +130,35 @@ def _quads(
 def extract(field: Field) -> Net:
     """Return the surface between free and filled space of a fused field."""
     stored = [field.blocks, field.table, field.distance]
-    kinds = wp.zeros(len(field.distance), dtype=wp.uint8, device="cpu")
-    wp.launch(_crossings, len(kinds), inputs=stored, outputs=[kinds], device="cpu")
-    kind = kinds.numpy()
+    kind = _all_crossings(stored, len(field.distance))
     cells = np.flatnonzero(kind & 1).astype(np.int32)
-    points = wp.empty(len(cells), dtype=wp.vec3, device="cpu")
-    normals = wp.empty(len(cells), dtype=wp.vec3, device="cpu")
-    inputs = [*stored, wp.array(cells, dtype=int, device="cpu"), field.origin, field.voxel]
-    wp.launch(_vertices, len(cells), inputs=inputs, outputs=[points, normals], device="cpu")
+    placed = in_parallel(lambda some: _places(stored, field, cells[some]), shares(len(cells)))
+    points, normals = (np.concatenate(part) for part in zip(*placed, strict=True))
     vertex = np.full(len(kind), -1, np.int32)
     vertex[cells] = np.arange(len(cells), dtype=np.int32)
     index = wp.array(vertex, dtype=int, device="cpu", copy=False)
-    quads = np.concatenate([_axis_quads(stored, np.flatnonzero(kind & (2 << axis)), axis, index) for axis in range(3)])
-    return Net(points.numpy(), normals.numpy(), _split(points.numpy(), quads), cells)
+    found = in_parallel(lambda axis: _axis_quads(stored, np.flatnonzero(kind & (2 << axis)), axis, index), range(3))
+    quads = np.concatenate(found)
+    return Net(points, normals, _split(points, quads), cells)
+
+
+def _all_crossings(stored: list, count: int) -> np.ndarray:
+    """Return the kind of each cell, shape [voxel]."""
+    kinds = wp.zeros(count, dtype=wp.uint8, device="cpu")
+
+    def mark(some: slice) -> None:
+        wp.launch(_crossings, some.stop - some.start, inputs=[*stored, some.start], outputs=[kinds], device="cpu")
+
+    in_parallel(mark, shares(count))
+    return kinds.numpy()
+
+
+def _places(stored: list, field: Field, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices of cells [m] and their normals, shape [cell 3] each."""
+    points, normals = (wp.empty(len(cells), dtype=wp.vec3, device="cpu") for _ in range(2))
+    inputs = [*stored, wp.array(cells, dtype=int, device="cpu"), field.origin, field.voxel]
+    wp.launch(_vertices, len(cells), inputs=inputs, outputs=[points, normals], device="cpu")
+    return points.numpy(), normals.numpy()
 
 
 def _axis_quads(stored: list, edges: np.ndarray, axis: int, vertex: wp.array) -> np.ndarray:

@@ -12,6 +12,8 @@ import numpy as np
 import warp as wp
 from warp import Mesh as RayMesh
 
+from s2a.cores import in_parallel, shares
+
 BEND = 0.25
 """A cube-map face maps the tangent u in [-1, 1] to u (1 + BEND - BEND u^2): within 20 % of even angular spacing."""
 
@@ -205,11 +207,16 @@ def _nearest(
 
 def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
     """Return the face nearest to each point, shape [point] (-1: none within reach), and its distance [m], shape [point]."""
-    asked = wp.array(np.asarray(points, np.float32), dtype=wp.vec3, device="cpu")
-    face = wp.empty(len(asked), dtype=int, device="cpu")
-    gap = wp.zeros(len(asked), dtype=float, device="cpu")
-    wp.launch(_nearest, dim=len(asked), inputs=[mesh.id, asked, reach], outputs=[face, gap], device="cpu")
-    return face.numpy(), gap.numpy()
+    asked = np.ascontiguousarray(points, np.float32)
+    face, gap = np.empty(len(asked), np.int32), np.zeros(len(asked), np.float32)
+
+    def ask(some: slice) -> None:
+        outputs = [wp.array(a[some], device="cpu", copy=False) for a in (face, gap)]
+        inputs = [mesh.id, wp.array(asked[some], dtype=wp.vec3, device="cpu", copy=False), reach]
+        wp.launch(_nearest, dim=len(asked[some]), inputs=inputs, outputs=outputs, device="cpu")
+
+    in_parallel(ask, shares(len(asked)))
+    return face, gap
 
 
 @wp.kernel

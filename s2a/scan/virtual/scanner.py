@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
+from s2a.cores import count
 from s2a.geometry.field import FusionConfig, fuse
 from s2a.geometry.nets import extract
 from s2a.geometry.rays import NoiseConfig, RayMesh, cast_panorama
+from s2a.geometry.snap import snap
+from s2a.geometry.views import measure
 from s2a.progress import track
 from s2a.scan.virtual.solids import rotation, translation
 from s2a.scan.virtual.thin import ThinConfig, thin
@@ -60,9 +62,9 @@ def scan(
     def cast(place: np.ndarray, errors: np.random.Generator) -> np.ndarray:
         return cast_panorama(mesh, dropout, T_room_scene @ translation(place), config.spacing, config.noise, errors)
 
-    with ThreadPoolExecutor(
-        len(os.sched_getaffinity(0))
-    ) as pool:  # Warp works without Python's lock, on one core a launch
+    with ThreadPoolExecutor(count()) as pool:
         cast_all = pool.map(cast, scanners, rng.spawn(len(scanners)))
         panoramas = list(track(cast_all, "scan", len(scanners)))
-    return thin(extract(fuse(panoramas, scanners, config.spacing, bounds, config.fusion)), config.thin)
+    views = measure(panoramas, scanners, config.spacing)
+    net = snap(extract(fuse(views, bounds, config.fusion)), views, config.fusion.voxel)
+    return thin(net, config.thin)

@@ -54,9 +54,9 @@ def merge_flat(net: Net, config: ThinConfig) -> tuple[np.ndarray, np.ndarray]:
         first = np.full(group.max() + 1, len(owner))
         np.minimum.at(first, group, np.arange(len(owner)))
         owner = np.where(flat[group], first[group], owner)
-    stands, owner = np.unique(owner, return_inverse=True)
-    total = np.stack([np.bincount(owner, net.points[:, i], len(stands)) for i in range(3)], axis=1)
-    vertices = (total / np.bincount(owner, minlength=len(stands))[:, None]).astype(np.float32)
+    owner = _renumbered(owner)
+    total = np.stack([np.bincount(owner, net.points[:, i]) for i in range(3)], axis=1)
+    vertices = (total / np.bincount(owner)[:, None]).astype(np.float32)
     faces = owner[net.faces].astype(np.int32)
     a, b, c = faces.T
     return vertices, faces[(a != b) & (b != c) & (c != a)]
@@ -66,7 +66,14 @@ def _groups(cells: np.ndarray, size: int) -> np.ndarray:
     """Return the group of each vertex's cell, shape [vertex]: its block of 4^3 voxels, or its eighth of it."""
     block, place = cells // 64, cells % 64
     eighth = (place // 32) * 4 + (place // 8) % 2 * 2 + (place // 2) % 2
-    return np.unique(block if size == 4 else block * 8 + eighth, return_inverse=True)[1]
+    return _renumbered(block if size == 4 else block * 8 + eighth)
+
+
+def _renumbered(numbers: np.ndarray) -> np.ndarray:
+    """Return whole numbers without gaps, in the same order: np.unique's inverse, without sorting."""
+    used = np.zeros(int(numbers.max()) + 1, bool)
+    used[numbers] = True
+    return (np.cumsum(used) - 1)[numbers]
 
 
 def _flat(net: Net, group: np.ndarray, config: ThinConfig) -> np.ndarray:

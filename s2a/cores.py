@@ -24,6 +24,6 @@ def count() -> int:
 
 
 def shares(length: int) -> list[slice]:
-    """Return a share of so many items for each processor; none is empty, but for the only one of no items."""
+    """Return a share of so many items for each processor; none is empty."""
     ends = np.unique(np.linspace(0, length, count() + 1).astype(int)).tolist()
-    return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)] or [slice(0, 0)]
+    return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]

@@ -132,7 +132,7 @@ def extract(field: Field) -> Net:
     stored = [field.blocks, field.table, field.distance]
     kind = _all_crossings(stored, len(field.distance))
     cells = np.flatnonzero(kind & 1).astype(np.int32)
-    placed = in_parallel(lambda some: _places(stored, field, cells[some]), shares(len(cells)))
+    placed = in_parallel(lambda some: _places(stored, field, cells[some]), shares(len(cells)) or [slice(0, 0)])
     points, normals = (np.concatenate(part) for part in zip(*placed, strict=True))
     vertex = np.full(len(kind), -1, np.int32)
     vertex[cells] = np.arange(len(cells), dtype=np.int32)

@@ -95,6 +95,31 @@ def test_clean_furniture_keeps_still_runs_freely_and_survives_mujoco(stage: Path
     assert {check.name for check in found} >= {"settle", "self_opening", "mujoco_reload", *MOTION.values()}
 
 
+def test_what_has_to_be_lifted_is_no_jam_and_its_weight_is_told(stage: Path) -> None:
+    def upright(edited: Usd.Stage) -> None:
+        attribute(edited, f"{JOINT}.s2a:axis", Gf.Vec3d(0, 0, 1))
+        for end in (0, 1):
+            attribute(edited, f"{JOINT}.physics:localRot{end}", frame((0.0, 0.0, 1.0)))
+
+    edit(stage, upright)
+    sweep = physics_motion.joint_sweep(World(stage, CONFIG.physics), CONFIG.motion)
+    assert (
+        sweep.status == "pass" and f"{5.32 * 9.81:.1f} N or less" in sweep.message
+    )  # five times the force of the sweep
+
+
+def test_dry_friction_that_holds_a_part_lets_it_not_creep(stage: Path) -> None:
+    def sticky_slope(edited: Usd.Stage) -> None:
+        slope(edited)
+        attribute(edited, f"{JOINT}.newton:friction", 9.0)  # twice the 4.55 N with which the drawer pulls
+
+    edit(stage, sticky_slope)
+    _, opened = physics_motion.rest(
+        World(stage, CONFIG.physics), replace(CONFIG.motion, settle_time=0.2, open_time=1.0)
+    )
+    assert opened.value < 1e-4
+
+
 def test_the_hand_holds_a_bar_of_known_thickness(stage: Path) -> None:
     attempt = physics_grip.grip(World(stage, CONFIG.physics), CONFIG.grip)
     width = int(attempt.way.split(" mm")[0])

@@ -81,6 +81,16 @@ def test_cutting_free_takes_the_plane_that_costs_least() -> None:
     assert convex.cut_free(CUBE, convex.box(np.zeros(3), np.eye(3), 2 * np.ones(3))) is None
 
 
+def test_a_thin_edge_is_cut_free_though_no_ball_fits_into_what_it_shares() -> None:
+    sheet = convex.hull(
+        np.array([(0, y, z) for y in (0, 1) for z in (0, 1)] + [(-1, y, z) for y in (0, 1) for z in (-0.001, 1.001)])
+    )
+    wall = convex.box(np.array([0.5, 0.5, -0.0003]), np.eye(3), np.array([1.006, 0.5, 0.0008]))
+    assert sheet is not None and 0.0 < convex.overlap(sheet, wall) < 1e-4
+    free = convex.cut_free(sheet, wall)
+    assert free is not None and convex.overlap(free, wall) == 0.0
+
+
 def test_subtracting_a_notch_keeps_the_rest() -> None:
     notch = convex.box(np.array([0, 0, 0.5]), np.eye(3), np.array([0.2, 2.0, 0.4]))
     rest = convex.subtract(CUBE, notch)

@@ -23,6 +23,7 @@ from s2a.prepare.base import BaseConfig, BasePose, find_base
 from s2a.prepare.motion import sweep
 from s2a.prepare.pose import find_grasp
 from s2a.prepare.reach import follow, hand_way
+from s2a.prepare.surroundings import Surroundings
 from s2a.scene import Joint, Mesh, Part, Scene
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig
@@ -158,6 +159,30 @@ def test_low_and_high_handles_are_reached_from_elsewhere(height: float) -> None:
     found = base(scene)
     assert found.free
     assert found.position[2] == pytest.approx(found.pedestal, abs=1e-6)
+
+
+def test_the_arm_does_not_reach_through_what_it_stands_on() -> None:
+    # So low that the wrist comes back to the robot's foot at the height of a pedestal.
+    scene = scanned_drawer(height=0.15)
+    low, found = Surroundings(scene, [], np.zeros(3), 0.0), base(scene)
+    assert found.free
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = Rotation.from_quat(found.orientation).as_matrix(), found.position
+    way = hand_way(find_grasp(scene, "drawer_7"), scene.joint("drawer_7"), config().approach, config().opening)
+    stand = low.with_pedestal(np.array(found.position), found.pedestal, config().radius)
+    depths = []
+    for track in follow(way, pose[None], np.array(config().start), config().restarts)[0]:
+        balls = panda.spheres(track) @ pose[:3, :3].T + pose[:3, 3]
+        depths.append(stand.hit(balls.reshape(-1, 3), np.tile(panda.SPHERES[:, 4], len(track)), moving=True)[0])
+    assert min(depths) == 0.0
+
+
+@pytest.mark.parametrize(("ball", "depth"), [((0.2, 0.0, 0.1), 0.02), ((0.0, 0.0, 0.33), 0.07), ((0.0, 0.0, 0.5), 0.0)])
+def test_a_pedestal_is_an_upright_column_under_the_foot(ball: tuple[float, float, float], depth: float) -> None:
+    nothing = Surroundings(scanned_drawer(), [], np.array([50.0, 0.0, 0.0]), 0.1)
+    stand = nothing.with_pedestal(np.array([0.0, 0.0, 0.3]), 0.3, 0.12)
+    assert stand.hit(np.array([ball]), np.array([0.1]), moving=True)[0] == pytest.approx(depth, abs=1e-9)
+    assert nothing.hit(np.array([ball]), np.array([0.1]), moving=True)[0] == 0.0
 
 
 def test_where_no_place_is_free_the_stage_says_so() -> None:

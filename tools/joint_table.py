@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from s2a.scene import Joint, Scene
-from s2a.sim.build import body_index, joint_index, stiffen_limits
+from s2a.sim.build import body_index, joint_index, stiffen
 from s2a.usd import geometric
 
 DT, PUSH, SECONDS = 1.0 / 240.0, 30.0, 2.0
@@ -61,7 +61,7 @@ def push_all(scene: Scene, stage: Path) -> dict[str, Reached]:
         builder.body_com[body_index(builder, part_id)] = wp.vec3(*scene.joint(part_id).origin)
     dofs = {i: builder.joint_qd_start[joint_index(builder, i)] for i in scene.movable}
     for dof in dofs.values():
-        stiffen_limits(builder, dof, DT)
+        stiffen(builder, dof, DT)
     model = builder.finalize(device="cpu")
     solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=True)
     states, control = [model.state(), model.state()], model.control()

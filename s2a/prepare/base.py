@@ -132,7 +132,8 @@ def find_base(
             for turn in config.turns if config.search else config.turns[:1]:
                 place, base = replace(chunk[k], turn=turn), _turned(poses[k], turn)
                 enough = track if len(track) >= config.tracks else track[:0]
-                depth, problem = _clash(near, base, turn, way, enough, start)
+                around = near.with_pedestal(base[:3, 3], place.pedestal, config.radius)
+                depth, problem = _clash(around, base, turn, way, enough, start)
                 if depth <= 0.0:
                     return _chosen(base, place, _praise(place, tried), True)
                 tried.append((depth, problem, base, place))

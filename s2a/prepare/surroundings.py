@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,6 +19,13 @@ class Surroundings:
         """Take what lies within `around` [m] of a point [3], in plan."""
         self._still = self._gather(scene, [i for i in scene.parts if i not in moving], point, around)
         self._moving = self._gather(scene, moving, point, around)
+        self._stand: tuple[np.ndarray, float] | None = None
+
+    def with_pedestal(self, foot: np.ndarray, height: float, radius: float) -> Surroundings:
+        """Return the same with the upright column [m] under a foot [3], which reaches to the floor; none of no height."""
+        again = copy.copy(self)
+        again._stand = (foot, radius) if height > 0.0 else None
+        return again
 
     def hit(self, centers: np.ndarray, radii: np.ndarray, *, moving: bool) -> tuple[float, str]:
         """Return how deep spheres [sphere 3] of radii [sphere] reach into a surface [m] (0: not at all), and whose.
@@ -36,6 +44,11 @@ class Surroundings:
             k = int(np.argmax(depth))
             if depth[k] > worst:
                 worst, owner = float(depth[k]), names[owners[face[k]]]
+        if self._stand is not None:
+            foot, radius = self._stand
+            beside = np.linalg.norm(centers[:, :2] - foot[:2], axis=1) - radius
+            gap = np.linalg.norm(np.maximum([beside, centers[:, 2] - foot[2]], 0.0), axis=0)
+            worst, owner = max((worst, owner), (float((radii - gap).max()), "its pedestal"))
         return worst, owner
 
     def standing_in(self, place: np.ndarray, low: float, high: float, radius: float) -> str | None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from cabinet import HANDLE, box, write_cabinet
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+from scipy.spatial.transform import Rotation
 from seeded_defects import JOINT, STATIC_DEFECTS, TARGET, attribute, edit, nan_point, reshape
 from settings import load
 
@@ -52,6 +53,13 @@ def slope(stage: Usd.Stage) -> None:
         attribute(stage, f"{JOINT}.physics:localRot{end}", frame(axis))
 
 
+def upright(stage: Usd.Stage) -> None:
+    """The drawer has to be lifted, 5.32 kg."""
+    attribute(stage, f"{JOINT}.s2a:axis", Gf.Vec3d(0, 0, 1))
+    for end in (0, 1):
+        attribute(stage, f"{JOINT}.physics:localRot{end}", frame((0.0, 0.0, 1.0)))
+
+
 def swallowed_gap(stage: Usd.Stage) -> None:
     """The bar's collider is a block of 9 cm, as a hull over a coarse decomposition would be."""
     reshape(stage, f"{TARGET}/colliders/hull_00", box(tuple(HANDLE), (0.0071, 0.084, 0.045)))
@@ -89,6 +97,15 @@ def test_what_turns_about_its_own_grasp_point_gets_an_answer_too(stage: Path) ->
     assert physics_grip.grip(world, CONFIG.grip).prim.startswith(f"{TARGET}/colliders")
 
 
+def test_the_way_of_a_body_is_that_of_its_farthest_point() -> None:
+    random = np.random.default_rng(0)
+    turns, points = Rotation.random(6, rng=0), random.normal(size=(3, 2, 3))
+    poses = np.concatenate([random.normal(size=(6, 3)), turns.as_quat()], axis=1)
+    places = np.array([turns[i].apply(points[i % 3]) + poses[i, :3] for i in range(6)])
+    expected = np.linalg.norm(places[3:] - places[:3], axis=2).max(axis=1)
+    assert physics_motion._ways(poses[:3], poses[3:], points) == pytest.approx(expected)
+
+
 def test_clean_furniture_keeps_still_runs_freely_and_survives_mujoco(stage: Path) -> None:
     found = physics_motion.motion(World(stage, CONFIG.physics), CONFIG.motion)
     assert [check for check in found if check.status not in ("pass", "reported")] == []
@@ -96,11 +113,6 @@ def test_clean_furniture_keeps_still_runs_freely_and_survives_mujoco(stage: Path
 
 
 def test_what_has_to_be_lifted_is_no_jam_and_its_weight_is_told(stage: Path) -> None:
-    def upright(edited: Usd.Stage) -> None:
-        attribute(edited, f"{JOINT}.s2a:axis", Gf.Vec3d(0, 0, 1))
-        for end in (0, 1):
-            attribute(edited, f"{JOINT}.physics:localRot{end}", frame((0.0, 0.0, 1.0)))
-
     edit(stage, upright)
     sweep = physics_motion.joint_sweep(World(stage, CONFIG.physics), CONFIG.motion)
     assert (
@@ -125,6 +137,13 @@ def test_the_hand_holds_a_bar_of_known_thickness(stage: Path) -> None:
     width = int(attempt.way.split(" mm")[0])
     assert attempt.holds and width in (23, 24)  # the bar is 23.8 mm high; contacts give way by tenths of a millimetre
     assert 0.0 <= attempt.slip < CONFIG.grip.slip
+
+
+def test_what_falls_shut_is_held_open_until_the_hand_has_closed(stage: Path) -> None:
+    edit(stage, upright)
+    # In the 0.6 s in which the hand closes it would fall all the 50 mm that it is open.
+    attempt = physics_grip.grip(World(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0, pull_time=0.0))
+    assert attempt.holds and attempt.way.startswith("23 mm")
 
 
 def test_a_pull_beyond_friction_slips(stage: Path) -> None:

@@ -113,21 +113,26 @@ def _obstacle(world: World, q: float, depth: float, opening: float, config: Grip
 
 
 def _hold(world: World, q: float, depth: float, opening: float, config: GripConfig) -> Grip:
-    """Close the fingers on the part, pull it, and tell how far it slips."""
+    """Close the fingers on the part, pull it, and tell how far it slips.
+
+    Its weight is carried until the hand has closed, since a lid would fall shut before; then the hand has it, and the pull.
+    """
     stage, joint, fingers, dofs = world.stage, world.joint, world.fingers, world.finger_dofs
     data = world.data(q, opening)
     world.mj.opt.timestep, world.mj.dof_damping[dofs] = config.dt, config.damping
     world.place_hand(data, _hand_pose(world, q, depth))
     pull = -world.sign * config.pull * world.lever
 
-    def run(seconds: float, torque: float) -> None:
+    mujoco.mj_forward(world.mj, data)
+
+    def run(seconds: float, torque: float, carried: bool = False) -> None:
         for _ in range(round(seconds / config.dt)):
             data.qfrc_applied[dofs] = -config.force
-            data.qfrc_applied[world.dof] = torque
+            data.qfrc_applied[world.dof] = torque + carried * data.qfrc_bias[world.dof]
             mujoco.mj_step(world.mj, data)
 
     region = f"/scene/{stage.target}/region"
-    run(config.close_time, 0.0)
+    run(config.close_time, 0.0, carried=True)
     pressing = [_presses(world, data, finger) for finger in FINGERS]
     if not all(pressing):
         missing = "neither finger presses" if not any(pressing) else "only one finger presses"

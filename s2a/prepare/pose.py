@@ -10,13 +10,12 @@ from scipy.spatial.transform import Rotation
 from s2a.geometry.bar import bar_profile
 from s2a.geometry.surfaces import centroids, merge, normals
 from s2a.prepare.decimate import is_shell
+from s2a.prepare.roll import ROUND, free_roll
 from s2a.scene import Joint, Mesh, Scene, Vec3
 from s2a.usd.simscene import Grasp, Quat
 
 SLICES = 12
 """Places along a bar at which its thickness is measured."""
-ROUND = 1.5
-"""Grasp regions less elongated than this (knobs) are taken for round: the fingers then close along the vertical."""
 FLOOR = ("floor", "floors")
 """Last words of a label that make it the floor's."""
 
@@ -56,7 +55,7 @@ def find_grasp(scene: Scene, target: str) -> Grasp:
     profile = bar_profile(region, frame, SLICES)
     if profile is not None:
         size[1] = profile.thickness
-    return Grasp(_vec3(point), _quat(frame), _vec3(size), region)
+    return free_roll(scene, target, Grasp(_vec3(point), _quat(frame), _vec3(size), region))
 
 
 def grasp_frame(region: Mesh, inwards: np.ndarray) -> np.ndarray:

@@ -1,0 +1,61 @@
+"""Which way round the hand takes hold of a knob."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from s2a.prepare.pose import find_grasp
+from s2a.scene import Joint, Mesh, Part, Scene
+
+
+def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
+    solid = trimesh.creation.box(bounds=np.array([low, high])).subdivide().subdivide().subdivide()
+    return Mesh(solid.vertices, solid.faces)
+
+
+def lid_with(half_width: float, *blocks: Mesh) -> Scene:
+    """Return a front at x = 0 that opens towards +x, a handle 0.03 m high before it, and what stands around."""
+    slide = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.3))
+    handle = box((0.02, -half_width, 0.985), (0.05, half_width, 1.015))
+    parts = {
+        "drawer_1": Part("drawer", box((-0.02, -0.2, 0.9), (0.0, 0.2, 1.1)), motion=slide),
+        "handle_2": Part("handle", handle, parent="drawer_1", graspable=True),
+    }
+    parts |= {f"block_{k}": Part("block", block) for k, block in enumerate(blocks, start=3)}
+    return Scene("lid", parts)
+
+
+COUNTER = box((-0.2, -0.6, 0.85), (0.6, 0.6, 0.94))
+
+
+def fingers_close_along(scene: Scene) -> np.ndarray:
+    return Rotation.from_quat(find_grasp(scene, "drawer_1").orientation).as_matrix()[:, 1]
+
+
+def test_a_knob_is_held_upright_where_there_is_room() -> None:
+    assert fingers_close_along(lid_with(0.015)) == pytest.approx([0, 0, 1], abs=1e-6)
+
+
+def test_a_knob_just_above_a_counter_is_held_from_the_sides() -> None:
+    grasp = find_grasp(lid_with(0.016, COUNTER), "drawer_1")
+    frame = Rotation.from_quat(grasp.orientation).as_matrix()
+    assert abs(frame[1, 1]) == pytest.approx(1.0, abs=1e-6)
+    assert frame[:, 2] == pytest.approx([-1, 0, 0], abs=1e-6)  # the approach stays
+    assert grasp.size[:2] == pytest.approx((0.03, 0.032), abs=1e-3)  # along the vertical now, and across
+
+
+def test_a_knob_between_counter_and_wall_is_held_askew() -> None:
+    walls = [box((-0.2, side - 0.02, 0.7), (0.6, side + 0.02, 1.3)) for side in (-0.125, 0.125)]
+    shelf = box((-0.2, -0.6, 1.105), (0.6, 0.6, 1.2))
+    y = fingers_close_along(lid_with(0.015, *walls, shelf))
+    assert abs(y[1]) == pytest.approx(np.sqrt(0.5), abs=1e-6)
+
+
+def test_a_bar_is_held_across_whatever_stands_around() -> None:
+    free = find_grasp(lid_with(0.08), "drawer_1")
+    assert replace(find_grasp(lid_with(0.08, COUNTER), "drawer_1"), region=free.region) == free

@@ -24,9 +24,9 @@ from seeded_defects import (
 from settings import load
 
 from s2a import cli
-from s2a.certify import contents, foundation, shapes, static
+from s2a.certify import contents, foundation, report, shapes, static
 from s2a.certify.battery import CertifyConfig
-from s2a.certify.check import Check
+from s2a.certify.check import Certificate, Check
 from s2a.certify.pictures import pictures
 from s2a.errors import InputError
 from s2a.geometry.look import LookConfig
@@ -87,6 +87,18 @@ def test_the_command_writes_a_record_and_a_page_and_keeps_them(
     written = (out / "certificate.json").stat().st_mtime_ns
     assert cli.main(quick(stage, out)) == 0
     assert "kept from" in capsys.readouterr().out and (out / "certificate.json").stat().st_mtime_ns == written
+
+
+def test_a_certificate_is_kept_for_the_same_file_and_settings_alone(tmp_path: Path) -> None:
+    settings = {"bound": 0.1, "required": ("one", "two"), "none": float("nan")}
+    made = Certificate("sim.usd", "5ca1ab1e", "drawer_2", (Check("mass", "pass", 1.0),), True, settings, 1.0)
+    path = tmp_path / "certificate.json"
+    assert report.kept(path, "5ca1ab1e", settings) is None
+    path.write_text(report.to_json(made))
+    kept = report.kept(path, "5ca1ab1e", settings)
+    assert kept is not None and kept.checks == made.checks and kept.passed
+    assert report.kept(path, "0ddba11", settings) is None
+    assert report.kept(path, "5ca1ab1e", {**settings, "bound": 0.2}) is None
 
 
 def test_only_what_moves_is_painted_orange_wherever_the_rest_stands(stage: Path) -> None:

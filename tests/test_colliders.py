@@ -8,10 +8,12 @@ import trimesh
 
 from s2a.geometry.bar import bar_depth, bar_profile
 from s2a.geometry.bar_pieces import bar_pieces
-from s2a.geometry.gap import share_inside, surface_distance
+from s2a.geometry.front import part_ways
+from s2a.geometry.gap import FingerSpace, share_inside, surface_distance
 from s2a.geometry.knob import knob_pieces
 from s2a.geometry.shell import sheet_opening, shell_pieces
 from s2a.geometry.surfaces import keep, merge, normals, sample
+from s2a.prepare.colliders import Handle, flatten
 from s2a.scan.virtual.handles import cup, edge
 from s2a.scene import Mesh
 
@@ -148,3 +150,20 @@ def test_an_edge_pull_is_a_sheet_that_is_open_towards_its_front() -> None:
 def test_a_bar_in_the_middle_of_its_front_is_no_sheet() -> None:
     front = block((-0.02, -0.3, -0.1), (0.0, 0.3, 0.1))
     assert sheet_opening(merge([bar(-0.074, 0.074), skirt(-0.06, 0.06)]), FRAME, PLANE, front) is None
+
+
+def test_what_the_front_has_in_the_fingers_way_is_cut_off_at_its_plane() -> None:
+    space = FingerSpace(block((0.002, -0.01, -0.007), (GAP - 0.002, 0.01, 0.007)), ())
+    handle = Handle(FRAME, bar(), PLANE, 0.0, space)
+    bulge, aside = (block((-0.02, y, -0.05), (0.015, y + 0.1, 0.05)) for y in (-0.05, 0.2))
+    flat, kept = flatten([bulge, aside], handle)
+    assert kept is aside and flat.bounds[1, 0] == pytest.approx(0.0, abs=1e-6)
+    assert flat.bounds[0] == pytest.approx(bulge.bounds[0])
+
+
+def test_a_cup_that_is_sunk_into_its_front_stays_the_handle() -> None:
+    front = block((-0.001, -0.2, -0.1), (0.0, 0.2, 0.1))
+    cup_behind, bar_before = block((-0.03, -0.05, -0.02), (-0.002, 0.05, 0.02)), bar(0.0)
+    assert part_ways(front, cup_behind, FRAME, PLANE) == (front, cup_behind)
+    kept, handle = part_ways(front, bar_before, FRAME, PLANE)
+    assert kept == front and 0 < len(handle.faces) < len(bar_before.faces)  # the post's foot is flush with the front

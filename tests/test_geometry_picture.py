@@ -128,6 +128,7 @@ def test_view_writes_pictures_of_scans_and_of_stages(tmp_path: Path, capsys: pyt
     folder, stage = tiny_scan.write(tmp_path / "scan"), write_cabinet(tmp_path / "sim.usd")
     small = ["look.width=48", "look.height=32"]
     asked = [(folder, []), (folder, ["part=door_3", "look=near"]), (stage, []), (stage, ["colliders=true"])]
+    asked += [(stage, ["part=room_3"])]  # has colliders, but no surface of its own
     for number, (path, rest) in enumerate(asked):
         out = tmp_path / "pictures" / f"{number}.png"
         assert main(["view", f"path={path}", f"picture={out}", *small, *rest]) == 0

@@ -14,13 +14,15 @@ from scipy.spatial.transform import Rotation
 from settings import load
 
 from s2a.errors import InputError
-from s2a.geometry.convex import column, overlap
+from s2a.geometry.convex import box, column, overlap
 from s2a.geometry.gap import share_inside, surface_distance
 from s2a.geometry.surfaces import keep, sample
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.base import find_base
+from s2a.prepare.carcass import freeze
 from s2a.prepare.motion import sweep
 from s2a.prepare.pose import find_grasp
+from s2a.prepare.room import room_colliders
 from s2a.scene import Mesh, Part, Scene
 from s2a.usd import simready
 from s2a.usd.simscene import SimScene
@@ -146,6 +148,20 @@ def test_a_table_in_the_way_of_an_opening_drawer_is_cut_off_not_forgotten() -> N
     assert all(overlap(piece, way) < 5e-4 for piece in kept for way in ways)
 
 
+def test_what_is_out_of_reach_of_shoulder_and_handle_does_not_collide() -> None:
+    # The shoulder is 0.333 m above the base; the arm reaches 1 m from it in plan, and 1 m from the handle.
+    middles = {
+        "near_1": (0.6, 0.6, 0.5),
+        "far_2": (0.0, 2.0, 0.5),
+        "high_3": (0.3, 0.0, 2.2),
+        "at_handle_4": (2.2, 0, 1),
+    }
+    parts = {i: Part("box", _box(list(np.array(m) - 0.05), list(np.array(m) + 0.05))) for i, m in middles.items()}
+    settings = replace(config().room, reach=1.0)
+    found, _ = room_colliders(Scene("boxes", parts), list(parts), (0.0, 0.0, 0.0), (1.5, 0.0, 1.0), [], settings)
+    assert {collider.part for collider in found} == {"near_1", "at_handle_4"}
+
+
 def test_clutter_does_not_crowd_out_the_floor() -> None:
     room = clean_cabinet_room()
     cups = {
@@ -171,6 +187,17 @@ def test_the_hand_reaches_the_handle_past_the_carcass() -> None:
     scene = prepared("drawer_7")
     way = np.array(scene.grasp.point) + np.random.default_rng(0).uniform([0, -0.1, -0.05], [0.2, 0.1, 0.05], (2000, 3))
     assert share_inside([collider.mesh for collider in scene.carcass.colliders], way) == 0.0
+
+
+def test_what_hangs_before_the_handle_is_cut_back_from_the_hands_way() -> None:
+    ledge = Part("ledge", _box([0.36, -0.3, 0.75], [0.5, 0.3, 0.9]), "cabinet_3")
+    room = clean_cabinet_room()
+    scene = replace(room, parts={**room.parts, "ledge_20": ledge})
+    corridor = box(np.array([0.5, 0.0, 0.73]), np.eye(3), np.array([0.3, 0.3, 0.16]))
+    (cut,) = freeze(scene, "drawer_7", ["ledge_20"], [corridor], config().carcass).colliders
+    assert overlap(cut.mesh, corridor) < 5e-4
+    # The corridor ends at 0.81 m.
+    assert cut.mesh.bounds == pytest.approx(np.array([[0.36, -0.3, 0.81], [0.5, 0.3, 0.9]]), abs=1e-3)
 
 
 def test_a_target_without_a_carcass_moves_against_an_empty_anchor() -> None:

@@ -53,6 +53,17 @@ def test_anything_else_is_something_else(other: list) -> None:
     assert cache.key(other) != cache.key([TRIANGLE, "0.1"])
 
 
+def test_other_code_gives_other_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for folder in ("prepare", "geometry"):
+        (tmp_path / folder).mkdir()
+    monkeypatch.setattr(cache, "__file__", str(tmp_path / "prepare" / "cache.py"))
+    found = []
+    for text in ("one", "two"):
+        (tmp_path / "geometry" / "convex.py").write_text(text)
+        found += [cache._code.__wrapped__() for _ in range(2)]
+    assert found[0] == found[1] != found[2] == found[3]
+
+
 @pytest.mark.parametrize("damage", [b"", b"no archive", None])
 def test_a_damaged_entry_is_made_anew(damage: bytes | None, place: Path) -> None:
     make = Maker()

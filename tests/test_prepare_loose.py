@@ -126,6 +126,13 @@ def test_what_cannot_be_lifted_is_refused_in_a_sentence(part: str, words: str) -
         lift(room(**more), part, "drawer_7", settings().loose)
 
 
+def test_what_was_scanned_inside_out_weighs_what_its_hull_holds() -> None:
+    turned = Mesh(carton().vertices, carton().faces[:, ::-1])
+    mass = lift(room(box_21=Part("box", turned)), "box_21", "drawer_7", settings().loose).body.mass
+    assert mass.mass == pytest.approx(0.96, rel=0.05) and min(mass.inertia) > 0
+    assert mass.center == pytest.approx([0.5, 1.2, 0.82], abs=0.005)
+
+
 def on_a_tray() -> Scene:
     """Return the room with a carton on the carton, and one on a tray, 2 cm above the table."""
     top = Mesh(carton().vertices + [0, 0, SIZE[2]], carton().faces)

@@ -19,6 +19,8 @@ from s2a.scene import Mesh
 
 Kind = Literal["horizontal", "vertical", "inside"]
 KINDS: tuple[Kind, ...] = ("horizontal", "inside", "vertical")
+Above = tuple[np.ndarray, np.ndarray]
+"""The room above each cell [m], and whether what ends it is seen from behind, shape [row column] each."""
 
 
 @dataclass(frozen=True)
@@ -185,13 +187,13 @@ def _split(mesh: Mesh, plane: Plane, smallest: float, around: Sequence[Mesh], co
         yield _measured(labels == number, grid, own, whole, config)
 
 
-def _above(meshes: Sequence[Mesh], grid: Grid, config: RegionConfig) -> tuple[np.ndarray, np.ndarray]:
-    """Return the room above each cell [m], and whether what ends it is seen from behind, shape [row column] each."""
+def _above(meshes: Sequence[Mesh], grid: Grid, config: RegionConfig) -> Above:
+    """Return what is above each cell of a grid."""
     _, (down, up) = columns(meshes, replace(grid, bottom=config.lift, top=config.reach))
     return np.minimum(np.minimum(down, up), config.reach), up < down
 
 
-def _measured(support: np.ndarray, grid: Grid, own, whole, config: RegionConfig) -> Region:
+def _measured(support: np.ndarray, grid: Grid, own: Above, whole: Above, config: RegionConfig) -> Region:
     """Return a region with its clearances, its walls and its kind.
 
     Args:

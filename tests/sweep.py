@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -59,6 +60,13 @@ class Solid:
         found = wp.zeros(len(points), dtype=float, device="cpu")
         wp.launch(_depth, dim=len(points), inputs=[self.mesh.id, asked], outputs=[found], device="cpu")
         return float(found.numpy().max())
+
+
+def parts(piece: Piece) -> Iterator[Piece]:
+    """Yield a piece and all parts below it."""
+    yield piece
+    for child in piece.children:
+        yield from parts(child)
 
 
 def whole(piece: Piece) -> Surface:

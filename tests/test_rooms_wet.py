@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
 import pytest
-from sweep import SHELL, Solid, clashes, overlaps, whole
+from sweep import SHELL, Solid, clashes, overlaps, parts, whole
 
 from s2a.geometry.rays import first_hits, nearest_faces, ray_mesh
 from s2a.scan.virtual.catalog import cad, catalog, clean_scene
@@ -27,13 +26,6 @@ every_room = pytest.mark.parametrize(
 def furnished(name: str, seed: int) -> Room:
     """Furnish a room; its own frame: x along the main row, which stands before y = depth."""
     return ROOMS[name](np.random.default_rng(seed))
-
-
-def parts(piece: Piece) -> Iterator[Piece]:
-    """Yield a piece and all parts below it."""
-    yield piece
-    for child in piece.children:
-        yield from parts(child)
 
 
 def everything(room: Room) -> list[Piece]:

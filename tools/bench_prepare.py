@@ -20,6 +20,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from s2a.provenance import provenance
 from s2a.usd import geometric
 
 COLD, WARM, GIGABYTES = 60.0, 10.0, 6.0
@@ -61,7 +62,7 @@ def main() -> None:
         table.add_row(name, *(f"{value:.1f}" for value in row.values()))
     if given.out:
         record = {"faces": sum(faces.values()), "cores": os.cpu_count(), "targets": [given.target, given.other]}
-        given.out.write_text(json.dumps(record | figures, indent=1) + "\n")
+        given.out.write_text(json.dumps(provenance("cpu") | record | figures, indent=1) + "\n")
     Console().print(table)
     limits = {"empty cache": COLD, "again": WARM}
     if any(figures[n]["wall_s"] > limit or figures[n]["peak_gb"] > GIGABYTES for n, limit in limits.items()):

@@ -12,14 +12,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
 import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import newton
 import torch
 import warp as wp
 
@@ -27,6 +25,7 @@ from s2a import config
 from s2a.policy.planner import Planner, PlannerConfig
 from s2a.policy.ppo import train
 from s2a.policy.settings import PpoConfig
+from s2a.provenance import provenance
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
@@ -51,17 +50,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="write the rows as JSON")
     args = parser.parse_args()
     rows = [bench(args, n, room) for n in args.worlds for room in (True, False)]
-    cuda = args.device.startswith("cuda")
-    gpu = torch.cuda.get_device_name(args.device) if cuda else platform.processor() or "CPU"
-    report = {
-        "device": gpu,
-        "torch": torch.__version__,
-        "newton": newton.__version__,
-        "stage": args.stage.name,
-        "rows": rows,
-    }
     if args.out:
-        args.out.write_text(json.dumps(report, indent=1))
+        report = {**provenance(args.device), "stage": args.stage.name, "rows": rows}
+        args.out.write_text(json.dumps(report, indent=1) + "\n")
 
 
 def bench(args: argparse.Namespace, worlds: int, room: bool) -> dict:

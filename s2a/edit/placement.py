@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Sdf
+from pxr import Gf, Sdf
 
 from s2a.errors import InputError
 from s2a.scene import Vec3
@@ -60,15 +60,12 @@ class Placement:
             raise InputError(f"{self.part_id}: label {self.label!r} is empty, longer than 200 letters or not printable")
 
     def matrix(self) -> np.ndarray:
-        """Return the transform from object to world, shape [4 4], for column vectors."""
-        x, y, z, w = np.array(self.orientation) / math.hypot(*self.orientation)
-        matrix = np.eye(4)
-        matrix[:3, :3] = self.scale * np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        matrix[:3, 3] = self.position
+        """Return the transform from object to world, shape [4 4], for column vectors, as USD makes it of these numbers.
+
+        USD takes the angle from w, which in a rounded quaternion of a small turn is off by more than its other numbers.
+        """
+        x, y, z, w = self.orientation
+        turn = Gf.Matrix4d(Gf.Rotation(Gf.Quatd(w, x, y, z)), Gf.Vec3d(*self.position))
+        matrix = np.array(turn).T
+        matrix[:3, :3] *= self.scale
         return matrix

@@ -54,6 +54,7 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
         (["export", "scan=3.5", "out=y"], ["'scan'", "3.5", "path"]),
         (["export", "scan=nowhere", "out=y"], ["nowhere", "does not exist"]),
         (["view", "path=nowhere.usd", "text=true"], ["nowhere.usd"]),
+        (["view", "path=x", "picture=y.png", "look.width=0"], ["'look.width'", "0", "1 or more"]),
         (["prepare", "stage=nowhere.usd", "target=drawer_7", "out=y.usd"], ["nowhere.usd"]),
         (["evaluate", "stage=nowhere.usd", "out=y.json"], ["nowhere.usd"]),
         (["train", "stage=nowhere.usd", "out=y"], ["nowhere.usd"]),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from s2a.errors import InputError
 from s2a.scene import Mesh, Vec3
 
 
@@ -33,6 +34,16 @@ class LookConfig:
     elevation: float
     margin: float
     see_through: bool
+
+    def __post_init__(self) -> None:
+        """Refuse a picture without pixels.
+
+        Raises:
+            InputError: width, height or samples is less than 1.
+        """
+        for name in ("width", "height", "samples"):
+            if getattr(self, name) < 1:
+                raise InputError(f"key 'look.{name}' is {getattr(self, name)}; give 1 or more")
 
 
 @dataclass(frozen=True)

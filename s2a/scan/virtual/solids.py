@@ -53,7 +53,7 @@ class Piece:
         surface: its own surface, without its children's.
         children: the parts that belong to it.
         joint: how it moves against what it belongs to; the closed pose is 0; None if it does not move.
-        style: "bar", "knob" or "lever" for what a hand takes hold of, else None.
+        style: "bar", "knob", "lever", "cup" or "edge" for what a hand takes hold of, else None.
         pose: of the frame in which it was built, in which its sides are parallel to the axes, shape [4 4].
     """
 

@@ -7,18 +7,19 @@ The first argument is the folder that `make demo` fills; it is read for `scan` a
 
 from __future__ import annotations
 
-import sys
+import argparse
 from dataclasses import replace
 from pathlib import Path
 
 import newton
 import numpy as np
 import warp as wp
+from room_pictures import above
 from scipy.spatial.transform import Rotation
 
 from s2a import config
 from s2a.evaluate import evaluate
-from s2a.geometry.look import LookConfig, frame, front_of
+from s2a.geometry.look import LookConfig, frame
 from s2a.geometry.picture import draw, painted, write
 from s2a.policy.planner import Planner
 from s2a.scene import Mesh
@@ -42,19 +43,11 @@ def main(demo: Path, out: Path) -> None:
     """Draw both halves side by side."""
     settings = config.load(Config, config.compose("evaluate", [f"stage={demo / 'sim.usd'}", "out=-", "worlds=1"]))
     look = config.load(LookConfig, config.compose("view")["look"])
-    halves = [_room(demo / "scan", replace(look, **ROOM)), _robot(settings, replace(look, **ROBOT))]
+    halves = [above(visible(demo / "scan"), replace(look, **ROOM)), _robot(settings, replace(look, **ROBOT))]
     white = np.full((SIZE["height"], GAP, 3), 255, dtype=np.uint8)
     out.parent.mkdir(parents=True, exist_ok=True)
     write(np.concatenate([halves[0], white, halves[1]], axis=1), out)
     print(f"{out}: {out.stat().st_size / 1000:.0f} kB")
-
-
-def _room(folder: Path, look: LookConfig) -> np.ndarray:
-    """Draw a scan, seen towards the corner of the room at which most of what opens stands."""
-    room = visible(folder)
-    meshes = list(room.surfaces.values())
-    front = front_of([room.surfaces[part] for part in room.jointed])
-    return draw(meshes, frame(np.concatenate([mesh.vertices for mesh in meshes]), front, look), look)
 
 
 def _robot(settings: Config, look: LookConfig) -> np.ndarray:
@@ -109,4 +102,8 @@ def _moved(mesh: Mesh, pose: np.ndarray) -> Mesh:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("demo", type=Path)
+    parser.add_argument("picture", type=Path)
+    args = parser.parse_args()
+    main(args.demo, args.picture)

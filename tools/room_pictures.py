@@ -7,7 +7,7 @@ The first argument is a folder for the scans, which takes those that are there a
 
 from __future__ import annotations
 
-import sys
+import argparse
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,7 +35,7 @@ def main(scans: Path, out: Path) -> None:
     """Draw all rooms and one look inside."""
     look = replace(config.load(LookConfig, config.compose("view")["look"]), **ABOVE)
     seen = {room: visible(_scan(room, scans)) for room in ROOMS}
-    tiles = [(room.replace("_", " "), _above(scene, look)) for room, scene in seen.items()]
+    tiles = [(room.replace("_", " "), above(scene, look)) for room, scene in seen.items()]
     room, furniture, distance = INSIDE
     tiles.append((f"{furniture} of the {room}", _inside(seen[room], furniture, distance, look)))
     rows = -(-len(tiles) // COLUMNS)
@@ -58,7 +58,7 @@ def _scan(room: str, scans: Path) -> Path:
     return folder
 
 
-def _above(scene: Visible, look: LookConfig) -> np.ndarray:
+def above(scene: Visible, look: LookConfig) -> np.ndarray:
     """Draw a scan, seen towards the corner of the room at which most of what opens stands."""
     meshes = list(scene.surfaces.values())
     front = front_of([scene.surfaces[part] for part in scene.jointed])
@@ -81,4 +81,8 @@ def _inside(scene: Visible, furniture: str, distance: float, look: LookConfig) -
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scans", type=Path)
+    parser.add_argument("picture", type=Path)
+    args = parser.parse_args()
+    main(args.scans, args.picture)

@@ -7,7 +7,7 @@ A label is known by name (it is in the table), by a part of it or a brand, or no
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 
 import yaml
@@ -28,4 +28,6 @@ def main(listed: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("listed", type=Path, metavar="LIST_YAML")
+    main(parser.parse_args().listed)

@@ -1,11 +1,11 @@
 """Draw docs/zoo.png: all things of the zoo with their labels, one row for each half of a category.
 
-python tools/zoo_sheet.py docs/zoo.png
+python tools/zoo_sheet.py docs/zoo.png [LABEL_OR_CATEGORY ...]
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,4 +53,10 @@ def _picture(thing: Thing) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2:])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("picture", type=Path)
+    parser.add_argument("chosen", nargs="*", metavar="LABEL_OR_CATEGORY", help="draw these alone")
+    args = parser.parse_args()
+    if unknown := set(args.chosen) - {name for thing in zoo() for name in (thing.label, thing.category)}:
+        parser.error(f"no thing has the label or category {min(unknown)!r}")
+    main(args.picture, args.chosen)

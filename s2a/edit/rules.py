@@ -196,8 +196,10 @@ def _up(facts: Any, entry: Entry | None) -> str:
         habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.3 if axis == facts["up"] else 0.0)
         return (min(1.0, facts["feet"].get(axis, 0.0) / FIRM) + mouth) * misfit**2 + habit
 
-    fell = facts.get("tried_up") if re.search(r"it (?:tilts|drifts|falls)", facts.get("reason", "")) else None
-    return max((axis for axis in AXES if axis != fell), key=merit)
+    if re.search(r"it (?:tilts|drifts|falls)", facts.get("reason", "")):
+        # It fell over: what it stands on most firmly is left.
+        return max((axis for axis in AXES if axis != facts["tried_up"]), key=lambda axis: facts["feet"].get(axis, 0.0))
+    return max(AXES, key=merit)
 
 
 def _opposite(axis: str) -> str:

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from s2a.scan.virtual.handles import STEEL
 from s2a.scan.virtual.solids import FABRIC, Color, Piece, Surface, at, box, cylinder, ellipsoid, join, painted, rotation
-
-STEEL: Color = (158, 160, 164)
 
 
 def cushion(size: tuple[float, float, float], color: Color, square: float = 5.0, flat: float = 2.4) -> Surface:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from s2a.scan.virtual.handles import QUARTER, bar, cup, edge, knob, upright
+from s2a.scan.virtual.handles import QUARTER, STEEL, bar, cup, edge, knob, upright
 from s2a.scan.virtual.solids import PLAIN, Color, Piece, Surface, at, box, join, rotation
 from s2a.scene import Joint
 
@@ -79,7 +79,7 @@ def door_knob(side: Side, width: float, z: float) -> Piece:
     return knob(0.016, 0.028).moved(at(0, -side[0] * (width / 2 - 0.045), z))
 
 
-def door_bar(side: Side, width: float, z: float, length: float = 0.2, color: Color = (158, 160, 164)) -> Piece:
+def door_bar(side: Side, width: float, z: float, length: float = 0.2, color: Color = STEEL) -> Piece:
     """Return an upright bar about a height z [m] on a door of given width [m], 45 mm from the edge across from its hinge."""
     return upright(bar(length, 0.014, 0.012, 0.028, 0.012, color)).moved(at(0, -side[0] * (width / 2 - 0.045), z))
 

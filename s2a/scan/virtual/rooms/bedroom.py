@@ -11,10 +11,11 @@ import numpy as np
 from s2a.scan.virtual import cloth, decor, objects, soft_furniture, storage
 from s2a.scan.virtual.cabinets import Finish
 from s2a.scan.virtual.furniture import room_door, window
+from s2a.scan.virtual.handles import STEEL
 from s2a.scan.virtual.room import EAST, NORTH, SOUTH, WEST, Hole, Room, around, shell
 from s2a.scan.virtual.solids import PLAIN, WOOD, Color, Piece, at
 
-STEEL, BLACK, BRASS = (158, 160, 164), (44, 44, 48), (176, 142, 84)
+BLACK, BRASS = (44, 44, 48), (176, 142, 84)
 WOODS: tuple[Color, ...] = ((196, 164, 120), (150, 112, 76), (222, 216, 204))
 CLOTHS: tuple[Color, ...] = ((92, 116, 146), (146, 92, 92), (104, 128, 100), (170, 156, 136))
 

@@ -12,10 +12,11 @@ import numpy as np
 from s2a.scan.virtual import cloth, decor, objects, soft_furniture, storage
 from s2a.scan.virtual.cabinets import Finish
 from s2a.scan.virtual.furniture import room_door, window
+from s2a.scan.virtual.handles import STEEL
 from s2a.scan.virtual.room import EAST, NORTH, SOUTH, Hole, Room, around, shell
 from s2a.scan.virtual.solids import PLAIN, WOOD, Color, Piece, at, rotation
 
-STEEL, BLACK, BRASS = (158, 160, 164), (44, 44, 48), (176, 142, 84)
+BLACK, BRASS = (44, 44, 48), (176, 142, 84)
 WOODS: tuple[Color, ...] = ((158, 118, 80), (188, 152, 108), (120, 88, 64))
 CLOTHS: tuple[Color, ...] = ((112, 118, 124), (76, 100, 124), (150, 128, 104), (96, 118, 92))
 ACCENTS: tuple[Color, ...] = ((204, 156, 60), (176, 84, 64), (70, 120, 130), (222, 212, 192))

@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import random
 import subprocess
 import sys
 import time
@@ -34,7 +33,7 @@ from threading import Lock
 
 import numpy as np
 import yaml
-from PIL import Image
+from rater_pictures import rater_pictures
 from scipy.stats import binomtest
 
 from s2a import config
@@ -48,9 +47,7 @@ from s2a.edit.rules import rules
 from s2a.edit.surfaces import nearby
 from s2a.errors import InputError
 from s2a.geometry.clash import depth
-from s2a.geometry.look import LookConfig, View
-from s2a.geometry.picture import draw
-from s2a.geometry.surfaces import merge, sample
+from s2a.geometry.surfaces import sample
 from s2a.progress import track
 from s2a.provenance import provenance
 from s2a.scene import Mesh
@@ -155,7 +152,7 @@ def _object(
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(record, indent=1) + "\n")
     if pictures:
-        _pictures(room, thing.file.stem, done, pictures)
+        rater_pictures(room, thing.file.stem, done, pictures)
     return rows
 
 
@@ -239,39 +236,6 @@ def table(rows: list[dict]) -> str:
         counts = "".join(f"{line[check]:>10}" for check in CHECKS)
         lines.append(f"{line['category']:12} {line['method']:6} {share:>8} {span:>16}{counts}")
     return "\n".join(lines)
-
-
-def _pictures(room: Room, name: str, done: dict[str, Inserted | None], folder: Path) -> None:
-    """Draw before and after, wide and close, for each method under a letter of its own."""
-    folder.mkdir(parents=True, exist_ok=True)
-    key_file = folder / "key.json"
-    key = json.loads(key_file.read_text()) if key_file.exists() else {}
-    letters = ["A", "B"]
-    random.Random(name).shuffle(letters)
-    look = config.load(LookConfig, config.compose("view", ["look=near"])["look"])
-    look = replace(look, width=640, height=480, samples=1)  # a thousand pictures, of which each takes a second
-    for letter, (method, inserted) in zip(letters, sorted(done.items()), strict=False):
-        key[f"{name}_{letter}"] = method
-        if inserted is None:
-            continue
-        before = merge([part.mesh for part in room.scene.parts.values()])
-        after = merge([before, inserted.part.mesh])
-        views = [_view(inserted, distance) for distance in (3.0, 0.9)]
-        rows = [np.concatenate([draw([mesh], view, look) for view in views], axis=1) for mesh in (before, after)]
-        Image.fromarray(np.concatenate(rows, axis=0)).save(folder / f"{name}_{letter}.png")
-    key_file.write_text(json.dumps(dict(sorted(key.items())), indent=1) + "\n")
-
-
-def _view(inserted: Inserted, distance: float) -> View:
-    """Return a look at an object from the room, a little from above and to the side [m]."""
-    bounds = inserted.part.mesh.bounds
-    middle, size = bounds.mean(axis=0), float(np.linalg.norm(np.ptp(bounds, axis=0)))
-    x, y, z, w = inserted.spot.pose.quaternion
-    front = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + z * w)])
-    angle = np.arctan2(front[1], front[0]) + 0.5
-    away = np.array([np.cos(angle), np.sin(angle), 0.55])
-    eye = middle + (distance * 0.6 + size) * away / np.linalg.norm(away)
-    return View(tuple(eye), tuple(middle))
 
 
 def _settings(stage: Path, category: str, method: list[str], args: argparse.Namespace) -> verb.Config:

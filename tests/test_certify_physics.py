@@ -18,6 +18,7 @@ from settings import load
 from s2a.certify import contents, gap, physics_grip, physics_motion
 from s2a.certify.battery import CertifyConfig, certify
 from s2a.certify.physics import World
+from s2a.scene import Mesh
 from s2a.usd.joints import frame
 from s2a.usd.stage import new_stage, save
 
@@ -182,6 +183,25 @@ def test_a_flat_front_is_not_graspable_which_is_no_defect(stage: Path) -> None:
     assert certificate.graspable is False and closure.status == "reported"
     assert "not graspable by a parallel gripper" in closure.message
     assert {check.name for check in certificate.failed} <= {"usd"}
+
+
+@pytest.mark.parametrize("scanned", [True, False])
+def test_what_leaves_no_room_for_the_hand_is_a_defect_unless_it_was_scanned(scanned: bool, stage: Path) -> None:
+    # 60 mm above the bar, where fingers have room, but not the body of the hand, which is 200 mm wide.
+    beam = box((HANDLE[0] + 0.09, 0.0, HANDLE[2] + 0.08), (0.03, 0.05, 0.02))
+
+    def add(edited: Usd.Stage) -> None:
+        reshape(edited, ROOM, beam)
+        if scanned:
+            reshape(edited, "/scene/static/visual", Mesh(np.tile(beam.vertices, (2, 1)), beam.faces))
+
+    edit(stage, add)
+    certificate = certify(stage, replace(QUICK, grip=replace(QUICK.grip, depths=(0.0,))))
+    closure = next(check for check in certificate.checks if check.name == "finger_closure")
+    assert certificate.graspable is False and closure.prim == ROOM
+    assert closure.status == ("reported" if scanned else "fail")
+    # The beam is wider than the hand's body, which is 63 mm thick: a surface is 32 mm deep in it at most.
+    assert ("static was scanned 32 mm deep" in closure.message) == scanned
 
 
 def test_a_broken_structure_is_not_simulated(stage: Path) -> None:

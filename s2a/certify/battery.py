@@ -103,7 +103,8 @@ def _fingers(target: str, room: Gap, attempt: Grip, config: CertifyConfig) -> li
         filled = judge("finger_gap", room.filled, config.gap.filled, "of it", prim=region, message=said, remedy=remedy)
         filled = filled if fits else replace(filled, status="reported", remedy="")
     message = attempt.way if attempt.holds else f"not graspable by a parallel gripper: {attempt.way}"
-    status: Status = "pass" if attempt.holds else "fail" if fits else "reported"
+    message += f"; {room.blocked}" if room.blocked and not attempt.holds else ""
+    status: Status = "pass" if attempt.holds else "fail" if fits and not room.blocked else "reported"
     mend = "look at the colliders of the grasp region and of what is around it" if status == "fail" else ""
     closure = Check("finger_closure", status, attempt.slip, config.grip.slip, "m", attempt.prim, message, mend)
     return [filled, closure]

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from s2a.certify.contents import Contents
 from s2a.geometry.gap import share_inside
 from s2a.geometry.rays import RayMesh, first_hits, ray_mesh
-from s2a.geometry.surfaces import merge, sample
+from s2a.geometry.surfaces import keep, merge, sample
 from s2a.scene import Mesh
 from s2a.usd.stage import read_mesh
 from s2a.usd.visible import visible
@@ -25,6 +25,12 @@ MARGIN = 0.002
 """[m] What a scan is sure of: points nearer to its surface count as taken."""
 WIDEST = 0.08
 """[m] Opening of the Franka hand."""
+PALM = (0.0316, 0.1023, -0.0375)
+"""[m] Half the width of the Franka hand's body along the grasp region and across it, and where it ends before the pads."""
+APPROACH = 0.2
+"""[m] Length of the way that the hand's body takes up before the grasp: its own depth, and what it comes straight."""
+BLOCKED = 0.005
+"""[m] What the scan has so deep in the way of the hand's body is no roughness of the scan."""
 POINTS = 1500
 """On either side."""
 
@@ -50,15 +56,23 @@ class Gap:
         free: share of either finger's room that is free as scanned, the smaller one, 0 to 1.
         filled: share of what is free as scanned that colliders fill, 0 to 1; nan where nothing is free.
         thickness: of the region between the fingers [m].
+        palm: how deep anything scanned is in the way of the hand's body behind the fingers [m], and what.
     """
 
     free: float
     filled: float
     thickness: float
+    palm: tuple[float, str] = (0.0, "")
 
     def graspable(self, config: GapConfig) -> bool:
-        """Whether the scan alone says that a parallel gripper fits."""
+        """Whether the scan alone says that the fingers of a parallel gripper fit."""
         return self.free >= config.free and self.thickness < WIDEST
+
+    @property
+    def blocked(self) -> str:
+        """What was scanned in the way of the hand's body, in words; empty where there is room for it."""
+        depth, name = self.palm
+        return f"{name} was scanned {1000 * depth:.0f} mm deep in the way of the hand's body" if depth > BLOCKED else ""
 
 
 def gap(path: Path, held: Contents) -> Gap:
@@ -85,7 +99,22 @@ def gap(path: Path, held: Contents) -> Gap:
     free = [_reached(points, surface, origin, frame) for points in sides]
     open_points = np.concatenate([points[mask] for points, mask in zip(sides, free, strict=True)])
     filled = share_inside(pieces, origin + open_points @ frame.T) if len(open_points) else float("nan")
-    return Gap(float(min(mask.mean() for mask in free)), filled, float(high - low))
+    found = max((_in_palm(mesh, origin, frame), name) for name, mesh in scene.surfaces.items())
+    return Gap(float(min(mask.mean() for mask in free)), filled, float(high - low), found)
+
+
+def _in_palm(mesh: Mesh, origin: np.ndarray, frame: np.ndarray) -> float:
+    """Return how deep a surface is in the box that the hand's body passes through on its way to the grasp [m]."""
+    corners = mesh.vertices[mesh.faces]
+    reach = APPROACH + PALM[1]
+    near = ((corners.min(axis=1) < origin + reach) & (corners.max(axis=1) > origin - reach)).all(axis=1)
+    if not mesh.face_areas[near].any():
+        return 0.0
+    places = (sample(keep(mesh, near), 50000, seed=0) - origin) @ frame
+    width, height, end = PALM
+    room = np.stack([width - np.abs(places[:, 0]), height - np.abs(places[:, 1]), end - places[:, 2]], axis=1)
+    within = places[:, 2] > end - APPROACH
+    return float(max(0.0, room.min(axis=1)[within].max(initial=0.0)))
 
 
 def _fill(start: tuple[float, float], depth: tuple[float, float]) -> np.ndarray:

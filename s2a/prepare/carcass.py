@@ -10,6 +10,7 @@ import numpy as np
 from s2a.geometry.convex import box
 from s2a.geometry.decompose import one_hull, vhacd
 from s2a.geometry.front import slab
+from s2a.geometry.gap import CLEARANCE
 from s2a.geometry.surfaces import merge
 from s2a.prepare.cache import pack, recall, unpack
 from s2a.prepare.colliders import Handle
@@ -31,7 +32,7 @@ class CarcassConfig:
         max_vertices: largest number of vertices of a piece.
         mass: [kg]; without effect on a body that is fixed to the world, but a simulator needs a number.
         corridor: width, height and length [m] of the hand's way to the handle, which no piece may block: along the
-            handle, across it, and outwards from 5 mm before the front.
+            handle, across it, and outwards from where fingers end before the front.
     """
 
     pieces: int
@@ -76,7 +77,7 @@ def _pieces(scene: Scene, part: str, config: CarcassConfig) -> list[Mesh]:
 
 
 def hand_corridor(handle: Handle, grasp: Grasp, config: CarcassConfig) -> Mesh:
-    """Return the box through which the hand comes to the handle: from 5 mm before the front outwards."""
+    """Return the box through which the hand comes to the handle: outwards from where its fingers end before the front."""
     along = handle.frame.T @ np.array(grasp.point)
-    along[2] = handle.front - 0.005 - config.corridor[2] / 2
+    along[2] = handle.front - CLEARANCE - config.corridor[2] / 2
     return box(handle.frame @ along, handle.frame, np.array(config.corridor))

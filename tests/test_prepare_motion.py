@@ -44,7 +44,9 @@ def prepared() -> SimScene:
 
 def weigh(part: Part) -> tuple[float, str]:
     settings: MassConfig = load(PrepareConfig, "prepare/handle").mass
-    return moving_mass(Scene("one", {"part_1": part}), ("part_1",), replace(settings, density=200.0))
+    return moving_mass(
+        Scene("one", {"part_1": part}), ("part_1",), replace(settings, density=200.0, lowest=1.0, highest=10.0)
+    )
 
 
 def test_an_unknown_thing_weighs_what_its_hull_holds_within_bounds() -> None:

@@ -27,7 +27,7 @@ class MotionConfig:
         settle: how far anything may have moved then [m].
         open_time: how long the part may not open by itself [s].
         open: how far its grasp point may have moved then [m].
-        force: at the grasp point, with which the joint is swept [N].
+        force: at the grasp point, with which the joint is swept, besides what carries its weight [N].
         speed: of the grasp point during the sweep [m/s].
         poses: places along the way at which penetration is measured.
         penetration: of colliders that no joint connects [m].

@@ -1,4 +1,4 @@
-"""Which way round the hand takes hold of a knob."""
+"""Room for the hand: which way round it takes hold of a knob, and what of the furniture is cut free for its fingers."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from cabinet_rooms import clean_cabinet_room
 from scipy.spatial.transform import Rotation
+from settings import load
 
+from s2a.geometry.gap import share_inside
+from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.pose import find_grasp
 from s2a.scene import Joint, Mesh, Part, Scene
 
@@ -59,3 +63,17 @@ def test_a_knob_between_counter_and_wall_is_held_askew() -> None:
 def test_a_bar_is_held_across_whatever_stands_around() -> None:
     free = find_grasp(lid_with(0.08), "drawer_1")
     assert replace(find_grasp(lid_with(0.08, COUNTER), "drawer_1"), region=free.region) == free
+
+
+def test_furniture_that_bulges_by_millimetres_before_the_front_leaves_the_fingers_their_room() -> None:
+    room = clean_cabinet_room()
+    front = float(room.parts["drawer_7"].mesh.bounds[1, 0])
+    point = room.grasp_point("drawer_7")
+    rim = Part("rim", box((front - 0.02, -0.3, point[2] + 0.013), (front + 0.004, 0.3, point[2] + 0.05)), "cabinet_3")
+    settings = load(PrepareConfig, "prepare/handle")
+    carcass, around = (replace(part, resolution=3000) for part in (settings.carcass, settings.room))
+    scene = replace(room, parts={**room.parts, "rim_20": rim})
+    ready = prepare(scene, "drawer_7", replace(settings, carcass=carcass, room=around))
+    low, high = [front + 0.0021, -0.009, point[2] + 0.014], [front + 0.02, 0.009, point[2] + 0.029]
+    way = np.random.default_rng(0).uniform(low, high, (2000, 3))
+    assert share_inside([collider.mesh for collider in ready.carcass.colliders], way) == 0.0

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from s2a.errors import InputError
+
 
 @dataclass(frozen=True)
 class PpoConfig:
@@ -58,7 +60,9 @@ class PpoConfig:
 
 
 def rsl_rl_settings(config: PpoConfig) -> dict[str, Any]:
-    """Return the settings under rsl-rl's names."""
+    """Return the settings under rsl-rl's names; InputError for a network without a hidden layer."""
+    if not config.hidden:
+        raise InputError("key 'policy.hidden' is []; give the size of one hidden layer or more")
     network = {
         "class_name": "MLPModel",
         "hidden_dims": list(config.hidden),

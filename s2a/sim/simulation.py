@@ -70,7 +70,9 @@ class Simulation:
         self, stage: SimStage, config: SimConfig, worlds: int, device: str = "cpu", with_robot: bool = True
     ) -> None:
         """Build the worlds; the first call on a machine compiles kernels for a minute."""
-        if config.substeps % 2:
+        if config.dt <= 0.0:
+            raise InputError(f"key 'sim.dt' is {config.dt}; give a time step above 0 s")
+        if config.substeps < 1 or config.substeps % 2:
             raise InputError(f"key 'sim.substeps' is {config.substeps}; a captured step needs an even number")
         self.stage, self.config, self.worlds, self.device = stage, config, worlds, device
         with wp.ScopedDevice(device):

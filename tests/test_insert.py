@@ -18,9 +18,13 @@ from test_place import at, block, sheet
 
 from s2a import cli, config
 from s2a.edit import describe, prompts, scale
+from s2a.edit.ask import Request, parse
 from s2a.edit.objects import ObjectFile, upright
+from s2a.edit.placement import Placement
+from s2a.edit.plan import Plan, checked
 from s2a.edit.rules import brands, known, rules, table
 from s2a.edit.scale import Size, fit
+from s2a.edit.script import write_script
 from s2a.edit.stance import feet, hollows, rest, slices
 from s2a.edit.wish import read_wish
 from s2a.errors import InputError, NotPassed
@@ -166,9 +170,6 @@ def answers(script: str):  # type: ignore[no-untyped-def]
             return message(json.dumps({**vars(MUG)}))
         assert system == prompts.SCRIPT
         plan = json.loads(question.removeprefix("The plan: "))
-        from s2a.edit.placement import Placement
-        from s2a.edit.script import write_script
-
         names = (plan["id"], plan["label"], plan["reference"])
         own = write_script(Placement(*names, tuple(plan["translate"]), tuple(plan["orient"]), plan["scale"]))
         tries = len(request["messages"])
@@ -338,10 +339,6 @@ def test_the_table_is_sound():
 
 
 def test_every_answer_of_the_rules_fits_the_schema_that_models_are_given():
-    assert rules.__module__ == "s2a.edit.rules"
-    from s2a.edit.ask import Request, parse
-    from s2a.edit.plan import Plan, checked
-
     room = scene()
     supports = describe.survey(room, settings(Path("."), Path("out")).placement.regions)
     lines = describe.describe(room, supports)
@@ -352,6 +349,22 @@ def test_every_answer_of_the_rules_fits_the_schema_that_models_are_given():
         found = checked(parse(rules(Request("plan", "", (), None, facts)).text, Plan), room)
         assert found.choices
         assert scale.checked(parse(rules(Request("scale", "", (), None, facts)).text, Size)).noun == entry.noun
+
+
+def test_the_table_lays_down_what_fell_over_and_looks_elsewhere_for_what_did_not_fit():
+    room = scene()
+    lines = describe.describe(room, describe.survey(room, settings(Path("."), Path("out")).placement.regions))
+    facts = {"label": "razor", "sides": [15.0, 2.0, 4.5], "up": None, "wish": "", "room": lines, "hollow": {}}
+    facts |= {"feet": {"+x": 0.01, "+y": 0.7, "-z": 0.3}, "tried": [("desk_2", 0.74)], "tried_up": "+y"}
+
+    def again(reason: str) -> dict:
+        return json.loads(rules(Request("plan", "", (), None, {**facts, "reason": reason})).text)
+
+    fell, full = again("no place: on desk_2: it tilts by 86.2 deg"), again("no place: on desk_2: finds no place")
+    assert fell["up"] == "-z"
+    assert fell["choices"][0]["target"] == "desk_2"
+    assert full["up"] == "+y"
+    assert "desk_2" not in [choice["target"] for choice in full["choices"]]
 
 
 @pytest.mark.parametrize(

@@ -163,7 +163,7 @@ def test_low_and_high_handles_are_reached_from_elsewhere(height: float) -> None:
 
 def test_the_arm_does_not_reach_through_what_it_stands_on() -> None:
     # So low that the wrist comes back to the robot's foot at the height of a pedestal.
-    scene = scanned_drawer(height=0.15)
+    scene = scanned_drawer(height=0.2)
     low, found = Surroundings(scene, [], np.zeros(3), 0.0), base(scene)
     assert found.free
     pose = np.eye(4)

@@ -94,7 +94,7 @@ def place(
     for number, one in enumerate(_spread(found, apart, config.attempts), start=1):
         pose, reason = _tried(scene, object, region, one, base, ways, relation, config, number)
         if pose is not None:
-            return pose.rounded()
+            return pose
         stopped.append(reason)
     worst = max(set(stopped), key=stopped.count)
     raise NoRoom(f"none of {len(stopped)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
@@ -150,6 +150,7 @@ def _tried(scene, object, region, one: Candidate, base, ways, relation, config, 
         back = turn @ np.array([-1.0, 0.0, 0.0])
         pose = pushed(pose, object, local, back, reach, config.back) or pose
     for _ in range(4):
+        pose = pose.rounded()
         moved = pose.moved(object)
         reason = in_the_way(scene, moved, local, ways, config.slack)
         if reason != "collide":

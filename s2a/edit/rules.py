@@ -147,7 +147,7 @@ def _choices(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], br
     """Return the places of a thing that there are in a room, those first that have a free circle of its breadth [m]."""
     anywhere = tuple((how, where) for how, _, where in (place.partition(" ") for place in ANYWHERE))
     found: list[dict[str, Any]] = []
-    for how, where in (*places, *(anywhere if len(places) < 9 else ())):
+    for how, where in (*places, *anywhere):
         lines = [line for line in room if same_thing(line["label"], where)]
         options = [option for line in lines for option in _options(line, how, room)]
         options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))

@@ -145,14 +145,15 @@ def _breadth(facts: Any, entry: Entry | None, up: str) -> float:
 
 def _choices(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], breadth: float) -> list[dict[str, Any]]:
     """Return the places of a thing that there are in a room, those first that have a free circle of its breadth [m]."""
-    anywhere = tuple((how, where) for how, _, where in (place.partition(" ") for place in ANYWHERE))
     found: list[dict[str, Any]] = []
-    for how, where in (*places, *anywhere):
-        lines = [line for line in room if same_thing(line["label"], where)]
-        options = [option for line in lines for option in _options(line, how, room)]
-        options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
-        found += [option for option in options[:1] if option not in found]
-    found.sort(key=lambda option: option["circle"] < breadth)
+    for some in (places, tuple((how, where) for how, _, where in (place.partition(" ") for place in ANYWHERE))):
+        own: list[dict[str, Any]] = []
+        for how, where in some:
+            lines = [line for line in room if same_thing(line["label"], where)]
+            options = [option for line in lines for option in _options(line, how, room)]
+            options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
+            own += [option for option in options[:1] if option not in own + found]
+        found += sorted(own, key=lambda option: option["circle"] < breadth)
     return [{key: value for key, value in option.items() if key not in ("free", "circle")} for option in found]
 
 

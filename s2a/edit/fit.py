@@ -69,8 +69,6 @@ def in_the_way(scene: Scene, moved: Mesh, local: Mesh, ways: list[Opening], slac
     """
     if crossing(moved, local) is not None:
         return "collide"
-    if len(local.faces) and inside(moved, local.vertices).any():
-        return "enclose something else"
     points = np.concatenate([moved.vertices[:: max(1, len(moved.vertices) // 8)], moved.vertices.mean(axis=0)[None]])
     for part_id, part in scene.parts.items():
         if len(part.mesh.faces) and inside(part.mesh, points).any():
@@ -79,8 +77,8 @@ def in_the_way(scene: Scene, moved: Mesh, local: Mesh, ways: list[Opening], slac
     for way in ways:
         if blocked(way, surface, slack):
             return f"keep {way.part!r} from opening"
-    # What was scanned from one side only has no faces there, and encloses nothing.
-    return "are in something that was scanned in part" if depth(moved, local) > DEEP else None
+    # What was scanned from one side only has no faces there, and encloses nothing; small things may be enclosed themselves.
+    return "enclose something else, or are in what was scanned in part" if depth(moved, local) > DEEP else None
 
 
 def pushed(pose: Pose, object: Mesh, local: Mesh, toward: np.ndarray, reach: float, gap: float) -> Pose | None:

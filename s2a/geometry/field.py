@@ -123,10 +123,11 @@ def _fuse(
     planes: wp.array(dtype=wp.vec4),
     scanner: wp.vec3,
     n: int,
+    first: int,
     distance: wp.array(dtype=float),
     weight: wp.array(dtype=float),
 ):
-    tid = wp.tid()
+    tid = first + wp.tid()
     c = voxel_place(blocks, tid)
     x = origin + voxel * wp.vec3(float(c[0]), float(c[1]), float(c[2])) - scanner
     pixel = direction_pixel(x, n)
@@ -167,22 +168,13 @@ def fuse(views: list[View], bounds: np.ndarray, config: FusionConfig) -> Field:
     lengths = [config.voxel, config.voxel * config.truncation, config.voxel * config.depth]
 
     def add(view: View, some: slice) -> None:
-        """Add a panorama to some of the blocks, each of 64 voxels."""
-        voxels = slice(64 * some.start, 64 * some.stop)
-        inputs = [
-            field.blocks[some],
-            field.origin,
-            *lengths,
-            view.ranges,
-            view.planes,
-            view.scanner,
-            len(view.tangents),
-        ]
-        outputs = [field.distance[voxels], field.weight[voxels]]
-        wp.launch(_fuse, len(outputs[0]), inputs=inputs, outputs=outputs, device="cpu")
+        """Add a panorama to some of the voxels."""
+        inputs = [field.blocks, field.origin, *lengths, view.ranges, view.planes, view.scanner, len(view.tangents)]
+        outputs = [field.distance, field.weight]
+        wp.launch(_fuse, some.stop - some.start, inputs=[*inputs, some.start], outputs=outputs, device="cpu")
 
     for view in track(views, "fuse"):
-        in_parallel(partial(add, view), shares(len(field.blocks)))
+        in_parallel(partial(add, view), shares(len(field.weight)))
     wp.launch(_average, len(field.weight), inputs=[field.weight], outputs=[field.distance], device="cpu")
     return field
 

@@ -132,7 +132,7 @@ def extract(field: Field) -> Net:
     stored = [field.blocks, field.table, field.distance]
     kind = _all_crossings(stored, len(field.distance))
     cells = np.flatnonzero(kind & 1).astype(np.int32)
-    placed = in_parallel(lambda some: _places(stored, field, cells[some]), shares(len(cells)) or [slice(0, 0)])
+    placed = in_parallel(lambda some: _places(stored, field, cells[some]), shares(len(cells)))
     points, normals = (np.concatenate(part) for part in zip(*placed, strict=True))
     vertex = np.full(len(kind), -1, np.int32)
     vertex[cells] = np.arange(len(cells), dtype=np.int32)
@@ -172,8 +172,15 @@ def _axis_quads(stored: list, edges: np.ndarray, axis: int, vertex: wp.array) ->
 
 def _split(points: np.ndarray, quads: np.ndarray) -> np.ndarray:
     """Return two triangles a quad, cut along the shorter diagonal, shape [2 quad 3]."""
+    parts = [quads[some] for some in shares(len(quads))]
+    cut_ac = np.concatenate(in_parallel(lambda part: _is_shorter(points, part), parts))
     a, b, c, d = quads.T
-    cut_ac = ((points[a] - points[c]) ** 2).sum(axis=1) <= ((points[b] - points[d]) ** 2).sum(axis=1)
-    first = np.where(cut_ac[:, None], np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
-    second = np.where(cut_ac[:, None], np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
+    first = np.stack([a, b, np.where(cut_ac, c, d)], axis=1)
+    second = np.stack([np.where(cut_ac, a, b), c, d], axis=1)
     return np.concatenate([first, second])
+
+
+def _is_shorter(points: np.ndarray, quads: np.ndarray) -> np.ndarray:
+    """Whether a quad's first diagonal is no longer than its second, shape [quad]."""
+    a, b, c, d = (points[corner] for corner in quads.T)
+    return ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)

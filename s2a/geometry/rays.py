@@ -120,9 +120,10 @@ def _cast(
     origin: wp.vec3,
     turn: wp.mat33,
     errors: Errors,
+    first: int,
     ranges: wp.array(dtype=float),
 ):
-    tid = wp.tid()
+    tid = first + wp.tid()
     d = pixel_direction(tangents, tangents.shape[0], tid)
     ranges[tid] = 0.0
     if d[2] < errors.lowest:
@@ -179,7 +180,11 @@ def cast_panorama(
     pose = np.asarray(T_mesh_scanner, np.float64)
     inputs = [mesh.id, wp.array(dropout, dtype=float, device="cpu"), tangents]
     inputs += [wp.vec3(*map(float, pose[:3, 3])), wp.mat33(*map(float, pose[:3, :3].ravel())), errors]
-    wp.launch(_cast, dim=len(ranges), inputs=inputs, outputs=[ranges], device="cpu")
+
+    def cast(some: slice) -> None:
+        wp.launch(_cast, some.stop - some.start, inputs=[*inputs, some.start], outputs=[ranges], device="cpu")
+
+    in_parallel(cast, shares(len(ranges)))
     return ranges.numpy()
 
 

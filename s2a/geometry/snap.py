@@ -97,4 +97,4 @@ def snap(net: Net, views: list[View], reach: float) -> Net:
         )
         return points.numpy()
 
-    return replace(net, points=np.concatenate(in_parallel(settle, shares(len(net.points)) or [slice(0, 0)])))
+    return replace(net, points=np.concatenate(in_parallel(settle, shares(len(net.points)))))

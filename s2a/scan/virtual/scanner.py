@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.cores import count
 from s2a.geometry.field import FusionConfig, fuse
 from s2a.geometry.nets import extract
 from s2a.geometry.rays import NoiseConfig, RayMesh, cast_panorama
@@ -59,12 +57,10 @@ def scan(
     """
     T_room_scene = rotation((0.0, 0.0, -yaw))
 
-    def cast(place: np.ndarray, errors: np.random.Generator) -> np.ndarray:
-        return cast_panorama(mesh, dropout, T_room_scene @ translation(place), config.spacing, config.noise, errors)
-
-    with ThreadPoolExecutor(count()) as pool:
-        cast_all = pool.map(cast, scanners, rng.spawn(len(scanners)))
-        panoramas = list(track(cast_all, "scan", len(scanners)))
+    panoramas = [
+        cast_panorama(mesh, dropout, T_room_scene @ translation(place), config.spacing, config.noise, errors)
+        for place, errors in track(list(zip(scanners, rng.spawn(len(scanners)), strict=True)), "scan")
+    ]
     views = measure(panoramas, scanners, config.spacing)
     net = snap(extract(fuse(views, bounds, config.fusion)), views, config.fusion.voxel)
     return thin(net, config.thin)

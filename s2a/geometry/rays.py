@@ -171,8 +171,7 @@ def cast_panorama(
     errors = Errors()
     errors.seed = int(rng.integers(1 << 30))
     errors.white, errors.correlated, errors.grazing = noise.white, noise.correlated, noise.grazing
-    errors.offset = float(rng.normal(0.0, noise.registration))
-    errors.lowest = -float(np.sin(noise.blind))
+    errors.offset, errors.lowest = float(rng.normal(0.0, noise.registration)), -float(np.sin(noise.blind))
     lattice = rng.normal(size=(int(2.0 / noise.correlation) + 2,) * 3).astype(np.float32)
     errors.lattice = wp.array(lattice, dtype=float, device="cpu")
     tangents = wp.array(pixel_tangents(spacing), dtype=float, device="cpu")

@@ -24,6 +24,8 @@ from curves import as_run  # noqa: E402
 from ingredients import BEST, CHANGES  # noqa: E402
 from multirun import Row, jobs  # noqa: E402
 from outcome import percent, write  # noqa: E402
+from ratings import table as ratings  # noqa: E402
+from ratings import verdicts  # noqa: E402
 from reward_ablation import move_grasp, table, table_rows  # noqa: E402
 from side_by_side import run  # noqa: E402
 
@@ -125,3 +127,17 @@ def test_the_table_is_trained_evaluated_kept_and_written_without_what_was_not_as
         assert done[0]["curve"]["env_steps"] == [32, 64]
     assert (tmp_path / "table.png").stat().st_size > 10_000
     assert sum("not run" in line for line in out.with_suffix(".md").read_text().splitlines()) == 11 - 2
+
+
+def test_ratings_count_what_both_accept_and_how_they_agree_beyond_chance(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(
+        "kitchen,mug_A,yes,\nkitchen,mug_B,no,size\nkitchen,pan_A,yes,\nkitchen,pan_B,no,place\n"
+    )
+    (tmp_path / "b.csv").write_text(
+        "kitchen,mug_A,yes,\nkitchen,mug_B,no,size\nkitchen,pan_A,no,size\nkitchen,pan_B,no,size\n"
+    )
+    key = {"kitchen": {"mug_A": "ours", "mug_B": "paper", "pan_A": "ours", "pan_B": "paper"}}
+    lines = ratings(key, verdicts(sorted(tmp_path.glob("*.csv"))))
+    assert "| kitchen | ours | 2 | 1 | 2 |" in lines and "| all | paper | 2 | 0 | 0 |" in lines
+    # They agree on 3 of 4; by chance on (2/4 x 1/4) + (2/4 x 3/4) = 1/2.
+    assert lines[-1] == "The two agree on 75 % of 4 pictures, Cohen's kappa 0.50."

@@ -69,7 +69,7 @@ class Planner:
         rate = _rate(sim)
         self.path = torch.tensor(_path(sim, config), dtype=torch.float32, device=sim.device)
         self.reach_steps = round(config.reach_time * rate)
-        self.grasp_steps = self.reach_steps + round((config.approach_time + config.close_time) * rate)
+        self.grasp_steps = self.reach_steps + _closed(config, rate)
         self._speed = torch.ones(JOINTS, device=sim.device) * env.config.action_scale / rate
         self._speed[ARM_JOINTS:] *= env.config.finger_speed
 
@@ -90,13 +90,17 @@ def grasping_motion(sim: Simulation, config: PlannerConfig) -> np.ndarray:
     Raises:
         InputError: the arm cannot reach along the whole way.
     """
-    path = _path(sim, config)
-    return path[: round((config.approach_time + config.close_time) * _rate(sim))]
+    return _path(sim, config)[: _closed(config, _rate(sim))]
 
 
 def _rate(sim: Simulation) -> float:
     """Return the control steps a second."""
     return 1.0 / (sim.config.dt * sim.config.substeps)
+
+
+def _closed(config: PlannerConfig, rate: float) -> int:
+    """Return the control steps from the point of approach until the hand has closed, as `_hand_path` counts them."""
+    return round(config.approach_time * rate) + round(config.close_time * rate)
 
 
 def _path(sim: Simulation, config: PlannerConfig) -> np.ndarray:

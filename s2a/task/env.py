@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import newton
 import numpy as np
 import torch
 import warp as wp
+from numpy.typing import ArrayLike
 from pxr import Usd, UsdGeom
 
 from s2a.errors import InputError
@@ -44,7 +45,7 @@ class OpenDrawerEnv:
         weights: Mapping[str, float],
         seed: int,
         graph: bool = True,
-        ahead: tuple[Sequence[Sequence[float]], float] | None = None,
+        ahead: tuple[ArrayLike, float] | None = None,
     ) -> None:
         """Prepare the kernels' data, reset all worlds, capture the step where there is a GPU and `graph` is true.
 

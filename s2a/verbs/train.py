@@ -68,7 +68,7 @@ def run(config: Config) -> str:
     first = folder.iteration(checkpoint) + 1 if checkpoint else 0
     torch.manual_seed(processes.own_seed(config.seed, first))
     sim = simulation(config.stage, config.sim, config.worlds, processes.own_device(config.device))
-    motion = (grasping_motion(sim, config.plan).tolist(), config.starts_ahead) if config.starts_ahead > 0.0 else None
+    motion = (grasping_motion(sim, config.plan), config.starts_ahead) if config.starts_ahead > 0.0 else None
     env = OpenDrawerEnv(sim, config.task, config.reward, processes.own_seed(config.seed, first), ahead=motion)
     if lead:
         config.out.mkdir(parents=True, exist_ok=True)

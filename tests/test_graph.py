@@ -74,21 +74,25 @@ def test_its_learning_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
     assert {float(state["step"]) for state in second.alg.optimizer.state.values()} == {4.0 * 3 * 4}
 
 
+class GpuEnv(NoisyEnv):
+    """The same on a GPU."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        for name, value in vars(self).items():
+            if isinstance(value, torch.Tensor):
+                setattr(self, name, value.cuda())
+        self.sim.device, self.noise = "cuda:0", torch.Generator("cuda").manual_seed(3)
+
+    def step(self, action: torch.Tensor) -> None:
+        """Draw an observation, and pay for it."""
+        noise = torch.randn(2, OBSERVATIONS, generator=self.noise, device="cuda")
+        self.observation.copy_(noise + action.mean())
+        self.reward.copy_(self.observation[:, 0] * action[:, 0])
+
+
 @pytest.mark.gpu
 def test_replayed_graphs_learn_as_the_library_does_on_a_gpu() -> None:
-    class GpuEnv(NoisyEnv):
-        def __init__(self) -> None:
-            super().__init__()
-            for name, value in vars(self).items():
-                if isinstance(value, torch.Tensor):
-                    setattr(self, name, value.cuda())
-            self.sim.device, self.noise = "cuda:0", torch.Generator("cuda").manual_seed(3)
-
-        def step(self, action: torch.Tensor) -> None:
-            noise = torch.randn(2, OBSERVATIONS, generator=self.noise, device="cuda")
-            self.observation.copy_(noise + action.mean())
-            self.reward.copy_(self.observation[:, 0] * action[:, 0])
-
     learned = []
     for graph in (False, True):
         torch.manual_seed(0)
@@ -99,3 +103,25 @@ def test_replayed_graphs_learn_as_the_library_does_on_a_gpu() -> None:
     (rate, expected), (own_rate, found) = learned
     assert own_rate == pytest.approx(rate, rel=1e-3)
     assert all(torch.allclose(found[name], value, atol=1e-3) for name, value in expected.items())
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("graph", [True, pytest.param(False, marks=pytest.mark.xfail(strict=True))])
+def test_collecting_never_waits_for_a_gpu(graph: bool, tmp_path: Path) -> None:
+    settings = load(PpoConfig, "policy/ppo", **SMALL, graph=graph)
+    runner = make_runner(RslRlEnv(GpuEnv(), 1.0, log_every=SMALL["steps"]), settings, tmp_path)
+    act, process = runner.alg.act, runner.logger.process_env_step
+
+    def watched(observation: object) -> object:
+        torch.cuda.set_sync_debug_mode("error")
+        return act(observation)
+
+    def released(*step: object) -> None:
+        process(*step)
+        torch.cuda.set_sync_debug_mode("default")
+
+    runner.alg.act, runner.logger.process_env_step = watched, released
+    try:
+        runner.learn(2)
+    finally:
+        torch.cuda.set_sync_debug_mode("default")

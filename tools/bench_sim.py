@@ -2,7 +2,8 @@
 
     python tools/bench_sim.py STAGE [--worlds 4096 ...] [--ppo 8x8x40 5x4x24 ...] [--iterations 20] [--out FILE]
 
-An environment step is one control step (4 physics steps) of one world. Actions are uniform random, resets included.
+An environment step is one control step (4 physics steps) of one world. Actions are uniform random, resets included. PPO is
+timed from its third iteration on: the first two compile and capture. Its worlds touch more as it learns, which is slower.
 "grasp_physics" is physics alone while every world's hand holds the handle, where the planner brought it (so the arm is that
 of conf/sim/planner.yaml). Contacts and constraint rows are counted after the random steps, and in the grasp. Rates are
 compared within one run only.
@@ -22,6 +23,7 @@ import torch
 import warp as wp
 
 from s2a import config
+from s2a.policy.folder import times
 from s2a.policy.planner import Planner, PlannerConfig
 from s2a.policy.ppo import train
 from s2a.policy.settings import PpoConfig
@@ -32,6 +34,8 @@ from s2a.task.env import OpenDrawerEnv
 from s2a.task.open_drawer import OpenDrawerConfig
 
 STEPS = 200
+WARM_UP = 2
+"""Iterations of PPO that are not timed."""
 
 
 def main() -> None:
@@ -72,7 +76,7 @@ def bench(args: argparse.Namespace, worlds: int, room: bool) -> dict:
     row["physics"] = worlds * _rate(args.device, physics)
     for shape in args.ppo:
         with tempfile.TemporaryDirectory() as folder:
-            row[f"ppo_{shape}"] = train(env, _policy(shape, args.iterations), Path(folder))["env_steps_per_second"]
+            row[f"ppo_{shape}"] = _training_rate(env, _policy(shape, args.iterations), Path(folder))
     _grasp(env)
     row |= {f"grasp_{name}": value for name, value in _contacts(sim).items()}
     row["grasp_physics"] = worlds * _rate(args.device, physics)
@@ -81,6 +85,13 @@ def bench(args: argparse.Namespace, worlds: int, room: bool) -> dict:
         row["gpu_memory_gb"] = (total - free) / 1e9
     print(json.dumps({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}), flush=True)
     return row
+
+
+def _training_rate(env: OpenDrawerEnv, policy: PpoConfig, folder: Path) -> float:
+    """Return environment steps a second of training, logging included, without the iterations that compile and capture."""
+    train(env, policy, folder)
+    begin, *rest = times(folder)[WARM_UP - 1 :]
+    return len(rest) * policy.steps * env.num_envs / (rest[-1] - begin)
 
 
 def _policy(shape: str, iterations: int) -> PpoConfig:

@@ -93,6 +93,11 @@ def curve(out: Path) -> list[dict[str, float]]:
     return [rows[i] for i in sorted(rows)]
 
 
+def times(out: Path) -> list[float]:
+    """Return when each iteration was logged [s], on the wall's clock."""
+    return [event.wall_time for event in _scalars(_events(out), "Perf/total_fps")]
+
+
 def _events(out: Path) -> EventAccumulator:
     """Return what lies in a folder's event files, less what was cut."""
     events = EventAccumulator(str(out), size_guidance={"scalars": 0})

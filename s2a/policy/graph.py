@@ -1,4 +1,4 @@
-"""PPO's update without waiting for the device: rsl-rl's own arithmetic, a mini-batch as two captured graphs.
+"""PPO without waiting for the device: rsl-rl's own arithmetic, a mini-batch as two captured graphs.
 
 rsl-rl waits for the GPU some six times a mini-batch (the divergence, the losses) and launches some hundred small kernels in
 between; with 8 x 8 mini-batches of networks as small as these, that is most of an update.
@@ -13,9 +13,18 @@ from typing import Any
 
 import torch
 from rsl_rl.algorithms import PPO
+from rsl_rl.modules import GaussianDistribution
 from torch import nn
 
 from s2a.policy import processes
+
+
+class LazyGaussian(GaussianDistribution):
+    """rsl-rl's distribution; torch.normal, which it samples with, waits for the device to see that no deviation is negative."""
+
+    def sample(self) -> torch.Tensor:
+        """Draw as torch.normal does."""
+        return torch.randn_like(self.mean) * self.std + self.mean
 
 
 class GraphPpo(PPO):

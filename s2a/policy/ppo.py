@@ -23,6 +23,7 @@ from tensordict import TensorDict
 from s2a.errors import InputError
 from s2a.outputs import aside
 from s2a.policy import folder, processes
+from s2a.policy.logger import LazyLogger
 from s2a.policy.settings import PpoConfig, rsl_rl_settings
 from s2a.progress import track
 from s2a.task.env import OpenDrawerEnv
@@ -116,6 +117,12 @@ class Runner(OnPolicyRunner):
     env: RslRlEnv
     seconds = 0.0
     _clock: float
+
+    def __init__(self, env: RslRlEnv, settings: dict[str, Any], log_dir: str | None, device: str) -> None:
+        """Build what learns and what logs."""
+        super().__init__(env, settings, log_dir, device)
+        place = (self.is_distributed, self.gpu_world_size, self.gpu_global_rank)
+        self.logger = LazyLogger(log_dir, self.cfg, env.cfg, env.num_envs, *place, device)
 
     def learn(self, num_learning_iterations: int, init_at_random_ep_len: bool = False) -> None:
         """Train, and keep the time."""

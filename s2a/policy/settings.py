@@ -31,8 +31,8 @@ class PpoConfig:
         hidden: widths of the layers of actor and critic (ELU).
         init_std: standard deviation of the first policy's actions.
         save_interval: iterations between checkpoints.
-        graph: whether an update never waits for the device, and is replayed as captured graphs on a GPU; the arithmetic is the
-            same. Of the two below, it needs neither.
+        graph: whether collecting and updating never wait for the device, and an update is replayed as captured graphs on a GPU;
+            the arithmetic is the same. Of the two below, it needs neither.
         fused_adam: whether the optimiser's step is one kernel instead of some ten.
         compile: how torch.compile treats the networks; null: not at all.
     """
@@ -69,7 +69,8 @@ def rsl_rl_settings(config: PpoConfig) -> dict[str, Any]:
         "activation": "elu",
         "obs_normalization": True,
     }
-    distribution = {"class_name": "GaussianDistribution", "init_std": config.init_std, "std_type": "scalar"}
+    gaussian = "s2a.policy.graph:LazyGaussian" if config.graph else "GaussianDistribution"
+    distribution = {"class_name": gaussian, "init_std": config.init_std, "std_type": "scalar"}
     return {
         "num_steps_per_env": config.steps,
         "save_interval": config.save_interval,

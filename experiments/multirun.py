@@ -25,7 +25,7 @@ from s2a.policy import folder
 S2A = (sys.executable, "-m", "s2a")
 EVALUATION_SEED = 100
 """Plus the training's seed: the start noise of evaluation, which no training has met."""
-SAVE_INTERVAL = 25
+SAVE_INTERVAL = 10
 """Iterations between checkpoints: what a cut can cost."""
 NOT_SETTINGS = ("stage", "out", "resume", "export", "device", "plan")
 """Keys of `s2a train` that say nothing of the experiment."""
@@ -42,6 +42,7 @@ class Row:
         seeds: how many are trained, from 0.
         about: what the row is, for the table.
         paper: what the paper reports for it.
+        env_steps: of a run; None: what the command says.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Row:
     seeds: int
     about: str
     paper: str = ""
+    env_steps: float | None = None
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,8 @@ def told(job: Job, args: argparse.Namespace) -> list[str]:
 
 def iterations(job: Job, args: argparse.Namespace) -> int:
     """Return how many iterations the training is to have."""
-    return round(args.env_steps / (args.worlds * config.compose("train", told(job, args))["policy"]["steps"]))
+    env_steps = job.row.env_steps or args.env_steps
+    return round(env_steps / (args.worlds * config.compose("train", told(job, args))["policy"]["steps"]))
 
 
 def training(job: Job, stages: Path, args: argparse.Namespace) -> list[str]:

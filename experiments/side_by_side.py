@@ -21,7 +21,9 @@ def gpu_slots(side_by_side: int) -> list[str]:
     Args:
         side_by_side: how many commands share a GPU.
     """
-    return [str(i) for i in range(torch.cuda.device_count())] * side_by_side or [""] * side_by_side
+    allowed = os.environ.get("CUDA_VISIBLE_DEVICES")
+    gpus = allowed.split(",") if allowed else [str(i) for i in range(torch.cuda.device_count())]
+    return gpus * side_by_side or [""] * side_by_side
 
 
 def run(commands: Sequence[tuple[list[str], Path]], slots: Sequence[str], deadline: float) -> list[Path]:

@@ -27,7 +27,7 @@ from outcome import percent, write  # noqa: E402
 from ratings import table as ratings  # noqa: E402
 from ratings import verdicts  # noqa: E402
 from reward_ablation import move_grasp, table, table_rows  # noqa: E402
-from side_by_side import run  # noqa: E402
+from side_by_side import gpu_slots, run  # noqa: E402
 
 ROWS = [row.overrides for row in table_rows(1)] + [(BEST, *overrides) for _, overrides in CHANGES.values()]
 
@@ -60,6 +60,14 @@ def test_what_runs_when_time_is_up_is_interrupted_and_the_rest_never_starts(tmp_
     assert run(commands, [""], start + 1.0) == []
     assert time.monotonic() - start < 15.0
     assert not (tmp_path / "second.txt").exists()
+
+
+@pytest.mark.parametrize(("allowed", "slots"), [("3", ["3", "3"]), ("1,2", ["1", "2", "1", "2"]), ("", ["", ""])])
+def test_commands_see_the_gpus_that_the_caller_may_see(
+    allowed: str, slots: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", allowed)
+    assert gpu_slots(2) == slots
 
 
 def test_the_grasp_point_moves_along_its_own_axes_and_its_region_stays(tmp_path: Path) -> None:
@@ -111,7 +119,7 @@ def test_the_table_is_trained_evaluated_kept_and_written_without_what_was_not_as
     command += ["--side-by-side", "2", "--only", "twin_paper", "scan_best"]
     command += ["--set", "policy.steps=8", "task.episode_steps=20"]
     for asked, finished in ((64, True), (96, False)):
-        command += ["--env-steps", str(asked)]
+        command += ["--env-steps", str(asked), "--best-steps", str(asked)]
         if not finished:  # longer runs are asked for, and there is no time for them
             command += ["--minutes", "0"]
         begun = {file: file.stat().st_mtime_ns for file in runs.glob("*/run/model_1.pt")}

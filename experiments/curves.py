@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,8 @@ def draw(runs: list[dict[str, Any]], picture: Path) -> None:
         place, known = rows.index(run["about"]), run["curve"]
         millions = [steps / 1e6 for steps in known["env_steps"]]
         opened, final = (
-            [100.0 * (share or 0.0) for share in known.get(name, [])] for name in ("success", "final_success")
+            [math.nan if share is None else 100.0 * share for share in known.get(name, [])]
+            for name in ("success", "final_success")
         )
         by_handle = [
             share * (use or 0.0) for share, use in zip(opened, known.get("handle_use_of_successes", []), strict=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from s2a.policy.settings import PpoConfig, rsl_rl_settings
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import OBSERVATIONS, OpenDrawerConfig
+from s2a.task.open_drawer import COUNTS, OBSERVATIONS, OpenDrawerConfig
 
 SMALL = {"steps": 8, "iterations": 2, "epochs": 2, "mini_batches": 2, "hidden": [16]}
 
@@ -28,6 +29,27 @@ def test_stored_observations_are_those_the_policy_saw() -> None:
     runner.learn(1)
     stored = runner.alg.storage.observations["policy"][:, 0, 0]
     assert stored.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+
+
+class ShortEnv(CountingEnv):
+    """An environment of short episodes, in each step of which one world succeeds early."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.max_episode_length = 6
+
+    def step(self, action: torch.Tensor) -> None:
+        """Count an episode that succeeded."""
+        super().step(action)
+        self.counts[COUNTS.index("episodes")] += 1.0
+        self.counts[COUNTS.index("success")] += 1.0
+
+
+def test_no_rate_is_told_before_an_episode_could_have_failed() -> None:
+    env = RslRlEnv(ShortEnv(), 1.0)
+    rates = [float(env.step(torch.zeros(2, 9))[3]["log"]["/success"]) for _ in range(8)]
+    assert [math.isfinite(rate) for rate in rates] == [False] * 6 + [True] * 2
+    assert rates[-1] == pytest.approx(1.0)
 
 
 class PayingEnv(CountingEnv):

@@ -93,8 +93,12 @@ class RslRlEnv(VecEnv):
         return self.get_observations(), env.reward * self._reward_scale, env.done.long(), extras
 
     def _log(self) -> dict[str, torch.Tensor]:
-        """Return rates over the recent episodes (not a number before the first), and the mean of each unweighted reward term."""
-        recent = dict(zip(COUNTS, self._recent.unbind(), strict=True))
+        """Return rates over the recent episodes, and the mean of each unweighted reward term.
+
+        Rates are not a number in the first episode's time: what ends early in it is what succeeded.
+        """
+        known = self._recent if self._steps > self.max_episode_length else torch.full_like(self._recent, torch.nan)
+        recent = dict(zip(COUNTS, known.unbind(), strict=True))
         episodes, successes = recent["episodes"], recent["success"]
         terms = (self._terms / self._log_every).unbind()
         self._terms = torch.zeros_like(self._terms)

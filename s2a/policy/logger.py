@@ -14,6 +14,9 @@ class LazyLogger(Logger):
     rsl-rl asks the GPU after every step which episodes have ended, so that no step is launched while the one before it runs.
     """
 
+    cur_reward_sum: torch.Tensor
+    cur_episode_length: torch.Tensor
+
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         """Begin with no step kept."""
         super().__init__(*args, **kwargs)

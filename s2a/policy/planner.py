@@ -15,6 +15,7 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
+from s2a.policy.free_way import freest
 from s2a.sim.build import SimStage, lever_arm, opening_sign, travel
 from s2a.sim.franka import ARM_JOINTS, JOINTS, FrankaConfig, add_franka
 from s2a.sim.simulation import Simulation
@@ -104,10 +105,15 @@ def _closed(config: PlannerConfig, rate: float) -> int:
 
 
 def _path(sim: Simulation, config: PlannerConfig) -> np.ndarray:
-    """Return joint targets [step 9] from the point of approach to the end of the pull; InputError: out of reach."""
+    """Return joint targets [step 9] from the point of approach to the end of the pull; InputError: out of reach.
+
+    Of the ways of the arm the best is taken on which it touches nothing but what it holds.
+    """
     poses, fingers = _hand_path(sim.stage, config, _rate(sim))
-    arm = _track(sim.stage, sim.config.robot, poses, config)
-    return np.concatenate([arm, fingers[:, None], fingers[:, None]], axis=1)
+    arms = _tracks(sim.stage, sim.config.robot, poses, config)
+    both = np.broadcast_to(fingers[:, None], (*arms.shape[:2], 2))
+    paths = np.concatenate([arms, both], axis=2)
+    return paths[freest(sim, paths)]
 
 
 def _hand_path(stage: SimStage, config: PlannerConfig, rate: float) -> tuple[np.ndarray, np.ndarray]:
@@ -133,11 +139,11 @@ def _tool_pose(stage: SimStage, opened: float, inwards: float) -> np.ndarray:
     return np.concatenate([stage.origin + turn.apply(point - stage.origin), (turn * grasp).as_quat()])
 
 
-def _track(stage: SimStage, robot: FrankaConfig, poses: np.ndarray, config: PlannerConfig) -> np.ndarray:
-    """Return the arm's joint positions [step 7] along the poses.
+def _tracks(stage: SimStage, robot: FrankaConfig, poses: np.ndarray, config: PlannerConfig) -> np.ndarray:
+    """Return the arm's joint positions along the poses, shape [track step 7], the best track first.
 
-    A single start gets stuck; so many random ones (the hand both ways round) are tracked along the whole way, and the one
-    that stays exact, smooth, far from the joint limits and near the start position is taken.
+    A single start gets stuck; so many random ones (the hand both ways round) are tracked along the whole way. Those that
+    stay exact and smooth are ordered by how far they keep from the joint limits and how near the start position they begin.
     """
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
@@ -163,8 +169,9 @@ def _track(stage: SimStage, robot: FrankaConfig, poses: np.ndarray, config: Plan
             f"{stage.path}: the arm cannot follow part {stage.target!r} from its base at {np.round(stage.base[:3], 2)} m "
             f"(best error {1e3 * np.sqrt(worst.min()):.1f} mm); prepare the stage with another base pose"
         )
-    score = np.where(feasible, 0.3 * distance + 10.0 * jump - 2.0 * np.clip(margin, 0.0, 0.2), np.inf)
-    return arm[:, int(np.argmin(score))]
+    score = 0.3 * distance + 10.0 * jump - 2.0 * np.clip(margin, 0.0, 0.2)
+    order = np.argsort(score, kind="stable")
+    return arm[:, order[feasible[order]]].swapaxes(0, 1)
 
 
 def _solve(model: newton.Model, tool: int, poses: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

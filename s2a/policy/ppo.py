@@ -169,7 +169,7 @@ class Runner(OnPolicyRunner):
 def make_runner(env: RslRlEnv, config: PpoConfig, log_dir: Path | None) -> Runner:
     """Return rsl-rl's runner, which holds actor, critic, optimiser and normaliser."""
     settings = copy.deepcopy(rsl_rl_settings(config))
-    runner = Runner(env, settings, log_dir and str(log_dir), device=str(env.device))
+    runner = Runner(env, settings, str(log_dir) if log_dir else None, device=str(env.device))
     if config.fused_adam and not config.graph:  # rsl-rl knows an optimiser by its name alone
         groups = runner.alg.optimizer.param_groups
         runner.alg.optimizer = torch.optim.Adam(groups[0]["params"], lr=config.learning_rate, fused=True)

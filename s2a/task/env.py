@@ -89,17 +89,20 @@ class OpenDrawerEnv:
         inputs = [self._constants, self._lower, self._upper, self._action, self._targets, self._touch]
         self._launch(kernels.act, [*inputs, self._elsewhere])
         sim.step()
-        data = sim.solver.mjw_data
-        contact = data.contact
-        inputs = [self._constants, self._region.id, self._geom_kind, data.nacon, contact.geom, contact.worldid]
-        inputs += [contact.pos, contact.efc_address, data.efc.force, q["body_q"], self._touch]
-        self._launch(judge.feel, [*inputs, self._elsewhere], dim=data.naconmax)
+        self.feel()
         inputs = [self._constants, self._weights, self._upper, q["joint_q"], q["joint_qd"], q["body_q"], self._action]
         self._launch(judge.give_reward, [*inputs, self._touch, self._lead, self._terms, self._reward])
         inputs = [self._constants, q["joint_q"], q["joint_qd"], self._terms, self._touch, self._elsewhere]
         inputs += [self._overflow, self._steps, self._midway, self._progress]
         self._launch(judge.tally, [*inputs, self._done, self._time_out, self._result, self._counts])
         self._reset_and_observe()
+
+    def feel(self) -> None:
+        """Find the largest force of each finger on the grasp region and on the rest of the part, since the step began."""
+        data, contact = self.sim.solver.mjw_data, self.sim.solver.mjw_data.contact
+        inputs = [self._constants, self._region.id, self._geom_kind, data.nacon, contact.geom, contact.worldid]
+        inputs += [contact.pos, contact.efc_address, data.efc.force, self._views["body_q"], self._touch]
+        self._launch(judge.feel, [*inputs, self._elsewhere], dim=data.naconmax)
 
     def _reset_and_observe(self) -> None:
         """Reset the worlds that are done, then write every world's observation."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 import pytest
 
+from s2a.certify import settle as settling
 from s2a.certify.settle import SettleConfig, Settled, settle
 from s2a.config import compose
 from s2a.config import load as typed
@@ -94,3 +96,71 @@ def test_a_picture_hangs_at_its_wall(gap: float, stays: bool) -> None:
     wall = Mesh(np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2]]), np.array([[0, 1, 2], [0, 2, 3]]))
     picture = box(np.array([gap + 0.01, 0.0, 1.4]), np.eye(3), np.array([0.02, 0.5, 0.4]))
     assert settle([picture], wall, CONFIG, np.array([-1.0, 0.0, 0.0])).stays is stays
+
+
+def flat(edge: float) -> Mesh:
+    """Return a level square that ends at x = edge."""
+    corners = np.array([[edge - 2, -1, 0], [edge, -1, 0], [edge, 1, 0], [edge - 2, 1, 0]])
+    return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def steps(monkeypatch: pytest.MonkeyPatch, **values: object) -> tuple[Settled, int]:
+    """Drop something; return what came of it, and in how many steps."""
+    taken, step = [0], mujoco.mj_step
+
+    def counted(*arguments: object) -> None:
+        taken[0] += 1
+        step(*arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(mujoco, "mj_step", counted)
+        return dropped(**values), taken[0]
+
+
+def test_what_rests_is_not_watched_to_the_end_and_nothing_else_comes_of_it(monkeypatch) -> None:
+    for support in (flat(1.0), rough_floor()):
+        values = {"piece": block((0.1, 0.12, 0.08)), "support": support}
+        (short, few), (long, all_) = steps(monkeypatch, **values), steps(monkeypatch, **values, creep=-1.0)
+        assert all_ == round(CONFIG.seconds / CONFIG.step)
+        assert few < 0.5 * all_
+        assert short.problem == long.problem == ""
+        assert short.drift == pytest.approx(long.drift, abs=2e-6)
+        assert short.tilt == pytest.approx(long.tilt, abs=2e-5)
+        assert short.penetration == pytest.approx(long.penetration, abs=2e-6)
+
+
+def on_edge(over: float, **changes: float) -> Settled:
+    """Watch a pole whose middle is beyond the edge of what it stands on by so much [m]."""
+    return dropped(block((0.04, 0.04, 0.3), z=0.0), flat(-over), drop=0.0, **changes)
+
+
+def test_what_tips_slowly_is_never_taken_for_resting() -> None:
+    stands, falls = -0.001, 0.0
+    for _ in range(10):  # where it still stands after two seconds, and just not
+        middle = 0.5 * (stands + falls)
+        if on_edge(middle, creep=-1.0).stays:
+            stands = middle
+        else:
+            falls = middle
+    for over in (stands, falls, falls + 1e-4):
+        whole = on_edge(over, creep=-1.0)
+        assert on_edge(over).problem == whole.problem
+        assert on_edge(over).tilt == pytest.approx(whole.tilt, abs=1e-5)
+    # A limit to the speed alone would take it for resting.
+    assert on_edge(falls, creep=0.005, steady=1e9).stays
+
+
+def test_rest_is_judged_by_a_speed_that_does_not_change() -> None:
+    time = np.arange(-50, 0)[:, None] * CONFIG.step
+
+    def rests(speed: np.ndarray) -> bool:
+        speeds = np.concatenate([np.zeros((50, 5)), speed], axis=1)
+        return settling._rests(speeds, speeds[-1], 1.8, CONFIG)
+
+    assert rests(1e-5 + 0.0 * time)
+    assert not rests(1e-3 + 0.0 * time)  # 1.8 mm in the time that is left
+    assert not rests(1e-5 * np.exp(0.5 * time))  # a pole of 60 m falls as slowly
+    assert not rests(1e-5 * np.exp(5.0 * time))
+    assert not rests(1e-5 * np.exp(-5.0 * time))  # what comes to rest may hide what begins to fall
+    assert not rests(1e-5 * np.sin(30.0 * time))
+    assert not rests(np.where(np.arange(50)[:, None] > 1, 1e-5, np.inf))  # not watched for long enough

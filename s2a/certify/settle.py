@@ -14,6 +14,14 @@ import numpy as np
 
 from s2a.scene import Mesh, Vec3
 
+ANGLES = np.arange(12) * np.pi / 12
+SIDES = np.array([[0.0, 0.0, 1.0], *np.stack([np.cos(ANGLES), np.sin(ANGLES), 0.0 * ANGLES], axis=1)])
+"""Directions in which triangles may be too far away to matter, shape [13 3]: boxes turned by 15 deg, of which one fits."""
+LOOKED = 10
+"""Steps from one look at whether an object rests to the next."""
+NONE = 1e-9
+"""Change of a speed that is none [m/s]: what a slow fall would grow to in two seconds from there is under a millimetre."""
+
 
 @dataclass(frozen=True)
 class SettleConfig:
@@ -36,6 +44,9 @@ class SettleConfig:
 
     drop: float
     seconds: float
+    still: float
+    steady: float
+    creep: float
     step: float
     reach: float
     thickness: float
@@ -86,24 +97,33 @@ def settle(pieces: Sequence[Mesh], support: Mesh, config: SettleConfig, hangs_on
         raise ValueError("an object without convex pieces cannot be dropped")
     bounds = np.array([piece.bounds for piece in pieces])
     center = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
-    triangles = _near(support, bounds, config)
+    triangles = _near(support, pieces, config)
     if hangs_on is None:
-        return _dropped(_model(pieces, triangles, center, config), config)
+        radius = float(np.linalg.norm(bounds[:, 1].max(axis=0) - center))
+        return _dropped(_model(pieces, triangles, center, config), radius, config)
     # The wall alone: a prism behind a ragged edge of the scan would reach into the room.
     across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     wall = triangles[across @ hangs_on < -0.5 * np.linalg.norm(across, axis=1)]
     return _hangs(_model(pieces, wall, center, config), np.asarray(hangs_on, float), config)
 
 
-def _dropped(model: mujoco.MjModel, config: SettleConfig) -> Settled:
-    """Return what comes of an object that falls."""
+def _dropped(model: mujoco.MjModel, radius: float, config: SettleConfig) -> Settled:
+    """Return what comes of an object of some radius [m] that falls."""
     data = mujoco.MjData(model)
     data.qpos[2] += config.drop
-    steps, deepest, touches = round(config.seconds / config.step), 0.0, False
+    steps, window = round(config.seconds / config.step), round(config.still / config.step)
+    speeds = np.full((window, 6), np.inf)
+    deepest, touches = 0.0, False
     for step in range(steps):
         mujoco.mj_step(model, data)
-        if step >= 0.75 * steps:
+        speeds[step % window] = data.qvel * ([1.0] * 3 + [radius] * 3)
+        left = (steps - 1 - step) * config.step
+        rests = step % LOOKED == 0 and _rests(speeds, speeds[step % window], left, config)
+        if rests or step >= 0.75 * steps:
             deepest, touches = max(deepest, _depth(data)), touches or data.ncon > 0
+        if rests:
+            mujoco.mj_integratePos(model, data.qpos, data.qvel, left)
+            break
     drift = float(np.linalg.norm(data.qpos[:3]))
     upright = np.clip(1.0 - 2.0 * (data.qpos[4] ** 2 + data.qpos[5] ** 2), -1.0, 1.0)
     tilt = float(np.arccos(upright))
@@ -117,6 +137,22 @@ def _dropped(model: mujoco.MjModel, config: SettleConfig) -> Settled:
     clauses += [(deepest <= config.penetration, f"it sinks in by {1000 * deepest:.1f} mm")]
     problem = problem or next((words for holds, words in clauses if not holds), "")
     return Settled(drift, tilt, deepest, problem)
+
+
+def _rests(speeds: np.ndarray, speed: np.ndarray, left: float, config: SettleConfig) -> bool:
+    """Whether an object stays as it is for the time that is left [s].
+
+    At rest, the contacts of the simulation yield at a constant speed of micrometres a second. What is about to fall is as slow
+    at first, but its speed grows: by a multiple, in the time that it is watched here.
+
+    Args:
+        speeds: of late, of its surface by moving and by turning [m/s], shape [step 6].
+        speed: the last one, shape [6].
+        left: until it is not watched any longer.
+        config: what counts as none.
+    """
+    fast, change = np.linalg.norm(speed), np.linalg.norm(speeds - speed, axis=1).max()
+    return bool(fast * left <= config.creep and change <= config.steady * fast + NONE)
 
 
 def _hangs(model: mujoco.MjModel, toward: np.ndarray, config: SettleConfig) -> Settled:
@@ -138,14 +174,17 @@ def _depth(data: mujoco.MjData) -> float:
     return max(0.0, -float(data.contact.dist.min())) if data.ncon else 0.0
 
 
-def _near(support: Mesh, bounds: np.ndarray, config: SettleConfig) -> np.ndarray:
+def _near(support: Mesh, pieces: Sequence[Mesh], config: SettleConfig) -> np.ndarray:
     """Return the triangles that the pieces may touch [m], shape [face 3 3], float64."""
-    triangles = support.vertices[support.faces].astype(np.float64)
-    low, high = triangles.min(axis=1), triangles.max(axis=1)
-    near = np.zeros(len(triangles), bool)
-    for first, last in bounds:
-        near |= ((low <= last + config.reach) & (high >= first - config.reach)).all(axis=1)
-    return triangles[near & (support.face_areas > 1e-8)]
+    along = support.vertices @ SIDES.T.astype(np.float32)
+    a, b, c = (along[support.faces[:, i]] for i in range(3))
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    near = np.zeros(len(support.faces), bool)
+    for piece in pieces:
+        own = piece.vertices @ SIDES.T
+        near |= ((low <= own.max(axis=0) + config.reach) & (high >= own.min(axis=0) - config.reach)).all(axis=1)
+    near &= support.face_areas > 1e-8
+    return support.vertices[support.faces[near]].astype(np.float64)
 
 
 def _model(pieces: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, config: SettleConfig) -> mujoco.MjModel:
@@ -154,20 +193,23 @@ def _model(pieces: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, co
     spec.option.timestep = config.step
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.default.mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+    geom = spec.default.geom
+    geom.type, geom.density, geom.condim = mujoco.mjtGeom.mjGEOM_MESH, config.density, 6
+    geom.friction, geom.solref[:] = config.friction, [config.stiffness, 1.0]
     across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     behind = across / np.linalg.norm(across, axis=1, keepdims=True) * config.thickness
     prisms = np.concatenate([triangles, triangles - behind[:, None]], axis=1) - center
     for number, prism in enumerate(prisms):
-        _geom(spec, spec.worldbody, f"prism_{number}", prism, config)
+        _geom(spec, spec.worldbody, f"prism_{number}", prism)
     body = spec.worldbody.add_body(name="object")
     body.add_freejoint()
     for number, piece in enumerate(pieces):
-        _geom(spec, body, f"piece_{number}", piece.vertices.astype(np.float64) - center, config)
+        _geom(spec, body, f"piece_{number}", piece.vertices.astype(np.float64) - center)
     return spec.compile()
 
 
-def _geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, points: np.ndarray, config: SettleConfig) -> None:
+def _geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, points: np.ndarray) -> None:
     """Add the convex hull of points [point 3] to a body."""
-    spec.add_mesh(name=name, uservert=points.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
-    geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, density=config.density)
-    geom.friction, geom.condim, geom.solref = config.friction, 6, [config.stiffness, 1.0]
+    spec.add_mesh(name=name, uservert=points.ravel())
+    body.add_geom(meshname=name)

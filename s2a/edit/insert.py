@@ -18,11 +18,11 @@ from s2a.edit.author import author, placement
 from s2a.edit.confine import ConfinementConfig
 from s2a.edit.fit import NoRoom
 from s2a.edit.objects import ObjectConfig, ObjectFile, read_object, upright
-from s2a.edit.openings import openings
 from s2a.edit.placement import Placement
 from s2a.edit.plan import Plan, plan
 from s2a.edit.pose import PoseConfig
 from s2a.edit.record import Ledger, Record, step, tokens
+from s2a.edit.room import Room
 from s2a.edit.scale import Size, fit, size
 from s2a.edit.spots import Spot, spots
 from s2a.edit.stance import feet, hollows, slices
@@ -72,31 +72,6 @@ class Thing:
     file: Path
     label: str
     wish: str
-
-
-class Room:
-    """A room that fills up.
-
-    Attributes:
-        scene: the room with what was inserted so far.
-        skeleton: text of its stage, without it.
-        ways: of its drawers and doors.
-        supports: what its parts can carry.
-        lines: its description.
-    """
-
-    def __init__(self, scene: Scene, skeleton: str, config: SurfaceConfig) -> None:
-        self.scene, self.skeleton, self._config = scene, skeleton, config.regions
-        self.ways = openings(scene)
-        self.supports = describe.survey(scene, config.regions)
-        self.lines = describe.describe(scene, self.supports)
-
-    def add(self, inserted: Inserted) -> None:
-        """Take an object into the room."""
-        name, part = inserted.placement.part_id, inserted.part
-        self.scene = Scene(self.scene.name, {**self.scene.parts, name: part}, self.scene.origin)
-        self.supports |= describe.survey(self.scene, self._config, (inserted.spot.target, name))
-        self.lines = describe.describe(self.scene, self.supports)
 
 
 @dataclass(frozen=True)
@@ -232,7 +207,7 @@ def _placed(
 def _spot(room: Room, object: Mesh, where: Plan, config: InsertConfig, watch: Watch, record: Record) -> Spot:
     """Return the first spot, in the order of the plan, at which the object stays."""
     reasons: list[str] = []
-    found = spots(room.scene, object, where, room.ways, config.surface, config.pose, reasons)
+    found = spots(room, object, where, config.surface, config.pose, reasons)
     while True:
         with step(record, "pose"):
             spot = next(found, None)

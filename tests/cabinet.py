@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,14 +31,18 @@ def write_cabinet(
     path: Path,
     grasp: tuple[float, float, float] = tuple(HANDLE),
     base: tuple[float, float, float] = (HANDLE[0] + 0.55, 0.0, 0.0),
+    beside: Sequence[Mesh] = (),
 ) -> Path:
-    """Write a cabinet of the reference task's size with one drawer and a bar handle (two posts, a gap of 24 mm)."""
+    """Write a cabinet of the reference task's size with one drawer and a bar handle (two posts, a gap of 24 mm).
+
+    `beside` are convex pieces of the room beside floor and wall.
+    """
     carcass = [box((0.0, y, 0.4), (0.305, 0.0095, 0.381)) for y in (-0.3715, 0.3715)]
     carcass += [box((-0.2955, 0.0, 0.4), (0.0095, 0.36, 0.381)), box((0.0, 0.0, 0.795), (0.305, 0.381, 0.007))]
     bar = box(tuple(HANDLE), (0.0071, 0.084, 0.0119))
     posts = [box((0.3345, y, HANDLE[2]), (0.0115, 0.0175, 0.0119)) for y in (-0.0665, 0.0665)]
     front = box((0.31515, 0.0, 0.7172), (0.0095, 0.3594, 0.0619))
-    floor = [box((0.5, 0.0, -0.01), (2.0, 2.0, 0.01)), box((-0.5, 0.0, 1.0), (0.02, 2.0, 1.0))]
+    floor = [box((0.5, 0.0, -0.01), (2.0, 2.0, 0.01)), box((-0.5, 0.0, 1.0), (0.02, 2.0, 1.0)), *beside]
     scene = SimScene(
         name="test",
         carcass=_body("cabinet_1", carcass, 60.0, (120, 90, 60)),

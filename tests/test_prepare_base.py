@@ -17,9 +17,11 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from settings import load
 
-from s2a.policy.planner import PlannerConfig, _hand_path, _track
+from s2a.errors import InputError
+from s2a.policy.planner import PlannerConfig, _hand_path, _tracks
 from s2a.prepare import PrepareConfig, panda, prepare
 from s2a.prepare.base import BaseConfig, BasePose, find_base
+from s2a.prepare.free_way import deepest_clash
 from s2a.prepare.motion import sweep
 from s2a.prepare.pose import find_grasp
 from s2a.prepare.reach import follow, hand_way
@@ -185,6 +187,38 @@ def test_a_pedestal_is_an_upright_column_under_the_foot(ball: tuple[float, float
     assert nothing.hit(np.array([ball]), np.array([0.1]), moving=True)[0] == 0.0
 
 
+def test_the_arm_turns_to_the_handle_without_touching_anything() -> None:
+    # The first joint turns by 2 rad: halfway the hand is at 1 rad, far off the chord on which it would move straight.
+    start = np.array(config().start)
+    turned = start - 2.0 * np.eye(7)[0]
+    halfway, end = panda.frames(np.stack([(start + turned) / 2, turned]))[:, panda.TOOL]
+    low, high = halfway[:3, 3] - 0.03, halfway[:3, 3] + 0.03
+    room = with_block(low, high, Scene("room", {}))
+    near, nothing = (Surroundings(room, [], np.array([x, 0.0, 0.0]), 1.6) for x in (0.0, 50.0))
+    around, still = np.stack([turned, turned]), np.stack([start, start])
+    depth, problem = deepest_clash(near, np.eye(4), 0.0, end[None], around[None], start)
+    assert 0.02 < depth < 0.2 and "block_99 on its way to the handle" in problem
+    assert deepest_clash(nothing, np.eye(4), 0.0, end[None], around[None], start)[0] == 0.0
+    assert deepest_clash(near, np.eye(4), 0.0, end[None], np.stack([around, still]), start)[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        *({name: ()} for name in ("distances", "sides", "turns", "pedestals")),
+        {"start": (0.0, 1.0)},
+        {"restarts": 0},
+        {"tracks": 0},
+        {"radius": 0.0},
+        {"around": -1.0},
+    ],
+    ids=lambda given: next(iter(given)),
+)
+def test_settings_that_leave_no_place_are_refused_by_their_key(given: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=f"key 'prepare.base.{next(iter(given))}' is .*; give "):
+        replace(config(), **given)
+
+
 def test_where_no_place_is_free_the_stage_says_so() -> None:
     walled = with_block((0.45, -3.0, 0.0), (3.0, 3.0, 2.0))
     found = base(walled, pedestals=(0.0, 0.6), turns=(0.0,))
@@ -235,4 +269,4 @@ def test_the_planner_finds_a_way_from_where_the_arm_is_said_to_reach(high_up: Si
     # Planned at a tenth of the simulation's rate, at which the steps are longer and harder to follow.
     settings, stage = load(PlannerConfig, "policy/planner"), read_stage(tmp_path / "sim.usd")
     poses, _ = _hand_path(stage, settings, 10.0)
-    assert len(_track(stage, sim.robot, poses, settings)) == len(poses)
+    assert _tracks(stage, sim.robot, poses, settings).shape[1:] == (len(poses), 7)

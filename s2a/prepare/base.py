@@ -8,10 +8,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
+from s2a.errors import InputError
 from s2a.geometry.convex import column, overlap
 from s2a.prepare import panda
+from s2a.prepare.free_way import deepest_clash
 from s2a.prepare.pose import floor_height, floor_points, heading, lever_arm, widest
 from s2a.prepare.reach import follow, hand_way
 from s2a.prepare.surroundings import Surroundings
@@ -22,10 +24,8 @@ CHUNK = 24
 """Places whose reach is asked for at once."""
 UPPER_ARM = 0.42
 """[m] Its length and the radius of the elbow: so far above the shoulder no part may open into where the arm stands."""
-STUCK, BEYOND = 1.0, 10.0
-"""What counts for the depth [m] of a clash where the base cannot stand, and where the arm cannot reach."""
-FINGERS = 4
-"""The last spheres of the robot; they touch what they hold."""
+STUCK = 1.0
+"""What counts for the depth [m] of a clash where the base cannot stand."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,24 @@ class BaseConfig:
     tracks: int
     around: float
     search: bool
+
+    def __post_init__(self) -> None:
+        """Refuse what leaves no place to stand or no way to look for one.
+
+        Raises:
+            InputError: no distance, side, turn or pedestal; not a start for each joint; a count or length that is none.
+        """
+        for name in ("distances", "sides", "turns", "pedestals"):
+            if not getattr(self, name):
+                raise InputError(f"key 'prepare.base.{name}' is an empty list; give one number or more, as [0.0]")
+        if len(self.start) != panda.ARM:
+            raise InputError(f"key 'prepare.base.start' is {list(self.start)}; give the {panda.ARM} joints of the arm")
+        for name in ("restarts", "tracks"):
+            if getattr(self, name) < 1:
+                raise InputError(f"key 'prepare.base.{name}' is {getattr(self, name)}; give 1 or more")
+        for name in ("radius", "around"):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f"key 'prepare.base.{name}' is {getattr(self, name)}; give a length above 0 m")
 
 
 @dataclass(frozen=True)
@@ -133,7 +151,7 @@ def find_base(
                 place, base = replace(chunk[k], turn=turn), _turned(poses[k], turn)
                 enough = track if len(track) >= config.tracks else track[:0]
                 around = near.with_pedestal(base[:3, 3], place.pedestal, config.radius)
-                depth, problem = _clash(around, base, turn, way, enough, start)
+                depth, problem = deepest_clash(around, base, turn, way, enough, start)
                 if depth <= 0.0:
                     return _chosen(base, place, _praise(place, tried), True)
                 tried.append((depth, problem, base, place))
@@ -158,52 +176,6 @@ def _taken(near: Surroundings, swept: Sequence[Mesh], base: np.ndarray, place: P
     trunk = column(np.array([*foot[:2], floor]), radius, place.pedestal + panda.SHOULDER + UPPER_ARM)
     opens_into = any(overlap(trunk, piece) > 1e-3 for piece in swept)
     return "the part would open into the base" if opens_into else None
-
-
-def _clash(
-    near: Surroundings, base: np.ndarray, turn: float, way: np.ndarray, tracks: np.ndarray, start: np.ndarray
-) -> tuple[float, str]:
-    """Return how deep the robot reaches into a surface [m] (0: nowhere, above 1: out of its reach) and the words for it."""
-    if not len(tracks):
-        return BEYOND, "the arm cannot reach along the whole way"
-    depth, owner = near.hit(_world(base, panda.spheres(start[None])[0]), panda.SPHERES[:, 4], moving=True)
-    if depth > 0.0:
-        return depth, f"the start pose reaches {1000 * depth:.0f} mm into {owner}"
-    depth, owner = _straight(near, base @ panda.frames(start[None])[0, panda.TOOL], way[0])
-    if depth > 0.0:
-        return depth, f"the hand on its way reaches {1000 * depth:.0f} mm into {owner}"
-    return _along(near, base, tracks - turn * np.eye(panda.ARM)[0])
-
-
-def _along(near: Surroundings, base: np.ndarray, tracks: np.ndarray) -> tuple[float, str]:
-    """Return how deep the arm reaches into the room along the best way to follow the handle [m], and the words for it."""
-    inside = (tracks[..., 0] > panda.LOWER[0]) & (tracks[..., 0] < panda.UPPER[0])
-    found = [(BEYOND, "the arm cannot turn so far")]
-    for track in tracks[inside.all(axis=1)][:8]:
-        centers = _world(base, panda.spheres(track))
-        radii = np.tile(panda.SPHERES[:, 4], (len(track), 1))
-        first = near.hit(centers[0], radii[0], moving=True)
-        rest = near.hit(centers[1:, :-FINGERS].reshape(-1, 3), radii[1:, :-FINGERS].ravel(), moving=False)
-        depth, owner = max(first, rest)
-        if depth <= 0.0:
-            return 0.0, ""
-        found.append((depth, f"the arm reaches {1000 * depth:.0f} mm into {owner} on its way"))
-    return min(found)
-
-
-def _straight(near: Surroundings, start: np.ndarray, end: np.ndarray) -> tuple[float, str]:
-    """Return how deep the hand reaches into a surface on the straight way between two poses of the tool [4 4]."""
-    chosen = panda.SPHERES[panda.HAND]
-    best = (np.inf, "")
-    for flip in (np.eye(3), np.diag([-1.0, -1.0, 1.0])):
-        turns = Rotation.from_matrix(np.stack([start[:3, :3], end[:3, :3] @ flip]))
-        count = max(2, int(np.linalg.norm(end[:3, 3] - start[:3, 3]) / 0.03))
-        share = np.linspace(0.0, 1.0, count)
-        matrices = Slerp([0.0, 1.0], turns)(share).as_matrix()
-        places = start[:3, 3] + share[:, None] * (end[:3, 3] - start[:3, 3])
-        centers = np.einsum("kij,sj->ksi", matrices, chosen[:, 1:4]) + places[:, None]
-        best = min(best, near.hit(centers.reshape(-1, 3), np.tile(chosen[:, 4], count), moving=True))
-    return best
 
 
 def _places(config: BaseConfig) -> Iterator[list[Place]]:
@@ -243,7 +215,3 @@ def _turned(base: np.ndarray, turn: float) -> np.ndarray:
     pose = base.copy()
     pose[:3, :3] = base[:3, :3] @ Rotation.from_euler("z", turn).as_matrix()
     return pose
-
-
-def _world(base: np.ndarray, points: np.ndarray) -> np.ndarray:
-    return points @ base[:3, :3].T + base[:3, 3]

@@ -9,11 +9,12 @@ from typing import Literal
 
 import numpy as np
 import pyfqmr
+from scipy.spatial import cKDTree
 
 from s2a.errors import InputError
 from s2a.geometry.deviation import Deviation, deviation
 from s2a.geometry.rays import RayMesh, nearest_faces, ray_mesh
-from s2a.geometry.surfaces import centroids, merge, weld
+from s2a.geometry.surfaces import centroids, keep, merge, normals, weld
 from s2a.prepare.cache import pack, recall, unpack
 from s2a.progress import track
 from s2a.scene import Mesh, Scene
@@ -21,6 +22,8 @@ from s2a.usd.simscene import Reduction
 
 HALVINGS = 6
 """Times that the range of possible reductions is halved (on a logarithmic scale) to find the largest allowed one."""
+FIN = 0.618
+"""Height of the fin on an open edge over its length: a tip on a grid of squares or cubes meets no other vertex."""
 FEWEST = 0.01
 """Smallest share of the faces that mode "error" tries."""
 
@@ -97,16 +100,16 @@ def decimate_room(scene: Scene, parts: Sequence[str], config: DecimateConfig) ->
 def decimate(mesh: Mesh, ratio: float, aggressiveness: float) -> Mesh:
     """Return a mesh with a share of the faces, by quadric edge collapses, without colours.
 
-    Open borders are kept as they are where the ratio can be reached without touching them.
+    Faces go where they are needed: moving an open border along the surface costs as much as moving the surface itself.
     """
     target = round(ratio * len(mesh.faces))
     if target >= len(mesh.faces) or len(mesh.faces) < 8:
         return Mesh(mesh.vertices, mesh.faces)
-    for preserve_border, effort in ((True, 1.0), (True, 2.0), (False, 1.0), (False, 2.0)):
-        vertices, faces = _collapse(mesh, target, effort * aggressiveness, preserve_border)
-        if len(faces) <= 1.01 * target:
+    for effort in (1.0, 2.0):
+        less = _collapse(mesh, target, effort * aggressiveness)
+        if len(less.faces) <= 1.01 * target:
             break
-    return Mesh(vertices, faces)
+    return less
 
 
 def decimate_within(mesh: Mesh, tree: RayMesh, config: DecimateConfig) -> tuple[Mesh, Deviation]:
@@ -164,14 +167,34 @@ def _fewer(
     return colored, owner[nearest_faces(tree, centroids(fewer))[0]], asked, error
 
 
-def _collapse(mesh: Mesh, target: int, aggressiveness: float, preserve_border: bool) -> tuple[np.ndarray, np.ndarray]:
+def _collapse(mesh: Mesh, target: int, aggressiveness: float) -> Mesh:
+    """Return a mesh whose edges were collapsed down to `target` faces, if the error that the effort allows suffices.
+
+    pyfqmr either freezes open borders, which costs a scan full of holes most of its faces, or lets them shrink for nothing.
+    Hence the boundary constraints of Garland and Heckbert (Surface simplification using quadric error metrics, 1997, sec.
+    6): fins upright on the border, whose planes its vertices remember. Collapsing a fin is free, so they go first.
+    """
+    tips, fins = _fins(mesh)
+    vertices = np.concatenate([mesh.vertices.astype(np.float64), tips])
     simplify = pyfqmr.Simplify()
-    simplify.setMesh(mesh.vertices.astype(np.float64), mesh.faces.copy())
-    simplify.simplify_mesh(
-        target_count=target, aggressiveness=aggressiveness, preserve_border=preserve_border, verbose=False
-    )
+    simplify.setMesh(vertices, np.concatenate([fins, mesh.faces]).astype(np.int32))
+    simplify.simplify_mesh(target_count=target, aggressiveness=aggressiveness, preserve_border=False, verbose=False)
     vertices, faces, _ = simplify.getMesh()
-    return vertices, faces
+    left = cKDTree(tips).query(vertices)[0] == 0.0
+    return keep(Mesh(vertices, faces), ~left[faces].any(axis=1))
+
+
+def _fins(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return a triangle upright on each open edge: tips [m], shape [fin 3], that follow the mesh's vertices, and faces."""
+    edges = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    low, high = edges.min(axis=1).astype(np.int64), edges.max(axis=1)
+    _, number, uses = np.unique(low * len(mesh.vertices) + high, return_inverse=True, return_counts=True)
+    upward = np.repeat(normals(mesh), 3, axis=0)
+    is_open = (uses[number] == 1) & upward.any(axis=1)
+    start, end = edges[is_open].T
+    along = mesh.vertices[end].astype(np.float64) - mesh.vertices[start]
+    tips = mesh.vertices[start] + FIN * np.linalg.norm(along, axis=1, keepdims=True) * upward[is_open]
+    return tips, np.stack([len(mesh.vertices) + np.arange(len(tips)), start, end], axis=1)
 
 
 def _nearest_colors(mesh: Mesh, tree: RayMesh, vertices: np.ndarray) -> np.ndarray | None:

@@ -104,7 +104,7 @@ def flat(edge: float) -> Mesh:
     return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def steps(monkeypatch: pytest.MonkeyPatch, **values: object) -> tuple[Settled, int]:
+def steps(patches: pytest.MonkeyPatch, piece: Mesh, support: Mesh, **changes: float) -> tuple[Settled, int]:
     """Drop something; return what came of it, and in how many steps."""
     taken, step = [0], mujoco.mj_step
 
@@ -112,15 +112,16 @@ def steps(monkeypatch: pytest.MonkeyPatch, **values: object) -> tuple[Settled, i
         taken[0] += 1
         step(*arguments)
 
-    with monkeypatch.context() as patch:
+    with patches.context() as patch:
         patch.setattr(mujoco, "mj_step", counted)
-        return dropped(**values), taken[0]
+        return dropped(piece, support, **changes), taken[0]
 
 
-def test_what_rests_is_not_watched_to_the_end_and_nothing_else_comes_of_it(monkeypatch) -> None:
+def test_what_rests_is_not_watched_to_the_end_and_nothing_else_comes_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    piece = block((0.1, 0.12, 0.08))
     for support in (flat(1.0), rough_floor()):
-        values = {"piece": block((0.1, 0.12, 0.08)), "support": support}
-        (short, few), (long, all_) = steps(monkeypatch, **values), steps(monkeypatch, **values, creep=-1.0)
+        short, few = steps(monkeypatch, piece, support)
+        long, all_ = steps(monkeypatch, piece, support, creep=-1.0)
         assert all_ == round(CONFIG.seconds / CONFIG.step)
         assert few < 0.5 * all_
         assert short.problem == long.problem == ""

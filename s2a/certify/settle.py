@@ -19,6 +19,8 @@ SIDES = np.array([[0.0, 0.0, 1.0], *np.stack([np.cos(ANGLES), np.sin(ANGLES), 0.
 """Directions in which triangles may be too far away to matter, shape [13 3]: boxes turned by 15 deg, of which one fits."""
 LOOKED = 10
 """Steps from one look at whether an object rests to the next."""
+FEW = 200
+"""Triangles nearest to what hangs that are looked at first."""
 NONE = 1e-9
 """Change of a speed that is none [m/s]: what a slow fall would grow to in two seconds from there is under a millimetre."""
 
@@ -101,10 +103,7 @@ def settle(pieces: Sequence[Mesh], support: Mesh, config: SettleConfig, hangs_on
     if hangs_on is None:
         radius = float(np.linalg.norm(bounds[:, 1].max(axis=0) - center))
         return _dropped(_model(pieces, triangles, center, config), radius, config)
-    # The wall alone: a prism behind a ragged edge of the scan would reach into the room.
-    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    wall = triangles[across @ hangs_on < -0.5 * np.linalg.norm(across, axis=1)]
-    return _hangs(_model(pieces, wall, center, config), np.asarray(hangs_on, float), config)
+    return _hangs(pieces, triangles, center, np.asarray(hangs_on, float), config)
 
 
 def _dropped(model: mujoco.MjModel, radius: float, config: SettleConfig) -> Settled:
@@ -155,8 +154,25 @@ def _rests(speeds: np.ndarray, speed: np.ndarray, left: float, config: SettleCon
     return bool(fast * left <= config.creep and change <= config.steady * fast + NONE)
 
 
-def _hangs(model: mujoco.MjModel, toward: np.ndarray, config: SettleConfig) -> Settled:
+def _hangs(
+    pieces: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, toward: np.ndarray, config: SettleConfig
+) -> Settled:
     """Return whether an attached object is at its wall and not in it."""
+    # The wall alone: a prism behind a ragged edge of the scan would reach into the room.
+    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    wall = triangles[across @ toward < -0.5 * np.linalg.norm(across, axis=1)]
+    # What is not before the object's foremost point is not in it, and of what it touches a few triangles tell.
+    gaps = (wall @ toward).min(axis=1) - max(float((piece.vertices @ toward).max()) for piece in pieces)
+    wall = wall[np.argsort(gaps, kind="stable")]
+    for count in (max(FEW, int((gaps <= 0).sum())), len(wall)):
+        found = _attached(_model(pieces, wall[:count], center, config), toward, config)
+        if found.stays or found.penetration > config.penetration or count >= len(wall):
+            break
+    return found
+
+
+def _attached(model: mujoco.MjModel, toward: np.ndarray, config: SettleConfig) -> Settled:
+    """Return whether an object at its place is in nothing, and touches something a little farther on."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     deepest = _depth(data)

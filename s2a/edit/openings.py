@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.geometry.convex import halfspaces
+from s2a.geometry.regions import Region
 from s2a.geometry.surfaces import merge
 from s2a.prepare.motion import sweep
 from s2a.scene import Mesh, Scene
@@ -78,6 +79,29 @@ def heights_within(opening: Opening, places: np.ndarray, normal: np.ndarray) -> 
         else:
             outside |= rest < 0
     return np.where(outside, np.inf, first), np.where(outside, -np.inf, last)
+
+
+def fill(layers: np.ndarray, edges: np.ndarray, region: Region, pad: int, way: Opening, slack: float) -> None:
+    """Mark the cells over a region that a part needs to open, a little less than its hull.
+
+    Args:
+        layers: occupied cells by layer, shape [layer row column]; changed.
+        edges: heights of the layers' borders above the region [m], shape [layer + 1].
+        region: what the grid is over.
+        pad: cells that the grid has more on each side.
+        way: of the part.
+        slack: how much less [m].
+    """
+    corners = region.places(way.piece.vertices.astype(np.float64))[:, :2] + pad
+    first = np.clip(np.floor(corners.min(axis=0)).astype(int), 0, layers.shape[1:])
+    last = np.clip(np.ceil(corners.max(axis=0)).astype(int), 0, layers.shape[1:])
+    if (last <= first).any():
+        return
+    cells = np.stack(np.meshgrid(*map(np.arange, first, last), indexing="ij"), axis=-1).reshape(-1, 2)
+    low, high = heights_within(way, region.points(cells - pad + 0.5), region.normal)
+    for layer, bottom, top in zip(layers, edges, edges[1:], strict=False):
+        inside = (low + slack < top) & (high - slack > bottom) & (high - low > 2 * slack)
+        layer[tuple(cells[inside].T)] = True
 
 
 def _carriers(scene: Scene, part_id: str | None) -> set[str]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft, ndimage
 
-from s2a.edit.openings import Opening, heights_within
+from s2a.edit.openings import Opening, fill
 from s2a.geometry.columns import Grid, columns
 from s2a.geometry.regions import Region
 from s2a.geometry.surfaces import sample
@@ -112,7 +112,7 @@ def board(
     grid = Grid(region.axes, origin, region.cell, carries.shape, edges[0], edges[-1], config.layers)
     layers, _ = columns(obstacles, grid)
     for way in ways:
-        _fill_way(layers, edges, region, pad, way, config.touch)
+        fill(layers, edges, region, pad, way, config.touch)
     grow = max(1, round(config.margin / region.cell))
     return Board(pad, carries, np.stack([ndimage.binary_dilation(layer, iterations=grow) for layer in layers]), edges)
 
@@ -159,20 +159,6 @@ def candidates(
         best = np.argsort(-score, kind="stable")[: config.places // 4]
         found += [Candidate(float(score[i]), float(turn), places[i] - board.pad + 0.5, float(free[i])) for i in best]
     return sorted(found, key=lambda one: -one.score)
-
-
-def _fill_way(layers: np.ndarray, edges: np.ndarray, region: Region, pad: int, way: Opening, slack: float) -> None:
-    """Mark the cells that a part needs to open, a little less than its hull."""
-    corners = region.places(way.piece.vertices.astype(np.float64))[:, :2] + pad
-    first = np.clip(np.floor(corners.min(axis=0)).astype(int), 0, layers.shape[1:])
-    last = np.clip(np.ceil(corners.max(axis=0)).astype(int), 0, layers.shape[1:])
-    if (last <= first).any():
-        return
-    cells = np.stack(np.meshgrid(*map(np.arange, first, last), indexing="ij"), axis=-1).reshape(-1, 2)
-    low, high = heights_within(way, region.points(cells - pad + 0.5), region.normal)
-    for layer, bottom, top in zip(layers, edges, edges[1:], strict=False):
-        inside = (low + slack < top) & (high - slack > bottom) & (high - low > 2 * slack)
-        layer[tuple(cells[inside].T)] = True
 
 
 def _prints(local: np.ndarray, cell: float, board: Board, config: SearchConfig) -> list[np.ndarray]:

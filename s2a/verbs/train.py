@@ -43,7 +43,7 @@ class Config:
         reward: weight of each reward term.
         policy: what rsl-rl is told.
         starts_ahead: share of episodes that start on the way to the handle or in the planner's grasp; evaluation has none.
-        plan: the planner's motion, for that point.
+        plan: the planner's motion, on which those episodes start.
     """
 
     stage: Path

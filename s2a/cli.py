@@ -60,7 +60,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             traceback.print_exc()
         if isinstance(error, (InputError, OSError)):
             return _fail(str(error), 2)
-        return _fail(f"{type(error).__name__}: {error}; this is a bug: please report it with what --debug shows", 1)
+        return _fail(
+            f"{type(error).__name__}: {error}; this is a bug{_unless(arguments)}: report what --debug shows", 1
+        )
 
 
 def run(verb: str, values: dict[str, Any]) -> None:
@@ -141,6 +143,12 @@ def _dispatch(arguments: list[str]) -> int:
     else:
         run(verb, config.compose(verb, overrides))
     return 0
+
+
+def _unless(arguments: Sequence[str]) -> str:
+    """Name the tunables that were given, of which not all are checked; they may be what the error comes from."""
+    tunables = [argument for argument in arguments if "." in argument.partition("=")[0]]
+    return f", unless {' or '.join(tunables)} makes no sense" if tunables else ""
 
 
 def _fail(message: str, code: int) -> int:

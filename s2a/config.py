@@ -74,9 +74,8 @@ def load(cls: type[T], values: Mapping[str, Any]) -> T:
     try:
         return dacite.from_dict(cls, _tuples(values), rules)
     except dacite.WrongTypeError as error:
-        raise InputError(
-            f"key {error.field_path!r} is {error.value!r}; expected {expected(error.field_type)}"
-        ) from error
+        given = _given(values, error)
+        raise InputError(f"key {error.field_path!r} is {given!r}; expected {expected(error.field_type)}") from error
     except dacite.MissingValueError as error:
         raise InputError(f"key {error.field_path!r} is missing; give +{error.field_path}=...") from error
     except dacite.UnexpectedDataError as error:
@@ -135,8 +134,18 @@ def expected(kind: Any) -> str:
         return "one of: " + ", ".join(map(str, get_args(kind)))
     if type(None) in get_args(kind):
         return " or ".join(expected(option) for option in get_args(kind) if option is not type(None)) + ", or null"
+    if get_origin(kind) is tuple:
+        inner = [option for option in get_args(kind) if option is not Ellipsis]
+        more = ["..."] if len(inner) < len(get_args(kind)) else []
+        return f"a list [{', '.join([*map(expected, inner), *more])}]"
     names = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
     return names.get(kind, str(kind).replace("pathlib.", ""))
+
+
+def _given(values: Mapping[str, Any], error: dacite.WrongTypeError) -> Any:
+    """Return the value that an error is about; dacite's own is a generator where a text stands for a list."""
+    given = dict(leaves(values)).get(str(error.field_path), error.value)
+    return given if isinstance(given, str) else error.value
 
 
 def _tuples(value: Any) -> Any:

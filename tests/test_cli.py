@@ -55,6 +55,8 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
         (["export", "scan=nowhere", "out=y"], ["nowhere", "does not exist"]),
         (["view", "path=nowhere.usd", "text=true"], ["nowhere.usd"]),
         (["view", "path=x", "picture=y.png", "look.width=0"], ["'look.width'", "0", "1 or more"]),
+        (["view", "path=x", "part=drawer_7"], ["'part'", "picture=FILE.png"]),
+        (["insert", "stage=x.usd", "out=y", "object=a.obj", "label="], ["object=FILE and label=WORDS"]),
         (["prepare", "stage=nowhere.usd", "target=drawer_7", "out=y.usd"], ["nowhere.usd"]),
         (["evaluate", "stage=nowhere.usd", "out=y.json"], ["nowhere.usd"]),
         (["train", "stage=nowhere.usd", "out=y"], ["nowhere.usd"]),
@@ -124,6 +126,15 @@ def test_a_bug_is_one_line_and_the_earlier_output_stays(
     monkeypatch.setattr(export.geometric, "write", fail)
     assert "RuntimeError: a wheel came off; this is a bug" in refused(capsys, arguments, code=1)
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_a_bug_names_the_tunables_that_may_be_its_cause(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(cli, "run", lambda verb, values: 1 / 0)
+    arguments = ["certify", "stage=a.usd", "out=b", "certify.physics.dt=0"]
+    said = refused(capsys, arguments, code=1)
+    assert "this is a bug, unless certify.physics.dt=0 makes no sense: report" in said
 
 
 def test_debug_shows_the_traceback(capsys: pytest.CaptureFixture[str]):

@@ -41,6 +41,7 @@ class Room:
         plan: its drawing, or null.
         lamp: the one in it.
         weights: of the walls.
+        doors: their ids.
     """
 
     kind: Literal["office", "kitchen"]
@@ -49,11 +50,12 @@ class Room:
     plan: Path | None
     lamp: Lamp
     weights: dict[str, float]
+    doors: tuple[str, ...]
 
 
 def room(**changes: Any) -> dict[str, Any]:
     """Return the values of a room as YAML gives them; `lamp__power=1` changes a nested one."""
-    values = dict(kind="office", seed=3, out="a/b", plan=None, weights={"left": 1})
+    values = dict(kind="office", seed=3, out="a/b", plan=None, weights={"left": 1}, doors=[])
     values |= {"lamp": {"power": 60, "place": [1, 2.5, 3]}}
     for key, value in changes.items():
         outer, _, inner = key.rpartition("__")
@@ -63,7 +65,7 @@ def room(**changes: Any) -> dict[str, Any]:
 
 def test_values_take_the_types_that_the_dataclass_says():
     loaded = config.load(Room, room(seed=4, out="~/x"))
-    assert loaded == Room("office", 4, Path.home() / "x", None, Lamp(60.0, (1.0, 2.5, 3.0)), {"left": 1.0})
+    assert loaded == Room("office", 4, Path.home() / "x", None, Lamp(60.0, (1.0, 2.5, 3.0)), {"left": 1.0}, ())
     assert isinstance(loaded.lamp.power, float) and isinstance(loaded.lamp.place[0], float)
 
 
@@ -77,9 +79,10 @@ def test_values_take_the_types_that_the_dataclass_says():
         ({"plan": [1]}, ["'plan'", "(1,)", "a path, or null"]),
         ({"lamp__power": "bright"}, ["'lamp.power'", "'bright'", "number"]),
         ({"lamp__power": False}, ["'lamp.power'", "False", "number"]),
-        ({"lamp__place": [1, 2]}, ["'lamp.place'", "tuple[float, float, float]"]),
-        ({"lamp__place": [1, 2, 3, 4]}, ["'lamp.place'", "tuple[float, float, float]"]),
+        ({"lamp__place": [1, 2]}, ["'lamp.place'", "a list [a number, a number, a number]"]),
+        ({"lamp__place": [1, 2, 3, 4]}, ["'lamp.place'", "a list [a number, a number, a number]"]),
         ({"lamp__place": [1, 2, "x"]}, ["'lamp.place'", "'x'"]),
+        ({"doors": "door_2"}, ["'doors'", "'door_2'", "a list [a text, ...]"]),
         ({"weights": {"left": "heavy"}}, ["'weights'", "'heavy'"]),
         ({"lamp": 7}, ["'lamp'", "7"]),
         ({"sede": 1}, ["'sede'", "unknown", "seed"]),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from s2a.errors import InputError
 from s2a.geometry.convex import hull, volume
 from s2a.scene import Mesh, Scene
 from s2a.usd.simscene import Mass
@@ -41,12 +42,20 @@ def known_mass(scene: Scene, members: Sequence[str], config: MassConfig) -> tupl
         scene: the room.
         members: ids of the parts that move together, the one that gives the body its name first.
         config: what to assume.
+
+    Raises:
+        InputError: the label's mass is not above 0.
     """
     annotated = [scene.parts[i].mass for i in members]
     if annotated[0] is not None:
         return float(sum(mass for mass in annotated if mass is not None)), "annotated"
     words = scene.parts[members[0]].label.lower().replace("_", " ").split()
-    return (config.priors[words[-1]], f"usual for a {words[-1]}") if words and words[-1] in config.priors else None
+    if not words or words[-1] not in config.priors:
+        return None
+    prior = config.priors[words[-1]]
+    if not prior > 0:
+        raise InputError(f"key 'mass.priors.{words[-1]}' is {prior}; give kilograms above 0")
+    return prior, f"usual for a {words[-1]}"
 
 
 def moving_mass(scene: Scene, members: Sequence[str], config: MassConfig) -> tuple[float, str]:

@@ -166,7 +166,7 @@ def _things(config: Config) -> list[Thing]:
     """Return what is to be inserted: one object, or a list."""
     wish = config.prompt or ""
     if config.objects is None:
-        if config.object is None or config.label is None:
+        if config.object is None or not (config.label and config.label.strip()):
             raise InputError("give object=FILE and label=WORDS, or objects=LIST.yaml with an {object, label} an entry")
         return [Thing(config.object, config.label, wish)]
     if config.object is not None or config.label is not None:

@@ -42,6 +42,8 @@ class Config:
 
 def run(config: Config) -> str:
     """Write the picture if one is asked for; return the tree of the file, or what was written."""
+    if not config.picture and (config.part or config.colliders):
+        raise InputError("keys 'part' and 'colliders' are of a picture, and none is asked for; give picture=FILE.png")
     said = []
     if config.picture:
         said.append(_picture(visible(config.path), config, config.picture))

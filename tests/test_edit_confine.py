@@ -16,10 +16,10 @@ from settings import load
 
 from s2a.edit import overlay
 from s2a.edit.compare import compare
-from s2a.edit.confine import ConfinementConfig, confine
+from s2a.edit.confine import Cell, ConfinementConfig, confine
 from s2a.edit.placement import Placement
 from s2a.edit.refusal import Refusal
-from s2a.edit.script import run_script, write_script
+from s2a.edit.script import run_in, run_script, write_script
 from s2a.edit.skeleton import skeleton
 from s2a.errors import InputError
 from s2a.scene import Mesh, Part, Scene
@@ -179,3 +179,23 @@ def test_an_error_in_a_script_names_its_line(stage: Path) -> None:
 def test_a_script_that_follows_another_plan_is_refused(change: dict, stage: Path) -> None:
     with pytest.raises(Refusal, match="comparison"):
         run_script(write_script(replace(PLAN, **change)), skeleton(stage), PLAN, CONFIG)
+
+
+def test_a_refused_script_leaves_room_for_the_next_in_a_process_of_its_own(stage: Path) -> None:
+    with Cell(skeleton(stage), CONFIG, False) as cell:
+        with pytest.raises(Refusal, match="ZeroDivisionError"):
+            run_in(cell, "x = 1 / 0\n", PLAN)
+        first, second = (run_in(cell, write_script(PLAN), PLAN) for _ in range(2))
+    assert first.layer.ExportToString() == second.layer.ExportToString()
+    assert first.record["active"] == list(CONFIG.mechanisms)
+
+
+def test_a_process_that_got_no_script_ends_with_the_cell() -> None:
+    def children() -> set[str]:
+        threads = Path("/proc/self/task").iterdir()
+        return {child for thread in threads for child in (thread / "children").read_text().split()}
+
+    before = children()
+    with Cell("#usda 1.0\n", CONFIG, False):
+        assert len(children() - before) == 1
+    assert children() <= before

@@ -6,12 +6,12 @@ from typing import Any
 
 from s2a.edit import prompts
 from s2a.edit.ask import Complaint, Model, Request, ask
-from s2a.edit.confine import ConfinementConfig
+from s2a.edit.confine import Cell
 from s2a.edit.fit import Pose
 from s2a.edit.placement import Placement
 from s2a.edit.record import Ledger
 from s2a.edit.refusal import Refusal
-from s2a.edit.script import Outcome, run_script
+from s2a.edit.script import Outcome, run_in
 from s2a.scan.labels import part_id
 from s2a.scene import Scene
 
@@ -26,23 +26,13 @@ def placement(scene: Scene, label: str, pose: Pose, scale: float) -> Placement:
     return Placement(name, label, f"objects/{name}.usdc", (x, y, z), (qx, qy, qz, qw), float(scale))
 
 
-def author(
-    model: Model,
-    skeleton: str,
-    planned: Placement,
-    config: ConfinementConfig,
-    trusted: bool,
-    ledger: Ledger,
-    said: dict[str, Any],
-) -> Outcome:
+def author(model: Model, cell: Cell, planned: Placement, ledger: Ledger, said: dict[str, Any]) -> Outcome:
     """Ask for a script and run it confined; a refusal goes back to the model once.
 
     Args:
         model: who is asked.
-        skeleton: text of the stage.
+        cell: where the script runs.
         planned: what the script is to add.
-        config: what it may do.
-        trusted: whether the script is our own.
         ledger: where the answers are noted.
         said: receives the refusals, the script, the locks that held and the seconds they took, for the record.
 
@@ -61,7 +51,7 @@ def author(
 
     def accept(text: str) -> Outcome:
         try:
-            return run_script(bare(text), skeleton, planned, config, trusted=trusted)
+            return run_in(cell, bare(text), planned)
         except Refusal as refusal:
             refusals.append(str(refusal))
             raise Complaint(f"{refusal}. Write the script again, whole.") from refusal

@@ -12,9 +12,10 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Literal
 
 import pxr
 
@@ -24,7 +25,7 @@ from s2a.edit.inside import OFFERS
 from s2a.edit.refusal import Refusal
 from s2a.errors import InputError
 
-START = "import sys; sys.path[:0] = sys.argv[1:]; from s2a.edit.inside import main; main()"
+START = "import sys; sys.path[:0] = sys.argv[2:]; from s2a.edit.inside import main; main(int(sys.argv[1]))"
 STAGE = "scene.usda"
 """Name of the stage in the scratch folder, which is the current one."""
 
@@ -34,7 +35,7 @@ class ConfinementConfig:
     """What a script may say and use.
 
     Attributes:
-        seconds: until the process is ended, from its start [s].
+        seconds: until the process is ended, from when it is given the script [s].
         cpu_seconds: of one core for the script alone [s].
         memory: address space for the script [MiB].
         disk: size of its scratch folder, and of a file [MiB].
@@ -60,7 +61,7 @@ class Confined:
     Attributes:
         saved: the stage as the process handed it back: whatever the script made it say.
         active: the locks that held, from a report sent before the script began.
-        seconds: from start to end of the process [s].
+        seconds: from when the process was given the script to its end [s].
     """
 
     saved: bytes
@@ -68,65 +69,119 @@ class Confined:
     seconds: float
 
 
-def confine(script: str, skeleton: str, names: dict[str, str], config: ConfinementConfig, trusted: bool) -> Confined:
-    """Run a script on a stage in a process of its own.
+class Cell:
+    """A place for scripts: each runs on a stage in a process of its own, the first in one that was started ahead.
 
-    Args:
-        script: Python, unchecked.
-        skeleton: text of the stage, which the script finds as `scene.usda` in its current folder.
-        names: texts that the script finds in variables of these names.
+    To import USD and to lock itself in takes a process 0.3 s, which it may as well take while a place is sought.
+
+    Attributes:
+        skeleton: text of the stage, which a script finds as `scene.usda` in its current folder.
         config: limits and locks.
-        trusted: run it although the system lacks locks.
-
-    Raises:
-        Refusal: the script failed, or used more than it may.
-        InputError: the system cannot confine an untrusted script.
+        trusted: run scripts although the system lacks locks.
     """
-    job = {
-        "script": script,
-        "names": names,
-        "stage": STAGE,
-        "skeleton": skeleton,
-        "mechanisms": config.mechanisms,
-        "needs": () if trusted else config.needs,
-        "cpu_seconds": config.cpu_seconds,
-        "memory": config.memory,
-        "disk": config.disk,
-    }
-    with tempfile.TemporaryDirectory(prefix="s2a.") as scratch, tempfile.TemporaryFile() as out:
+
+    def __init__(self, skeleton: str, config: ConfinementConfig, trusted: bool) -> None:
+        self.skeleton, self.config, self.trusted = skeleton, config, trusted
+        self._ahead: _Process | None = None
+
+    def __enter__(self) -> Cell:
+        """Start a process for the first script."""
+        self._ahead = _Process(self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End a process that waits for a script."""
+        if self._ahead is not None:
+            self._ahead.end()
+
+    def run(self, script: str, names: dict[str, str]) -> Confined:
+        """Run a script.
+
+        Args:
+            script: Python, unchecked.
+            names: texts that the script finds in variables of these names.
+
+        Raises:
+            Refusal: the script failed, or used more than it may.
+            InputError: the system cannot confine an untrusted script.
+        """
+        process, self._ahead = self._ahead or _Process(self), None
         start = time.perf_counter()
-        code, reports = _run({**job, "scratch": scratch}, out, config.seconds)
-        seconds = time.perf_counter() - start
-        out.seek(0)
-        active, error = _judge(code, reports, config, trusted)
-        if error:
-            raise error
-        return Confined(out.read(), active, seconds)
-
-
-def _run(job: dict[str, Any], out: IO[bytes], seconds: float) -> tuple[int | None, list[str]]:
-    """Start the process and wait for it; return its exit code (None: it had to be ended) and the lines it reported."""
-    folders = (str(Path(s2a.__file__).parents[1]), str(Path(pxr.__file__).parents[1]))
-    command = [sys.executable, "-I", "-S", "-B", "-c", START, *folders]
-    reader, writer = os.pipe()
-    with open(reader, "rb") as reports:
-        text = json.dumps({**job, "report": writer}).encode()
         try:
-            code: int | None = subprocess.run(
-                command,
-                input=text,
-                stdout=out,
-                stderr=subprocess.DEVNULL,
-                pass_fds=[writer],
-                env={},
-                cwd=job["scratch"],
-                timeout=seconds,
-            ).returncode
-        except subprocess.TimeoutExpired:
-            code = None
+            code, reports = process.run(json.dumps({"script": script, "names": names}), self.config.seconds)
+            seconds = time.perf_counter() - start
+            active, error = _judge(code, reports, self.config, self.trusted)
+            if error:
+                raise error
+            return Confined(process.saved(), active, seconds)
         finally:
-            os.close(writer)
-        return code, reports.read(1 << 16).decode(errors="replace").splitlines()
+            process.end()
+
+
+def confine(script: str, skeleton: str, names: dict[str, str], config: ConfinementConfig, trusted: bool) -> Confined:
+    """Run a script on a stage in a process of its own, as `Cell.run` does."""
+    with Cell(skeleton, config, trusted) as cell:
+        return cell.run(script, names)
+
+
+class _Process:
+    """A process that locks itself in and waits for its script."""
+
+    def __init__(self, cell: Cell) -> None:
+        config, self._open = cell.config, ExitStack()
+        scratch = self._open.enter_context(tempfile.TemporaryDirectory(prefix="s2a."))
+        self._out = self._open.enter_context(tempfile.TemporaryFile())
+        reader, writer = os.pipe()
+        self._reports = self._open.enter_context(open(reader, "rb"))
+        job = {
+            "report": writer,
+            "scratch": scratch,
+            "stage": STAGE,
+            "skeleton": cell.skeleton,
+            "mechanisms": config.mechanisms,
+            "needs": () if cell.trusted else config.needs,
+            "cpu_seconds": config.cpu_seconds,
+            "memory": config.memory,
+            "disk": config.disk,
+        }
+        folders = (str(Path(s2a.__file__).parents[1]), str(Path(pxr.__file__).parents[1]))
+        # A file, for a pipe holds less than a skeleton.
+        with tempfile.TemporaryFile() as file:
+            file.write(json.dumps(job).encode())
+            file.seek(0)
+            self._process = subprocess.Popen(
+                [sys.executable, "-I", "-S", "-B", "-c", START, str(file.fileno()), *folders],
+                stdin=subprocess.PIPE,
+                stdout=self._out,
+                stderr=subprocess.DEVNULL,
+                pass_fds=[writer, file.fileno()],
+                env={},
+                cwd=scratch,
+            )
+        os.close(writer)
+
+    def run(self, text: str, seconds: float) -> tuple[int | None, list[str]]:
+        """Hand over the script, and wait; return the exit code (None: it had to be ended) and the lines it reported."""
+        try:
+            self._process.communicate(text.encode(), timeout=seconds)
+            code: int | None = self._process.returncode
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            code = None
+        return code, self._reports.read(1 << 16).decode(errors="replace").splitlines()
+
+    def saved(self) -> bytes:
+        """Return the stage as the process handed it back."""
+        self._out.seek(0)
+        return self._out.read()
+
+    def end(self) -> None:
+        """Leave nothing of it."""
+        self._process.kill()
+        self._process.wait()
+        if self._process.stdin:
+            self._process.stdin.close()
+        self._open.close()
 
 
 def _judge(

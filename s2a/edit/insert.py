@@ -15,7 +15,7 @@ from pxr import Sdf
 from s2a.edit import describe
 from s2a.edit.ask import Model
 from s2a.edit.author import author, placement
-from s2a.edit.confine import ConfinementConfig
+from s2a.edit.confine import Cell, ConfinementConfig
 from s2a.edit.fit import NoRoom
 from s2a.edit.objects import ObjectConfig, ObjectFile, read_object, upright
 from s2a.edit.placement import Placement
@@ -114,22 +114,23 @@ def insert(
     with step(record, "describe") as said:
         text = describe.text(room.lines)
         said |= {"parts": len(room.lines), "tokens": tokens(text)}
-    facts = _facts(file, thing, room.lines)
-    where = _planned(model, room, facts, text, config, ledger, record, None)
-    with step(record, "scale") as said:
-        answer = _size(model, room, facts, file, where, config, ledger, said)
-    for left in reversed(range(config.plans)):
-        try:
-            object, scale, spot = _placed(room, file, where, answer, config, watch, record)
-            break
-        except NoRoom as full:
-            if not left:
-                raise
-            reason = str(full).removesuffix(ELSEWHERE)
-            where = _planned(model, room, facts, text, config, ledger, record, (where, reason))
-    with step(record, "script") as said:
-        planned = placement(room.scene, thing.label, spot.pose, scale)
-        outcome = author(model, room.skeleton, planned, config.confinement, config.trusted, ledger, said)
+    with Cell(room.skeleton, config.confinement, config.trusted) as cell:
+        facts = _facts(file, thing, room.lines)
+        where = _planned(model, room, facts, text, config, ledger, record, None)
+        with step(record, "scale") as said:
+            answer = _size(model, room, facts, file, where, config, ledger, said)
+        for left in reversed(range(config.plans)):
+            try:
+                object, scale, spot = _placed(room, file, where, answer, config, watch, record)
+                break
+            except NoRoom as full:
+                if not left:
+                    raise
+                reason = str(full).removesuffix(ELSEWHERE)
+                where = _planned(model, room, facts, text, config, ledger, record, (where, reason))
+        with step(record, "script") as said:
+            planned = placement(room.scene, thing.label, spot.pose, scale)
+            outcome = author(model, cell, planned, ledger, said)
     own = upright(file, where.up, where.front, 1.0, where.hangs)
     return Inserted(planned, spot, Part(thing.label, spot.pose.moved(object)), own, outcome.layer)
 

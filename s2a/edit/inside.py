@@ -26,15 +26,20 @@ OFFERS = {
 """What each lock keeps a script from."""
 
 
-def main() -> None:
-    """Run the job on standard input; write the saved stage to standard output, and a report to the given descriptor."""
-    job = json.load(sys.stdin)
+def main(descriptor: int) -> None:
+    """Lock in by the job that a descriptor holds; run the script on standard input, and write the saved stage to standard output.
+
+    What holds, and what went wrong, is reported to a descriptor that the job names.
+    """
+    with open(descriptor) as file:
+        job = json.load(file)
     report = int(job["report"])
     active = lock(job)
     _tell(report, {"active": active})
     kept = {what for name in active for what in OFFERS[name]}
     if set(job["needs"]) <= kept:
-        error = execute(job["script"], job["names"])
+        task = json.load(sys.stdin)
+        error = execute(task["script"], task["names"])
         _tell(report, error)
         if not error:
             os.write(1, Path(job["stage"]).read_bytes())

@@ -9,7 +9,7 @@ from pxr import Sdf
 
 from s2a.edit.allow import check
 from s2a.edit.compare import TAXONOMY, compare
-from s2a.edit.confine import STAGE, ConfinementConfig, confine
+from s2a.edit.confine import STAGE, Cell, ConfinementConfig
 from s2a.edit.placement import Placement
 
 TEMPLATE = """\
@@ -42,13 +42,31 @@ class Outcome:
     record: dict[str, Any]
 
 
-def run_script(
-    text: str, skeleton: str, plan: Placement, config: ConfinementConfig, *, trusted: bool = False
-) -> Outcome:
+def run_in(cell: Cell, text: str, plan: Placement) -> Outcome:
     """Check a script, run it confined on a skeleton, and compare what it saved with the plan.
 
     The script finds the stage as `scene.usda` in its current folder, and as `STAGE` and `OBJECT` that name and the path of
     the object's file.
+
+    Args:
+        cell: where it runs, with the skeleton.
+        text: Python.
+        plan: what it is to add.
+
+    Raises:
+        Refusal: it is not allowed, failed, or made something else; the stage is untouched.
+        InputError: the system cannot confine an untrusted script.
+    """
+    check(text, STAGE, plan.reference, cell.config.allow)
+    run = cell.run(text, {"STAGE": STAGE, "OBJECT": plan.reference})
+    layer = compare(run.saved, cell.skeleton, plan)
+    return Outcome(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
+
+
+def run_script(
+    text: str, skeleton: str, plan: Placement, config: ConfinementConfig, *, trusted: bool = False
+) -> Outcome:
+    """Do what `run_in` does in a cell for this script alone.
 
     Args:
         text: Python.
@@ -56,15 +74,9 @@ def run_script(
         plan: what it is to add.
         config: what it may say and use.
         trusted: run it although the system lacks locks: for scripts of our own.
-
-    Raises:
-        Refusal: it is not allowed, failed, or made something else; the stage is untouched.
-        InputError: the system cannot confine an untrusted script.
     """
-    check(text, STAGE, plan.reference, config.allow)
-    run = confine(text, skeleton, {"STAGE": STAGE, "OBJECT": plan.reference}, config, trusted)
-    layer = compare(run.saved, skeleton, plan)
-    return Outcome(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
+    with Cell(skeleton, config, trusted) as cell:
+        return run_in(cell, text, plan)
 
 
 def write_script(plan: Placement) -> str:

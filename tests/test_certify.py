@@ -166,3 +166,5 @@ def test_without_the_validator_its_rules_are_not_run(stage: Path, monkeypatch: p
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     (check,) = foundation.foundation(stage, load(CertifyConfig, "certify/default").foundation)
     assert check.status == "not run" and "s2a[simready]" in check.remedy
+    said = report.summary(Certificate("a.usd", "", "drawer_2", (check,), None, {}, 0.0)).splitlines()
+    assert said[1:] == ["  1 not run", "  simready not run: the package simready-validate is not installed"]

@@ -41,7 +41,7 @@ def main() -> None:
     parser.add_argument("stage", type=Path)
     parser.add_argument("truth", type=Path)
     args = parser.parse_args()
-    wp.config.quiet = True
+    wp.config.log_level = wp.LOG_WARNING
     scene, truth = geometric.read(args.stage), geometric.read(args.truth)
     reached = push_all(scene, args.stage)
     table = Table("part", "joint", "annotated range", "range reached", "axis error", "off the true axis")

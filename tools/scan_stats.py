@@ -196,7 +196,7 @@ def main() -> None:
     parser.add_argument("scans", type=Path, nargs="+", metavar="SCAN", help="folder written by `s2a sample`")
     parser.add_argument("--out", type=Path, help="JSON file for all figures")
     args = parser.parse_args()
-    wp.config.quiet = True
+    wp.config.log_level = wp.LOG_WARNING
     figures = [measure(folder) for folder in args.scans]
     if args.out:
         args.out.write_text(json.dumps([asdict(f) for f in figures], indent=1) + "\n")

@@ -77,13 +77,14 @@ def grip(certificate: Certificate) -> str:
 
 
 def summary(certificate: Certificate) -> str:
-    """Return a certificate as a few lines: its verdict, and each failed check with what to do."""
+    """Return a certificate as a few lines: its verdict, each failed check with what to do, and why others were not run."""
     counts = {status: sum(c.status == status for c in certificate.checks) for status in ("pass", "fail", "not run")}
     verdict = "PASSED" if certificate.passed else "FAILED"
     head = f"{certificate.stage}: {verdict}; {certificate.target or 'no target'}: {grip(certificate)}"
     lines = [f"  {c.name} at {c.prim or '/scene'}: {number(c)} {c.message}; {c.remedy}" for c in certificate.failed]
     tail = ", ".join(f"{count} {status}" for status, count in counts.items() if count)
-    return "\n".join([head, *lines, f"  {tail}"])
+    lines += [f"  {tail}", *(f"  {c.name} not run: {c.message}" for c in certificate.checks if c.status == "not run")]
+    return "\n".join([head, *lines])
 
 
 def table(certificates: Sequence[Certificate]) -> str:

@@ -159,11 +159,12 @@ class Scene:
             seen.add(part_id)
 
     def part(self, part_id: str) -> Part:
-        """Return a part, or raise an InputError that names the closest ids."""
+        """Return a part, or raise an InputError that names the closest ids, if any is close."""
         if part_id in self.parts:
             return self.parts[part_id]
-        near = difflib.get_close_matches(part_id, self.parts, n=3) or list(self.movable)[:8]
-        raise InputError(f"part {part_id!r} is not in scene {self.name!r}; did you mean: {', '.join(near)}")
+        near = ", ".join(difflib.get_close_matches(part_id, self.parts, n=3))
+        remedy = f"did you mean: {near}" if near else "s2a view path=STAGE lists its parts"
+        raise InputError(f"part {part_id!r} is not in scene {self.name!r}; {remedy}")
 
     def joint(self, part_id: str) -> Joint:
         """Return the joint of a movable part, or raise an InputError that lists the movable ones."""

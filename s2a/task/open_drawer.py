@@ -73,7 +73,7 @@ class OpenDrawerConfig:
         static_speed: largest speed of the grasp point there [m/s].
         full_share: share of the travel that is counted as full.
         full_travel: shorter ways scale all openings down in proportion [m].
-        trouble_share: share of the episodes from which any of TROUBLES is warned of.
+        trouble_share: share of the episodes from which infinite values, dropped rows and dropped contacts are warned of.
         touch_distance: how near a contact must be to the annotated region to count as on it [m].
         touch_force: normal force from which a contact counts [N].
     """

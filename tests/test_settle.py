@@ -165,3 +165,15 @@ def test_rest_is_judged_by_a_speed_that_does_not_change() -> None:
     assert not rests(1e-5 * np.exp(-5.0 * time))  # what comes to rest may hide what begins to fall
     assert not rests(1e-5 * np.sin(30.0 * time))
     assert not rests(np.where(np.arange(50)[:, None] > 1, 1e-5, np.inf))  # not watched for long enough
+
+
+def test_what_is_left_out_while_an_object_hardly_moves_makes_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    turned = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    floor, wall = flat(0.02), block((0.01, 0.4, 0.3), x=0.11)
+    for z, x in ((0.004, -0.2), (0.004, 0.05), (0.03, -0.2)):  # it stays, leans against the wall, falls deep
+        piece = box(np.array([x, 0.0, z + 0.1]), turned, np.array([0.12, 0.08, 0.2]))
+        values = {"reach": 0.05}
+        found = dropped(piece, merge([floor, wall]), **values)
+        with monkeypatch.context() as patch:
+            patch.setattr(settling, "close", lambda triangles, _: np.ones(len(triangles), bool))
+            assert dropped(piece, merge([floor, wall]), **values) == found

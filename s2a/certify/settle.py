@@ -12,11 +12,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from s2a.certify.prisms import CLOSE, close, model, near
 from s2a.scene import Mesh, Vec3
 
-ANGLES = np.arange(12) * np.pi / 12
-SIDES = np.array([[0.0, 0.0, 1.0], *np.stack([np.cos(ANGLES), np.sin(ANGLES), 0.0 * ANGLES], axis=1)])
-"""Directions in which triangles may be too far away to matter, shape [13 3]: boxes turned by 15 deg, of which one fits."""
 LOOKED = 10
 """Steps from one look at whether an object rests to the next."""
 FEW = 200
@@ -99,29 +97,44 @@ def settle(pieces: Sequence[Mesh], support: Mesh, config: SettleConfig, hangs_on
         raise ValueError("an object without convex pieces cannot be dropped")
     bounds = np.array([piece.bounds for piece in pieces])
     center = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
-    triangles = _near(support, pieces, config)
-    if hangs_on is None:
-        radius = float(np.linalg.norm(bounds[:, 1].max(axis=0) - center))
-        return _dropped(_model(pieces, triangles, center, config), radius, config)
-    return _hangs(pieces, triangles, center, np.asarray(hangs_on, float), config)
+    triangles = near(support, bounds, config.reach)
+    if hangs_on is not None:
+        return _hangs(pieces, triangles, center, np.asarray(hangs_on, float), config)
+    radius = float(np.linalg.norm(bounds[:, 1].max(axis=0) - center))
+    few = triangles[close(triangles, pieces)]
+    found = _dropped(model(pieces, few, center, config), radius, CLOSE - config.thickness, config)
+    if found is None:
+        found = _dropped(model(pieces, triangles, center, config), radius, np.inf, config)
+    assert found is not None  # nothing moves farther than infinitely far
+    return found
 
 
-def _dropped(model: mujoco.MjModel, radius: float, config: SettleConfig) -> Settled:
-    """Return what comes of an object of some radius [m] that falls."""
-    data = mujoco.MjData(model)
+def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: SettleConfig) -> Settled | None:
+    """Return what comes of an object that falls; None if a point of it moves too far.
+
+    Args:
+        built: it and its surroundings.
+        radius: distance of its farthest point from its middle [m].
+        stray: distance that is too far [m].
+        config: how it is watched.
+    """
+    data = mujoco.MjData(built)
     data.qpos[2] += config.drop
     steps, window = round(config.seconds / config.step), round(config.still / config.step)
     speeds = np.full((window, 6), np.inf)
     deepest, touches = 0.0, False
     for step in range(steps):
-        mujoco.mj_step(model, data)
+        mujoco.mj_step(built, data)
         speeds[step % window] = data.qvel * ([1.0] * 3 + [radius] * 3)
         left = (steps - 1 - step) * config.step
-        rests = step % LOOKED == 0 and _rests(speeds, speeds[step % window], left, config)
+        looks = step % LOOKED == 0
+        if looks and _moved(data.qpos, radius) > stray:
+            return None
+        rests = looks and _rests(speeds, speeds[step % window], left, config)
         if rests or step >= 0.75 * steps:
             deepest, touches = max(deepest, _depth(data)), touches or data.ncon > 0
         if rests:
-            mujoco.mj_integratePos(model, data.qpos, data.qvel, left)
+            mujoco.mj_integratePos(built, data.qpos, data.qvel, left)
             break
     drift = float(np.linalg.norm(data.qpos[:3]))
     upright = np.clip(1.0 - 2.0 * (data.qpos[4] ** 2 + data.qpos[5] ** 2), -1.0, 1.0)
@@ -136,6 +149,12 @@ def _dropped(model: mujoco.MjModel, radius: float, config: SettleConfig) -> Sett
     clauses += [(deepest <= config.penetration, f"it sinks in by {1000 * deepest:.1f} mm")]
     problem = problem or next((words for holds, words in clauses if not holds), "")
     return Settled(drift, tilt, deepest, problem)
+
+
+def _moved(pose: np.ndarray, radius: float) -> float:
+    """Return how far the points of an object have moved at most [m], for its pose and its radius [m]."""
+    turn = 2.0 * np.arctan2(np.linalg.norm(pose[4:]), abs(pose[3]))
+    return float(np.linalg.norm(pose[:3]) + radius * turn)
 
 
 def _rests(speeds: np.ndarray, speed: np.ndarray, left: float, config: SettleConfig) -> bool:
@@ -165,19 +184,19 @@ def _hangs(
     gaps = (wall @ toward).min(axis=1) - max(float((piece.vertices @ toward).max()) for piece in pieces)
     wall = wall[np.argsort(gaps, kind="stable")]
     for count in (max(FEW, int((gaps <= 0).sum())), len(wall)):
-        found = _attached(_model(pieces, wall[:count], center, config), toward, config)
+        found = _attached(model(pieces, wall[:count], center, config), toward, config)
         if found.stays or found.penetration > config.penetration or count >= len(wall):
             break
     return found
 
 
-def _attached(model: mujoco.MjModel, toward: np.ndarray, config: SettleConfig) -> Settled:
+def _attached(built: mujoco.MjModel, toward: np.ndarray, config: SettleConfig) -> Settled:
     """Return whether an object at its place is in nothing, and touches something a little farther on."""
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    data = mujoco.MjData(built)
+    mujoco.mj_forward(built, data)
     deepest = _depth(data)
     data.qpos[:3] += toward * config.touch
-    mujoco.mj_forward(model, data)
+    mujoco.mj_forward(built, data)
     touches = data.ncon > 0
     problem = "" if touches else f"there is nothing within {1000 * config.touch:.0f} mm behind it"
     if deepest > config.penetration:
@@ -188,44 +207,3 @@ def _attached(model: mujoco.MjModel, toward: np.ndarray, config: SettleConfig) -
 def _depth(data: mujoco.MjData) -> float:
     """Return the depth of the deepest contact [m]."""
     return max(0.0, -float(data.contact.dist.min())) if data.ncon else 0.0
-
-
-def _near(support: Mesh, pieces: Sequence[Mesh], config: SettleConfig) -> np.ndarray:
-    """Return the triangles that the pieces may touch [m], shape [face 3 3], float64."""
-    along = support.vertices @ SIDES.T.astype(np.float32)
-    a, b, c = (along[support.faces[:, i]] for i in range(3))
-    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    near = np.zeros(len(support.faces), bool)
-    for piece in pieces:
-        own = piece.vertices @ SIDES.T
-        near |= ((low <= own.max(axis=0) + config.reach) & (high >= own.min(axis=0) - config.reach)).all(axis=1)
-    near &= support.face_areas > 1e-8
-    return support.vertices[support.faces[near]].astype(np.float64)
-
-
-def _model(pieces: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, config: SettleConfig) -> mujoco.MjModel:
-    """Return a model of prisms and a free body, its frame at the object's middle."""
-    spec = mujoco.MjSpec()
-    spec.option.timestep = config.step
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.default.mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-    geom = spec.default.geom
-    geom.type, geom.density, geom.condim = mujoco.mjtGeom.mjGEOM_MESH, config.density, 6
-    geom.friction, geom.solref[:] = config.friction, [config.stiffness, 1.0]
-    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    behind = across / np.linalg.norm(across, axis=1, keepdims=True) * config.thickness
-    prisms = np.concatenate([triangles, triangles - behind[:, None]], axis=1) - center
-    for number, prism in enumerate(prisms):
-        _geom(spec, spec.worldbody, f"prism_{number}", prism)
-    body = spec.worldbody.add_body(name="object")
-    body.add_freejoint()
-    for number, piece in enumerate(pieces):
-        _geom(spec, body, f"piece_{number}", piece.vertices.astype(np.float64) - center)
-    return spec.compile()
-
-
-def _geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, points: np.ndarray) -> None:
-    """Add the convex hull of points [point 3] to a body."""
-    spec.add_mesh(name=name, uservert=points.ravel())
-    body.add_geom(meshname=name)

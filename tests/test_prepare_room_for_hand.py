@@ -65,6 +65,28 @@ def test_a_bar_is_held_across_whatever_stands_around() -> None:
     assert replace(find_grasp(lid_with(0.08, COUNTER), "drawer_1"), region=free.region) == free
 
 
+def chest(gap: float) -> Scene:
+    """Return a lid 0.04 m thick that is hinged at its back, at x = -0.5, and a level bar so far before its edge at x = 0."""
+    hinge = Joint("revolute", (0.0, -1.0, 0.0), (-0.5, 0.0, 0.48), (0.0, 1.2))
+    bar = box((gap, -0.15, 0.472), (gap + 0.014, 0.15, 0.488))
+    parts = {
+        "lid_1": Part("lid", box((-0.5, -0.4, 0.46), (0.0, 0.4, 0.5)), motion=hinge),
+        "handle_2": Part("handle", bar, parent="lid_1", graspable=True),
+    }
+    return Scene("chest", parts)
+
+
+def test_a_bar_too_near_to_its_lid_for_a_finger_between_is_taken_from_the_front() -> None:
+    def approach(gap: float) -> np.ndarray:
+        return Rotation.from_quat(find_grasp(chest(gap), "lid_1").orientation).as_matrix()[:, 2]
+
+    # From above, the way on which the lid closes, an open finger would be up to 0.06 m behind the bar's middle.
+    assert approach(0.025) == pytest.approx([-1, 0, 0], abs=1e-3)
+    assert approach(0.1)[2] < -0.99
+    grasp = find_grasp(chest(0.025), "lid_1")
+    assert grasp.size[1] == pytest.approx(0.016, abs=0.002)  # between the fingers now: the bar's height
+
+
 def test_furniture_that_bulges_by_millimetres_before_the_front_leaves_the_fingers_their_room() -> None:
     room = clean_cabinet_room()
     front = float(room.parts["drawer_7"].mesh.bounds[1, 0])

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from s2a.geometry.bar import bar_profile
 from s2a.geometry.surfaces import centroids, merge, normals
 from s2a.prepare.decimate import is_shell
-from s2a.prepare.roll import ROUND, free_roll
+from s2a.prepare.roll import ROUND, free_roll, free_side, is_round
 from s2a.scene import Joint, Mesh, Scene, Vec3
 from s2a.usd.simscene import Grasp, Quat
 
@@ -44,18 +44,29 @@ def lever_arm(joint: Joint, point: np.ndarray) -> float:
 def find_grasp(scene: Scene, target: str) -> Grasp:
     """Return the grasp of a movable part: point, frame and extents of its annotated region.
 
+    The hand comes along the way on which the part closes; where it would bump into something there, and the region is a bar,
+    from another side of the bar.
+
     Raises:
         InputError: the part is unknown, does not move, or has no surface.
     """
     point = scene.grasp_point(target)
     region = merge([scene.parts[i].mesh for i in scene.grasp_parts(target)])
-    inwards = -opening_direction(scene.joint(target), point)
+    first = _grasp(point, region, -opening_direction(scene.joint(target), point))
+    if is_round(first):
+        return free_roll(scene, target, first)
+    across = Rotation.from_quat(first.orientation).as_matrix()[:, 1]
+    return free_side(scene, target, first, (_grasp(point, region, side) for side in (-across, across)))
+
+
+def _grasp(point: np.ndarray, region: Mesh, inwards: np.ndarray) -> Grasp:
+    """Return the grasp of a region at a point [m] by a hand that comes along `inwards`."""
     frame = grasp_frame(region, inwards)
     size = np.subtract(*extents(region, frame)[::-1])
     profile = bar_profile(region, frame, SLICES)
     if profile is not None:
         size[1] = profile.thickness
-    return free_roll(scene, target, Grasp(_vec3(point), _quat(frame), _vec3(size), region))
+    return Grasp(_vec3(point), _quat(frame), _vec3(size), region)
 
 
 def grasp_frame(region: Mesh, inwards: np.ndarray) -> np.ndarray:

@@ -1,7 +1,8 @@
-"""Which way round the hand takes hold of what is round: so that there is room for the hand itself."""
+"""Which way round the hand takes hold of what is round, and from which side of a bar: so that it has room itself."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -21,19 +22,35 @@ APPROACH = 0.1
 AROUND = 0.4
 """[m] How far from the grasp the hand reaches in plan."""
 BETTER = 0.005
-"""[m] By so much less another roll has to reach into the room: scans are rough."""
+"""[m] By so much less another roll or side has to reach into the room: scans are rough."""
+
+
+def is_round(grasp: Grasp) -> bool:
+    """Return whether a grasp's region can be held any way round."""
+    along, across, _ = grasp.size
+    return max(along, across) < ROUND * min(along, across)
 
 
 def free_roll(scene: Scene, target: str, grasp: Grasp) -> Grasp:
-    """Return a grasp, rolled about its approach if its region is round and the hand would otherwise reach into the room."""
-    along, across, _ = grasp.size
-    if max(along, across) >= ROUND * min(along, across):
-        return grasp
+    """Return a grasp of what is round, rolled about its approach if the hand would otherwise reach into the room."""
     near = Surroundings(scene, (target, *scene.descendants(target)), np.array(grasp.point), AROUND)
-    rolls = [_rolled(grasp, turn) for turn in TURNS]
-    depths = [_depth(near, roll) for roll in rolls]
+    return _freest(near, grasp, (_rolled(grasp, turn) for turn in TURNS[1:]))
+
+
+def free_side(scene: Scene, target: str, grasp: Grasp, others: Iterable[Grasp]) -> Grasp:
+    """Return a grasp, or one from another side if the hand would otherwise reach into anything beside what it holds."""
+    near = Surroundings(scene, scene.grasp_parts(target), np.array(grasp.point), AROUND)
+    return _freest(near, grasp, others)
+
+
+def _freest(near: Surroundings, grasp: Grasp, others: Iterable[Grasp]) -> Grasp:
+    """Return a grasp, or another one on whose way the hand reaches clearly less into what is there."""
+    depth = _depth(near, grasp)
+    if depth <= BETTER:  # as almost always: then the others are not even made
+        return grasp
+    depths, grasps = zip(*((_depth(near, other), other) for other in others), strict=True)
     best = int(np.argmin(depths))
-    return rolls[best] if depths[best] < depths[0] - BETTER else grasp
+    return grasps[best] if depths[best] < depth - BETTER else grasp
 
 
 def _rolled(grasp: Grasp, degrees: float) -> Grasp:
@@ -48,7 +65,7 @@ def _rolled(grasp: Grasp, degrees: float) -> Grasp:
 
 
 def _depth(near: Surroundings, grasp: Grasp) -> float:
-    """Return how deep the open hand reaches into what does not move, on its straight way to the grasp [m]."""
+    """Return how deep the open hand reaches into what is near, on its straight way to the grasp [m]."""
     turn, hand = Rotation.from_quat(grasp.orientation), panda.SPHERES[panda.HAND]
     back = np.linspace(0.0, APPROACH, 6)[:, None, None] * np.array([0.0, 0.0, 1.0])
     centers = turn.apply((hand[None, :, 1:4] - back).reshape(-1, 3)) + grasp.point

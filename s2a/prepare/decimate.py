@@ -180,20 +180,22 @@ def _collapse(mesh: Mesh, target: int, aggressiveness: float) -> Mesh:
     simplify.setMesh(vertices, np.concatenate([fins, mesh.faces]).astype(np.int32))
     simplify.simplify_mesh(target_count=target, aggressiveness=aggressiveness, preserve_border=False, verbose=False)
     vertices, faces, _ = simplify.getMesh()
-    left = cKDTree(tips).query(vertices)[0] == 0.0
+    left = cKDTree(tips).query(vertices, distance_upper_bound=1e-9)[0] == 0.0
     return keep(Mesh(vertices, faces), ~left[faces].any(axis=1))
 
 
 def _fins(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Return a triangle upright on each open edge: tips [m], shape [fin 3], that follow the mesh's vertices, and faces."""
-    edges = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    low, high = edges.min(axis=1).astype(np.int64), edges.max(axis=1)
-    _, number, uses = np.unique(low * len(mesh.vertices) + high, return_inverse=True, return_counts=True)
-    upward = np.repeat(normals(mesh), 3, axis=0)
-    is_open = (uses[number] == 1) & upward.any(axis=1)
-    start, end = edges[is_open].T
+    starts, ends = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+    edge = np.minimum(starts, ends).astype(np.int64) * len(mesh.vertices) + np.maximum(starts, ends)
+    order = np.argsort(edge)  # a third of the time of np.unique
+    differs = np.diff(edge[order], prepend=-1, append=-1) != 0
+    single = order[differs[:-1] & differs[1:]]
+    upward = normals(Mesh(mesh.vertices, mesh.faces[single // 3]))
+    single, upward = single[upward.any(axis=1)], upward[upward.any(axis=1)]
+    start, end = starts[single], ends[single]
     along = mesh.vertices[end].astype(np.float64) - mesh.vertices[start]
-    tips = mesh.vertices[start] + FIN * np.linalg.norm(along, axis=1, keepdims=True) * upward[is_open]
+    tips = mesh.vertices[start] + FIN * np.linalg.norm(along, axis=1, keepdims=True) * upward
     return tips, np.stack([len(mesh.vertices) + np.arange(len(tips)), start, end], axis=1)
 
 

@@ -56,6 +56,7 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
         (["view", "path=nowhere.usd", "text=true"], ["nowhere.usd"]),
         (["view", "path=x", "picture=y.png", "look.width=0"], ["'look.width'", "0", "1 or more"]),
         (["view", "path=x", "part=drawer_7"], ["'part'", "picture=FILE.png"]),
+        (["insert", "stage=x.usd", "out=y", "plans=0"], ["'plans'", "0", "1 or more"]),
         (["insert", "stage=x.usd", "out=y", "object=a.obj", "label="], ["object=FILE and label=WORDS"]),
         (["prepare", "stage=nowhere.usd", "target=drawer_7", "out=y.usd"], ["nowhere.usd"]),
         (["evaluate", "stage=nowhere.usd", "out=y.json"], ["nowhere.usd"]),

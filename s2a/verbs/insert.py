@@ -109,6 +109,10 @@ def run(config: Config) -> str:
         InputError: nothing could be inserted; nothing is written.
         NotPassed: some of several could not; the others are written.
     """
+    if config.plans < 1 or config.retries < 0:
+        raise InputError(
+            f"keys 'plans' and 'retries' are {config.plans} and {config.retries}; give 1 or more and 0 or more"
+        )
     things, model = _things(config), choose(config.llm, config.record)
     room = open_room(config)
     found: list[Inserted] = []

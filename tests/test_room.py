@@ -11,6 +11,7 @@ from test_place import REGIONS, at, block, table
 from test_regions import sheet
 
 from s2a.config import compose, load
+from s2a.edit import describe
 from s2a.edit.fit import NoRoom
 from s2a.edit.insert import Inserted
 from s2a.edit.openings import Opening, heights_within
@@ -19,7 +20,7 @@ from s2a.edit.search import _distinct
 from s2a.edit.surfaces import SurfaceConfig, facing, target_regions, within
 from s2a.errors import InputError
 from s2a.geometry.convex import halfspaces, hull
-from s2a.geometry.regions import Region
+from s2a.geometry.regions import Region, RegionConfig
 from s2a.scene import Mesh, Part, Scene
 
 SURFACE: SurfaceConfig = load(
@@ -49,6 +50,21 @@ def test_what_parts_carry_is_kept_and_grown_again_where_a_thing_takes_room() -> 
         assert told(room.levels(name)) == told(fresh)
     assert told(room.levels("table_2")) != told(before["table_2"])
     assert room.levels("crate_3") is before["crate_3"]  # which is to the left of it
+
+
+def test_what_an_object_changes_is_looked_at_when_the_next_one_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    room, asked, survey = Room(table(), "", SURFACE), [], describe.survey
+
+    def counted(scene: Scene, config: RegionConfig, names: tuple[str, ...]) -> describe.Supports:
+        asked.append(names)
+        return survey(scene, config, names)
+
+    monkeypatch.setattr(describe, "survey", counted)
+    room.add(inserted("cup_4", at(block(0.1, 0.1, 0.1), 0.8, 0.3, 0.743), "table_2"))
+    assert "cup_4" in room.scene.parts and not asked
+    assert "cup_4" in [line["id"] for line in room.lines]
+    assert asked == [("table_2", "cup_4")]
+    assert "cup_4" in room.supports and asked == [("table_2", "cup_4")]
 
 
 def test_what_has_no_level_surface_carries_nothing() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,22 +18,33 @@ if TYPE_CHECKING:
 
 
 class Room:
-    """A room that fills up.
+    """A room that fills up; a copy (`copy.copy`) fills up on its own.
 
     Attributes:
         scene: the room with what was inserted so far.
         skeleton: text of its stage, without it.
         ways: of its drawers and doors.
-        supports: what its parts can carry.
-        lines: its description.
     """
 
     def __init__(self, scene: Scene, skeleton: str, config: SurfaceConfig) -> None:
         self.scene, self.skeleton, self._config = scene, skeleton, config.regions
         self.ways = openings(scene)
-        self.supports = describe.survey(scene, config.regions)
-        self.lines = describe.describe(scene, self.supports)
-        self._levels = {part_id: regions for part_id, regions in self.supports.items() if regions}
+        self._supports = describe.survey(scene, config.regions)
+        self._lines = describe.describe(scene, self._supports)
+        self._levels = {part_id: regions for part_id, regions in self._supports.items() if regions}
+        self._unseen: list[tuple[Scene, Inserted]] = []
+
+    @property
+    def supports(self) -> describe.Supports:
+        """What the room's parts can carry: of what an object was put on, what it leaves."""
+        self._survey()
+        return self._supports
+
+    @property
+    def lines(self) -> list[dict[str, Any]]:
+        """The room's description."""
+        self._survey()
+        return self._lines
 
     def levels(self, target: str) -> list[Region]:
         """Return the level support regions of a part, with the room that everything else leaves now.
@@ -42,6 +53,7 @@ class Room:
             NoRoom: nothing of it looks upwards.
             InputError: no such part, or one without a surface.
         """
+        self._survey()
         if target not in self._levels:
             if not describe.looks_up(target_mesh(self.scene, target)):
                 raise NoRoom("nothing of it looks upwards")
@@ -49,14 +61,24 @@ class Room:
         return self._levels[target]
 
     def add(self, inserted: Inserted) -> None:
-        """Take an object into the room."""
-        name, part = inserted.placement.part_id, inserted.part
-        self.scene = Scene(self.scene.name, {**self.scene.parts, name: part}, self.scene.origin)
-        changed = describe.survey(self.scene, self._config, (inserted.spot.target, name))
-        self.supports |= changed
-        self.lines = describe.describe(self.scene, self.supports)
-        apart = {i: regions for i, regions in self._levels.items() if not _over(part.mesh, regions, self._config)}
-        self._levels = apart | {part_id: regions for part_id, regions in changed.items() if regions}
+        """Take an object into the room; what that changes is looked at when the next one comes."""
+        parts = {**self.scene.parts, inserted.placement.part_id: inserted.part}
+        self.scene = Scene(self.scene.name, parts, self.scene.origin)
+        self._unseen = [*self._unseen, (self.scene, inserted)]
+
+    def _survey(self) -> None:
+        """Look at what the last objects changed."""
+        if not self._unseen:
+            return
+        for scene, inserted in self._unseen:
+            names = inserted.spot.target, inserted.placement.part_id
+            changed = describe.survey(scene, self._config, names)
+            self._supports = self._supports | changed
+            mesh, levels = inserted.part.mesh, self._levels.items()
+            apart = {i: regions for i, regions in levels if not _over(mesh, regions, self._config)}
+            self._levels = apart | {i: regions for i, regions in changed.items() if regions}
+        self._unseen = []
+        self._lines = describe.describe(self.scene, self._supports)
 
 
 def _over(mesh: Mesh, regions: list[Region], config: RegionConfig) -> bool:

@@ -6,7 +6,7 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import yaml
 from pxr import Sdf
@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.certify.settle import SettleConfig
 from s2a.edit import overlay
+from s2a.edit.ask import Model
 from s2a.edit.confine import ConfinementConfig
 from s2a.edit.insert import InsertConfig, Inserted, Room, Thing, insert
 from s2a.edit.llm import LlmConfig, choose, kind_of
@@ -114,7 +115,11 @@ def run(config: Config) -> str:
             f"keys 'plans' and 'retries' are {config.plans} and {config.retries}; give 1 or more and 0 or more"
         )
     things, model = _things(config), choose(config.llm, config.record)
-    room = open_room(config)
+    return into(open_room(config), things, model, config)
+
+
+def into(room: Room, things: list[Thing], model: Model, config: Config) -> str:
+    """Do what `run` does, in a room that is open and fills up."""
     found: list[Inserted] = []
     records: list[Record] = []
     for thing in track(things, "inserting"):
@@ -143,7 +148,7 @@ def open_room(config: Config) -> Room:
     return Room(geometric.read(config.stage), skeleton(config.stage), settings(config).surface)
 
 
-def attempt(room: Room, thing: Thing, model: Any, config: Config, record: Record) -> tuple[Inserted | None, Record]:
+def attempt(room: Room, thing: Thing, model: Model, config: Config, record: Record) -> tuple[Inserted | None, Record]:
     """Insert an object; return it, or None, and the record, which has its problem."""
     ledger, inserted = Ledger(config.llm.prices), None
     try:

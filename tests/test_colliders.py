@@ -11,7 +11,7 @@ from s2a.geometry.bar_pieces import bar_pieces
 from s2a.geometry.front import part_ways
 from s2a.geometry.gap import FingerSpace, share_inside, surface_distance
 from s2a.geometry.knob import knob_pieces
-from s2a.geometry.shell import sheet_opening, shell_pieces
+from s2a.geometry.shell import hidden_wall, sheet_opening, shell_pieces
 from s2a.geometry.surfaces import keep, merge, normals, sample
 from s2a.prepare.colliders import Handle, flatten
 from s2a.scan.virtual.handles import cup, edge
@@ -87,6 +87,39 @@ def test_a_skirt_behind_a_bar_is_carved() -> None:
     assert share_inside(pieces, behind(-0.035, 0.035)) == 0.0
 
 
+def test_a_bar_is_as_deep_as_the_side_that_does_not_flare_out() -> None:
+    rod = bar(-0.074, 0.074)
+    above = keep(rod, normals(rod)[:, 2] > -0.5)
+    face = GAP + 0.012
+    corners = [
+        [face, -0.067, -0.007],
+        [face, 0.067, -0.007],
+        [face - 0.009, 0.067, -0.014],
+        [face - 0.009, -0.067, -0.014],
+    ]
+    sheet = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]).subdivide_to_size(0.004)
+    region = merge([above, Mesh(sheet.vertices, sheet.faces)])
+    profile = bar_profile(region, FRAME, 24)
+    assert profile is not None
+    assert bar_depth(sample(region, 40000, 0) @ FRAME, profile, 0.0) == pytest.approx(0.012, abs=0.0015)
+
+
+def test_a_levers_neck_stands_on_its_plate_as_thick_as_it_is_seen_from_one_side() -> None:
+    plate = 0.008
+    neck = block((plate, -0.08, -0.0052), (GAP, -0.064, 0.0052))
+    region = merge([bar(), keep(seen(neck), normals(seen(neck))[:, 2] > -0.5)])
+    profile = bar_profile(region, FRAME, 24)
+    assert profile is not None
+    pieces = bar_pieces(region, FRAME, profile, 0.0, -plate)
+    assert pieces is not None
+    inside = np.random.default_rng(0).uniform(
+        [plate + 0.001, -0.078, -0.0048], [GAP - 0.002, -0.067, 0.0048], (2000, 3)
+    )
+    beside = inside * [1, 1, 0] + [0, 0, 0.0062]
+    assert share_inside(pieces, inside) > 0.95
+    assert share_inside(pieces, beside) == share_inside(pieces, beside * [1, 1, -1]) == 0.0
+
+
 def knob(sides: int = 64) -> Mesh:
     """Return a knob, 30 mm wide at its head, on a stalk of 14 mm, 28 mm high, as seen."""
     turned = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
@@ -145,6 +178,17 @@ def test_an_edge_pull_is_a_sheet_that_is_open_towards_its_front() -> None:
     pieces = shell_pieces(region, FRAME, opening, 12, 32)
     inside = np.random.default_rng(0).uniform([0.002, -0.14, -0.013], [0.014, 0.14, -0.004], (2000, 3))
     assert share_inside(pieces, inside) < 0.05
+
+
+def test_an_edge_pull_whose_wall_no_scanner_saw_is_fixed_to_its_front() -> None:
+    whole = trimesh.Trimesh(edge(0.3).surface.vertices, edge(0.3).surface.faces).subdivide_to_size(0.002)
+    mesh = seen(Mesh(whole.vertices, whole.faces))
+    opening = np.array([0.0, 0.0, -1.0])
+    wall = hidden_wall(keep(mesh, normals(mesh)[:, 2] < 0.5), FRAME, opening, 0.0)
+    assert wall is not None
+    assert wall.bounds == pytest.approx(np.array([[0.0, -0.147, 0.0], [0.02, 0.147, 0.002]]), abs=0.003)
+    assert hidden_wall(mesh, FRAME, opening, 0.0) is None  # the scan shows it: nothing is made up
+    assert hidden_wall(mesh, FRAME, np.zeros(3), 0.0) is None
 
 
 def test_a_bar_in_the_middle_of_its_front_is_no_sheet() -> None:

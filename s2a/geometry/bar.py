@@ -2,7 +2,8 @@
 
 No scanner sees the back of a bar. Fusion draws its surface on into the shadow behind it, in skirts that hang from its
 edges and may reach the front, so only its outermost few millimetres say how thick it is. How deep it is, its sides say:
-the shadows that all scanners share draw in behind it.
+the shadows that all scanners share draw in behind it. Often only one side has been seen, a bar's upper one from above, and
+the other is a skirt all the way. A bar is symmetric: what the side that flares out least shows counts for both.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ GAP = 0.021
 SPAN = 0.5
 """Share of a bar's length, in its middle, that stands free but for a short post."""
 MARGIN = 0.001
-"""[m] How far a bar may be thicker farther in than at its head."""
+"""[m] How far from a bar's edges its surface still is its own."""
+UNEVEN = 0.0005
+"""[m] How much more one side of a bar may flare out than the other that is like it."""
 LIKE = 0.002
 """[m] Slices whose sections differ by less, from noise, become one piece; so much may a straight bar seem to bend."""
-CONVERGING = 0.2
-"""Share of its half thickness by which a bar's side draws in where it has ended and only its shadow goes on."""
-NOISE = 0.0015
-"""[m] A side that draws in by less has not ended."""
+DRAWN = 0.0011
+"""[m] A side that draws in by more has ended, and only its shadow goes on."""
 SEEN = 0.3
 """Share of a side's densest points with which it goes on; fewer are a post's."""
 STEP = 0.001
@@ -109,7 +110,7 @@ def _section_bounds(head: np.ndarray) -> tuple[float, float, float]:
     upper = head[head[:, 2] < face + HEAD / 2]
     inner_low, inner_high = np.quantile(upper[:, 1], [0.02, 0.98]) if len(upper) >= FEW / 2 else (low, high)
     flares = np.array([inner_low - low, inner_high - high]) * [1, -1]
-    below, above = np.minimum(flares, flares.min() + MARGIN)
+    below, above = np.minimum(flares, flares.min() + UNEVEN)
     return float(inner_low - below), float(inner_high + above), face
 
 
@@ -123,9 +124,10 @@ def _straight(values: np.ndarray) -> np.ndarray:
 
 
 def bar_depth(points: np.ndarray, profile: Profile, front: float) -> float:
-    """Return how deep a bar is [m]: where the first of its sides draws in or ends, at least SHALLOWEST, with GAP behind it.
+    """Return how deep a bar is [m]: where its truer side draws in or ends, at least SHALLOWEST, with GAP behind it.
 
-    A side that ends sooner than any bar is deep says nothing.
+    The side that flares out less is the truer one, of two alike the one that ends first. A side that ends sooner than any
+    bar is deep says nothing.
 
     Args:
         points: of its surface in the profile's frame [m], shape [point 3].
@@ -138,21 +140,24 @@ def bar_depth(points: np.ndarray, profile: Profile, front: float) -> float:
     deep = points[:, 2] - profile.face[slices]
     deepest = max(SHALLOWEST, front - GAP - float(np.median(profile.face)))
     depths = np.arange(SHALLOWEST / 2, deepest, STEP)
-    half = profile.thickness / 2
-    ends = [_side_end(out[in_middle] * side, deep[in_middle], depths, half) for side in (-1, 1)]
-    return min([end for end in ends if end > SHALLOWEST] or [SHALLOWEST])
+    sides = [_side_end(out[in_middle] * side, deep[in_middle], depths) for side in (-1, 1)]
+    sides = [(end, flare) for end, flare in sides if end > SHALLOWEST]
+    least = min((flare for _, flare in sides), default=0.0)
+    return min((end for end, flare in sides if flare <= least + UNEVEN), default=SHALLOWEST)
 
 
-def _side_end(out: np.ndarray, deep: np.ndarray, depths: np.ndarray, half: float) -> float:
-    """Return the depth [m] at which a side, `out` of the middle [point], draws in or is not seen any more."""
-    widest, most = 0.0, FEW / SEEN
+def _side_end(out: np.ndarray, deep: np.ndarray, depths: np.ndarray) -> tuple[float, float]:
+    """Return the depth [m] at which a side, `out` of the middle [point], draws in or ends, and how far it flares out [m]."""
+    reaches: list[float] = []
+    most = FEW / SEEN
     for depth in depths:
         here = out[(np.abs(deep - depth) < STEP) & (out > 0)]
         most = max(most, len(here))
         if len(here) < SEEN * most:
-            return float(depth)
-        reach = float(np.quantile(here, 0.75))
-        widest = max(widest, reach)
-        if reach < widest - max(NOISE, CONVERGING * half):
-            return float(depth)
-    return float(depths[-1]) if len(depths) else SHALLOWEST
+            break
+        reaches.append(float(np.quantile(here, 0.75)))
+        if reaches[-1] < max(reaches) - DRAWN:
+            break
+    else:
+        depth = depths[-1] if len(depths) else SHALLOWEST
+    return float(depth), max(reaches) - reaches[0] if reaches else 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import HalfspaceIntersection, QhullError
 
-from s2a.geometry.bar import FEW, GAP, HEAD, LIKE, MARGIN, SAMPLES, SHALLOWEST, SPAN, Profile, bar_depth
+from s2a.geometry.bar import FEW, GAP, HEAD, LIKE, MARGIN, SAMPLES, SHALLOWEST, SPAN, UNEVEN, Profile, bar_depth
 from s2a.geometry.convex import hull
 from s2a.geometry.surfaces import sample
 from s2a.scene import Mesh
@@ -18,7 +18,9 @@ TAIL = 0.03
 """Share of the points that may stand out of it in each direction."""
 
 
-def bar_pieces(region: Mesh, frame: np.ndarray, profile: Profile, front: float) -> list[Mesh] | None:
+def bar_pieces(
+    region: Mesh, frame: np.ndarray, profile: Profile, front: float, ground: float | None = None
+) -> list[Mesh] | None:
     """Return a bar as convex pieces along its length, or None if it stands too near the front for fingers.
 
     The bar ends where its sides do, and leaves fingers their space; posts join it to the front.
@@ -29,6 +31,7 @@ def bar_pieces(region: Mesh, frame: np.ndarray, profile: Profile, front: float) 
         frame: the profile's axes as columns [3 3].
         profile: its section.
         front: coordinate of the front along z [m].
+        ground: that of what the posts stand on [m], where it is not the front: a base plate.
     """
     if front - np.median(profile.face) < SHALLOWEST + 0.6 * GAP:
         return None
@@ -40,14 +43,17 @@ def bar_pieces(region: Mesh, frame: np.ndarray, profile: Profile, front: float) 
     for first, last in _alike(supports):
         support = np.median(supports[first:last], axis=0)
         pieces.append(_prism(support, sections[first][1].mean(axis=0), profile.edges[first], profile.edges[last]))
-    pieces += _posts(points, profile, depth, front)
+    if ground is None or ground < np.median(profile.face) + depth:
+        ground = front
+    pieces += _posts(points, profile, depth, ground)
     return [Mesh(piece.vertices @ frame.T, piece.faces) for piece in pieces if piece is not None]
 
 
-def _posts(points: np.ndarray, profile: Profile, depth: float, front: float) -> list[Mesh | None]:
-    """Return the posts between a bar and its front: where its surface reaches the front, and not as a skirt.
+def _posts(points: np.ndarray, profile: Profile, depth: float, ground: float) -> list[Mesh | None]:
+    """Return the posts between a bar and what it stands on: where its surface reaches that, and not as a skirt.
 
-    A post is as wide as the bar, a skirt hangs from one of its edges inwards. In the middle of a bar a post is short.
+    A post is about as wide as the bar, a skirt hangs from one of its edges inwards. In the middle of a bar a post is short.
+    What is seen of one side of a post counts for both: it is symmetric about the bar's middle.
     """
     slices = np.clip(np.searchsorted(profile.edges, points[:, 0]) - 1, 0, len(profile.low) - 1)
     middle = (profile.low + profile.high)[slices] / 2
@@ -56,14 +62,16 @@ def _posts(points: np.ndarray, profile: Profile, depth: float, front: float) -> 
     reaches = np.zeros(len(profile.low) + 2, int)
     for k in range(len(profile.low)):
         here = deep & (slices == k)
-        reaches[k + 1] = here.sum() >= FEW and points[here, 2].max() > front - HEAD
+        reaches[k + 1] = here.sum() >= FEW and points[here, 2].max() > ground - HEAD
     posts: list[Mesh | None] = []
     for first, last in _short(np.flatnonzero(np.diff(reaches)).reshape(-1, 2).tolist(), len(profile.low)):
         here = deep & (slices >= first) & (slices < last)
         if _is_post(out[here], points[here, 1], profile, first, last):
             low, high = np.median(profile.low[first:last]), np.median(profile.high[first:last])
+            spare = max(0.0, (high - low) / 2 - float(np.quantile(out[here], 0.9)))
+            low, high = low + spare, high - spare
             back = float(np.median(profile.face[first:last])) + min(HEAD, depth)
-            corners = np.array([[low, back], [high, back], [low, front], [high, front]])
+            corners = np.array([[low, back], [high, back], [low, ground], [high, ground]])
             ends = np.quantile(points[here, 0], [TAIL, 1 - TAIL])
             posts.append(hull(np.concatenate([np.insert(corners, 0, x, axis=1) for x in ends])))
     return posts
@@ -95,7 +103,7 @@ def _section(points: np.ndarray, profile: Profile, k: int, depth: float) -> tupl
     first, last = profile.edges[k : k + 2]
     low, high, face = profile.low[k], profile.high[k], profile.face[k]
     here = points[(points[:, 0] >= first) & (points[:, 0] < last)][:, 1:]
-    here = here[(here[:, 0] > low - MARGIN) & (here[:, 0] < high + MARGIN)]
+    here = here[(here[:, 0] > low - UNEVEN) & (here[:, 0] < high + UNEVEN)]
     back, head = face + depth, face + min(HEAD, depth)
     return here[here[:, 1] < back], np.array([[low, back], [high, back], [low, head], [high, head]])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
-from s2a.geometry.convex import hull
+from s2a.geometry.convex import box, hull
 from s2a.geometry.front import AROUND, STRAY, near_region
 from s2a.geometry.surfaces import keep, normals, sample, sample_with_faces
 from s2a.scene import Mesh
@@ -32,6 +32,14 @@ FRONT_SAMPLES = 40000
 """Points by which a front is asked."""
 TAIL = 0.05
 """Share of a patch's points that may stand out of it on either side."""
+STEP = 0.002
+"""[m] Depths at which a wall is looked for."""
+FEW = 20
+"""A depth with fewer points shows no wall."""
+SHOWN = 0.5
+"""Share of its depths at which a wall has been seen; it is not made up then."""
+BORDER = 0.8
+"""Share of the points of a pull's head that lie within its wall; noise and skirts stand out of it."""
 
 
 def sheet_opening(region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float], front: Mesh) -> np.ndarray | None:
@@ -91,6 +99,33 @@ def shell_pieces(region: Mesh, frame: np.ndarray, opening: np.ndarray, count: in
     _, patch = kmeans2(places, count, minit="++", rng=np.random.default_rng(0))
     pieces = [_patch(points[patch == k], facing[patch == k], max_vertices) for k in range(count)]
     return [piece for piece in pieces if piece is not None]
+
+
+def hidden_wall(region: Mesh, frame: np.ndarray, opening: np.ndarray, front: float) -> Mesh | None:
+    """Return the wall that fixes a sheet to its front, on the side away from its opening, or None where a scan shows it.
+
+    Between two doors no scanner sees it, yet no handle floats: it runs from the sheet's head straight to the front.
+
+    Args:
+        region: the handle as scanned; its faces look outwards.
+        frame: axes as columns [3 3]: x along it, z into the furniture.
+        opening: direction across it towards which it is open [3]; zeros if that is unknown.
+        front: coordinate of the front along z [m].
+    """
+    points, faces = sample_with_faces(region, SAMPLES, seed=0)
+    if not len(points) or not opening.any():
+        return None
+    axes = np.stack([frame[:, 0], opening, frame[:, 2]], axis=1)
+    along, inner, deep = (points @ axes).T
+    face = float(np.quantile(deep, 0.02))
+    beside = deep[(normals(region) @ opening)[faces] < -OPEN]
+    depths = np.arange(face + HEAD, front, STEP)
+    if not len(depths) or np.mean([(np.abs(beside - depth) < STEP / 2).sum() >= FEW for depth in depths]) > SHOWN:
+        return None
+    low, high = np.quantile(along, [0.01, 0.99])
+    border = float(np.quantile(inner[deep < face + HEAD], 1 - BORDER))
+    center = axes @ np.array([(low + high) / 2, border + SHEET / 2, (face + front) / 2])
+    return box(center, axes, np.array([high - low, SHEET, front - face]))
 
 
 def _patch(points: np.ndarray, facing: np.ndarray, max_vertices: int) -> Mesh | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from s2a.geometry.decompose import coacd_default, one_hull, vhacd
 from s2a.geometry.front import front_behind, front_coordinate, part_ways, patch, slab
 from s2a.geometry.gap import FingerSpace, finger_space
 from s2a.geometry.knob import knob_pieces
-from s2a.geometry.shell import sheet_opening, shell_pieces
+from s2a.geometry.shell import hidden_wall, sheet_opening, shell_pieces
 from s2a.geometry.surfaces import merge
+from s2a.ranges import AtLeast, Count, CountFromZero, Positive
 from s2a.scene import Mesh, Scene
 from s2a.usd.simscene import Collider
 
@@ -41,13 +42,13 @@ class ColliderConfig:
     """
 
     method: Literal["handle", "coacd", "one_hull"]
-    bar_slices: int
-    handle_pieces: int
-    front_pieces: int
-    thickness: float
-    resolution: int
-    max_vertices: int
-    seed: int
+    bar_slices: Count
+    handle_pieces: Count
+    front_pieces: Count
+    thickness: Positive
+    resolution: Count
+    max_vertices: Annotated[int, AtLeast(4)]
+    seed: CountFromZero
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,9 @@ def target_colliders(
     for i, mesh in others.items():
         pieces = _front_pieces(mesh, handle, config) if i == target else _rough_pieces(mesh, config)
         found += [Collider(i, piece) for piece in flatten(pieces, handle)]
-    pieces = _handle_pieces(handle, others.get(target), config)
+    base = scene.parts[scene.grasp_parts(target)[0]].parent
+    ground = _ground(handle, None if base is None or base == target else others.get(base))
+    pieces = _handle_pieces(handle, others.get(target), ground, config)
     found += [Collider(scene.grasp_parts(target)[0], piece) for piece in free_fingers(pieces, handle.space)]
     return tuple(found)
 
@@ -116,15 +119,25 @@ def _front_pieces(mesh: Mesh, handle: Handle, config: ColliderConfig) -> list[Me
     return [*(piece for piece in solid if piece is not None), *hidden]
 
 
-def _handle_pieces(handle: Handle, front: Mesh | None, config: ColliderConfig) -> list[Mesh]:
+def _ground(handle: Handle, base: Mesh | None) -> float:
+    """Return the coordinate on z of what the posts of a handle stand on [m]: of the front, or of a base plate before it."""
+    plane = None if base is None else front_behind(base, handle.region, handle.frame)
+    if plane is None:
+        return handle.front
+    return min(handle.front, front_coordinate(plane, handle.frame, handle.region.vertices.mean(axis=0)))
+
+
+def _handle_pieces(handle: Handle, front: Mesh | None, ground: float, config: ColliderConfig) -> list[Mesh]:
     """Return a sheet in patches, a bar in slices (which end where fingers need space), a knob in frusta, else hulls."""
     if handle.plane is not None:
         opening = None if front is None else sheet_opening(handle.region, handle.frame, handle.plane, front)
         if opening is not None:
-            return shell_pieces(handle.region, handle.frame, opening, config.handle_pieces, config.max_vertices)
+            wall = hidden_wall(handle.region, handle.frame, opening, handle.front)
+            sheet = shell_pieces(handle.region, handle.frame, opening, config.handle_pieces, config.max_vertices)
+            return sheet if wall is None else [*sheet, wall]
         profile = bar_profile(handle.region, handle.frame, config.bar_slices)
         if profile is not None:
-            pieces = bar_pieces(handle.region, handle.frame, profile, handle.front)
+            pieces = bar_pieces(handle.region, handle.frame, profile, handle.front, ground)
         else:
             pieces = knob_pieces(handle.region, handle.frame, handle.front)
         if pieces is not None:

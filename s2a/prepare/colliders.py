@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from s2a.geometry.gap import FingerSpace, finger_space
 from s2a.geometry.knob import knob_pieces
 from s2a.geometry.shell import hidden_wall, sheet_opening, shell_pieces
 from s2a.geometry.surfaces import merge
-from s2a.ranges import AtLeast, Count, CountFromZero, Positive
 from s2a.scene import Mesh, Scene
 from s2a.usd.simscene import Collider
 
@@ -42,13 +41,13 @@ class ColliderConfig:
     """
 
     method: Literal["handle", "coacd", "one_hull"]
-    bar_slices: Count
-    handle_pieces: Count
-    front_pieces: Count
-    thickness: Positive
-    resolution: Count
-    max_vertices: Annotated[int, AtLeast(4)]
-    seed: CountFromZero
+    bar_slices: int
+    handle_pieces: int
+    front_pieces: int
+    thickness: float
+    resolution: int
+    max_vertices: int
+    seed: int
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 The tree `conf/` holds every value once and mirrors the package; a frozen dataclass without defaults, beside the code
 that uses it, holds the names, types, units and meaning. `load` joins the two: a key that is missing, unknown or of
-another type is an error.
+another type is an error, and so is a value outside of the bounds that the type carries (`s2a.ranges`).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from hydra.errors import HydraException, MissingConfigException, OverrideParseEx
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from s2a import ranges
 from s2a.errors import InputError
 
 T = TypeVar("T")
@@ -61,7 +62,7 @@ def plain(config: Any, resolve: bool = True) -> dict[str, Any]:
 
 
 def load(cls: type[T], values: Mapping[str, Any]) -> T:
-    """Build a frozen dataclass from plain nested dictionaries: every key known, present and of its type.
+    """Build a frozen dataclass from plain nested dictionaries: every key known, present, of its type, in its range.
 
     Lists become tuples, strings become paths and integers become floats where the dataclass says so.
 
@@ -72,7 +73,7 @@ def load(cls: type[T], values: Mapping[str, Any]) -> T:
         raise InputError(f"key {missing[0]!r} has no value; give {missing[0]}=...")
     rules = dacite.Config(strict=True, type_hooks={float: _float, int: _int, Path: _path})
     try:
-        return dacite.from_dict(cls, _tuples(values), rules)
+        loaded = dacite.from_dict(cls, _tuples(values), rules)
     except dacite.WrongTypeError as error:
         given = _given(values, error)
         raise InputError(f"key {error.field_path!r} is {given!r}; expected {expected(error.field_type)}") from error
@@ -82,6 +83,8 @@ def load(cls: type[T], values: Mapping[str, Any]) -> T:
         name = sorted(error.keys)[0]
         others = [key for key in keys(values) if name not in key.split(".")]
         raise InputError(f"key {name!r} is unknown{nearest(name, others)}") from error
+    ranges.check(cls, loaded)
+    return loaded
 
 
 def leaves(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
@@ -134,11 +137,14 @@ def expected(kind: Any) -> str:
         return "one of: " + ", ".join(map(str, get_args(kind)))
     if type(None) in get_args(kind):
         return " or ".join(expected(option) for option in get_args(kind) if option is not type(None)) + ", or null"
+    names = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
     if get_origin(kind) is tuple:
+        first, *others = get_args(kind)
+        if others and all(other is first for other in others) and first in names:
+            return f"a list of {1 + len(others)} {names[first].removeprefix('a ')}s"
         inner = [option for option in get_args(kind) if option is not Ellipsis]
         more = ["..."] if len(inner) < len(get_args(kind)) else []
         return f"a list [{', '.join([*map(expected, inner), *more])}]"
-    names = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
     return names.get(kind, str(kind).replace("pathlib.", ""))
 
 

@@ -64,6 +64,10 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
         (["train", "stage=x", "out=y", "device=cuda:99"], ["'device'", "'cuda:99'", "auto, cpu"]),
         (["train", "stage=x", "out=y", "worlds=0"], ["'worlds'", "0", "1 or more"]),
         (["train", "stage=x", "out=y", "policy.iterations=0"], ["'policy.iterations'", "0", "1 or more"]),
+        (
+            ["train", "stage=x", "out=y", "worlds=1", "policy.mini_batches=41"],
+            ["'policy.mini_batches'", "41", "40 or less"],
+        ),
         (["train", "stage=x", f"out={__file__}"], [__file__, "is a file where a folder"]),
         (["prepare", "stage=x", "target=[]", "out=y.usd"], ["'target'", "names no part"]),
     ],
@@ -133,9 +137,9 @@ def test_a_bug_names_the_tunables_that_may_be_its_cause(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(cli, "run", lambda verb, values: 1 / 0)
-    arguments = ["certify", "stage=a.usd", "out=b", "certify.physics.dt=0"]
+    arguments = ["certify", "stage=a.usd", "out=b", "certify.physics.dt=9"]
     said = refused(capsys, arguments, code=1)
-    assert "this is a bug, unless certify.physics.dt=0 makes no sense: report" in said
+    assert "this is a bug, unless certify.physics.dt=9 makes no sense: report" in said
 
 
 def test_debug_shows_the_traceback(capsys: pytest.CaptureFixture[str]):

@@ -15,7 +15,7 @@ from tensordict import TensorDict
 
 from s2a.errors import InputError
 from s2a.policy.ppo import RslRlEnv, load_policy, make_runner, train
-from s2a.policy.settings import PpoConfig, rsl_rl_settings
+from s2a.policy.settings import PpoConfig
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
@@ -91,8 +91,3 @@ def test_training_writes_a_checkpoint_that_acts_the_same_when_loaded(tmp_path: P
         (tmp_path / "run/model_9.pt").write_bytes(content)
         with pytest.raises(InputError, match="model_9.pt: not a checkpoint of this policy"):
             load_policy(env, tmp_path / "run/model_9.pt")
-
-
-def test_a_network_without_a_hidden_layer_is_refused() -> None:
-    with pytest.raises(InputError, match="'policy.hidden' is "):
-        rsl_rl_settings(load(PpoConfig, "policy/ppo", hidden=[]))

@@ -56,13 +56,6 @@ def test_an_unknown_thing_weighs_what_its_hull_holds_within_bounds() -> None:
     assert weigh(Part("tray", cube(0.0, 2.0)))[0] == 10.0
 
 
-def test_a_prior_that_is_no_mass_is_refused() -> None:
-    settings: MassConfig = load(PrepareConfig, "prepare/handle").mass
-    scene = Scene("one", {"part_1": Part("kitchen drawer", cube(0.0, 2.0))})
-    with pytest.raises(InputError, match="'mass.priors.drawer' is -3.0"):
-        moving_mass(scene, ("part_1",), replace(settings, priors={"drawer": -3.0}))
-
-
 def test_the_label_and_the_annotation_know_better() -> None:
     assert weigh(Part("kitchen drawer", cube(0.0, 2.0))) == (5.3, "usual for a drawer")
     assert weigh(Part("drawer", cube(0.0, 2.0), mass=3.0)) == (3.0, "annotated")

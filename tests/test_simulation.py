@@ -48,13 +48,9 @@ def test_an_undisturbed_drawer_stays_where_it_was_scanned(stage: Path) -> None:
     assert abs(float(sim.joint_q[0, 0])) < 1e-4
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "said"),
-    [("substeps", 3, "is 3; .* even"), ("substeps", 0, "is 0; .* even"), ("dt", -1.0, "is -1.0; ")],
-)
-def test_steps_that_cannot_be_taken_are_refused(stage: Path, key: str, value: float, said: str) -> None:
-    with pytest.raises(InputError, match=f"'sim.{key}' {said}"):
-        Simulation(read_stage(stage), load(SimConfig, "sim/paper", **{key: value}), 1)
+def test_an_odd_number_of_substeps_is_refused(stage: Path) -> None:
+    with pytest.raises(InputError, match="'sim.substeps' is 3; .* even"):
+        Simulation(read_stage(stage), load(SimConfig, "sim/paper", substeps=3), 1)
 
 
 def test_another_kind_of_stage_is_named(tmp_path: Path) -> None:

@@ -141,11 +141,6 @@ def test_an_unknown_reward_term_names_the_known_ones(stage: Path) -> None:
         OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer"), weights, 0)
 
 
-def test_an_episode_without_steps_is_refused(stage: Path) -> None:
-    with pytest.raises(InputError, match="'task.episode_steps' is 0; an episode has 2 steps or more"):
-        make_env(stage, episode_steps=0)
-
-
 def test_a_share_of_the_episodes_starts_on_the_way_ahead(stage: Path) -> None:
     sim = Simulation(read_stage(stage), load(SimConfig, "sim/paper"), 256)
     start = torch.tensor(sim.config.robot.start)

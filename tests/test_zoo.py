@@ -14,7 +14,6 @@ import yaml
 from pxr import Usd, UsdGeom
 from scipy.spatial import ConvexHull
 
-from s2a.errors import InputError
 from s2a.scan.virtual.zoo import Thing, zoo
 from s2a.scan.virtual.zoo.download import FLAWS, UNITS, download
 from s2a.scan.virtual.zoo.formats import WRITERS
@@ -158,8 +157,3 @@ def test_the_same_seed_gives_the_same_files_and_another_seed_others(tmp_path: Pa
             write(tmp_path / copy / f"thing{ending}", mesh, 1.0, "+y")
         a, b = ((tmp_path / copy / f"thing{ending}").read_bytes() for copy in "ab")
         assert a == b, name
-
-
-def test_a_negative_seed_is_refused(tmp_path: Path):
-    with pytest.raises(InputError, match="'seed' is -1"):
-        run(Config(tmp_path / "zoo", -1))

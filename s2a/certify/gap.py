@@ -13,6 +13,7 @@ from s2a.certify.contents import Contents
 from s2a.geometry.gap import share_inside
 from s2a.geometry.rays import RayMesh, first_hits, ray_mesh
 from s2a.geometry.surfaces import keep, merge, sample
+from s2a.ranges import Share
 from s2a.scene import Mesh
 from s2a.usd.stage import read_mesh
 from s2a.usd.visible import visible
@@ -44,8 +45,8 @@ class GapConfig:
         filled: largest share of the room free in the scan that colliders may fill.
     """
 
-    free: float
-    filled: float
+    free: Share
+    filled: Share
 
 
 @dataclass(frozen=True)

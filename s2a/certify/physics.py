@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
+from s2a.ranges import Count, Positive
 from s2a.sim.build import JointConfig, build_world, lever_arm, opening_sign, read_stage
 from s2a.sim.franka import add_hand
 
@@ -31,9 +32,9 @@ class PhysicsConfig:
         impratio: ratio of friction to normal impedance.
     """
 
-    dt: float
-    iterations: int
-    impratio: float
+    dt: Positive
+    iterations: Count
+    impratio: Positive
 
 
 class World:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.certify.physics import FINGERS, World
+from s2a.ranges import NotNegative, Numbers, Positive
 from s2a.sim.franka import TOOL_OFFSET
 
 OPEN = 0.04
@@ -38,18 +39,18 @@ class GripConfig:
         dt: time step [s]; short, because at the steps of training MuJoCo's soft friction creeps by millimetres.
     """
 
-    approach: float
-    depths: tuple[float, ...]
+    approach: Positive
+    depths: Numbers
     margins: tuple[float, ...]
-    touch: float
-    opened: float
-    force: float
-    damping: float
-    close_time: float
-    pull: float
-    pull_time: float
-    slip: float
-    dt: float
+    touch: NotNegative
+    opened: NotNegative
+    force: Positive
+    damping: NotNegative
+    close_time: Positive
+    pull: NotNegative
+    pull_time: Positive
+    slip: NotNegative
+    dt: Positive
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from s2a.certify.check import Check, judge
 from s2a.certify.physics import World
+from s2a.ranges import Count, NotNegative, Positive
 
 MEND = "mend the colliders or the annotated axis and range, then run s2a prepare again"
 GAIN = 200.0
@@ -33,14 +34,14 @@ class MotionConfig:
         penetration: of colliders that no joint connects [m].
     """
 
-    settle_time: float
-    settle: float
-    open_time: float
-    open: float
-    force: float
-    speed: float
-    poses: int
-    penetration: float
+    settle_time: Positive
+    settle: NotNegative
+    open_time: Positive
+    open: NotNegative
+    force: Positive
+    speed: Positive
+    poses: Count
+    penetration: NotNegative
 
 
 def motion(world: World, config: MotionConfig) -> list[Check]:

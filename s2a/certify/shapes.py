@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from s2a.certify.check import Check, decide, judge
 from s2a.certify.contents import Contents, faces, points
+from s2a.ranges import CountFromZero, NotNegative
 from s2a.usd.stage import ROOT
 
 PREPARE = "run s2a prepare again"
@@ -30,10 +31,10 @@ class ShapeConfig:
         site: how far the grasp site may lie from the middle of the grasp region [m].
     """
 
-    dent: float
-    target_pieces: int
-    room_pieces: int
-    site: float
+    dent: NotNegative
+    target_pieces: CountFromZero
+    room_pieces: CountFromZero
+    site: NotNegative
 
 
 def finite(contents: Contents, config: ShapeConfig) -> Check:

@@ -18,6 +18,7 @@ from s2a.cores import in_parallel, shares
 from s2a.geometry.rays import direction_pixel, pixel_direction
 from s2a.geometry.views import View
 from s2a.progress import track
+from s2a.ranges import NotNegative, Positive
 
 UNKNOWN = 1.0e9
 """Value of a voxel that no panorama observed."""
@@ -36,10 +37,10 @@ class FusionConfig:
             more of the gap behind a handle that is seen from above or aside is taken for the handle's inside.
     """
 
-    voxel: float
-    truncation: float
-    reach: float
-    depth: float
+    voxel: Positive
+    truncation: Positive
+    reach: Positive
+    depth: NotNegative
 
 
 @dataclass

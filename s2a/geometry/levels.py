@@ -8,6 +8,7 @@ import numpy as np
 
 from s2a.geometry.planes import Plane, find_planes
 from s2a.geometry.surfaces import centroids, normals
+from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 from s2a.scene import Mesh
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -29,13 +30,13 @@ class LevelConfig:
         count: largest number of planes.
     """
 
-    lean: float
-    rounds: int
-    tolerance: float
-    slope: float
-    bin: float
-    smallest: float
-    count: int
+    lean: NotNegative
+    rounds: CountFromZero
+    tolerance: Positive
+    slope: NotNegative
+    bin: Positive
+    smallest: NotNegative
+    count: Count
 
 
 def smoothed_normals(mesh: Mesh, direction: np.ndarray, rounds: int) -> np.ndarray:

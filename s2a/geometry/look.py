@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from s2a.errors import InputError
+from s2a.ranges import Above, Count, Positive
 from s2a.scene import Mesh, Vec3
 
 
@@ -26,24 +27,14 @@ class LookConfig:
         see_through: whether surfaces seen from behind are left out, which opens a scanned room to a look from outside.
     """
 
-    width: int
-    height: int
-    samples: int
-    fov: float
+    width: Count
+    height: Count
+    samples: Count
+    fov: Annotated[float, Above(0.0, 3.0)]
     azimuth: float
     elevation: float
-    margin: float
+    margin: Positive
     see_through: bool
-
-    def __post_init__(self) -> None:
-        """Refuse a picture without pixels.
-
-        Raises:
-            InputError: width, height or samples is less than 1.
-        """
-        for name in ("width", "height", "samples"):
-            if getattr(self, name) < 1:
-                raise InputError(f"key 'look.{name}' is {getattr(self, name)}; give 1 or more")
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.geometry.planes import Plane
+from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 
 
 @dataclass(frozen=True)
@@ -20,10 +21,10 @@ class RansacConfig:
         seed: of the random choices.
     """
 
-    threshold: float
-    tries: int
-    lean: float
-    seed: int
+    threshold: Positive
+    tries: Count
+    lean: NotNegative
+    seed: CountFromZero
 
 
 def ransac_plane(points: np.ndarray, upright: bool, config: RansacConfig) -> Plane | None:

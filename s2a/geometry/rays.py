@@ -13,6 +13,7 @@ import warp as wp
 from warp import Mesh as RayMesh
 
 from s2a.cores import in_parallel, shares
+from s2a.ranges import NotNegative, Positive, Share
 
 BEND = 0.25
 """A cube-map face maps the tangent u in [-1, 1] to u (1 + BEND - BEND u^2): within 20 % of even angular spacing."""
@@ -34,12 +35,12 @@ class NoiseConfig:
         blind: rays steeper down than this below the horizon return nothing [rad]: the tripod.
     """
 
-    white: float
-    correlated: float
-    correlation: float
-    registration: float
-    grazing: float
-    blind: float
+    white: NotNegative
+    correlated: NotNegative
+    correlation: Positive
+    registration: NotNegative
+    grazing: Share
+    blind: NotNegative
 
 
 @wp.struct

@@ -15,6 +15,7 @@ from s2a.geometry.columns import Grid, columns
 from s2a.geometry.levels import LevelConfig, horizontal_levels, upright_planes
 from s2a.geometry.planes import Plane, plane_axes
 from s2a.geometry.surfaces import keep
+from s2a.ranges import Count, CountFromZero, NotNegative, Positive, Share
 from s2a.scene import Mesh
 
 Kind = Literal["horizontal", "vertical", "inside"]
@@ -42,16 +43,16 @@ class RegionConfig:
     """
 
     level: LevelConfig
-    cell: float
-    cells: int
-    closing: int
-    smallest: float
-    upright: float
-    free: float
-    reach: float
-    lift: float
-    cover: float
-    wall: float
+    cell: Positive
+    cells: Count
+    closing: CountFromZero
+    smallest: NotNegative
+    upright: NotNegative
+    free: NotNegative
+    reach: Positive
+    lift: NotNegative
+    cover: Share
+    wall: NotNegative
 
 
 @dataclass(frozen=True, eq=False)

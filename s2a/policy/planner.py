@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
 from s2a.policy.free_way import freest
+from s2a.ranges import Count, CountFromZero, Positive
 from s2a.sim.build import SimStage, lever_arm, opening_sign, travel
 from s2a.sim.franka import ARM_JOINTS, JOINTS, FrankaConfig, add_franka
 from s2a.sim.simulation import Simulation
@@ -43,15 +44,15 @@ class PlannerConfig:
         seed: of the random starts.
     """
 
-    restarts: int
-    approach: float
+    restarts: Count
+    approach: Positive
     depth: float
-    opening: float
-    reach_time: float
-    approach_time: float
-    close_time: float
-    pull_time: float
-    seed: int
+    opening: Positive
+    reach_time: Positive
+    approach_time: Positive
+    close_time: Positive
+    pull_time: Positive
+    seed: CountFromZero
 
 
 class Planner:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from s2a.errors import InputError
+from s2a.ranges import Count, NotEmpty, NotNegative, Positive, Share
 
 
 @dataclass(frozen=True)
@@ -37,32 +37,30 @@ class PpoConfig:
         compile: how torch.compile treats the networks; null: not at all.
     """
 
-    iterations: int
-    steps: int
-    epochs: int
-    mini_batches: int
-    learning_rate: float
-    desired_kl: float
-    gamma: float
-    lam: float
-    clip: float
+    iterations: Count
+    steps: Count
+    epochs: Count
+    mini_batches: Count
+    learning_rate: Positive
+    desired_kl: Positive
+    gamma: Share
+    lam: Share
+    clip: Positive
     clip_value: bool
-    reward_scale: float
-    value_loss: float
+    reward_scale: Positive
+    value_loss: NotNegative
     entropy: float
-    max_grad_norm: float
-    hidden: tuple[int, ...]
-    init_std: float
-    save_interval: int
+    max_grad_norm: Positive
+    hidden: Annotated[tuple[Count, ...], NotEmpty()]
+    init_std: Positive
+    save_interval: Count
     graph: bool
     fused_adam: bool
     compile: Literal["default", "max-autotune-no-cudagraphs"] | None
 
 
 def rsl_rl_settings(config: PpoConfig) -> dict[str, Any]:
-    """Return the settings under rsl-rl's names; InputError for a network without a hidden layer."""
-    if not config.hidden:
-        raise InputError("key 'policy.hidden' is []; give the size of one hidden layer or more")
+    """Return the settings under rsl-rl's names."""
     network = {
         "class_name": "MLPModel",
         "hidden_dims": list(config.hidden),

@@ -19,6 +19,7 @@ from s2a.prepare.mass import MassConfig, box_mass, moving_mass
 from s2a.prepare.motion import deepest, sweep
 from s2a.prepare.pose import find_grasp, lever_arm
 from s2a.prepare.room import RoomConfig, pedestal, room_colliders
+from s2a.ranges import NotNegative
 from s2a.scene import Mesh, Scene
 from s2a.usd.simscene import Collider, Grasp, SimBody, SimScene
 
@@ -46,7 +47,7 @@ class PrepareConfig:
         loose: objects that are lifted out of the room.
     """
 
-    friction: float
+    friction: NotNegative
     interior: bool
     base: BaseConfig
     decimate: DecimateConfig

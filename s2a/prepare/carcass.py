@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from s2a.prepare.colliders import Handle
 from s2a.prepare.mass import box_mass
 from s2a.prepare.pose import opening_direction
 from s2a.prepare.room import cut_all
+from s2a.ranges import AtLeast, Count, Positive
 from s2a.scene import Joint, Mesh, Scene
 from s2a.usd.simscene import Collider, Grasp, Mass, SimBody
 
@@ -35,12 +37,12 @@ class CarcassConfig:
             handle, across it, and outwards from where fingers end before the front.
     """
 
-    pieces: int
-    thickness: float
-    resolution: int
-    max_vertices: int
-    mass: float
-    corridor: tuple[float, float, float]
+    pieces: Count
+    thickness: Positive
+    resolution: Count
+    max_vertices: Annotated[int, AtLeast(4)]
+    mass: Positive
+    corridor: tuple[Positive, Positive, Positive]
 
 
 def freeze(scene: Scene, target: str, frozen: Sequence[str], spaces: Sequence[Mesh], config: CarcassConfig) -> SimBody:

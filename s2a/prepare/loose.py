@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import trimesh
@@ -18,6 +19,7 @@ from s2a.geometry.surfaces import keep, merge
 from s2a.prepare.cache import pack, recall, unpack
 from s2a.prepare.mass import MassConfig, known_mass
 from s2a.prepare.motion import grown
+from s2a.ranges import AtLeast, Count, NotNegative, Positive, Share
 from s2a.scene import Mesh, Scene
 from s2a.usd.simscene import Collider, Mass, SimBody
 
@@ -46,15 +48,15 @@ class LooseConfig:
         mass: what it weighs.
     """
 
-    near: float
-    crumb: float
-    pieces: int
-    resolution: int
-    max_vertices: int
-    foot: float
-    margin: float
-    thickness: float
-    clearance: float
+    near: Positive
+    crumb: Share
+    pieces: Count
+    resolution: Count
+    max_vertices: Annotated[int, AtLeast(4)]
+    foot: Positive
+    margin: NotNegative
+    thickness: Positive
+    clearance: NotNegative
     mass: MassConfig
 
 

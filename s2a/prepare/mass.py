@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.errors import InputError
 from s2a.geometry.convex import hull, volume
+from s2a.ranges import Positive
 from s2a.scene import Mesh, Scene
 from s2a.usd.simscene import Mass
 
@@ -25,10 +25,10 @@ class MassConfig:
         density: [kg/m^3] by which a volume is weighed, for labels without a prior.
     """
 
-    priors: dict[str, float]
-    lowest: float
-    highest: float
-    density: float
+    priors: dict[str, Positive]
+    lowest: Positive
+    highest: Positive
+    density: Positive
 
     def estimate(self, volume: float) -> float:
         """Return what a volume [m^3] weighs within bounds [kg]."""
@@ -42,9 +42,6 @@ def known_mass(scene: Scene, members: Sequence[str], config: MassConfig) -> tupl
         scene: the room.
         members: ids of the parts that move together, the one that gives the body its name first.
         config: what to assume.
-
-    Raises:
-        InputError: the label's mass is not above 0.
     """
     annotated = [scene.parts[i].mass for i in members]
     if annotated[0] is not None:
@@ -52,10 +49,7 @@ def known_mass(scene: Scene, members: Sequence[str], config: MassConfig) -> tupl
     words = scene.parts[members[0]].label.lower().replace("_", " ").split()
     if not words or words[-1] not in config.priors:
         return None
-    prior = config.priors[words[-1]]
-    if not prior > 0:
-        raise InputError(f"key 'mass.priors.{words[-1]}' is {prior}; give kilograms above 0")
-    return prior, f"usual for a {words[-1]}"
+    return config.priors[words[-1]], f"usual for a {words[-1]}"
 
 
 def moving_mass(scene: Scene, members: Sequence[str], config: MassConfig) -> tuple[float, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from s2a.prepare.cache import pack, recall, unpack
 from s2a.prepare.decimate import is_shell
 from s2a.prepare.panda import SHOULDER
 from s2a.progress import track
+from s2a.ranges import AtLeast, Count, CountFromZero, NotNegative, Positive
 from s2a.scene import Mesh, Scene, Vec3
 from s2a.usd.simscene import Collider
 
@@ -46,20 +48,20 @@ class RoomConfig:
         crumb: what is left of a piece after cutting counts from this volume on [m^3].
     """
 
-    reach: float
-    pieces: int
-    part_pieces: int
-    small: float
-    resolution: int
-    max_vertices: int
+    reach: Positive
+    pieces: CountFromZero
+    part_pieces: Count
+    small: NotNegative
+    resolution: Count
+    max_vertices: Annotated[int, AtLeast(4)]
     shell_labels: tuple[str, ...]
-    flatness: float
-    cell: float
-    thickness: float
-    base_radius: float
-    base_height: float
-    clearance: float
-    crumb: float
+    flatness: Positive
+    cell: Positive
+    thickness: Positive
+    base_radius: NotNegative
+    base_height: NotNegative
+    clearance: NotNegative
+    crumb: NotNegative
 
 
 def room_colliders(

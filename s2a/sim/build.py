@@ -13,6 +13,7 @@ import warp as wp
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from s2a.errors import InputError
+from s2a.ranges import NotNegative
 from s2a.sim.franka import FrankaConfig, add_franka
 from s2a.usd.stage import open_stage
 
@@ -26,8 +27,8 @@ class JointConfig:
         damping: [N s/m] or [N m s/rad].
     """
 
-    stiffness: float
-    damping: float
+    stiffness: NotNegative
+    damping: NotNegative
 
 
 @dataclass(frozen=True)

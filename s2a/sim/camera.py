@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import newton
 import numpy as np
@@ -12,6 +13,7 @@ from newton.sensors import SensorCamera
 from pxr import UsdGeom
 from scipy.spatial.transform import Rotation
 
+from s2a.ranges import Above, Count, Positive
 from s2a.sim.build import SimStage, body_index
 from s2a.sim.franka import FrankaConfig, add_franka
 from s2a.sim.viewpoint import viewpoint
@@ -34,10 +36,10 @@ class CameraConfig:
         elevation: above the horizon [rad].
     """
 
-    width: int
-    height: int
-    fov: float
-    distance: float
+    width: Count
+    height: Count
+    fov: Annotated[float, Above(0.0, 3.0)]
+    distance: Positive
     azimuth: float
     elevation: float
 

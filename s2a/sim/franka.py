@@ -13,6 +13,8 @@ from pathlib import Path
 import newton
 import warp as wp
 
+from s2a.ranges import NotNegative
+
 ARM_JOINTS = 7
 """Joints of the arm; coordinates 0 to 6 of a world."""
 JOINTS = 9
@@ -36,14 +38,14 @@ class FrankaConfig:
         start: joint positions at reset, seven of the arm [rad], two of the fingers [m].
     """
 
-    arm_stiffness: float
-    arm_damping: float
-    finger_stiffness: float
-    finger_damping: float
-    finger_effort: float
-    armature: float
+    arm_stiffness: NotNegative
+    arm_damping: NotNegative
+    finger_stiffness: NotNegative
+    finger_damping: NotNegative
+    finger_effort: NotNegative
+    armature: NotNegative
     gravity_compensation: bool
-    start: tuple[float, ...]
+    start: tuple[float, float, float, float, float, float, float, float, float]
 
 
 def add_franka(builder: newton.ModelBuilder, config: FrankaConfig, base: wp.transform, visuals: bool = False) -> None:

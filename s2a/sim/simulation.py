@@ -11,6 +11,7 @@ import newton
 import warp as wp
 
 from s2a.errors import InputError
+from s2a.ranges import Count, Positive
 from s2a.sim.build import JointConfig, SimStage, body_index, build_world
 from s2a.sim.franka import FrankaConfig
 
@@ -37,14 +38,14 @@ class SimConfig:
         joint: how the target's joint resists.
     """
 
-    dt: float
-    substeps: int
-    iterations: int
-    ls_iterations: int
+    dt: Positive
+    substeps: Count
+    iterations: Count
+    ls_iterations: Count
     cone: Literal["elliptic", "pyramidal"]
-    impratio: float
-    njmax: int
-    nconmax: int
+    impratio: Positive
+    njmax: Count
+    nconmax: Count
     multiccd: bool
     room: bool
     robot: FrankaConfig
@@ -70,9 +71,7 @@ class Simulation:
         self, stage: SimStage, config: SimConfig, worlds: int, device: str = "cpu", with_robot: bool = True
     ) -> None:
         """Build the worlds; the first call on a machine compiles kernels for a minute."""
-        if config.dt <= 0.0:
-            raise InputError(f"key 'sim.dt' is {config.dt}; give a time step above 0 s")
-        if config.substeps < 1 or config.substeps % 2:
+        if config.substeps % 2:
             raise InputError(f"key 'sim.substeps' is {config.substeps}; a captured step needs an even number")
         self.stage, self.config, self.worlds, self.device = stage, config, worlds, device
         with wp.ScopedDevice(device):

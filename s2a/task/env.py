@@ -58,8 +58,6 @@ class OpenDrawerEnv:
             ahead: joint targets [step 9] of a motion that closes the hand on the handle, and the share of episodes that
                 start somewhere on the way to it or in it; None: none does.
         """
-        if config.episode_steps < 2:
-            raise InputError(f"key 'task.episode_steps' is {config.episode_steps}; an episode has 2 steps or more")
         self.sim, self.config = sim, config
         self.num_envs, self.max_episode_length = sim.worlds, config.episode_steps
         self._weights_given = _weights(weights)

@@ -9,7 +9,9 @@ world's up for a horizontal bar), moving with the part.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
+from s2a.ranges import AtLeast, NotNegative, Positive, Share
 from s2a.sim.franka import JOINTS
 
 OBSERVATIONS = 2 * JOINTS + 5
@@ -78,22 +80,22 @@ class OpenDrawerConfig:
         touch_force: normal force from which a contact counts [N].
     """
 
-    episode_steps: int
-    action_scale: float
-    finger_speed: float
+    episode_steps: Annotated[int, AtLeast(2)]
+    action_scale: Positive
+    finger_speed: Positive
     velocity_scale: float
-    observation_limit: float
-    start_noise: float
+    observation_limit: Positive
+    start_noise: NotNegative
     hand_point: tuple[float, float, float]
-    close_distance: float
+    close_distance: NotNegative
     bonus_openings: tuple[float, float, float]
-    end_opening: float
-    success_opening: float
-    wide_opening: float
-    static_share: float
-    static_speed: float
-    full_share: float
-    trouble_share: float
-    full_travel: float
-    touch_distance: float
-    touch_force: float
+    end_opening: Positive
+    success_opening: Positive
+    wide_opening: Positive
+    static_share: Share
+    static_speed: NotNegative
+    full_share: Share
+    trouble_share: Share
+    full_travel: Positive
+    touch_distance: NotNegative
+    touch_force: NotNegative

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from s2a.edit.surfaces import nearby
 from s2a.geometry.convex import hull
 from s2a.geometry.decompose import one_hull
 from s2a.geometry.surfaces import sample
+from s2a.ranges import AtLeast, Count, Share
 from s2a.scene import Mesh, Scene
 
 FOOT = 0.03
@@ -35,9 +37,9 @@ class PiecesConfig:
         vertices: largest number a piece.
     """
 
-    full: float
-    slices: int
-    vertices: int
+    full: Share
+    slices: Count
+    vertices: Annotated[int, AtLeast(4)]
 
 
 def drop(pieces: PiecesConfig, config: SettleConfig) -> Watch:

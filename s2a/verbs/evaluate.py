@@ -17,6 +17,7 @@ from s2a.policy.export import export
 from s2a.policy.planner import Planner, PlannerConfig
 from s2a.policy.ppo import load_model, load_policy
 from s2a.provenance import provenance
+from s2a.ranges import Count, CountFromZero
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.franka import JOINTS
 from s2a.sim.simulation import SimConfig
@@ -55,9 +56,9 @@ class Config:
     checkpoint: Path | None
     agent: Literal["zero", "random"] | None
     export: bool
-    worlds: int
+    worlds: Count
     device: str
-    seed: int
+    seed: CountFromZero
     sim: SimConfig
     task: OpenDrawerConfig
     reward: dict[str, float]

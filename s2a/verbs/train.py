@@ -17,6 +17,7 @@ from s2a.policy.export import export
 from s2a.policy.planner import PlannerConfig, grasping_motion
 from s2a.policy.settings import PpoConfig
 from s2a.provenance import provenance
+from s2a.ranges import Count, CountFromZero, Share
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
@@ -50,14 +51,14 @@ class Config:
     out: Path
     resume: bool
     export: bool
-    worlds: int
+    worlds: Count
     device: str
-    seed: int
+    seed: CountFromZero
     sim: SimConfig
     task: OpenDrawerConfig
     reward: dict[str, float]
     policy: PpoConfig
-    starts_ahead: float
+    starts_ahead: Share
     plan: PlannerConfig
 
 
@@ -82,11 +83,15 @@ def _start_of(config: Config) -> Path | None:
     """Return the checkpoint to go on from, None to begin.
 
     Raises:
-        InputError: no iteration is asked for; `out` is a file; it holds something, and the run is not to go on; or it has done
-            all its iterations.
+        InputError: there are more mini-batches than samples; `out` is a file; it holds something, and the run is not to go
+            on; or it has done all its iterations.
     """
-    if config.policy.iterations < 1:
-        raise InputError(f"key 'policy.iterations' is {config.policy.iterations}; give 1 or more")
+    samples = config.worlds * config.policy.steps
+    if config.policy.mini_batches > samples:
+        raise InputError(
+            f"key 'policy.mini_batches' is {config.policy.mini_batches}, and an iteration collects worlds x policy.steps = "
+            f"{samples} samples; give {samples} or less"
+        )
     if config.out.exists() and not config.out.is_dir():
         raise InputError(f"out {str(config.out)!r} is a file where a folder should be written; choose another place")
     if processes.rank() == 0 and config.out.exists() and any(config.out.iterdir()):
@@ -121,10 +126,8 @@ def simulation(stage: Path, config: SimConfig, worlds: int, device: str) -> Simu
     """Return the worlds that a user's keys mean.
 
     Raises:
-        InputError: no world, a device that this machine does not have, or not a sim.usd.
+        InputError: a device that this machine does not have, or not a sim.usd.
     """
-    if worlds < 1:
-        raise InputError(f"key 'worlds' is {worlds}; give 1 or more")
     known = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
     chosen = known[:2][-1] if device == "auto" else device
     if chosen not in known:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.errors import InputError
 from s2a.outputs import aside
 from s2a.progress import track
+from s2a.ranges import CountFromZero
 from s2a.scan.virtual.zoo import zoo
 from s2a.scan.virtual.zoo.download import UNITS, Download, download
 from s2a.scan.virtual.zoo.formats import WRITERS
@@ -29,17 +29,11 @@ class Config:
     """
 
     out: Path
-    seed: int
+    seed: CountFromZero
 
 
 def run(config: Config) -> str:
-    """Write the objects, the list of them and the truth; return what was written.
-
-    Raises:
-        InputError: the seed is negative.
-    """
-    if config.seed < 0:
-        raise InputError(f"key 'seed' is {config.seed}; give a whole number from 0 up")
+    """Write the objects, the list of them and the truth; return what was written."""
     deal, dirt = np.random.default_rng(config.seed).spawn(2)
     items = download(zoo(), deal)
     with aside(config.out, earlier=TRUTH) as out:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a.geometry.rays import RayMesh, nearest_faces
+from s2a.ranges import NotNegative
 from s2a.scan.virtual.catalog import Entry
 from s2a.scan.virtual.solids import rotation
 from s2a.scene import Joint
@@ -23,10 +24,10 @@ class AnnotationConfig:
         limits: largest relative error of a joint's range.
     """
 
-    border: float
-    axis: float
-    origin: float
-    limits: float
+    border: NotNegative
+    axis: NotNegative
+    origin: NotNegative
+    limits: NotNegative
 
 
 def face_numbers(

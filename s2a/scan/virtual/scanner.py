@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from s2a.geometry.rays import NoiseConfig, RayMesh, cast_panorama
 from s2a.geometry.snap import snap
 from s2a.geometry.views import measure
 from s2a.progress import track
+from s2a.ranges import AtLeast, Positive
 from s2a.scan.virtual.solids import rotation, translation
 from s2a.scan.virtual.thin import ThinConfig, thin
 
@@ -28,8 +30,8 @@ class ScannerConfig:
         thin: how that surface is thinned out.
     """
 
-    poses: int
-    spacing: float
+    poses: Annotated[int, AtLeast(4, 6)]
+    spacing: Positive
     noise: NoiseConfig
     fusion: FusionConfig
     thin: ThinConfig

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
 import pyfqmr
@@ -10,6 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from s2a.geometry.nets import Net
+from s2a.ranges import Above, CountFromZero, NotNegative
 
 
 @dataclass(frozen=True)
@@ -24,11 +26,11 @@ class ThinConfig:
         smallest: loose pieces with fewer faces than this, before decimation, are dropped.
     """
 
-    merge: int
-    bend: float
-    bump: float
-    keep: float
-    smallest: int
+    merge: Literal[1, 2, 4]
+    bend: NotNegative
+    bump: NotNegative
+    keep: Annotated[float, Above(0.0, 1.0)]
+    smallest: CountFromZero
 
 
 def thin(net: Net, config: ThinConfig) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,110 @@
+"""What a number or a list in the settings may be, beyond its type: bounds that a field's type carries.
+
+    width: Count
+    fov: Annotated[float, Above(0.0, 3.0)]
+
+`s2a.config.load` refuses what lies outside. A field without a bound is one where every value has a meaning.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, is_dataclass
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+from s2a.errors import InputError
+
+
+@dataclass(frozen=True)
+class Above:
+    """A number above `low`, up to `high`; infinite is a number too, NaN is none."""
+
+    low: float
+    high: float = math.inf
+
+    def holds(self, value: float) -> bool:
+        """Say whether a value is possible."""
+        return self.low < value <= self.high
+
+    def __str__(self) -> str:
+        """Say what is possible."""
+        return f"a number above {self.low:g}" + (f", up to {self.high:g}" if self.high < math.inf else "")
+
+
+@dataclass(frozen=True)
+class AtLeast:
+    """A number from `low` to `high`, both possible."""
+
+    low: float
+    high: float = math.inf
+
+    def holds(self, value: float) -> bool:
+        """Say whether a value is possible."""
+        return self.low <= value <= self.high
+
+    def __str__(self) -> str:
+        """Say what is possible."""
+        return f"a number from {self.low:g} to {self.high:g}" if self.high < math.inf else f"{self.low:g} or more"
+
+
+@dataclass(frozen=True)
+class NotEmpty:
+    """A list that holds something."""
+
+    def holds(self, value: tuple[Any, ...]) -> bool:
+        """Say whether a value is possible."""
+        return len(value) > 0
+
+    def __str__(self) -> str:
+        """Say what is possible."""
+        return "a list of one or more, [a,b]"
+
+
+Positive = Annotated[float, Above(0.0)]
+"""Such as a length that is divided by, a duration, a density."""
+NotNegative = Annotated[float, AtLeast(0.0)]
+"""Such as a tolerance, the size of an error, a gain."""
+Share = Annotated[float, AtLeast(0.0, 1.0)]
+"""Of a whole."""
+Count = Annotated[int, AtLeast(1)]
+"""Of what there has to be one of."""
+CountFromZero = Annotated[int, AtLeast(0)]
+"""Of what there may be none of; a seed."""
+Numbers = Annotated[tuple[float, ...], NotEmpty()]
+"""Values to try, the first one first."""
+
+
+def check(kind: Any, value: Any, key: str = "") -> None:
+    """Refuse a value outside of the bounds that its type carries, or that the types inside it carry.
+
+    Args:
+        kind: the type, such as a dataclass of settings or the type of one of its fields.
+        value: an instance of it.
+        key: its dotted name.
+
+    Raises:
+        InputError: naming the key, the value and what is possible.
+    """
+    if get_origin(kind) is Annotated:
+        kind, *bounds = get_args(kind)
+        for bound in bounds:
+            if not bound.holds(value):
+                given = list(value) if isinstance(value, tuple) else value
+                raise InputError(f"key {key!r} is {given}; give {bound}")
+    for inner, part, name in _inside(kind, value):
+        check(inner, part, f"{key}.{name}" if key else name)
+
+
+def _inside(kind: Any, value: Any) -> list[tuple[Any, Any, str]]:
+    """List the type, the value and the name of what a value is made of: fields, or entries."""
+    if isinstance(kind, type) and is_dataclass(kind):
+        hints = get_type_hints(kind, include_extras=True)
+        return [(inner, getattr(value, name), name) for name, inner in hints.items()]
+    kinds = get_args(kind)
+    if isinstance(value, Mapping):
+        return [(kinds[1], part, name) for name, part in value.items()]
+    if isinstance(value, tuple) and get_origin(kind) is tuple:
+        each = kinds[:1] * len(value) if kinds[-1] is Ellipsis else kinds
+        return [(inner, part, str(i)) for i, (inner, part) in enumerate(zip(each, value, strict=True))]
+    return []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from s2a.geometry.gap import FingerSpace, finger_space
 from s2a.geometry.knob import knob_pieces
 from s2a.geometry.shell import hidden_wall, sheet_opening, shell_pieces
 from s2a.geometry.surfaces import merge
+from s2a.ranges import AtLeast, Count, CountFromZero, Positive
 from s2a.scene import Mesh, Scene
 from s2a.usd.simscene import Collider
 
@@ -41,13 +42,13 @@ class ColliderConfig:
     """
 
     method: Literal["handle", "coacd", "one_hull"]
-    bar_slices: int
-    handle_pieces: int
-    front_pieces: int
-    thickness: float
-    resolution: int
-    max_vertices: int
-    seed: int
+    bar_slices: Count
+    handle_pieces: Count
+    front_pieces: Count
+    thickness: Positive
+    resolution: Count
+    max_vertices: Annotated[int, AtLeast(4)]
+    seed: CountFromZero
 
 
 @dataclass(frozen=True)

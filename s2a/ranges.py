@@ -61,6 +61,8 @@ class NotEmpty:
         return "a list of one or more, [a,b]"
 
 
+BOUNDS = (Above, AtLeast, NotEmpty)
+"""What `check` looks for; other annotations of a type are somebody else's."""
 Positive = Annotated[float, Above(0.0)]
 """Such as a length that is divided by, a duration, a density."""
 NotNegative = Annotated[float, AtLeast(0.0)]
@@ -89,7 +91,7 @@ def check(kind: Any, value: Any, key: str = "") -> None:
     if get_origin(kind) is Annotated:
         kind, *bounds = get_args(kind)
         for bound in bounds:
-            if not bound.holds(value):
+            if isinstance(bound, BOUNDS) and not bound.holds(value):
                 given = list(value) if isinstance(value, tuple) else value
                 raise InputError(f"key {key!r} is {given}; give {bound}")
     for inner, part, name in _inside(kind, value):

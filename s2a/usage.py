@@ -81,15 +81,18 @@ def meaning_of(key: str, meanings: Mapping[str, str]) -> str:
 def attributes(cls: type, prefix: str = "") -> dict[str, str]:
     """Read the meaning of every dotted key from the `Attributes:` of a dataclass and of those inside it.
 
-    What lies in a dictionary of dataclasses is found under the key `*`. Choices that the text does not name are added to it.
+    What lies in a dictionary of dataclasses is found under the key `*`; the meaning of each key of another dictionary may be an
+    annotation of its type, `Annotated[dict[str, float], {key: meaning}]`. Choices that the text does not name are added to it.
     """
     found: dict[str, str] = {}
     for part in reversed(cls.__mro__[:-1]):
         section = inspect.cleandoc(part.__doc__ or "").partition("Attributes:\n")[2]
         entries = re.findall(r"^    (\w+): (.*(?:\n {8,}.*)*)", section, flags=re.MULTILINE)
         found |= {f"{prefix}{key}": " ".join(text.split()) for key, text in entries}
-    hints: dict[str, Any] = get_type_hints(cls)
-    for key, kind in hints.items():
+    annotated: dict[str, Any] = get_type_hints(cls, include_extras=True)
+    for key, kind in get_type_hints(cls).items():
+        for meanings in (note for note in get_args(annotated[key])[1:] if isinstance(note, Mapping)):
+            found |= {f"{prefix}{key}.{name}": meaning for name, meaning in meanings.items()}
         if text := found.get(f"{prefix}{key}"):
             found[f"{prefix}{key}"] = _with_choices(text, config.expected(kind))
         inner, path = (get_args(kind)[1], f"{key}.*") if get_origin(kind) is dict else (kind, key)

@@ -156,3 +156,10 @@ def test_overrides_reach_nested_values_and_options_of_groups():
     values = config.compose("train", ["reward=handle", "policy.iterations=7"])
     assert values["policy"]["iterations"] == 7
     assert values["reward"]["distance"] == 50.5
+
+
+@pytest.mark.parametrize("verb", ["train", "evaluate"])
+def test_the_help_tells_what_each_reward_term_is(verb: str):
+    meanings = usage.attributes(importlib.import_module(f"s2a.verbs.{verb}").Config)
+    terms = [usage.meaning_of(f"reward.{name}", meanings) for name in config.compose(verb)["reward"]]
+    assert len(set(terms)) == len(terms) == 9

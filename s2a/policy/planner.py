@@ -40,7 +40,7 @@ class PlannerConfig:
         reach_time: to the point of approach [s].
         approach_time: from there to the grasp [s].
         close_time: for the fingers to close [s].
-        pull_time: [s].
+        pull_time: to draw the part along its joint by `opening` [s].
         seed: of the random starts.
     """
 

@@ -227,9 +227,11 @@ def load_model(env: OpenDrawerEnv, checkpoint: Path) -> MLPModel:
         InputError: the checkpoint, or the policy.json that train writes beside it, is missing or of another kind.
     """
     settings = checkpoint.parent / "policy.json"
-    for file in (checkpoint, settings):
-        if not file.is_file():
-            raise InputError(f"{file}: no such file; give the model_N.pt in a folder that s2a train wrote")
+    missing = [str(file) for file in (checkpoint, settings) if not file.is_file()]
+    if missing:
+        raise InputError(
+            f"checkpoint {str(checkpoint)!r}: {missing[0]}: no such file; give the model_N.pt in a folder that s2a train wrote"
+        )
     values = json.loads(settings.read_text())
     with contextlib.redirect_stdout(io.StringIO()):
         config = PpoConfig(

@@ -16,11 +16,22 @@ from s2a.sim.franka import JOINTS
 
 OBSERVATIONS = 2 * JOINTS + 5
 """Joint positions (scaled to their range) and velocities, hand to grasp point (3, robot base frame), joint, its velocity."""
-REWARD_TERMS = ("distance", "rotation", "opening", "finger", "bonus", "action", "grip", "led_opening", "closing")
-"""Names of the unweighted reward terms, in the order of the kernel's columns. The first six are the reference's; "grip" is 1
-while both fingers press on the grasp region, "led_opening" how far they led the part there [m]: it grows with the opening while
-both press, and never exceeds it; "closing" how far both have closed [m] while the grasp point is between them and within
-`close_distance` of the hand."""
+REWARD_MEANINGS = {
+    "distance": "weight of the hand being near the grasp point: 1 / (1 + d²)², twice that within task.close_distance.",
+    "rotation": "weight of the hand being turned as the grasp is, from -1 to 1.",
+    "opening": "weight of how far the part is open, as a way of its grasp point [m].",
+    "finger": "weight of the fingers standing on the wrong sides of the grasp point: how far [m], below 0.",
+    "bonus": "weight of each of task.bonus_openings that is passed.",
+    "action": "weight of the sum of the squared actions; below 0: a cost.",
+    "grip": "weight of both fingers pressing on the grasp region, 0 or 1.",
+    "led_opening": "weight of how far both fingers led the part by the grasp region [m]; never more than it is open.",
+    "closing": "weight of how far both fingers have closed [m] around the grasp point, within task.close_distance of it.",
+}
+"""What the weight of each reward term is of. The first six terms are the reference's."""
+REWARD_TERMS = tuple(REWARD_MEANINGS)
+"""Names of the unweighted reward terms, in the order of the kernel's columns."""
+RewardWeights = Annotated[dict[str, float], REWARD_MEANINGS]
+"""Weights of all reward terms by name; the type tells `--help` what they are of."""
 RESULTS = (
     "success",
     "final_success",

@@ -22,7 +22,7 @@ from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.franka import JOINTS
 from s2a.sim.simulation import SimConfig
 from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import OpenDrawerConfig
+from s2a.task.open_drawer import OpenDrawerConfig, RewardWeights
 from s2a.verbs.train import simulation
 from s2a.verbs.trained import read_world
 
@@ -61,7 +61,7 @@ class Config:
     seed: CountFromZero
     sim: SimConfig
     task: OpenDrawerConfig
-    reward: dict[str, float]
+    reward: RewardWeights
     policy: PlannerConfig
     pictures: Path | None
     camera: CameraConfig

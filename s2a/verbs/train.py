@@ -21,7 +21,7 @@ from s2a.ranges import Count, CountFromZero, Share
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import OpenDrawerConfig
+from s2a.task.open_drawer import OpenDrawerConfig, RewardWeights
 from s2a.verbs.trained import write_world
 
 METRICS = "metrics.json"
@@ -56,7 +56,7 @@ class Config:
     seed: CountFromZero
     sim: SimConfig
     task: OpenDrawerConfig
-    reward: dict[str, float]
+    reward: RewardWeights
     policy: PpoConfig
     starts_ahead: Share
     plan: PlannerConfig

@@ -12,6 +12,7 @@ from s2a.errors import InputError
 from s2a.geometry.look import LookConfig, View, frame, front_of
 from s2a.outputs import aside
 from s2a.scene import Mesh
+from s2a.usd.stage import ENCODINGS
 from s2a.usd.tree import tree
 from s2a.usd.visible import Visible, visible
 
@@ -41,7 +42,15 @@ class Config:
 
 
 def run(config: Config) -> str:
-    """Write the picture if one is asked for; return the tree of the file, or what was written."""
+    """Write the picture if one is asked for; return the tree of the file, or what was written.
+
+    Raises:
+        InputError: nothing is there, nothing is asked for, or a picture that is no PNG file.
+    """
+    if not config.path.exists():
+        raise InputError(f"{config.path}: does not exist; give a scan's folder, or a {', '.join(ENCODINGS)} file")
+    if config.picture and config.picture.suffix.lower() != ".png":
+        raise InputError(f"key 'picture' is {str(config.picture)!r}; a picture is a PNG file: give picture=FILE.png")
     if not config.picture and (config.part or config.colliders):
         raise InputError("keys 'part' and 'colliders' are of a picture, and none is asked for; give picture=FILE.png")
     said = []

@@ -25,8 +25,12 @@ def main() -> None:
     parser.add_argument("results", type=Path)
     parser.add_argument("picture", type=Path)
     args = parser.parse_args()
-    results = json.loads(args.results.read_text())
-    draw(results["runs"] if "runs" in results else [as_run(results)], args.picture)
+    try:
+        results = json.loads(args.results.read_text())
+        runs = results["runs"] if "runs" in results else [as_run(results)]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        parser.error(f"{args.results}: not results of a table, nor the metrics.json of one run ({error!r})")
+    draw(runs, args.picture)
 
 
 def as_run(metrics: dict[str, Any]) -> dict[str, Any]:

@@ -14,8 +14,8 @@ import tiny_scan
 from tiny_scan import COLORS, assert_refused, corners, triangles
 
 from s2a import scan
-from s2a.scan import multiscan
-from s2a.scene import Joint
+from s2a.scan import multiscan, multiscan_objects
+from s2a.scene import Joint, Mesh, Scene
 from s2a.usd import geometric
 
 REAL_DATA = os.environ.get("S2A_REAL_DATA")
@@ -152,18 +152,26 @@ def test_the_scene_survives_the_geometric_stage(tmp_path):
     assert geometric.read(tmp_path / "geometric.usd") == scene
 
 
-def test_an_annotation_without_its_mesh_is_refused_but_can_be_read_alone(tmp_path):
+def annotated(path):
+    """Return the annotation in a folder as a scene without surfaces: what is to be had of real data without meshes."""
+    files = multiscan._find(path)
+    items = multiscan_objects.read(files.annotations).items
+    empty = Mesh(np.empty((0, 3)), np.empty((0, 3)))
+    return Scene(files.name, multiscan._parts(items, dict.fromkeys(items, empty), np.zeros(3)))
+
+
+def test_an_annotation_without_its_mesh_is_refused(tmp_path):
     folder = tiny.write_released(tmp_path / "scan")
     (folder / tiny.PLY).unlink()
     assert_refused(folder, tiny.PLY, "missing", "4 objects, 2 joints", "no surface")
-    scene = multiscan.read_annotation(folder)
+    scene = annotated(folder)
     assert scene.movable == ("door_6", "door_9") and "remove_4" in scene.parts
 
 
 @pytest.mark.skipif(not REAL_DATA, reason="real annotation not at hand: set S2A_REAL_DATA to the folder that holds it")
 def test_a_real_annotation_has_its_objects_and_joints():
     folder = Path(REAL_DATA or "") / "multiscan_scene_00000_00"
-    scene = multiscan.read_annotation(folder)
+    scene = annotated(folder)
     objects = [i for i, part in scene.parts.items() if part.parent is None]
     assert len(objects) == 28 and objects[0] == "bag_1" and objects[-1] == "wall_cabinet_28"
     joints = {i: scene.joint(i) for i in scene.movable}

@@ -70,20 +70,6 @@ def read(path: Path) -> Scene:
     return Scene(files.name, parts | flat, tuple(surface.origin.tolist()))
 
 
-def read_annotation(path: Path) -> Scene:
-    """Read the annotation in a folder alone: objects, parts and joints as `read` gives them, all without surface.
-
-    Unlike the scene that `read` returns, it holds what annotators named "remove", and no part "unannotated".
-
-    Raises:
-        InputError: no annotation there, several, or a damaged one.
-    """
-    files = _find(path)
-    items = multiscan_objects.read(files.annotations).items
-    empty = Mesh(np.empty((0, 3)), np.empty((0, 3)))
-    return Scene(files.name, _parts(items, dict.fromkeys(items, empty), np.zeros(3)))
-
-
 def _find(path: Path) -> _Files:
     """Return the files of the one scan in a folder."""
     found = sorted(path.glob(f"[!.]*{ANNOTATIONS}"))

@@ -147,6 +147,16 @@ def test_what_falls_shut_is_held_open_until_the_hand_has_closed(stage: Path) -> 
     assert attempt.holds and attempt.way.startswith("23 mm")
 
 
+def test_a_load_along_the_way_of_the_fingers_is_held_by_their_gear(stage: Path) -> None:
+    edit(stage, upright)
+    # Of the weight of 52.2 N each finger's gear takes half: 26.1 N / 20 kN/m = 1.3 mm, and the contacts give way by tenths of a
+    # millimetre. Above 60 N the fingers are pushed open.
+    world, weight = World(stage, CONFIG.physics), replace(CONFIG.grip, pull=0.0)
+    assert 0.0013 < physics_grip.grip(world, weight).slip < CONFIG.grip.slip
+    assert physics_grip.grip(world, replace(weight, gear=0.0)).slip > 0.02
+    assert not physics_grip.grip(world, CONFIG.grip).holds
+
+
 def test_a_pull_beyond_friction_slips(stage: Path) -> None:
     # Two fingers of 30 N at a friction coefficient of 1 hold 60 N.
     world = World(stage, CONFIG.physics)

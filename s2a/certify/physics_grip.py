@@ -32,6 +32,7 @@ class GripConfig:
         opened: how far the part is open meanwhile, as a way of the grasp point [m]; at most half of its range.
         force: of each finger [N].
         damping: of each finger [N s/m].
+        gear: how stiffly the closed fingers resist moving to one side together [N/m].
         close_time: to close [s].
         pull: along the joint, towards its closed end, while the hand stands still [N].
         pull_time: how long [s].
@@ -46,6 +47,7 @@ class GripConfig:
     opened: NotNegative
     force: Positive
     damping: NotNegative
+    gear: NotNegative
     close_time: Positive
     pull: NotNegative
     pull_time: Positive
@@ -117,6 +119,8 @@ def _hold(world: World, q: float, depth: float, opening: float, config: GripConf
     """Close the fingers on the part, pull it, and tell how far it slips.
 
     Its weight is carried until the hand has closed, since a lid would fall shut before; then the hand has it, and the pull.
+    Each finger closes by itself, as an arm that yields lets them; then they are geared to each other, as the hand's are, and
+    it stands still: equal forces alone would follow a load from one finger to the other.
     """
     stage, joint, fingers, dofs = world.stage, world.joint, world.fingers, world.finger_dofs
     data = world.data(q, opening)
@@ -126,9 +130,11 @@ def _hold(world: World, q: float, depth: float, opening: float, config: GripConf
 
     mujoco.mj_forward(world.mj, data)
 
-    def run(seconds: float, torque: float, carried: bool = False) -> None:
+    def run(seconds: float, torque: float, gear: float = 0.0, carried: bool = False) -> None:
+        closed = data.qpos[fingers].copy()
         for _ in range(round(seconds / config.dt)):
-            data.qfrc_applied[dofs] = -config.force
+            moved = data.qpos[fingers] - closed
+            data.qfrc_applied[dofs] = -config.force - gear * (moved - moved.mean())
             data.qfrc_applied[world.dof] = torque + carried * data.qfrc_bias[world.dof]
             mujoco.mj_step(world.mj, data)
 
@@ -139,7 +145,7 @@ def _hold(world: World, q: float, depth: float, opening: float, config: GripConf
         missing = "neither finger presses" if not any(pressing) else "only one finger presses"
         return Grip(False, f"the hand closes to {1000 * data.qpos[fingers].sum():.0f} mm, but {missing}", None, region)
     before, width = float(data.qpos[joint]), float(data.qpos[fingers].sum())
-    run(config.pull_time, pull)
+    run(config.pull_time, pull, config.gear)
     slip = abs(float(data.qpos[joint]) - before) * world.lever
     word = f"{1000 * width:.0f} mm between the fingers; {config.pull:g} N for {config.pull_time:g} s move it {1000 * slip:.1f} mm"
     return Grip(bool(slip <= config.slip), word, slip, region)

@@ -17,7 +17,6 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from settings import load
 
-from s2a.errors import InputError
 from s2a.policy.planner import PlannerConfig, _hand_path, _tracks
 from s2a.prepare import PrepareConfig, panda, prepare
 from s2a.prepare.base import BaseConfig, BasePose, find_base
@@ -71,12 +70,6 @@ def test_the_kinematics_are_those_of_the_simulated_robot() -> None:
         assert found[:, :3, :3] == pytest.approx(Rotation.from_quat(poses[:, 3:]).as_matrix(), abs=1e-5)
     limits = model.joint_limit_lower.numpy()[:7], model.joint_limit_upper.numpy()[:7]
     assert np.array(limits) == pytest.approx(np.array([panda.LOWER, panda.UPPER]))
-
-
-def test_the_robot_starts_as_in_the_simulation() -> None:
-    assert (
-        config().start == load(SimConfig, "sim/planner").robot.start[:7] == load(SimConfig, "sim/paper").robot.start[:7]
-    )
 
 
 @pytest.mark.parametrize(("link", "frame"), [*((f"link{i}", i - 1) for i in range(1, 8)), ("hand", panda.TOOL)])
@@ -200,23 +193,6 @@ def test_the_arm_turns_to_the_handle_without_touching_anything() -> None:
     assert 0.02 < depth < 0.2 and "block_99 on its way to the handle" in problem
     assert deepest_clash(nothing, np.eye(4), 0.0, end[None], around[None], start)[0] == 0.0
     assert deepest_clash(near, np.eye(4), 0.0, end[None], np.stack([around, still]), start)[0] == 0.0
-
-
-@pytest.mark.parametrize(
-    "given",
-    [
-        *({name: ()} for name in ("distances", "sides", "turns", "pedestals")),
-        {"start": (0.0, 1.0)},
-        {"restarts": 0},
-        {"tracks": 0},
-        {"radius": 0.0},
-        {"around": -1.0},
-    ],
-    ids=lambda given: next(iter(given)),
-)
-def test_settings_that_leave_no_place_are_refused_by_their_key(given: dict[str, object]) -> None:
-    with pytest.raises(InputError, match=f"key 'prepare.base.{next(iter(given))}' is .*; give "):
-        replace(config(), **given)
 
 
 def test_where_no_place_is_free_the_stage_says_so() -> None:

@@ -23,6 +23,17 @@ IMPOSSIBLE = {
         ("annotation.border", "-0.1", "0 or more"),
     ],
     "prepare": [
+        *(
+            (f"prepare.base.{name}", "[]", "a list of one or more")
+            for name in ("distances", "sides", "turns", "pedestals")
+        ),
+        ("prepare.base.restarts", "0", "1 or more"),
+        ("prepare.base.tracks", "0", "1 or more"),
+        ("prepare.base.radius", "0.0", "a number above 0"),
+        ("prepare.base.around", "-1.0", "a number above 0"),
+        ("prepare.decimate.shell", "0.0", "a number above 0, up to 1"),
+        ("prepare.decimate.other", "1.5", "a number above 0, up to 1"),
+        ("prepare.decimate.max_error", "0.0", "a number above 0"),
         ("prepare.room.pieces", "-1", "0 or more"),
         ("prepare.colliders.max_vertices", "3", "4 or more"),
         ("prepare.mass.priors.drawer", "-3.0", "a number above 0"),
@@ -51,7 +62,16 @@ IMPOSSIBLE = {
         ("camera.distance", "0.0", "a number above 0"),
     ],
     "view": [("look.fov", "9.0", "a number above 0, up to 3"), ("look.width", "0", "1 or more")],
-    "insert": [("placement.regions.cell", "0.0", "a number above 0"), ("pieces.full", "85.0", "a number from 0 to 1")],
+    "insert": [
+        ("plans", "0", "1 or more"),
+        ("retries", "-1", "0 or more"),
+        ("llm.timeout", "0.0", "a number above 0"),
+        ("confinement.seconds", "0.0", "a number above 0"),
+        ("placement.settle.step", "0.0", "a number above 0"),
+        ("placement.pose.search.turns", "[]", "a list of one or more"),
+        ("placement.regions.cell", "0.0", "a number above 0"),
+        ("pieces.full", "85.0", "a number from 0 to 1"),
+    ],
     "zoo": [("seed", "-1", "0 or more")],
 }
 
@@ -68,11 +88,15 @@ def test_an_impossible_value_is_named_with_its_key_and_what_is_possible(verb: st
     assert str(error.value).startswith(f"key {key!r} is {value}; give {possible}")
 
 
+@pytest.mark.parametrize(
+    ("verb", "key", "count"), [("evaluate", "sim.robot.start", 9), ("prepare", "prepare.base.start", 7)]
+)
 @pytest.mark.parametrize("start", ["[0,0]", "[0,0,0,0,0,0,0,0,0,0]"])
-def test_the_robot_starts_with_each_of_its_joints(start: str):
-    values = config.compose("evaluate", ["stage=x", "out=y", f"sim.robot.start={start}"])
-    with pytest.raises(InputError, match="'sim.robot.start' is .*; expected a list of 9 numbers"):
-        config.load(importlib.import_module("s2a.verbs.evaluate").Config, values)
+def test_the_robot_starts_with_each_of_its_joints(verb: str, key: str, count: int, start: str):
+    required = [f"{k}=given" for k, given in config.leaves(config.compose(verb)) if given == config.REQUIRED]
+    values = config.compose(verb, [*required, f"{key}={start}"])
+    with pytest.raises(InputError, match=f"'{key}' is .*; expected a list of {count} numbers"):
+        config.load(importlib.import_module(f"s2a.verbs.{verb}").Config, values)
 
 
 @dataclass(frozen=True)

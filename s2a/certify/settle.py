@@ -13,7 +13,8 @@ import mujoco
 import numpy as np
 
 from s2a.certify.prisms import CLOSE, close, model, near
-from s2a.scene import Mesh, Vec3
+from s2a.ranges import NotNegative, Positive
+from s2a.scene import Mesh
 
 LOOKED = 10
 """Steps from one look at whether an object rests to the next."""
@@ -42,21 +43,21 @@ class SettleConfig:
         touch: what hangs has a surface within this distance behind it [m].
     """
 
-    drop: float
-    seconds: float
-    still: float
-    steady: float
+    drop: NotNegative
+    seconds: Positive
+    still: NotNegative
+    steady: NotNegative
     creep: float
-    step: float
-    reach: float
-    thickness: float
-    density: float
-    friction: Vec3
-    stiffness: float
-    drift: float
-    tilt: float
-    penetration: float
-    touch: float
+    step: Positive
+    reach: NotNegative
+    thickness: Positive
+    density: Positive
+    friction: tuple[NotNegative, NotNegative, NotNegative]
+    stiffness: Positive
+    drift: NotNegative
+    tilt: NotNegative
+    penetration: NotNegative
+    touch: NotNegative
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from s2a.edit.fit import NoRoom, Pose
 from s2a.edit.surfaces import nearby
 from s2a.geometry.clash import crossing
 from s2a.geometry.planes import Plane
+from s2a.ranges import Count, CountFromZero, NotNegative
 from s2a.scene import Mesh, Scene
 
 
@@ -23,9 +24,9 @@ class PaperConfig:
         seed: of the offsets.
     """
 
-    tries: int
-    spread: float
-    seed: int
+    tries: Count
+    spread: NotNegative
+    seed: CountFromZero
 
 
 def place_paper(scene: Scene, object: Mesh, plane: Plane, inliers: np.ndarray, config: PaperConfig) -> Pose:

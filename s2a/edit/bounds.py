@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from s2a.edit.fold import Values
 from s2a.edit.operations import GROWING, WRAPPING
 from s2a.edit.refusal import Refusal
+from s2a.ranges import Count, Positive
 
 LOOPS_IN_LOOPS, NESTING, FUNCTIONS = 3, 60, 20
 
@@ -27,11 +28,11 @@ class AllowConfig:
         repeats: of a loop.
     """
 
-    length: int
-    text: int
-    number: float
-    items: int
-    repeats: int
+    length: Count
+    text: Count
+    number: Positive
+    items: Count
+    repeats: Count
 
 
 def refuse_entangled(tree: ast.Module, values: Values) -> None:

@@ -24,6 +24,7 @@ from s2a.edit.allow import AllowConfig
 from s2a.edit.inside import OFFERS
 from s2a.edit.refusal import Refusal
 from s2a.errors import InputError
+from s2a.ranges import Count, Positive
 
 START = "import sys; sys.path[:0] = sys.argv[2:]; from s2a.edit.inside import main; main(int(sys.argv[1]))"
 STAGE = "scene.usda"
@@ -45,10 +46,10 @@ class ConfinementConfig:
             `s2a.edit.inside.OFFERS`. Less than all three is a risk to take only for scripts that somebody has read.
     """
 
-    seconds: float
-    cpu_seconds: float
-    memory: int
-    disk: int
+    seconds: Positive
+    cpu_seconds: Positive
+    memory: Count
+    disk: Count
     allow: AllowConfig
     mechanisms: tuple[Literal["namespaces", "landlock", "seccomp"], ...]
     needs: tuple[Literal["files", "network", "processes"], ...]

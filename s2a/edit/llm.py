@@ -14,6 +14,7 @@ from s2a.edit.record import tokens
 from s2a.edit.replay import recorded, recorder
 from s2a.edit.rules import rules
 from s2a.errors import InputError
+from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 
 
 @dataclass(frozen=True)
@@ -36,12 +37,12 @@ class LlmConfig:
 
     kind: Literal["auto", "chat", "replay", "rules"]
     model: str
-    timeout: float
-    attempts: int
-    temperature: float
-    longest: int
-    bytes: int
-    prices: tuple[float, float]
+    timeout: Positive
+    attempts: CountFromZero
+    temperature: NotNegative
+    longest: Count
+    bytes: Count
+    prices: tuple[NotNegative, NotNegative]
     answers: Path | None
 
 

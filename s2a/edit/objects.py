@@ -15,6 +15,7 @@ from s2a.edit.stance import rest
 from s2a.errors import InputError
 from s2a.geometry.surfaces import GREY
 from s2a.prepare.decimate import decimate
+from s2a.ranges import Count, Positive
 from s2a.scene import Mesh
 from s2a.usd.stage import reading
 
@@ -35,8 +36,8 @@ class ObjectConfig:
         aggressiveness: of the decimation.
     """
 
-    faces: int
-    aggressiveness: float
+    faces: Count
+    aggressiveness: Positive
 
 
 @dataclass(frozen=True)

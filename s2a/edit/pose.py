@@ -21,6 +21,7 @@ from s2a.edit.search import Candidate, SearchConfig, Wish, board, candidates
 from s2a.edit.surfaces import facing, nearby, target_mesh
 from s2a.errors import InputError
 from s2a.geometry.regions import Region
+from s2a.ranges import Count, NotNegative
 from s2a.scene import Mesh, Scene
 
 Relation = Literal["on", "in", "against", "hanging"]
@@ -45,12 +46,12 @@ class PoseConfig:
     pose: Literal["search", "paper"]
     search: SearchConfig
     paper: PaperConfig
-    attempts: int
-    apart: float
-    back: float
-    gap: float
-    lift: float
-    slack: float
+    attempts: Count
+    apart: NotNegative
+    back: NotNegative
+    gap: NotNegative
+    lift: NotNegative
+    slack: NotNegative
 
 
 def place(

@@ -16,6 +16,7 @@ from s2a.edit.openings import Opening, fill
 from s2a.geometry.columns import Grid, columns
 from s2a.geometry.regions import Region
 from s2a.geometry.surfaces import sample
+from s2a.ranges import Count, NotNegative, Numbers, Positive, Share
 from s2a.scene import Mesh
 
 
@@ -39,19 +40,19 @@ class SearchConfig:
         nearness: distance over which nearness fades [m].
     """
 
-    turns: tuple[float, ...]
-    layers: int
-    touch: float
-    samples: int
-    supported: float
-    margin: float
-    enough: float
-    places: int
+    turns: Numbers
+    layers: Count
+    touch: NotNegative
+    samples: Count
+    supported: Share
+    margin: NotNegative
+    enough: Positive
+    places: Count
     room: float
     front: float
     near: float
     back: float
-    nearness: float
+    nearness: Positive
 
 
 @dataclass(frozen=True)

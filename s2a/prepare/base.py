@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.errors import InputError
 from s2a.geometry.convex import column, overlap
 from s2a.prepare import panda
 from s2a.prepare.free_way import deepest_clash
 from s2a.prepare.pose import floor_height, floor_points, heading, lever_arm, widest
 from s2a.prepare.reach import follow, hand_way
 from s2a.prepare.surroundings import Surroundings
+from s2a.ranges import Count, Numbers, Positive
 from s2a.scene import Joint, Mesh, Scene, Vec3
 from s2a.usd.simscene import Grasp, Quat
 
@@ -50,36 +50,18 @@ class BaseConfig:
         search: whether other places than the preferred one are looked at.
     """
 
-    distances: tuple[float, ...]
-    sides: tuple[float, ...]
-    turns: tuple[float, ...]
-    pedestals: tuple[float, ...]
-    radius: float
-    start: tuple[float, ...]
-    approach: float
-    opening: float
-    restarts: int
-    tracks: int
-    around: float
+    distances: Numbers
+    sides: Numbers
+    turns: Numbers
+    pedestals: Numbers
+    radius: Positive
+    start: tuple[float, float, float, float, float, float, float]
+    approach: Positive
+    opening: Positive
+    restarts: Count
+    tracks: Count
+    around: Positive
     search: bool
-
-    def __post_init__(self) -> None:
-        """Refuse what leaves no place to stand or no way to look for one.
-
-        Raises:
-            InputError: no distance, side, turn or pedestal; not a start for each joint; a count or length that is none.
-        """
-        for name in ("distances", "sides", "turns", "pedestals"):
-            if not getattr(self, name):
-                raise InputError(f"key 'prepare.base.{name}' is an empty list; give one number or more, as [0.0]")
-        if len(self.start) != panda.ARM:
-            raise InputError(f"key 'prepare.base.start' is {list(self.start)}; give the {panda.ARM} joints of the arm")
-        for name in ("restarts", "tracks"):
-            if getattr(self, name) < 1:
-                raise InputError(f"key 'prepare.base.{name}' is {getattr(self, name)}; give 1 or more")
-        for name in ("radius", "around"):
-            if not getattr(self, name) > 0.0:
-                raise InputError(f"key 'prepare.base.{name}' is {getattr(self, name)}; give a length above 0 m")
 
 
 @dataclass(frozen=True)

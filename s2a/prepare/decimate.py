@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pyfqmr
 from scipy.spatial import cKDTree
 
-from s2a.errors import InputError
 from s2a.geometry.deviation import Deviation, deviation
 from s2a.geometry.rays import RayMesh, nearest_faces, ray_mesh
 from s2a.geometry.surfaces import centroids, keep, merge, normals, weld
 from s2a.prepare.cache import pack, recall, unpack
 from s2a.progress import track
+from s2a.ranges import Above, Count, Positive
 from s2a.scene import Mesh, Scene
 from s2a.usd.simscene import Reduction
 
@@ -43,21 +43,12 @@ class DecimateConfig:
     """
 
     mode: Literal["ratio", "error", "none"]
-    shell: float
-    other: float
-    max_error: float
+    shell: Annotated[float, Above(0.0, 1.0)]
+    other: Annotated[float, Above(0.0, 1.0)]
+    max_error: Positive
     shell_labels: tuple[str, ...]
-    aggressiveness: float
-    samples: int
-
-    def __post_init__(self) -> None:
-        for name in ("shell", "other"):
-            if not 0.0 < getattr(self, name) <= 1.0:
-                raise InputError(
-                    f"decimate.{name} is {getattr(self, name)}; give a share of the faces, above 0, up to 1"
-                )
-        if not self.max_error > 0.0:
-            raise InputError(f"decimate.max_error is {self.max_error}; give a distance above 0 m")
+    aggressiveness: Positive
+    samples: Count
 
 
 @dataclass(frozen=True, eq=False)

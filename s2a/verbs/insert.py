@@ -30,6 +30,7 @@ from s2a.geometry.ransac import RansacConfig
 from s2a.geometry.regions import RegionConfig
 from s2a.outputs import aside
 from s2a.progress import track
+from s2a.ranges import Count, CountFromZero
 from s2a.usd import descriptive, geometric
 from s2a.verbs.drop import PiecesConfig, drop
 
@@ -93,9 +94,9 @@ class Config:
     record: Path | None
     surface: Literal["regions", "ransac"]
     pose: Literal["search", "paper"]
-    retries: int
-    plans: int
-    neighbours: int
+    retries: CountFromZero
+    plans: Count
+    neighbours: CountFromZero
     llm: LlmConfig
     placement: PlacementConfig
     confinement: ConfinementConfig
@@ -110,10 +111,6 @@ def run(config: Config) -> str:
         InputError: nothing could be inserted; nothing is written.
         NotPassed: some of several could not; the others are written.
     """
-    if config.plans < 1 or config.retries < 0:
-        raise InputError(
-            f"keys 'plans' and 'retries' are {config.plans} and {config.retries}; give 1 or more and 0 or more"
-        )
     things, model = _things(config), choose(config.llm, config.record)
     return into(open_room(config), things, model, config)
 

@@ -26,11 +26,12 @@ from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
+from closeness import gap_points, surface_distance
 from scipy.spatial.transform import Rotation
 
 from s2a import config, scan
 from s2a.geometry.front import front_behind, front_coordinate
-from s2a.geometry.gap import FINGER_DEPTH, FingerSpace, finger_space, gap_points, share_inside, surface_distance
+from s2a.geometry.gap import FINGER_DEPTH, FingerSpace, finger_space, share_inside
 from s2a.geometry.rays import first_hits, nearest_faces, ray_mesh
 from s2a.geometry.surfaces import centroids, merge, normals, sample, sample_with_faces
 from s2a.prepare.colliders import ColliderConfig, Handle, find_handle, target_colliders

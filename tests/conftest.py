@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
 
 from s2a.scene import Scene
+
+sys.path.append(str(Path(__file__).parents[1] / "experiments"))  # some measures are tested, and others test with them
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from closeness import surface_distance
 
 from s2a.geometry.bar import bar_depth, bar_profile
 from s2a.geometry.bar_pieces import bar_pieces
 from s2a.geometry.front import part_ways
-from s2a.geometry.gap import FingerSpace, share_inside, surface_distance
+from s2a.geometry.gap import FingerSpace, share_inside
 from s2a.geometry.knob import knob_pieces
 from s2a.geometry.shell import hidden_wall, sheet_opening, shell_pieces
 from s2a.geometry.surfaces import keep, merge, normals, sample

@@ -11,23 +11,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cabinet import write_cabinet
+from curves import as_run
+from ingredients import BEST, CHANGES
+from multirun import Row, jobs
+from outcome import percent, write
+from ratings import table as ratings
+from ratings import verdicts
+from reward_ablation import move_grasp, table, table_rows
 from scipy.spatial.transform import Rotation
+from side_by_side import gpu_slots, run
 
 from s2a import config
 from s2a.sim.build import read_stage
 from s2a.verbs import train
 
 ROOT = Path(__file__).parents[1]
-sys.path.append(str(ROOT / "experiments"))
-
-from curves import as_run  # noqa: E402
-from ingredients import BEST, CHANGES  # noqa: E402
-from multirun import Row, jobs  # noqa: E402
-from outcome import percent, write  # noqa: E402
-from ratings import table as ratings  # noqa: E402
-from ratings import verdicts  # noqa: E402
-from reward_ablation import move_grasp, table, table_rows  # noqa: E402
-from side_by_side import gpu_slots, run  # noqa: E402
 
 ROWS = [row.overrides for row in table_rows(1)] + [(BEST, *overrides) for _, overrides in CHANGES.values()]
 

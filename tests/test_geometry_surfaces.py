@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from closeness import surface_distance
 
 from s2a.geometry import convex, planes, surfaces
-from s2a.geometry.gap import share_inside, surface_distance
+from s2a.geometry.gap import share_inside
 from s2a.prepare.decimate import decimate, is_shell
 from s2a.scene import Mesh
 

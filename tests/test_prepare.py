@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cabinet_rooms import clean_cabinet_room
+from closeness import surface_distance
 from scanned_drawers import scanned_drawer
 from scipy.spatial.transform import Rotation
 from settings import load
 
 from s2a.errors import InputError
 from s2a.geometry.convex import box, column, overlap
-from s2a.geometry.gap import share_inside, surface_distance
+from s2a.geometry.gap import share_inside
 from s2a.geometry.surfaces import keep, sample
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.base import find_base

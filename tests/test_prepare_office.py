@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from closeness import gap_points, surface_distance
 from scipy.spatial.transform import Rotation
 from settings import load
 
-from s2a.geometry.gap import gap_points, share_inside, surface_distance
+from s2a.geometry.gap import share_inside
 from s2a.geometry.surfaces import merge, sample
 from s2a.prepare import PrepareConfig
 from s2a.prepare.colliders import find_handle, target_colliders

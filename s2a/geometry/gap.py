@@ -1,4 +1,4 @@
-"""Whether fingers fit behind a handle, and how far convex pieces are from the surface that they stand for."""
+"""Whether fingers fit behind a handle, and how much of their room convex pieces fill."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 
-from s2a.geometry.convex import box, contains, halfspaces, volume
+from s2a.geometry.convex import box, contains
 from s2a.geometry.surfaces import sample
 from s2a.scene import Mesh
 
@@ -70,47 +69,9 @@ def finger_space(region: Mesh, point: np.ndarray, frame: np.ndarray, front: floa
     return FingerSpace(None if reaches_front else space((low, high), (back + margin, end)), beside)
 
 
-def gap_points(space: FingerSpace, count: int = 4000, seed: int = 0) -> np.ndarray:
-    """Return about `count` points spread evenly in each box of the fingers' space [m], shape [point 3]."""
-    return np.concatenate([np.empty((0, 3)), *(_fill(part, count, seed) for part in space.boxes)])
-
-
 def share_inside(pieces: Sequence[Mesh], points: np.ndarray) -> float:
     """Return the share of points [point 3] that lie in any of the pieces, 0 to 1."""
     inside = np.zeros(len(points), bool)
     for piece in pieces:
         inside |= contains(piece, points)
     return float(inside.mean()) if len(points) else 0.0
-
-
-def surface_distance(pieces: Sequence[Mesh], points: np.ndarray) -> np.ndarray:
-    """Return the distance of points [point 3] from the surface of the union of pieces [m], shape [point].
-
-    Inside of overlapping pieces the largest depth in any one stands for the depth in their union.
-    """
-    outside = np.full(len(points), np.inf)
-    depth = np.full(len(points), -np.inf)
-    for piece in pieces:
-        planes = halfspaces(piece)
-        below = (points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-        depth = np.maximum(depth, -below)
-        beyond = below > 0
-        outside[beyond] = np.minimum(outside[beyond], _distance(piece, points[beyond]))
-    return np.where(depth >= 0, depth, outside)
-
-
-def _distance(piece: Mesh, points: np.ndarray) -> np.ndarray:
-    """Return the distance of points outside of a piece from its surface."""
-    triangles = piece.vertices[piece.faces].astype(np.float64)
-    count = len(triangles)
-    pairs = np.repeat(points, count, axis=0)
-    closest = trimesh.triangles.closest_point(np.tile(triangles, (len(points), 1, 1)), pairs)
-    return np.linalg.norm(closest - pairs, axis=1).reshape(-1, count).min(axis=1) if len(points) else np.empty(0)
-
-
-def _fill(piece: Mesh, count: int, seed: int) -> np.ndarray:
-    """Return about `count` points spread evenly in a piece [m], shape [point 3]."""
-    low, high = piece.bounds
-    tries = int(count * np.prod(high - low) / volume(piece))
-    points = np.random.default_rng(seed).uniform(low, high, (tries, 3))
-    return points[contains(piece, points)]

@@ -42,6 +42,12 @@ def aside(path: Path, earlier: str | None = None) -> Iterator[Path]:
                 folder.rmdir()
 
 
+def refuse_other_picture(path: Path) -> None:
+    """Raise an InputError where the file that the key `picture` names does not end in .png."""
+    if path.suffix.lower() != ".png":
+        raise InputError(f"key 'picture' is {str(path)!r}; a picture is a PNG file: give picture=FILE.png")
+
+
 def _refuse_foreign(path: Path, earlier: str | None) -> None:
     """Raise if `path` is of the other kind, or replacing it would delete files that are not ours."""
     remedy = "choose another place or delete it yourself"

@@ -59,6 +59,7 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
         (["view", "path=nowhere"], ["nowhere", "a scan's folder, or a .usd"]),
         (["view", "path=.", "picture=x.xyz"], ["'picture'", "'x.xyz'", "picture=FILE.png"]),
         (["insert", "stage=x.usd", "out=y", "plans=0"], ["'plans'", "0", "1 or more"]),
+        (["insert", "stage=x.usd", "out=y", "picture=x.jpg"], ["'picture'", "'x.jpg'", "picture=FILE.png"]),
         (["insert", "stage=x.usd", "out=y", "object=a.obj", "label="], ["object=FILE and label=WORDS"]),
         (["prepare", "stage=nowhere.usd", "target=drawer_7", "out=y.usd"], ["nowhere.usd"]),
         (["evaluate", "stage=nowhere.usd", "out=y.json"], ["nowhere.usd"]),

@@ -28,7 +28,7 @@ from s2a.geometry.look import LookConfig, frame
 from s2a.geometry.picture import draw, write
 from s2a.geometry.ransac import RansacConfig
 from s2a.geometry.regions import RegionConfig
-from s2a.outputs import aside
+from s2a.outputs import aside, refuse_other_picture
 from s2a.progress import track
 from s2a.ranges import Count, CountFromZero
 from s2a.usd import descriptive, geometric
@@ -108,9 +108,11 @@ def run(config: Config) -> str:
     """Insert the objects, write what was added over the stage, and return where they are.
 
     Raises:
-        InputError: nothing could be inserted; nothing is written.
+        InputError: nothing could be inserted, or the picture is no PNG file; nothing is written.
         NotPassed: some of several could not; the others are written.
     """
+    if config.picture:
+        refuse_other_picture(config.picture)
     things, model = _things(config), choose(config.llm, config.record)
     return into(open_room(config), things, model, config)
 

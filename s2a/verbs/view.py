@@ -10,7 +10,7 @@ import numpy as np
 
 from s2a.errors import InputError
 from s2a.geometry.look import LookConfig, View, frame, front_of
-from s2a.outputs import aside
+from s2a.outputs import aside, refuse_other_picture
 from s2a.scene import Mesh
 from s2a.usd.stage import ENCODINGS
 from s2a.usd.tree import tree
@@ -49,8 +49,8 @@ def run(config: Config) -> str:
     """
     if not config.path.exists():
         raise InputError(f"{config.path}: does not exist; give a scan's folder, or a {', '.join(ENCODINGS)} file")
-    if config.picture and config.picture.suffix.lower() != ".png":
-        raise InputError(f"key 'picture' is {str(config.picture)!r}; a picture is a PNG file: give picture=FILE.png")
+    if config.picture:
+        refuse_other_picture(config.picture)
     if not config.picture and (config.part or config.colliders):
         raise InputError("keys 'part' and 'colliders' are of a picture, and none is asked for; give picture=FILE.png")
     said = []

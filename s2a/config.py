@@ -149,9 +149,8 @@ def expected(kind: Any) -> str:
 
 
 def _given(values: Mapping[str, Any], error: dacite.WrongTypeError) -> Any:
-    """Return the value that an error is about; dacite's own is a generator where a text stands for a list."""
-    given = dict(leaves(values)).get(str(error.field_path), error.value)
-    return given if isinstance(given, str) else error.value
+    """Return the value that an error is about as it was given; dacite fills up a list that is too short."""
+    return dict(leaves(values)).get(str(error.field_path), error.value)
 
 
 def _tuples(value: Any) -> Any:

@@ -87,6 +87,9 @@ def test_training_writes_a_checkpoint_that_acts_the_same_when_loaded(tmp_path: P
     actions = [policy(env.observation) for policy in policies]
     assert actions[0].shape == (4, 9)
     assert torch.equal(actions[0], actions[1])
+    (tmp_path / "README.md").touch()
+    with pytest.raises(InputError, match="checkpoint '.*README.md': .*policy.json: no such file"):
+        load_policy(env, tmp_path / "README.md")
     for content in (b"", b"no checkpoint"):
         (tmp_path / "run/model_9.pt").write_bytes(content)
         with pytest.raises(InputError, match="model_9.pt: not a checkpoint of this policy"):

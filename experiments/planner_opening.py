@@ -1,10 +1,11 @@
 """Does the collider decide whether a hand can use the handle? The planner opens scanned drawers, collider by collider.
 
-    python experiments/planner_opening.py STAGE ... [--targets drawer_7 ...] [--worlds 16] [--seed 0] [--processes 1] [--out FILE]
+    python experiments/planner_opening.py STAGE ... [--targets drawer_7 ...] [--colliders handle coacd one_hull]
+        [--worlds 16] [--seed 0] [--processes 1] [--out FILE]
 
 STAGE is a geometric.usd. Every target (without --targets every part that slides) is prepared with each kind of colliders and
-opened by the planner from noisy starts. Writes experiments/results/planner_opening.json and prints its table. "handle" counts
-the openings with both fingers on the annotated grasp region.
+opened by the planner from noisy starts. Renews these rows of experiments/results/planner_opening.json, keeps its others, and
+prints the new ones. "handle" counts the openings with both fingers on the annotated grasp region.
 """
 
 from __future__ import annotations
@@ -30,8 +31,6 @@ from s2a.task.open_drawer import OpenDrawerConfig
 from s2a.usd import geometric, simready
 
 RESULTS = Path(__file__).parent / "results/planner_opening.json"
-
-
 COLLIDERS = ("handle", "coacd", "one_hull")
 
 
@@ -40,6 +39,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stages", nargs="+", type=Path)
     parser.add_argument("--targets", nargs="+")
+    parser.add_argument("--colliders", nargs="+", default=COLLIDERS, choices=COLLIDERS)
     parser.add_argument("--worlds", type=int, default=16)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--processes", type=int, default=1)
@@ -49,17 +49,21 @@ def main() -> None:
         (stage, target, colliders, args.worlds, args.seed)
         for stage in args.stages
         for target in args.targets or _drawers(geometric.read(stage))
-        for colliders in COLLIDERS
+        for colliders in args.colliders
     ]
+    rows = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
     print(f"{'target':26} {'colliders':10} {'pieces':>6} {'success':>8} {'handle':>8} {'opening mean / least [m]':>26}")
-    rows = []
     with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn")) as pool:
         for row in pool.map(_row, cases):
-            rows.append(row)
+            rows = [other for other in rows if _key(other) != _key(row)] + [row]
             print(_line(row), flush=True)
             report = {"scans": "virtual", "seed": args.seed, **provenance("cpu"), "rows": rows}
             args.out.parent.mkdir(exist_ok=True)
             args.out.write_text(json.dumps(report, indent=1) + "\n")
+
+
+def _key(row: dict) -> tuple[str, str, str]:
+    return row["scan"], row["target"], row["colliders"]
 
 
 def _drawers(scene: Scene) -> list[str]:

@@ -12,7 +12,8 @@ from onnx.reference import ReferenceEvaluator
 from settings import load
 
 from s2a.policy.export import export
-from s2a.policy.ppo import load_model, load_policy, train
+from s2a.policy.ppo import train
+from s2a.policy.saved import load_model, load_policy
 from s2a.policy.settings import PpoConfig
 
 

@@ -14,7 +14,8 @@ from settings import load
 from tensordict import TensorDict
 
 from s2a.errors import InputError
-from s2a.policy.ppo import RslRlEnv, load_policy, make_runner, train
+from s2a.policy.ppo import RslRlEnv, make_runner, train
+from s2a.policy.saved import load_policy
 from s2a.policy.settings import PpoConfig
 from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation

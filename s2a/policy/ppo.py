@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import copy
-import io
 import json
 import os
-import pickle
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -16,11 +14,9 @@ from typing import Any
 
 import torch
 from rsl_rl.env import VecEnv
-from rsl_rl.models import MLPModel
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
-from s2a.errors import InputError
 from s2a.outputs import aside
 from s2a.policy import folder, processes
 from s2a.policy.logger import LazyLogger
@@ -218,36 +214,3 @@ def train(env: OpenDrawerEnv, config: PpoConfig, out: Path, checkpoint: Path | N
         **{name: int(n) for name, n in zip(COUNTS, counted, strict=True) if name in ("episodes", *TROUBLES)},
         "curve": folder.curve(out) if lead else [],
     }
-
-
-def load_model(env: OpenDrawerEnv, checkpoint: Path) -> MLPModel:
-    """Return a trained policy's network with its normaliser.
-
-    Raises:
-        InputError: the checkpoint, or the policy.json that train writes beside it, is missing or of another kind.
-    """
-    settings = checkpoint.parent / "policy.json"
-    missing = [str(file) for file in (checkpoint, settings) if not file.is_file()]
-    if missing:
-        raise InputError(
-            f"checkpoint {str(checkpoint)!r}: {missing[0]}: no such file; give the model_N.pt in a folder that s2a train wrote"
-        )
-    values = json.loads(settings.read_text())
-    with contextlib.redirect_stdout(io.StringIO()):
-        config = PpoConfig(
-            **{**values, "hidden": tuple(values["hidden"]), "graph": False, "compile": None, "fused_adam": False}
-        )
-        runner = make_runner(RslRlEnv(env, config.reward_scale), config, None)
-    try:
-        runner.load(str(checkpoint), {"actor": True}, map_location=str(env.sim.device))
-    except (KeyError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
-        raise InputError(
-            f"{checkpoint}: not a checkpoint of this policy ({(str(error) or 'empty').splitlines()[0]})"
-        ) from error
-    return runner.get_inference_policy(device=str(env.sim.device))
-
-
-def load_policy(env: OpenDrawerEnv, checkpoint: Path) -> Callable[[torch.Tensor], torch.Tensor]:
-    """Return a trained policy's mean action [world 9] for an observation [world 23]; InputError as load_model."""
-    policy = load_model(env, checkpoint)
-    return lambda observation: policy(TensorDict({"policy": observation}, batch_size=[len(observation)]))

@@ -15,7 +15,7 @@ from s2a.evaluate import Policy, baseline, evaluate, warn_of_trouble
 from s2a.outputs import aside
 from s2a.policy.export import export
 from s2a.policy.planner import Planner, PlannerConfig
-from s2a.policy.ppo import load_model, load_policy
+from s2a.policy.saved import load_model, load_policy
 from s2a.provenance import provenance
 from s2a.ranges import Count, CountFromZero
 from s2a.sim.camera import Camera, CameraConfig

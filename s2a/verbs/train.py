@@ -15,6 +15,7 @@ from s2a.outputs import aside
 from s2a.policy import folder, ppo, processes
 from s2a.policy.export import export
 from s2a.policy.planner import PlannerConfig, grasping_motion
+from s2a.policy.saved import load_model
 from s2a.policy.settings import PpoConfig
 from s2a.provenance import provenance
 from s2a.ranges import Count, CountFromZero, Share
@@ -118,7 +119,7 @@ def _report(config: Config, env: OpenDrawerEnv, metrics: dict[str, Any]) -> str:
     said = ", ".join(f"{name} {value:.3g}" for name, value in last.items()) or "no episode has ended yet"
     lines = [f"{config.out}: {metrics['env_steps_per_second']:.0f} env steps/s; {said}"]
     if config.export and (checkpoint := folder.latest(config.out)):
-        lines += [f"  {file}" for file in export(ppo.load_model(env, checkpoint), checkpoint)]
+        lines += [f"  {file}" for file in export(load_model(env, checkpoint), checkpoint)]
     return "\n".join(lines)
 
 

@@ -16,10 +16,10 @@ from settings import load
 
 from s2a.edit import overlay
 from s2a.edit.compare import compare
-from s2a.edit.confine import Cell, ConfinementConfig, confine
+from s2a.edit.confine import Cell, ConfinementConfig
 from s2a.edit.placement import Placement
 from s2a.edit.refusal import Refusal
-from s2a.edit.script import run_in, run_script, write_script
+from s2a.edit.script import Outcome, run_in, write_script
 from s2a.edit.skeleton import skeleton
 from s2a.errors import InputError
 from s2a.scene import Mesh, Part, Scene
@@ -59,6 +59,12 @@ def square() -> Mesh:
     return Mesh(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
+def run_script(text: str, stage: str, plan: Placement, config: ConfinementConfig, *, trusted: bool = False) -> Outcome:
+    """Run a script in a cell of its own."""
+    with Cell(stage, config, trusted) as cell:
+        return run_in(cell, text, plan)
+
+
 def attack(name: str, stage: Path, folder: Path, config: ConfinementConfig) -> str:
     """Run an attack with the allowlist off; return why it was refused, and check that nothing came of it."""
     (folder / "secret").write_text(SECRET)
@@ -72,7 +78,8 @@ def attack(name: str, stage: Path, folder: Path, config: ConfinementConfig) -> s
         for word, value in (("SECRET", folder / "secret"), ("FOLDER", folder), ("PORT", port), ("PARENT", parent)):
             text = text.replace(word, str(value))
         try:
-            run = confine(text, skeleton(stage), {}, config, trusted=False)
+            with Cell(skeleton(stage), config, trusted=False) as cell:
+                run = cell.run(text, {})
             layer = compare(run.saved, skeleton(stage), UPRIGHT)
             assert SECRET not in layer.ExportToString()
         except Refusal as refusal:

@@ -30,7 +30,10 @@ class SettleConfig:
 
     Attributes:
         drop: height from which it falls [m].
-        seconds: how long it is watched.
+        seconds: how long it is watched, unless it rests before.
+        still: for how long its speed must not have changed for it to rest [s].
+        steady: by what share of itself the speed may have changed meanwhile.
+        creep: how far that speed may take it in the time that is left [m]; below 0 it is watched to the end.
         step: of the simulation [s].
         reach: triangles within this distance of a piece's box take part [m].
         thickness: of the prisms behind them [m].

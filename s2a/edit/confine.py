@@ -119,12 +119,6 @@ class Cell:
             process.end()
 
 
-def confine(script: str, skeleton: str, names: dict[str, str], config: ConfinementConfig, trusted: bool) -> Confined:
-    """Run a script on a stage in a process of its own, as `Cell.run` does."""
-    with Cell(skeleton, config, trusted) as cell:
-        return cell.run(script, names)
-
-
 class _Process:
     """A process that locks itself in and waits for its script."""
 

@@ -9,7 +9,7 @@ from pxr import Sdf
 
 from s2a.edit.allow import check
 from s2a.edit.compare import TAXONOMY, compare
-from s2a.edit.confine import STAGE, Cell, ConfinementConfig
+from s2a.edit.confine import STAGE, Cell
 from s2a.edit.placement import Placement
 
 TEMPLATE = """\
@@ -61,22 +61,6 @@ def run_in(cell: Cell, text: str, plan: Placement) -> Outcome:
     run = cell.run(text, {"STAGE": STAGE, "OBJECT": plan.reference})
     layer = compare(run.saved, cell.skeleton, plan)
     return Outcome(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
-
-
-def run_script(
-    text: str, skeleton: str, plan: Placement, config: ConfinementConfig, *, trusted: bool = False
-) -> Outcome:
-    """Do what `run_in` does in a cell for this script alone.
-
-    Args:
-        text: Python.
-        skeleton: text of the stage, from `s2a.edit.skeleton`.
-        plan: what it is to add.
-        config: what it may say and use.
-        trusted: run it although the system lacks locks: for scripts of our own.
-    """
-    with Cell(skeleton, config, trusted) as cell:
-        return run_in(cell, text, plan)
 
 
 def write_script(plan: Placement) -> str:

@@ -72,10 +72,19 @@ class Job:
         return folder.latest(self.folder / "run")
 
     @property
+    def measured(self) -> Path:
+        """The file that says what an evaluation found."""
+        return self.folder / "evaluation.json"
+
+    @property
     def evaluated(self) -> bool:
         """Whether there is no checkpoint that still has to be evaluated."""
-        done, checkpoint = self.folder / "evaluation.json", self.checkpoint
-        return checkpoint is None or (done.is_file() and done.stat().st_mtime >= checkpoint.stat().st_mtime)
+        checkpoint = self.checkpoint
+        if checkpoint is None or not self.measured.is_file():
+            return checkpoint is None
+        # Times alone do not tell: in a folder that was copied from another machine all files may be of one second.
+        same = Path(json.loads(self.measured.read_text())["policy"]).name == checkpoint.name
+        return same and self.measured.stat().st_mtime >= checkpoint.stat().st_mtime
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -147,27 +156,29 @@ def evaluation(job: Job, stages: Path, episodes: int) -> list[str]:
     """Return the command that evaluates the last checkpoint, one episode a world."""
     return [
         *(*S2A, "evaluate", f"stage={stages / job.row.stage}", f"worlds={episodes}"),
-        *(f"checkpoint={job.checkpoint}", f"seed={EVALUATION_SEED + job.seed}", f"out={job.folder}/evaluation.json"),
+        *(f"checkpoint={job.checkpoint}", f"seed={EVALUATION_SEED + job.seed}", f"out={job.measured}"),
     ]
 
 
 def collect(job: Job, iterations: int) -> dict[str, Any] | None:
-    """Return what a run of so many iterations came to; None before it was evaluated.
+    """Return what a run that is to have so many iterations came to; None before it was evaluated.
 
-    env_steps is what its last checkpoint was trained for.
+    env_steps is what the evaluated checkpoint was trained for.
     """
-    if job.checkpoint is None or not (job.folder / "evaluation.json").is_file():
+    if not job.measured.is_file():
         return None
+    found = json.loads(job.measured.read_text())
+    trained = folder.iteration(Path(found["policy"])) + 1
     settings = json.loads((job.folder / "run" / folder.SETTINGS).read_text())
     steps = settings["worlds"] * settings["policy"]["steps"]
     return {
         "row": job.row.name,
         "about": job.row.about,
         "seed": job.seed,
-        "finished": job.finished(iterations),
-        "env_steps": (folder.iteration(job.checkpoint) + 1) * steps,
+        "finished": trained >= iterations,
+        "env_steps": trained * steps,
         "stage": job.row.stage,
         "settings": {key: value for key, value in settings.items() if key not in NOT_SETTINGS},
-        "evaluation": json.loads((job.folder / "evaluation.json").read_text()),
+        "evaluation": found,
         "curve": curve(job.folder / "run", steps),
     }

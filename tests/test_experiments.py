@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -10,10 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from cabinet import write_cabinet
 from curves import as_run
 from ingredients import BEST, CHANGES
-from multirun import Row, jobs
+from multirun import Row, collect, jobs
 from outcome import percent, write
 from ratings import table as ratings
 from ratings import verdicts
@@ -43,6 +45,24 @@ def test_train_understands_every_row_and_no_change_of_the_recipe_changes_nothing
 def test_every_row_gets_its_first_seed_before_any_gets_its_second(tmp_path: Path) -> None:
     rows = [Row("a", "a.usd", (), 2, "A"), Row("b", "b.usd", (), 1, "B"), Row("c", "c.usd", (), 2, "C")]
     assert [job.folder.name for job in jobs(rows, tmp_path)] == ["a-0", "b-0", "c-0", "a-1", "c-1"]
+
+
+def test_what_was_measured_before_the_run_went_on_is_measured_again_and_says_its_own_steps(tmp_path: Path) -> None:
+    [job] = jobs([Row("a", "a.usd", (), 1, "A")], tmp_path)
+    run = job.folder / "run"
+    run.mkdir(parents=True)
+    (run / "settings.json").write_text(json.dumps({"worlds": 4, "policy": {"steps": 8}}))
+    assert job.evaluated and collect(job, 2) is None  # there is nothing to evaluate yet
+    torch.save({}, run / "model_1.pt")
+    assert not job.evaluated
+    job.measured.write_text(json.dumps({"policy": "run/model_1.pt"}))
+    assert job.evaluated
+    torch.save({}, run / "model_3.pt")
+    for file in (job.measured, *run.iterdir()):  # as in a folder that was copied from another machine
+        os.utime(file, (1e9, 1e9))
+    assert not job.evaluated
+    cut = collect(job, 4)
+    assert cut and (cut["env_steps"], cut["finished"]) == (2 * 4 * 8, False)
 
 
 def test_commands_run_side_by_side_and_those_that_fail_are_told(tmp_path: Path) -> None:

@@ -59,12 +59,14 @@ class Simulation:
         model: the Newton model of all worlds.
         solver: MuJoCo (Warp) with hull contacts.
         state: joint and body state before and after every `step` (always this same buffer).
+        before: the same before the last physics step, in which its contacts were found.
         control: joint targets.
         joint_q: joint coordinates [m or rad], torch view of state.joint_q, shape [world coord].
         joint_qd: joint velocities, torch view of state.joint_qd, shape [world dof].
         body_q: body poses (position, quaternion xyzw), torch view of state.body_q, shape [world body 7].
         joint_target_q: joint targets, torch view of the control's, shape [world dof].
-        after_substep: called after every physics step, and captured with it: the solver forgets its overflows in the next.
+        after_substep: called after every physics step, and captured with it: the solver forgets contacts and overflows in the
+            next.
     """
 
     def __init__(
@@ -82,7 +84,7 @@ class Simulation:
             builder.replicate(self.world, worlds)
             self.model = builder.finalize()
             self.solver = _solver(self.model, config)
-            self.state, self._other = self.model.state(), self.model.state()
+            self.state, self.before = self.model.state(), self.model.state()
             self.control = self.model.control()
             newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
         self.joint_q = wp.to_torch(self.state.joint_q).view(worlds, -1)
@@ -98,8 +100,8 @@ class Simulation:
     def step(self) -> None:
         """Advance all worlds by one control step (`substeps` physics steps)."""
         for _ in range(self.config.substeps):
-            self.solver.step(self.state, self._other, self.control, None, self.config.dt)
-            self.state, self._other = self._other, self.state
+            self.solver.step(self.state, self.before, self.control, None, self.config.dt)
+            self.state, self.before = self.before, self.state
             self.after_substep()
 
     def capture(self, function: Callable[[], None]) -> Callable[[], None]:

@@ -28,10 +28,10 @@ class OpenDrawerEnv:
         reward: shape [world].
         done, time_out: 0 or 1, shape [world], int32; a time-out is not a termination.
         terms: unweighted reward terms in the order of REWARD_TERMS, shape [world 9].
-        touch: largest normal force of the left and right finger on the grasp region [N], shape [world 2].
+        touch: largest normal force of the left and right finger on the grasp region in the step [N], shape [world 2].
         elsewhere: the same on the rest of the part.
-        result: how each world's last finished episode went, in the order of RESULTS, shape [world 14].
-        counts: sums over finished episodes in the order of COUNTS since they were last set to zero, shape [15].
+        result: how each world's last finished episode went, in the order of RESULTS, shape [world 15].
+        counts: sums over finished episodes in the order of COUNTS since they were last set to zero, shape [16].
         episode_step: control steps since the reset, shape [world], int32.
         midway: 1 where whoever set `episode_step` says that the running episode shall not be counted, shape [world], int32.
     """
@@ -87,7 +87,6 @@ class OpenDrawerEnv:
         inputs = [self._constants, self._lower, self._upper, self._action, self._targets, self._touch]
         self._launch(kernels.act, [*inputs, self._elsewhere])
         sim.step()
-        self.feel()
         inputs = [self._constants, self._weights, self._upper, q["joint_q"], q["joint_qd"], q["body_q"], self._action]
         self._launch(judge.give_reward, [*inputs, self._touch, self._lead, self._terms, self._reward])
         inputs = [self._constants, q["joint_q"], q["joint_qd"], self._terms, self._touch, self._elsewhere]
@@ -96,11 +95,21 @@ class OpenDrawerEnv:
         self._reset_and_observe()
 
     def feel(self) -> None:
-        """Find the largest force of each finger on the grasp region and on the rest of the part, since the step began."""
+        """Find the forces of each finger on the grasp region and on the rest of the part in the last physics step."""
         data, contact = self.sim.solver.mjw_data, self.sim.solver.mjw_data.contact
         inputs = [self._constants, self._region.id, self._geom_kind, data.nacon, contact.geom, contact.worldid]
-        inputs += [contact.pos, contact.efc_address, data.efc.force, self._views["body_q"], self._touch]
-        self._launch(judge.feel, [*inputs, self._elsewhere], dim=data.naconmax)
+        inputs += [
+            contact.pos,
+            contact.efc_address,
+            data.efc.force,
+            self.sim.before.body_q.reshape((self.num_envs, -1)),
+        ]
+        self._launch(judge.feel, [*inputs, self._touch, self._elsewhere], dim=data.naconmax)
+
+    def _after_substep(self) -> None:
+        """Keep what the solver forgets in its next step."""
+        self._launch(judge.keep_overflow, [self.sim.solver.mjw_data.overflow, self._overflow])
+        self.feel()
 
     def _reset_and_observe(self) -> None:
         """Reset the worlds that are done, then write every world's observation."""
@@ -155,7 +164,7 @@ class OpenDrawerEnv:
         self._reward = wp.zeros(n, dtype=float)
         self._done, self._time_out, self._steps, self._midway = (wp.zeros(n, dtype=int) for _ in range(4))
         self._overflow = wp.zeros(n, dtype=int)
-        sim.after_substep = lambda: self._launch(judge.keep_overflow, [sim.solver.mjw_data.overflow, self._overflow])
+        sim.after_substep = self._after_substep
         self._world_mask = wp.zeros(n + 1, dtype=bool)
         self._articulation_mask = wp.zeros((n, sim.model.articulation_count // n), dtype=bool)
         self._region = _region(sim.stage, sim.device)

@@ -36,6 +36,7 @@ RESULTS = (
     "success",
     "final_success",
     "handle_success",
+    "hook_success",
     "side_success",
     "wide",
     "final_wide",
@@ -53,7 +54,8 @@ RESULTS = (
 "success": reached `success_opening` at any time, "final_success": was there at the end; likewise "wide" (`wide_opening`),
 "static" (`static_share` of the travel, moving no faster than `static_speed`) and "full" (`full_share` of the travel).
 "handle_success": a success with both fingers on the grasp region in half or more of the steps in which the part moved there;
-"side_success": one with a finger on the part and none on the grasp region in half or more of them. "opening": the largest [m].
+"hook_success": one with a finger on it in half or more of them, but both in fewer; "side_success": one with a finger on the part
+and none on the grasp region in half or more of them. What went wrong in physics is no success. "opening": the largest [m].
 "invalid": ended by a value that is not finite. "row_overflow": in some step the world had more constraint rows than fit, and
 the rest was dropped; "contact_overflow": likewise for contacts, whose pool all worlds share, so that it concerns all at once.
 """

@@ -26,7 +26,7 @@ from s2a.task.open_drawer import OpenDrawerConfig, RewardWeights
 from s2a.verbs.train import simulation
 from s2a.verbs.trained import read_world
 
-SHOWN = ("success", "final_success", "handle_success", "side_success", "wide", "static", "full")
+SHOWN = ("success", "final_success", "handle_success", "hook_success", "side_success", "wide", "static", "full")
 """Rates that the summary shows; metrics.json has all."""
 
 

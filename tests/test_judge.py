@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+import trimesh
 import warp as wp
 from cabinet import HANDLE, write_cabinet
 from scipy.spatial.transform import Rotation
@@ -109,6 +112,66 @@ def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, 
     assert torch.equal(env.done == 1, opening > travel * 0.39)
 
 
+def test_the_observation_equals_a_plain_reference_on_random_states(stage: SimStage) -> None:
+    turn = Rotation.from_euler("xyz", [0.1, -0.2, 2.0])
+    env = make_env(replace(stage, base=np.array([0.1, 0.2, 0.3, *turn.as_quat()])), WORLDS, end_opening=1e9)
+    sim, generator = env.sim, torch.Generator().manual_seed(1)
+    sim.body_q[:, :, :3] = torch.rand(sim.body_q[:, :, :3].shape, generator=generator) * 8.0
+    quaternions = torch.randn(sim.body_q[:, :, 3:].shape, generator=generator)
+    sim.body_q[:, :, 3:] = quaternions / quaternions.norm(dim=-1, keepdim=True)
+    sim.joint_q[:] = torch.randn(sim.joint_q.shape, generator=generator) * 3.0
+    sim.joint_qd[:] = torch.randn(sim.joint_qd.shape, generator=generator) * 30.0
+    env.step(torch.zeros(WORLDS, 9))
+    poses = sim.body_q.double()
+    hand, _ = frames(poses[:, sim.body("panda_link7")], (0.0, 0.04, 0.1654), Rotation.identity())
+    # The hand's point is given in a frame that stands turned, but not moved, against link 7's.
+    point, _ = frames(poses[:, sim.body("drawer_2")], tuple(sim.stage.grasp[:3]), Rotation.identity())
+    lower, upper = (torch.tensor(x.numpy()[:9]) for x in (sim.model.joint_limit_lower, sim.model.joint_limit_upper))
+    way = torch.tensor(turn.inv().apply((point - hand).numpy()))
+    expected = torch.cat(
+        [
+            2.0 * (sim.joint_q[:, :9] - lower) / (upper - lower) - 1.0,
+            0.1 * sim.joint_qd[:, :9],
+            way,
+            sim.joint_q[:, 9:10],
+            sim.joint_qd[:, 9:10],
+        ],
+        dim=1,
+    )
+    assert (expected.abs() > 5.0).any(dim=0).sum() > 15  # the limit of 5 is met in most columns
+    assert torch.allclose(env.observation.double(), expected.double().clamp(-5.0, 5.0), atol=1e-5)
+
+
+def test_forces_are_felt_within_five_millimetres_of_the_region_as_a_plain_reference_says(stage: SimStage) -> None:
+    env, count = make_env(stage, 3), 400
+    rng = np.random.default_rng(0)
+    region = trimesh.Trimesh(env._region.points.numpy(), env._region.indices.numpy().reshape(-1, 3), process=False)
+    places = trimesh.sample.sample_surface(region, count, seed=0)[0] + rng.uniform(-0.01, 0.01, (count, 3))
+    poses = np.hstack([rng.uniform(-1.0, 1.0, (3, 3)), Rotation.random(3, rng=rng).as_quat()]).astype(np.float32)
+    wp.to_torch(env.sim.before.body_q).view(3, -1, 7)[:, env.sim.body("drawer_2")] = torch.tensor(poses)
+    kinds = np.array([0, 1, 2, -1])  # left finger, right finger, part, anything else
+    pairs, worlds = rng.integers(0, 4, (count, 2)), rng.integers(0, 3, count)
+    points = poses[worlds, :3] + Rotation.from_quat(poses[worlds, 3:]).apply(places)
+    rows, forces = rng.integers(-1, 50, (count, 4)), rng.uniform(0.0, 3.0, (3, 50))
+    data = vars(env.sim.solver.mjw_data)
+    contact, efc = copy(data["contact"]), copy(data["efc"])
+    contact.geom, contact.worldid = wp.array(pairs, dtype=wp.vec2i), wp.array(worlds, dtype=int)
+    contact.pos, contact.efc_address = wp.array(points, dtype=wp.vec3), wp.array(rows, dtype=int)
+    efc.force, env._geom_kind = wp.array(forces, dtype=float), wp.array(kinds, dtype=int)
+    last = count - 10  # what lies behind the last contact is of an earlier step
+    data.update(contact=contact, efc=efc, nacon=wp.array([last], dtype=int), naconmax=count)
+    env.feel()
+    expected = np.zeros((2, 3, 2))
+    far = trimesh.proximity.closest_point(region, places)[1]
+    for i in range(last):
+        fingers = [kind for kind in kinds[pairs[i]] if kind in (0, 1)]
+        if rows[i, 0] >= 0 and 2 in kinds[pairs[i]] and fingers:
+            felt = expected[int(far[i] > 0.005), worlds[i]]
+            felt[fingers[0]] = max(felt[fingers[0]], forces[worlds[i], rows[i, 0]])
+    assert (expected > 0.0).all() and 0.2 < (far > 0.005).mean() < 0.8
+    assert np.allclose([env.touch.numpy(), env.elsewhere.numpy()], expected, atol=1e-5)
+
+
 def test_a_shorter_way_scales_the_openings_that_count(stage: SimStage) -> None:
     # 1.2 rad at 0.3 m is 0.36 m of way: success at 0.9 x 0.2 m, which is 0.6 rad.
     env = make_env(hinge(stage), 2, episode_steps=2)
@@ -164,6 +227,20 @@ def test_an_opening_that_is_not_finite_is_no_success(stage: SimStage) -> None:
     assert env.result[0].tolist() == [float(name == "invalid") for name in RESULTS]
 
 
+def test_what_opens_before_physics_goes_wrong_is_no_success_and_is_counted_midway_too(stage: SimStage) -> None:
+    env = make_env(stage, 2, end_opening=9.0)
+    env.midway[1] = 1
+    env.sim.joint_q[:, 9] = 0.39
+    env.step(torch.zeros(2, 9))
+    env.sim.joint_qd[:, 3] = torch.nan
+    env.step(torch.zeros(2, 9))
+    known = dict(zip(RESULTS, env.result[0].tolist(), strict=True))
+    assert known.pop("opening") == pytest.approx(0.39) and known.pop("invalid") == 1.0
+    assert set(known.values()) == {0.0}
+    counts = dict(zip(COUNTS, env.counts.tolist(), strict=True))
+    assert (counts["episodes"], counts["invalid"]) == (1.0, 2.0)
+
+
 @pytest.mark.parametrize(
     ("capacity", "expected", "key"),
     [({"njmax": 5}, ("row_overflow", 1.0), "sim.njmax"), ({"naconmax": 2}, ("contact_overflow", 2.0), "sim.nconmax")],
@@ -176,7 +253,12 @@ def test_an_overflow_is_counted_in_the_episodes_that_it_concerns(
     # The arm of world 0 lies on the floor: up to 4 contacts, 7 rows. That of world 1 is free.
     env.sim.joint_q[0, :9] = torch.tensor([0.0, 1.7, 0.0, -1.4, 0.0, 1.6, 0.8, 0.035, 0.035])
     env.sim.joint_target_q[0, :9] = env.sim.joint_q[0, :9]
-    for _ in range(5):
+    ended = torch.zeros(2)
+    for _ in range(4):
+        env.step(torch.zeros(2, 9))
+        ended += env.done
+    assert ended.tolist() == [float("njmax" in capacity), 0.0]  # a world that drops rows; contacts are of no one world
+    while not env.done[1]:
         env.step(torch.zeros(2, 9))
     counts = dict(zip(COUNTS, env.counts.tolist(), strict=True))
     assert {name: counts[name] for name in TROUBLES} == {**dict.fromkeys(TROUBLES, 0.0), expected[0]: expected[1]}
@@ -208,6 +290,7 @@ def test_the_handle_counts_if_held_for_half_of_the_way(stage: SimStage) -> None:
         env.step(torch.zeros(3, 9))
     assert column(env, "success") == [1.0, 1.0, 1.0]
     assert column(env, "handle_success") == [1.0, 0.0, 0.0]
+    assert column(env, "hook_success") == [0.0, 1.0, 1.0]
 
 
 def test_a_success_with_fingers_beside_the_handle_alone_is_counted_apart(stage: SimStage) -> None:
@@ -241,6 +324,24 @@ def test_a_grip_is_felt_on_the_region_and_not_beside_it(stage: SimStage, cone: s
     # The fingers press with stiffness 2000 N/m over half the bar's thickness, 11.9 mm.
     assert env.touch.flatten().tolist() == pytest.approx([23.8] * 4, rel=0.2)
     assert env.terms[:, REWARD_TERMS.index("grip")].tolist() == [1.0, 1.0]
+    felt, keep = [], sim.after_substep
+
+    def watch() -> None:
+        keep()
+        felt.append(env.touch.clone())
+
+    sim.after_substep = watch
+    env.step(planner(env.observation.clone()))
+    assert len(felt) == 4 and felt[0].min() > 0.0  # every physics step is felt, and the largest force is kept
+    assert all((later >= earlier).all() for earlier, later in itertools.pairwise(felt))
+    assert torch.equal(env.touch, felt[-1])
+    sim.after_substep = keep
+    # Contacts lie where the part was before the physics step, not where that took it.
+    env.touch.zero_()
+    wp.to_torch(sim.state.body_q).view(2, -1, 7)[:, sim.body("drawer_2"), 0] += 0.05
+    env.feel()
+    assert env.touch.min() > 0.0
+    wp.to_torch(sim.state.body_q).view(2, -1, 7)[:, sim.body("drawer_2"), 0] -= 0.05
     env._region.points = wp.array(env._region.points.numpy() + [0.0, 0.0, 0.04], dtype=wp.vec3)
     env.step(planner(env.observation.clone()))
     assert env.touch.tolist() == [[0.0, 0.0], [0.0, 0.0]]

@@ -56,6 +56,7 @@ MESHES = {
     "with a coordinate that is not a number": (tiny_scan.ply(changed(VERTICES, 4, np.nan)), ("vertex 4", "nan")),
     "with an infinite coordinate": (tiny_scan.ply(changed(VERTICES, 4, np.inf)), ("vertex 4", "inf")),
     "with a coordinate out of this world": (tiny_scan.ply(changed(VERTICES, 4, 1e30)), ("1e+30 m", "metres")),
+    "in millimetres": (tiny_scan.ply(1000 * VERTICES), ("5500 m", "millimetres", "metres")),
     "with a face out of range": (tiny_scan.ply(faces=changed(tiny_scan.FACES, 3, 12)), ("12", "vertices")),
     "with a negative face": (tiny_scan.ply(faces=changed(tiny_scan.FACES, 3, -1)), ("-1", "vertices")),
     "with colors of another kind": (tiny_scan.ply().replace(b"uchar red", b"char red"), ("colors", "uchar")),
@@ -66,6 +67,14 @@ MESHES = {
 def test_a_damaged_mesh_is_refused(tmp_path, case):
     mesh, words = MESHES[case]
     assert_refused(tiny_scan.write(tmp_path / "scan", mesh=mesh), PLY, *words)
+
+
+@pytest.mark.parametrize(("scale", "warned"), [(1, False), (10, False), (100, True), (180, True)])
+def test_a_mesh_that_spans_more_than_a_room_is_warned_of(tmp_path, scale, warned, caplog):
+    read(tmp_path, mesh=tiny_scan.ply(scale * VERTICES))
+    assert [("centimetres" in text, f"{5.5 * scale:g} m" in text) for text in caplog.messages] == [
+        (True, True)
+    ] * warned
 
 
 def test_a_mesh_with_other_polygons_among_the_triangles_is_refused(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,16 +13,20 @@ from pxr import Usd
 from settings import load
 
 from s2a import config as configuration
+from s2a.certify.contents import Contents
+from s2a.certify.static import joint_limits
 from s2a.errors import InputError
 from s2a.geometry.convex import box, contains, overlap, volume
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.mass import MassConfig, moving_mass
-from s2a.prepare.motion import deepest, displace, sweep
+from s2a.prepare.motion import deepest, displace, sweep, target_joint
 from s2a.prepare.pose import opening_direction
 from s2a.prepare.room import cut_all
 from s2a.scene import Joint, Mesh, Part, Scene, Vec3
 from s2a.usd import geometric, simready
+from s2a.usd.joints import write_joint
 from s2a.usd.simscene import SimScene
+from s2a.usd.stage import new_stage
 from s2a.verbs import prepare as verb
 
 SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))
@@ -112,6 +117,50 @@ def test_nothing_is_written_where_one_of_several_does_not_move(tmp_path: Path) -
     with pytest.raises(InputError, match="drawer_7, "):
         verb.run(configuration.load(verb.Config, configuration.compose("prepare", given)))
     assert not (tmp_path / "sims").exists()
+
+
+LIMITS = [
+    ("prismatic", (0.0, 0.4)),
+    ("prismatic", (-0.1, 0.3)),
+    ("prismatic", (-0.4, 0.0)),
+    ("prismatic", (0.0, 0.01)),
+    ("prismatic", (0.25, 0.5)),
+    ("prismatic", (-0.5, -0.25)),
+    ("prismatic", (1e-12, 0.4)),
+    ("prismatic", (0.0, 0.0)),
+    ("prismatic", (-0.004, 0.005)),
+    ("prismatic", (0.0, 3.0)),
+    ("prismatic", (0.0, 3.1)),
+    ("revolute", (0.0, 1.5708)),
+    ("revolute", (-math.pi, math.pi)),
+    ("revolute", (0.0, 6.2832)),
+    ("revolute", (0.2, 1.0)),
+    ("revolute", (0.0, 0.0)),
+]
+"""Limits [m] or [rad], of which some suit a robot."""
+
+
+@pytest.mark.parametrize(("kind", "limits"), LIMITS)
+def test_a_target_is_refused_for_the_limits_that_no_certificate_allows(kind: str, limits: tuple[float, float]) -> None:
+    stage, joint = new_stage(), replace(SLIDE, kind=kind, limits=limits)
+    prim = write_joint(stage, "/scene/joint", joint, "/scene/a", "/scene/b").GetPrim()
+    certified = joint_limits(Contents(stage, None, prim, None, (), (), ())).status == "pass"
+    scene = Scene("one", {"drawer_3": Part("drawer", cube(0.0), motion=joint)})
+    if certified:
+        assert target_joint(scene, "drawer_3") == joint
+    else:
+        with pytest.raises(InputError, match=r"^part 'drawer_3' of scene 'one': .*rangeMin and rangeMax.*s2a export"):
+            target_joint(scene, "drawer_3")
+
+
+@pytest.mark.parametrize(("limits", "says"), [((0.25, 0.5), "0.25 to 0.5 m do not hold 0"), ((0, 0), "0.01 to 3 m")])
+def test_a_part_that_no_robot_opens_is_not_prepared(limits: tuple[float, float], says: str) -> None:
+    room = clean_cabinet_room()
+    drawer = room.parts["drawer_7"]
+    stuck = replace(drawer, motion=replace(room.joint("drawer_7"), limits=limits))
+    scene = replace(room, parts={**room.parts, "drawer_7": stuck})
+    with pytest.raises(InputError, match=says):
+        prepare(scene, "drawer_7", coarse())
 
 
 @pytest.mark.parametrize("joint", [SLIDE, Joint("revolute", (0.0, 0.0, 1.0), (-0.05, 0.0, 0.0), (-0.3, 1.6))])

@@ -96,6 +96,24 @@ def test_a_full_turn_in_radians_stays_in_radians(tmp_path, full_turn, caplog):
     assert "degrees" not in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("kind", "low", "high", "says"),
+    [
+        ("translation", 0.25, 0.5, "do not hold 0"),
+        ("translation", -0.5, -0.25, "do not hold 0"),
+        ("translation", 0.0, 0.0, "0.01 to 3 m"),
+        ("translation", 0.0, 400, "0.01 to 3 m"),
+        ("rotation", -math.pi, 3.5, "0.01 to 6.28319 rad"),
+    ],
+)
+def test_a_range_that_no_robot_opens_is_kept_and_warned_of(tmp_path, kind, low, high, says, caplog):
+    files = tiny_scan.contents()
+    files[tiny_scan.ARTIC]["data"]["articulations"][0].update(type=kind, rangeMin=low, rangeMax=high)
+    assert read(tmp_path, files).joint("door_3").limits == (low, high)
+    (message,) = caplog.messages
+    assert says in message and tiny_scan.ARTIC in message and "part 3" in message and "\n" not in message
+
+
 def test_untidy_labels_are_read_and_warned_of(tmp_path, caplog):
     files = tiny_scan.contents()
     for part, label in zip(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom
 from usd_room import box, room
 
 from s2a.errors import InputError
@@ -53,6 +55,54 @@ def test_a_damaged_stage_is_told_of_in_one_line(tmp_path: Path, edit: str, by: s
         geometric.read(path)
     assert says in str(error.value)
     assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [(2, 0, 0), (0, 2, 0), (0, 0, 2)],
+        [(1, 0, 0), (0, 1.001, 0), (0, 0, 1)],
+        [(1, 0, 0), (0.01, 1, 0), (0, 0, 1)],
+        [(1, 0, 0), (0, -1, 0), (0, 0, 1)],
+        [(1, 0, 0), (0, float("nan"), 0), (0, 0, 1)],
+    ],
+    ids=["larger", "stretched", "sheared", "mirrored", "not a number"],
+)
+@pytest.mark.parametrize("prim", ["/scene", "/scene/door_21"])
+def test_a_body_whose_joint_cannot_follow_its_transform_is_refused(
+    tmp_path: Path, rows: list[tuple[float, float, float]], prim: str
+) -> None:
+    path = tmp_path / "moved.usda"
+    geometric.write(Scene("lone", {"door_21": replace(room().parts["door_21"], parent=None)}), path)
+    stage = Usd.Stage.Open(str(path))
+    matrix = Gf.Matrix4d(Gf.Matrix3d(*(x for row in rows for x in row)), Gf.Vec3d(0))
+    UsdGeom.Xformable(stage.GetPrimAtPath(prim)).AddTransformOp().Set(matrix)
+    stage.Save()
+    with pytest.raises(InputError, match="/scene/door_21") as error:
+        geometric.read(path)
+    assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_what_does_not_move_may_be_scaled(tmp_path: Path) -> None:
+    path = tmp_path / "scaled.usda"
+    geometric.write(room(), path)
+    stage = Usd.Stage.Open(str(path))
+    UsdGeom.Xformable(stage.GetPrimAtPath("/scene/wall_1")).AddScaleOp().Set(Gf.Vec3f(2.0))
+    stage.Save()
+    assert (geometric.read(path).part("wall_1").mesh.vertices == 2.0 * room().part("wall_1").mesh.vertices).all()
+
+
+@pytest.mark.parametrize("prim", ["/scene/wall_1", "/scene/drawer_7"])
+def test_a_part_that_an_editor_duplicated_is_refused_and_both_are_named(tmp_path: Path, prim: str) -> None:
+    path = tmp_path / "twice.usda"
+    geometric.write(room(), path)
+    stage = Usd.Stage.Open(str(path))
+    assert Sdf.CopySpec(stage.GetRootLayer(), prim, stage.GetRootLayer(), f"{prim}_copy")
+    stage.Save()
+    with pytest.raises(InputError) as error:
+        geometric.read(path)
+    assert all(word in str(error.value) for word in (str(path), f"{prim} ", f"{prim}_copy", "partId", "delete"))
     assert "\n" not in str(error.value)
 
 

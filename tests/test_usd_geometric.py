@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from usd_room import DIRTY, box, room, unit
 
+from s2a.prepare.motion import displace
 from s2a.scene import Joint, Mesh, Part, Scene
 from s2a.usd import geometric, joints
 from s2a.usd.validate import problems
@@ -169,6 +171,65 @@ def test_a_transform_that_an_editor_gave_a_mesh_is_applied(tmp_path: Path) -> No
     stage.Save()
     moved = geometric.read(path).part("wall_1").mesh
     assert np.allclose(moved.vertices, room().part("wall_1").mesh.vertices + (0, 0, 5))
+
+
+def overlaid(folder: Path, prim: str, matrix: Gf.Matrix4d) -> Path:
+    """Write the room, and over it a layer that transforms one prim, as an editor writes it."""
+    geometric.write(room(), folder / "room.usd")
+    layer = Usd.Stage.CreateNew(str(folder / "over.usda"))
+    layer.GetRootLayer().subLayerPaths.append("room.usd")
+    UsdGeom.SetStageMetersPerUnit(layer, 1.0)
+    UsdGeom.SetStageUpAxis(layer, UsdGeom.Tokens.z)
+    layer.SetDefaultPrim(layer.GetPrimAtPath("/scene"))
+    UsdGeom.Xformable(layer.GetPrimAtPath(prim)).AddTransformOp().Set(matrix)
+    layer.GetRootLayer().Save()
+    return folder / "over.usda"
+
+
+def turned(degrees: float, shift: tuple[float, float, float]) -> Gf.Matrix4d:
+    return Gf.Matrix4d(Gf.Rotation((0, 0, 1), degrees), Gf.Vec3d(*shift))
+
+
+def assert_moves_along(found: Scene, part_ids: Iterable[str], matrix: Gf.Matrix4d) -> None:
+    """Assert that jointed parts move as they did, seen from what the matrix made of the room."""
+    whole = np.array(matrix)
+    for part_id in part_ids:
+        joint, points = room().joint(part_id), room().parts[part_id].mesh.vertices.astype(float)
+        points = np.concatenate([points, np.eye(3)])  # a part without surface has a joint all the same
+        for q in joint.limits:
+            there = displace(points, joint, q) @ whole[:3, :3] + whole[3, :3]
+            again = displace(points @ whole[:3, :3] + whole[3, :3], found.joint(part_id), q)
+            assert np.allclose(again, there, atol=1e-9)
+        assert found.joint(part_id).limits == joint.limits
+
+
+@pytest.mark.parametrize("matrix", [turned(90, (0, 0, 0)), turned(-37, (3, -2, 0.5))])
+def test_a_transform_of_the_whole_room_takes_joints_and_grasps_along(tmp_path: Path, matrix: Gf.Matrix4d) -> None:
+    found = geometric.read(overlaid(tmp_path, "/scene", matrix))
+    whole = np.array(matrix)
+    assert_moves_along(found, room().movable, matrix)
+    assert np.allclose(found.joint("drawer_7").axis, np.array(room().joint("drawer_7").axis) @ whole[:3, :3])
+    assert np.allclose(found.grasp_point("drawer_7"), room().grasp_point("drawer_7") @ whole[:3, :3] + whole[3, :3])
+
+
+@pytest.mark.parametrize("matrix", [turned(0, (0.1, 0.2, 0.3)), turned(90, (0, 0, 0))])
+def test_a_transform_of_one_body_takes_its_joint_along_and_no_other(tmp_path: Path, matrix: Gf.Matrix4d) -> None:
+    found = geometric.read(overlaid(tmp_path, "/scene/door_20", matrix))
+    assert_moves_along(found, ["door_20"], matrix)
+    others = [i for i in room().movable if i != "door_20"]
+    assert [found.joint(i) for i in others] == [room().joint(i) for i in others]
+
+
+def test_a_transform_of_the_carcass_leaves_what_stands_beside_it(tmp_path: Path) -> None:
+    found = geometric.read(overlaid(tmp_path, "/scene/cabinet_3", turned(0, (1, 0, 0))))
+    assert found.parts["drawer_7"] == room().parts["drawer_7"]
+
+
+def test_an_orientation_in_single_precision_is_rigid_enough(tmp_path: Path) -> None:
+    half = math.radians(33.3) / 2
+    matrix = Gf.Matrix4d(Gf.Matrix3d(Gf.Quatf(math.cos(half), 0, 0, math.sin(half))), Gf.Vec3d(0))
+    found = geometric.read(overlaid(tmp_path, "/scene", matrix))
+    assert math.hypot(*found.joint("drawer_7").axis) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_a_part_that_somebody_added_follows_after_those_of_the_scan(tmp_path: Path) -> None:

@@ -8,17 +8,15 @@ from collections.abc import Callable
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
+from s2a import limits
 from s2a.certify.check import Check, decide, judge
 from s2a.certify.contents import Contents, ends
+from s2a.usd.joints import KINDS
 from s2a.usd.stage import ROOT
 from s2a.usd.validate import broken_rules
 
 EXACT = 1e-6
 """Largest difference of an exact value and its float32 copy [m or 1]."""
-WIDEST = {"PhysicsPrismaticJoint": 3.0, "PhysicsRevoluteJoint": 2.0 * math.pi}
-"""No drawer is longer [m], no door turns further [rad]; degrees read as radians are."""
-NARROWEST = 0.01
-"""Least range of a joint [m or rad]: what moves less is not worth a robot."""
 INWARDS = 0.5
 """Cosine between sliding and pushing at the grasp above which a part opens into its furniture."""
 PREPARE = "run s2a prepare again"
@@ -113,7 +111,7 @@ def target_joint(contents: Contents) -> Check:
         lost = [path for paths in ends(joint) for path in paths if path not in known]
         problems += [(str(joint.GetPath()), f"the joint holds {path}, which is no body") for path in lost]
     for joint in moving:
-        if joint.GetTypeName() not in WIDEST:
+        if joint.GetTypeName() not in KINDS:
             problems.append((str(joint.GetPath()), f"a {joint.GetTypeName()} moves the target, not a slide or hinge"))
         if not ends(joint)[0]:
             text = "the joint hangs on the world itself: poses stay stale in Newton 1.8; hang it on an anchor body"
@@ -126,16 +124,12 @@ def target_joint(contents: Contents) -> Check:
 def joint_limits(contents: Contents) -> Check:
     """The exact limits are ordered, hold the scanned pose, are of a piece of furniture, and the physics limits agree."""
     name, joint = "joint_limits", contents.joint
-    if joint is None or joint.GetTypeName() not in WIDEST:
+    if joint is None or joint.GetTypeName() not in KINDS:
         return _unasked(name, "target_joint")
     low, high = joint.GetAttribute("s2a:limits").Get() or (math.nan, math.nan)
     turn = math.degrees(1.0) if joint.GetTypeName() == "PhysicsRevoluteJoint" else 1.0
     physics = [joint.GetAttribute(f"physics:{end}Limit").Get() for end in ("lower", "upper")]
-    problems = []
-    if not low <= 0.0 <= high:
-        problems.append(f"limits {low:g} to {high:g} do not hold 0, the scanned pose")
-    if not NARROWEST <= high - low <= WIDEST[joint.GetTypeName()]:
-        problems.append(f"a range of {high - low:g}, possible: {NARROWEST} to {WIDEST[joint.GetTypeName()]:.2f}")
+    problems = limits.problems(KINDS[joint.GetTypeName()], low, high)
     if not all(
         value is not None and abs(value / turn - exact) <= EXACT * max(1.0, abs(exact))
         for value, exact in zip(physics, (low, high), strict=True)

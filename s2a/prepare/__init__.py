@@ -16,7 +16,7 @@ from s2a.prepare.decimate import DecimateConfig, Decimated, decimate_room
 from s2a.prepare.interior import carcass_walls, drawer_box
 from s2a.prepare.loose import LooseConfig, lift_all
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
-from s2a.prepare.motion import deepest, sweep
+from s2a.prepare.motion import deepest, sweep, target_joint
 from s2a.prepare.pose import find_grasp, lever_arm
 from s2a.prepare.room import RoomConfig, pedestal, room_colliders
 from s2a.ranges import NotNegative
@@ -70,9 +70,10 @@ def prepare(scene: Scene, target: str, config: PrepareConfig, free: Sequence[str
         free: ids of objects that lie about freely instead of being one with the room.
 
     Raises:
-        InputError: the target is unknown, does not move, or has no surface; an object cannot be lifted out.
+        InputError: the target is unknown, does not move, has limits that no robot can use, or has no surface; an object
+            cannot be lifted out.
     """
-    joint, grasp = scene.joint(target), find_grasp(scene, target)
+    joint, grasp = target_joint(scene, target), find_grasp(scene, target)
     moving, frozen, room = split(scene, target)
     loose = lift_all(scene, free, target, config.loose)
     room = tuple(i for i in room if not any(i in thing.members for thing in loose))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from s2a import limits as possible
 from s2a.errors import InputError
 from s2a.scan import fields
 from s2a.scan.fields import Record
@@ -43,6 +44,8 @@ def read(path: Path, labels: Mapping[int, str], origin: np.ndarray) -> dict[int,
 def joint(record: Record, angle_unit: float, origin: np.ndarray) -> Joint:
     """Return the joint that a record describes by type, axis, origin, rangeMin and rangeMax.
 
+    A range that no robot can use is kept, since the part may only stand around, and a warning is logged.
+
     Args:
         record: the record, in the file's coordinates.
         angle_unit: what the file counts angles in [rad].
@@ -62,6 +65,9 @@ def joint(record: Record, angle_unit: float, origin: np.ndarray) -> Joint:
     limits = record.number("rangeMin") * unit, record.number("rangeMax") * unit
     if limits[0] > limits[1]:
         record.refuse("rangeMin", f"above rangeMax {record.number('rangeMax')}; swap them")
+    if wrong := possible.problems(kind, *limits):
+        text = "%s: %s; s2a prepare will refuse this part: mend rangeMin and rangeMax"
+        _log.warning(text, record.where, " and ".join(wrong))
     return Joint(kind, tuple(axis / length), tuple(record.vector("origin") - origin), limits)  # type: ignore[arg-type]
 
 

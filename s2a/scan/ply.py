@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +13,10 @@ from trimesh.exchange.ply import load_ply
 
 from s2a.errors import InputError
 
-_LARGEST_SPAN = 10_000.0  # [m]; beyond any room, so a damaged number or another unit
+_log = logging.getLogger(__name__)
+
+_LARGEST_SPAN = 1000.0  # [m]; beyond any room, so another unit or a damaged number
+_LARGE_SPAN = 60.0  # [m]; beyond the rooms that anybody scanned (ten metres), though there are halls
 _FAR = 100.0  # [m]; from here on float32 rounds coordinates by 8 um or more
 
 
@@ -40,7 +44,8 @@ class Surface:
 def read(path: Path, face_numbers: tuple[str, ...] = ()) -> Surface:
     """Read a triangle mesh from a PLY file: ASCII or binary, float or double; properties not asked for are ignored.
 
-    A mesh that reaches further than 100 m from zero is moved, in float64, so that its smallest corner becomes zero.
+    A mesh that reaches further than 100 m from zero is moved, in float64, so that its smallest corner becomes zero. One that
+    spans more than 60 m is taken as it is, and a warning is logged.
 
     Args:
         path: the file.
@@ -48,7 +53,7 @@ def read(path: Path, face_numbers: tuple[str, ...] = ()) -> Surface:
 
     Raises:
         InputError: the file is truncated or no PLY, holds no triangles or also other polygons, coordinates are not
-            finite or span more than 10 km, a face names a vertex that does not exist, or faces lack a property.
+            finite or span more than 1 km, a face names a vertex that does not exist, or faces lack a property.
     """
     content, elements = _load(path)
     vertices = content["vertices"].astype(np.float64)
@@ -120,7 +125,11 @@ def _check_numbers(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
         )
     span = np.ptp(vertices, axis=0).max()
     if span > _LARGEST_SPAN:
-        raise InputError(f"{path}: vertices span {span:.3g} m; they must be metres of one room; is the file damaged?")
+        raise InputError(
+            f"{path}: vertices span {span:.6g} m; is it in millimetres, or damaged? metres of one room are expected"
+        )
+    if span > _LARGE_SPAN:
+        _log.warning("%s: spans %.6g m; is it in centimetres or millimetres? metres are expected", path, span)
     if not 0 <= faces.min() <= faces.max() < len(vertices):
         raise InputError(
             f"{path}: faces name vertices {faces.min()} to {faces.max()} of {len(vertices)}; take an undamaged file"

@@ -16,13 +16,14 @@ There are no colliders, and a mass only where one is annotated: this is a record
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 from s2a.errors import InputError
 from s2a.scene import Joint, Mesh, Motion, Part, Scene
-from s2a.usd.joints import KINDS, read_joint, site_point, write_body, write_fixed_joint, write_joint, write_site
+from s2a.usd.joints import KINDS, placed, read_joint, site_point, write_body, write_fixed_joint, write_joint, write_site
 from s2a.usd.stage import (
     ROOT,
     check_ids,
@@ -71,10 +72,12 @@ def write(scene: Scene, path: Path) -> None:
 def read(path: Path) -> Scene:
     """Read a scene that `write` wrote; `read(write(scene)) == scene`.
 
-    Parts that somebody added to the stage follow after those of the scan.
+    Parts that somebody added to the stage follow after those of the scan. Where somebody transformed prims, or the whole
+    scene, surfaces and joints are read as they stand now.
 
     Raises:
-        InputError: not a stage of this flavour, or one in which a part, a joint or a mesh is missing or wrong.
+        InputError: not a stage of this flavour, or one in which a part, a joint or a mesh is missing or wrong, two prims
+            stand for one part, or a moving part is scaled.
     """
     with reading(path):
         return _read_scene(open_stage(path), path)
@@ -134,6 +137,7 @@ def _read_scene(stage: Usd.Stage, path: Path) -> Scene:
         raise InputError(f"{path}: its flavour is {flavour!r}; expected {FLAVOUR!r}: give what `s2a export` wrote")
     prims = [prim for prim in Usd.PrimRange(root) if prim.HasAttribute("s2a:partId")]
     prims = sorted(prims, key=lambda prim: read_attribute(prim, "order", int, len(prims)))
+    _check_once(prims)
     parts = {_id(prim): _read_part(stage, prim) for prim in prims}
     name, origin = read_attribute(root, "name", str, ""), read_attribute(root, "origin", tuple, (0.0, 0.0, 0.0))
     try:
@@ -144,6 +148,18 @@ def _read_scene(stage: Usd.Stage, path: Path) -> Scene:
 
 def _id(prim: Usd.Prim) -> str:
     return str(read_attribute(prim, "partId", str))
+
+
+def _check_once(prims: Iterable[Usd.Prim]) -> None:
+    """Raise an InputError if two prims stand for one part, as after "Duplicate" in an editor."""
+    first: dict[str, Usd.Prim] = {}
+    for prim in prims:
+        other = first.setdefault(_id(prim), prim)
+        if other != prim:
+            raise InputError(
+                f"{where(other)} and {prim.GetPath()} have the same s2a:partId {_id(prim)!r}; give one of them an id of "
+                "its own, or delete it"
+            )
 
 
 def _read_part(stage: Usd.Stage, prim: Usd.Prim) -> Part:
@@ -176,4 +192,4 @@ def _read_motion(stage: Usd.Stage, prim: Usd.Prim) -> Motion:
     joint = stage.GetPrimAtPath(f"{JOINTS}/{_id(prim)}")
     if not joint:
         raise InputError(f"{where(prim)} is {motion} but {JOINTS}/{_id(prim)} is missing; export the scan again")
-    return read_joint(joint)
+    return placed(read_joint(joint), prim)

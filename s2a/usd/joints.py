@@ -1,12 +1,14 @@
 """Joints, bodies and grasp points as UsdPhysics and Newton know them, with the exact values as attributes beside.
 
 Bodies stand at the identity, so a joint's frame is the same in both bodies: its origin, turned so that X is the axis.
+Where an editor moved a body afterwards, the joint goes with the body that it moves, as that one's surface does.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
@@ -14,10 +16,12 @@ from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
 from s2a.scene import Joint, Scene
-from s2a.usd.stage import read_attribute, where, write_attribute
+from s2a.usd.stage import placement, read_attribute, where, write_attribute
 
 SITE_RADIUS = 0.01
 """[m]; what a grasp point looks like, without effect."""
+RIGID = 1e-4
+"""Largest departure of a matrix from a rotation: single precision and rounded digits, but no scale that is meant."""
 
 Types = Sdf.ValueTypeNames
 KINDS = {"PhysicsPrismaticJoint": "prismatic", "PhysicsRevoluteJoint": "revolute"}
@@ -81,6 +85,27 @@ def read_joint(prim: Usd.Prim) -> Joint:
         return Joint(kind, **values)  # type: ignore[arg-type]
     except ValueError as error:
         raise InputError(f"{where(prim)}: {error}; export the scan again") from error
+
+
+def placed(joint: Joint, body: Usd.Prim) -> Joint:
+    """Return a joint as the transform of the body that it moves takes it along; the same joint where there is none.
+
+    The limits stay: they count from the pose in which the body stands, wherever that is.
+
+    Raises:
+        InputError: the transform is no rotation and translation: ranges and masses would no longer be those of the surface.
+    """
+    matrix = placement(body)
+    if matrix is None:
+        return joint
+    turn, shift = matrix[:3, :3], matrix[3, :3]
+    if not (np.isfinite(matrix).all() and np.abs(turn @ turn.T - np.eye(3)).max() <= RIGID and np.linalg.det(turn) > 0):
+        raise InputError(
+            f"{where(body)}: a transform of it or of what is above it scales, shears or mirrors, which its joint cannot "
+            "follow; move and turn it only, and scale the scan before s2a export"
+        )
+    axis = np.array(joint.axis) @ turn
+    return replace(joint, axis=tuple(axis / np.linalg.norm(axis)), origin=tuple(joint.origin @ turn + shift))
 
 
 def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xform:

@@ -124,6 +124,15 @@ def read_mesh(prim: Usd.Prim) -> Mesh:
         raise InputError(f"{where(prim)}: {error}; export it again") from error
 
 
+def placement(prim: Usd.Prim) -> np.ndarray | None:
+    """Return the transform that an editor gave a prim or what is above it, shape [4 4], float64, for points as rows.
+
+    None where there is none, so that what no editor touched stays the same to the last bit.
+    """
+    matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
+    return None if np.array_equal(matrix, np.eye(4)) else matrix
+
+
 def write_attribute(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: Any, *, terse: bool = False) -> None:
     """Author the attribute `s2a:<name>` on a prim.
 
@@ -195,10 +204,8 @@ def _read_faces(prim: Usd.Prim) -> np.ndarray:
 
 def _to_scene(prim: Usd.Prim, points: np.ndarray) -> np.ndarray:
     """Apply the transform of a prim, if it has one, in float64."""
-    matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
-    if np.array_equal(matrix, np.eye(4)):
-        return points
-    return points.astype(np.float64) @ matrix[:3, :3] + matrix[3, :3]
+    matrix = placement(prim)
+    return points if matrix is None else points.astype(np.float64) @ matrix[:3, :3] + matrix[3, :3]
 
 
 def _read_colors(geometry: UsdGeom.PointBased) -> np.ndarray | None:

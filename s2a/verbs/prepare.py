@@ -8,6 +8,7 @@ from pathlib import Path
 from s2a.errors import InputError
 from s2a.outputs import aside
 from s2a.prepare import PrepareConfig, prepare
+from s2a.prepare.motion import target_joint
 from s2a.usd import geometric, simready
 from s2a.usd.simscene import Reduction, SimScene
 
@@ -43,7 +44,7 @@ def run(config: Config) -> str:
     if isinstance(config.target, str):
         return _write(prepare(scene, config.target, config.prepare, config.free), config.out)
     for target in config.target:
-        scene.joint(target)  # an immovable one is refused before the first is worked on
+        target_joint(scene, target)  # one that cannot move is refused before the first is worked on
     made = ((i, prepare(scene, i, config.prepare, config.free)) for i in config.target)
     return "\n".join(_write(one, config.out / f"{i}.usd") for i, one in made)
 

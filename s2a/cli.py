@@ -39,6 +39,8 @@ VERBS = {
     "zoo": "write a hundred labelled objects as they come off the web, to insert",
     "view": "look at a scan or a stage: its tree as text, or a picture",
 }
+WRITTEN = ("out", "picture", "pictures")
+"""Keys that name what a verb writes."""
 FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 
 
@@ -69,6 +71,7 @@ def run(verb: str, values: dict[str, Any]) -> None:
     """Run a verb with composed values and print what it says of its work; a NotPassed is printed, and goes on."""
     module = importlib.import_module(f"s2a.verbs.{verb}")
     settings = config.load(module.Config, values)
+    _refuse_replacing_input(settings)
     start = time.perf_counter()
     verdict: NotPassed | None = None
     with contextlib.redirect_stdout(Chatter()):
@@ -84,12 +87,19 @@ def run(verb: str, values: dict[str, Any]) -> None:
 
 
 def job(composed: Any) -> None:
-    """Run one job of a sweep; a relative `out` lies below the job's own folder, so that no two can collide."""
+    """Run one job of a sweep; what it writes lies below the job's own folder, so that no two can collide."""
     _log_in_lines()
     context = HydraConfig.get()
     values = config.plain(composed)
-    if "out" in values and values["out"] != config.REQUIRED:
-        values["out"] = str(Path(context.runtime.output_dir) / values["out"])
+    for key in set(WRITTEN).intersection(values):
+        place = values[key]
+        if place in (None, config.REQUIRED):
+            continue
+        if Path(place).is_absolute():
+            raise InputError(
+                f"key {key!r} is {place!r}; in a sweep, whose runs would overwrite it, give a relative path"
+            )
+        values[key] = str(Path(context.runtime.output_dir) / place)
     run(str(context.job.config_name), values)
 
 
@@ -109,6 +119,15 @@ def sweep(verb: str, overrides: Sequence[str]) -> None:
         raise InputError(config.explain(error, config.keys(config.compose(verb)))) from error
     finally:
         _overview(verb, folder)
+
+
+def _refuse_replacing_input(settings: Any) -> None:
+    """Raise an InputError where `out` is a file that another key names."""
+    paths = {name: value for name, value in vars(settings).items() if isinstance(value, Path)}
+    out = paths.pop("out", None)
+    for name, path in paths.items():
+        if out is not None and path.is_file() and out.resolve() == path.resolve():
+            raise InputError(f"out {str(out)!r} would replace what the key {name!r} names; choose another place")
 
 
 def _sweep_folder(overrides: Sequence[str]) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +26,7 @@ from settings import load
 
 from s2a import cli
 from s2a.certify import contents, foundation, report, shapes, static
-from s2a.certify.battery import CertifyConfig
+from s2a.certify.battery import CertifyConfig, fingerprint
 from s2a.certify.check import Certificate, Check
 from s2a.certify.pictures import pictures
 from s2a.errors import InputError
@@ -89,16 +90,38 @@ def test_the_command_writes_a_record_and_a_page_and_keeps_them(
     assert "kept from" in capsys.readouterr().out and (out / "certificate.json").stat().st_mtime_ns == written
 
 
-def test_a_certificate_is_kept_for_the_same_file_and_settings_alone(tmp_path: Path) -> None:
+def test_a_certificate_is_kept_for_the_same_file_settings_and_code_alone(tmp_path: Path) -> None:
     settings = {"bound": 0.1, "required": ("one", "two"), "none": float("nan")}
-    made = Certificate("sim.usd", "5ca1ab1e", "drawer_2", (Check("mass", "pass", 1.0),), True, settings, 1.0)
+    code = {"commit": "abc"}
+    made = Certificate("sim.usd", "5ca1ab1e", "drawer_2", (Check("mass", "pass", 1.0),), True, settings, 1.0, code)
     path = tmp_path / "certificate.json"
-    assert report.kept(path, "5ca1ab1e", settings) is None
+    assert report.kept(path, "5ca1ab1e", settings, code) is None
     path.write_text(report.to_json(made))
-    kept = report.kept(path, "5ca1ab1e", settings)
+    kept = report.kept(path, "5ca1ab1e", settings, code)
     assert kept is not None and kept.checks == made.checks and kept.passed
-    assert report.kept(path, "0ddba11", settings) is None
-    assert report.kept(path, "5ca1ab1e", {**settings, "bound": 0.2}) is None
+    assert report.kept(path, "0ddba11", settings, code) is None
+    assert report.kept(path, "5ca1ab1e", {**settings, "bound": 0.2}, code) is None
+    assert report.kept(path, "5ca1ab1e", settings, {"commit": "def"}) is None
+
+
+def test_a_stage_is_another_when_a_file_below_it_is(stage: Path, tmp_path: Path) -> None:
+    over = tmp_path / "over.usda"
+    over.write_text(f"#usda 1.0\n(\n    subLayers = [@{stage}@]\n)\n")
+    before = fingerprint(over)
+    assert fingerprint(over) == before != fingerprint(stage)
+    assert fingerprint(stage) == hashlib.sha256(stage.read_bytes()).hexdigest()
+    stage.write_bytes(stage.read_bytes() + b"# another line\n")
+    assert fingerprint(over) != before
+
+
+def test_a_certificate_never_takes_the_stages_own_place(
+    stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept/certificate.json").write_text("{}")
+    mine = stage.rename(tmp_path / "kept" / stage.name)
+    assert cli.main(quick(mine, tmp_path / "kept")) == 2
+    assert "would be replaced with" in capsys.readouterr().err and mine.is_file()
 
 
 def test_only_what_moves_is_painted_orange_wherever_the_rest_stands(stage: Path) -> None:

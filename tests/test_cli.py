@@ -168,6 +168,25 @@ def test_a_sweep_runs_every_value_each_into_its_own_folder(scan: Path, tmp_path:
     assert sorted(p.name for p in sweep.glob("[01]/usd/*.usd*")) == ["descriptive.usda"] * 2 + ["geometric.usd"] * 2
 
 
+def test_what_every_job_of_a_sweep_would_overwrite_is_refused(
+    scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    arguments = [f"scan={scan},{scan}", f"out={tmp_path / 'usd'}", f"hydra.sweep.dir={tmp_path / 'sweep'}"]
+    assert cli.main(["export", "-m", *arguments]) == 2
+    assert "in a sweep, whose runs would overwrite it" in capsys.readouterr().err
+    assert not (tmp_path / "usd").exists()
+
+
+def test_an_output_in_an_inputs_place_is_refused(scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["export", f"scan={scan}", f"out={tmp_path}"]) == 0
+    stage = tmp_path / "geometric.usd"
+    before = stage.read_bytes()
+    for verb in (["prepare", "target=drawer_3"], ["evaluate", "agent=zero"]):
+        assert cli.main([*verb, f"stage={stage}", f"out={tmp_path}/./geometric.usd"]) == 2
+        assert "would replace what the key 'stage' names" in capsys.readouterr().err
+    assert stage.read_bytes() == before
+
+
 def test_a_typo_in_a_sweep_is_told_like_any_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert cli.main(["export", "-m", "scan=a,b", "uot=usd", f"hydra.sweep.dir={tmp_path}"]) == 2
     assert capsys.readouterr().err.splitlines()[-1] == "s2a: key 'uot' is unknown; did you mean: out"

@@ -13,13 +13,17 @@ import pytest
 import trimesh
 import yaml
 from fake_llm import endpoint, message
+from pxr import Usd, UsdGeom
 from scipy.spatial.transform import Rotation
 from test_place import at, block, sheet
 
 from s2a import cli, config
-from s2a.edit import describe, prompts, scale
+from s2a.edit import author, describe, prompts, scale
+from s2a.edit.allow import AllowConfig, check
 from s2a.edit.ask import Request, parse
-from s2a.edit.objects import ObjectFile, upright
+from s2a.edit.confine import STAGE
+from s2a.edit.fit import Pose
+from s2a.edit.objects import ObjectConfig, ObjectFile, read_object, upright
 from s2a.edit.placement import Placement
 from s2a.edit.plan import Plan, checked
 from s2a.edit.rules import brands, known, rules, table
@@ -141,6 +145,89 @@ def test_an_insertion_goes_over_an_insertion(folder, tmp_path):
     stage = tmp_path / "one/insert.usda"
     verb.run(settings(folder, tmp_path / "two", stage=stage, object=folder / "book.obj", label="novel"))
     assert list(geometric.read(tmp_path / "two/insert.usda").parts)[-2:] == ["coffee_mug_7", "novel_8"]
+
+
+def test_an_insertion_takes_neither_the_place_of_its_ground_nor_of_its_recording(folder, tmp_path):
+    one, two = tmp_path / "one", tmp_path / "two"
+    mug(folder, one)
+    verb.run(settings(folder, two, stage=one / "insert.usda", object=folder / "book.obj", label="novel"))
+    before = sorted(path.read_bytes() for path in one.rglob("*") if path.is_file())
+    for stage in (one / "insert.usda", two / "insert.usda"):  # what lies under the stage is needed, too
+        with pytest.raises(InputError, match="would be replaced with .*insert.usda' in it"):
+            verb.run(settings(folder, one, stage=stage, object=folder / "book.obj", label="novel"))
+    with pytest.raises(InputError, match="would be replaced with .*answers.json' in it"):
+        mug(folder, one, record=one / "answers.json")
+    with pytest.raises(InputError, match="not empty and has no insert.json"):
+        mug(folder, folder)
+    assert sorted(path.read_bytes() for path in one.rglob("*") if path.is_file()) == before
+
+
+@pytest.mark.parametrize(
+    ("label", "part_id"),
+    [
+        ("stapler (red)", "stapler_red_7"),
+        ("Coca-Cola®", "coca_cola_7"),
+        ("café & crème", "cafe_creme_7"),
+        ("100% cotton towel", "object_100_cotton_towel_7"),
+        ("茶", "object_7"),
+        ("a" * 39 + " b", "a" * 39 + "_7"),
+        ("it's my_cup", "it_s_my_cup_7"),
+    ],
+)
+def test_any_label_makes_a_name_that_a_script_may_spell(label, part_id):
+    planned = author.placement(scene(), label, Pose((0.1, 0.2, 0.3), (0.0, 0.0, 0.0, 1.0), 0.0, 1), 1.0)
+    assert (planned.part_id, planned.label) == (part_id, label)
+    check(write_script(planned), STAGE, planned.reference, config.load(AllowConfig, composed()["confinement"]["allow"]))
+
+
+def test_a_label_that_no_script_may_spell_is_refused_before_anybody_is_asked(folder, tmp_path):
+    with pytest.raises(InputError, match="label '__cup' has a word that begins with an underscore"):
+        verb.run(settings(folder, tmp_path / "out", object=folder / "mug.obj", label="__cup"))
+
+
+def test_a_sheet_without_thickness_lies_on_the_desk(folder, tmp_path):
+    (tmp_path / "envelope.obj").write_text("v 0 0 0\nv .22 0 0\nv .22 .11 0\nv 0 .11 0\nf 1 2 3\nf 1 3 4\n")
+    verb.run(settings(folder, tmp_path / "out", object=tmp_path / "envelope.obj", label="envelope"))
+    part = geometric.read(tmp_path / "out/insert.usda").parts["envelope_7"]
+    assert sorted(np.ptp(part.mesh.bounds, axis=0)) == pytest.approx([0.0, 0.11, 0.22], abs=1e-3)
+
+
+def write_stage(path: Path, mesh: Mesh, unit: float = 1.0, counts: list[int] | None = None) -> Usd.Stage:
+    """Write an object as a USD stage."""
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageMetersPerUnit(stage, unit)
+    UsdGeom.SetStageUpAxis(stage, "Z")
+    prim = UsdGeom.Mesh.Define(stage, "/object/shape")
+    prim.CreatePointsAttr(mesh.vertices)
+    prim.CreateFaceVertexIndicesAttr(mesh.faces.ravel())
+    prim.CreateFaceVertexCountsAttr(counts or [3] * len(mesh.faces))
+    stage.Save()
+    return stage
+
+
+def test_what_a_renderer_does_not_show_is_no_part_of_an_object(tmp_path):
+    stage = write_stage(tmp_path / "cup.usda", block(0.08, 0.08, 0.1))
+    for purpose, shown in (("guide", False), ("proxy", False), ("render", True)):
+        prim = UsdGeom.Mesh.Define(stage, f"/object/{purpose}")
+        mesh = block(1.0, 1.0, 1.0)
+        prim.CreatePointsAttr(mesh.vertices)
+        prim.CreateFaceVertexIndicesAttr(mesh.faces.ravel())
+        prim.CreateFaceVertexCountsAttr([3] * len(mesh.faces))
+        prim.CreatePurposeAttr(purpose)
+        stage.Save()
+        found = read_object(tmp_path / "cup.usda", ObjectConfig(20_000, 7.0))
+        assert (np.ptp(found.mesh.bounds, axis=0).max() > 0.5) == shown, purpose
+
+
+def test_a_damaged_stage_is_named_and_a_unit_of_zero_is_none(tmp_path):
+    mesh, read = block(0.1, 0.1, 0.1), ObjectConfig(20_000, 7.0)
+    write_stage(tmp_path / "zero.usda", mesh, unit=0.0)
+    assert read_object(tmp_path / "zero.usda", read).unit is None
+    write_stage(tmp_path / "short.usda", mesh, counts=[3] * (len(mesh.faces) + 1))
+    write_stage(tmp_path / "below.usda", mesh, counts=[-3, 6, *[3] * (len(mesh.faces) - 1)])
+    for name in ("short", "below"):
+        with pytest.raises(InputError, match=f"{name}.usda: the faces of /object/shape have .* it is damaged"):
+            read_object(tmp_path / f"{name}.usda", read)
 
 
 @pytest.mark.parametrize("said", ["Sorry, no.", "{" * 100, "x" * 3_000_000, '{"noun": "Tasse"}'])

@@ -21,6 +21,7 @@ from s2a.certify.physics_grip import Grip, GripConfig
 from s2a.certify.physics_motion import MotionConfig, motion
 from s2a.certify.shapes import ShapeConfig
 from s2a.provenance import provenance
+from s2a.usd.files import files
 
 
 @dataclass(frozen=True)
@@ -111,8 +112,11 @@ def _fingers(target: str, room: Gap, attempt: Grip, config: CertifyConfig) -> li
 
 
 def fingerprint(path: Path) -> str:
-    """Return the SHA-256 of a file's content."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    """Return the SHA-256 of the content of all files that a stage is made of; of one file, it is that file's."""
+    digest = hashlib.sha256()
+    for file in files(path):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 __all__ = ["Certificate", "CertifyConfig", "Check", "certify", "fingerprint"]

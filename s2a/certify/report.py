@@ -37,13 +37,13 @@ def from_json(text: str) -> Certificate:
     return Certificate(checks=checks, **values)
 
 
-def kept(path: Path, sha256: str, settings: dict[str, object]) -> Certificate | None:
-    """Return the certificate in a file if it is of this very stage with these settings, else None."""
+def kept(path: Path, sha256: str, settings: Mapping[str, object], made: Mapping[str, object]) -> Certificate | None:
+    """Return the certificate in a file if it is of this stage, with these settings and by the code that `made` tells of."""
     try:
         earlier = from_json(path.read_text())
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    same = earlier.sha256 == sha256 and earlier.settings == _plain(settings)
+    same = (earlier.sha256, earlier.settings, earlier.provenance) == (sha256, _plain(settings), made)
     return earlier if same else None
 
 

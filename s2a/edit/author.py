@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from typing import Any
 
 from s2a.edit import prompts
@@ -19,7 +21,10 @@ from s2a.scene import Scene
 def placement(scene: Scene, label: str, pose: Pose, scale: float) -> Placement:
     """Return the plan of the script; the id is the label with the number after the highest in the scene."""
     numbers = [int(tail) for i in scene.parts if (tail := i.rpartition("_")[2]).isdecimal()]
-    name = part_id("_".join(label.lower().split())[:40], max(numbers, default=0) + 1).lstrip("_")
+    plain = unicodedata.normalize("NFKD", label.lower()).encode("ascii", "ignore").decode()
+    # Underscores stand alone and never first: what begins with one, a script may not spell (s2a.edit.allow).
+    words = "_".join(re.findall("[a-z0-9]+", plain))[:40].strip("_") or "object"
+    name = part_id(words, max(numbers, default=0) + 1).lstrip("_")
     name = name if name[0].isalpha() else f"object_{name}"
     x, y, z = map(float, pose.position)  # numpy's floats would spell out their type in a script
     qx, qy, qz, qw = map(float, pose.quaternion)

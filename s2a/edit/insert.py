@@ -13,6 +13,7 @@ import numpy as np
 from pxr import Sdf
 
 from s2a.edit import describe
+from s2a.edit.allow import HIDDEN
 from s2a.edit.ask import Model
 from s2a.edit.author import author, placement
 from s2a.edit.confine import Cell, ConfinementConfig
@@ -27,6 +28,7 @@ from s2a.edit.scale import Size, fit, size
 from s2a.edit.spots import Spot, spots
 from s2a.edit.stance import feet, hollows, slices
 from s2a.edit.surfaces import SurfaceConfig
+from s2a.errors import InputError
 from s2a.scene import Mesh, Part, Scene
 
 ELSEWHERE = "; wish for another place with prompt=..."
@@ -108,8 +110,11 @@ def insert(
         record: filled step by step, also where it ends in an error.
 
     Raises:
-        InputError: the file holds no object, no answer of the model could be used, or no place is free.
+        InputError: a label that no script may spell, the file holds no object, no answer of the model could be used, or no
+            place is free.
     """
+    if HIDDEN.search(thing.label):
+        raise InputError(f"label {thing.label!r} has a word that begins with an underscore, or two; use plain words")
     file = read_object(thing.file, config.object)
     with step(record, "describe") as said:
         text = describe.text(room.lines)

@@ -148,24 +148,36 @@ def _painted(shape: trimesh.Trimesh) -> np.ndarray | None:
     return colors[:, :3] if len(colors) == len(shape.vertices) else None
 
 
-def _read_stage(path: Path) -> tuple[Shape, float, str]:
-    """Return the surfaces of a USD stage as one in its world, with its unit and up axis."""
+def _read_stage(path: Path) -> tuple[Shape, float | None, str]:
+    """Return the surfaces that show in a USD stage as one in its world, with its unit, if it says one, and its up axis."""
     with reading(path):
         stage = Usd.Stage.Open(str(path))
         found = []
         for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
-            if prim.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(prim).ComputeVisibility() != UsdGeom.Tokens.invisible:
-                found.append(_read_prim(UsdGeom.Mesh(prim)))
+            if prim.IsA(UsdGeom.Mesh) and _shows(UsdGeom.Imageable(prim)):
+                found.append(_read_prim(UsdGeom.Mesh(prim), path))
+        unit = float(UsdGeom.GetStageMetersPerUnit(stage))
         up = "+y" if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y else "+z"
-        return _together(found), float(UsdGeom.GetStageMetersPerUnit(stage)), up
+        return _together(found), unit if 0.0 < unit < np.inf else None, up
 
 
-def _read_prim(mesh: UsdGeom.Mesh) -> Shape:
+def _shows(prim: UsdGeom.Imageable) -> bool:
+    """Return whether a renderer shows a prim: colliders and stand-ins have another purpose."""
+    seen = prim.ComputeVisibility() != UsdGeom.Tokens.invisible
+    return seen and prim.ComputePurpose() in (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
+
+
+def _read_prim(mesh: UsdGeom.Mesh, path: Path) -> Shape:
     """Return points in the stage's world, triangles (fans of larger faces) and colours."""
     points = np.asarray(mesh.GetPointsAttr().Get() or [], np.float64).reshape(-1, 3)
     matrix = np.array(mesh.ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
     counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get() or [], int)
     corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get() or [], int)
+    if counts.min(initial=0) < 0 or counts.sum() != len(corners):
+        raise InputError(
+            f"{path}: the faces of {mesh.GetPath()} have {counts.sum()} corners, and {len(corners)} are listed; "
+            "it is damaged: export it again"
+        )
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(int)
     fans = [
         np.stack([starts[counts > k], starts[counts > k] + k - 1, starts[counts > k] + k], 1)

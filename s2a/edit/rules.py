@@ -20,7 +20,7 @@ from typing import Any
 from s2a.edit.ask import Answer, Request
 from s2a.edit.axes import AXES, sideways
 from s2a.edit.placement import Placement
-from s2a.edit.scale import Range
+from s2a.edit.scale import FLAT, Range
 from s2a.edit.script import write_script
 from s2a.edit.wish import read_wish, same_thing
 
@@ -189,7 +189,7 @@ def _up(facts: Any, entry: Entry | None) -> str:
     longest = max(sides.values())
 
     def merit(axis: str) -> float:
-        ratio, misfit = sides[axis[1]] / longest, 1.0
+        ratio, misfit = max(sides[axis[1]] / longest, FLAT), 1.0
         if entry:
             low, high = entry.height[0] / entry.longest[1], entry.height[1] / entry.longest[0]
             misfit = min(ratio / low, high / ratio, 1.0)

@@ -18,6 +18,8 @@ SMALLEST, LARGEST = 0.001, 4.0
 """What goes into a room [m]."""
 WIDEST = {"height": 30.0, "longest": 12.0}
 """Upper by lower end of a range that says something: an envelope lies or is a stack, a battery lies or stands."""
+FLAT = 1e-3
+"""A side is taken to be no less than this share of the longest: a sheet has no thickness."""
 SLACK = 1.15
 """A size may be outside its range by this factor and a unit still be taken for the file's: makers differ, and so do models."""
 
@@ -152,7 +154,7 @@ def _within(value: float, span: Range) -> bool:
 def _middle(answer: Size, height: float, longest: float) -> float:
     """Return the scale that puts both sides as near to the middle of their ranges as can be, the narrower one nearer."""
     total = weight = 0.0
-    for side, (low, high) in ((height, answer.height), (longest, answer.longest)):
+    for side, (low, high) in ((max(height, FLAT * longest), answer.height), (longest, answer.longest)):
         surety = 1.0 / (math.log(high / low) + 0.1) ** 2
         total += surety * math.log(math.sqrt(low * high) / side)
         weight += surety

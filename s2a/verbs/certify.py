@@ -11,7 +11,9 @@ from s2a.certify.battery import CertifyConfig, certify, fingerprint
 from s2a.certify.pictures import pictures
 from s2a.errors import InputError, NotPassed
 from s2a.geometry.look import LookConfig
-from s2a.outputs import aside
+from s2a.outputs import aside, refuse_loss
+from s2a.provenance import provenance
+from s2a.usd.files import files
 
 RECORD = "certificate.json"
 
@@ -22,7 +24,7 @@ class Config:
 
     Attributes:
         stage: the sim.usd.
-        out: the folder to write, with certificate.json and certificate.html; one of the same stage is kept.
+        out: the folder to write, with certificate.json and certificate.html; one of the same stage by the same code is kept.
         certify: what is asked, and the bounds.
         look: how the pictures are taken.
     """
@@ -42,7 +44,8 @@ def run(config: Config) -> str:
     if not config.stage.is_file():
         raise InputError(f"stage {str(config.stage)!r} does not exist; give a sim.usd, which s2a prepare writes")
     settings = dataclasses.asdict(config.certify)
-    done = report.kept(config.out / RECORD, fingerprint(config.stage), settings)
+    refuse_loss(config.out, RECORD, files(config.stage))
+    done = report.kept(config.out / RECORD, fingerprint(config.stage), settings, provenance("cpu"))
     certificate = done or _write(config)
     said = report.summary(certificate) + (f"\n  kept from {config.out / RECORD}" if done else f"\n  {config.out}")
     if not certificate.passed:

@@ -28,10 +28,11 @@ from s2a.geometry.look import LookConfig, frame
 from s2a.geometry.picture import draw, write
 from s2a.geometry.ransac import RansacConfig
 from s2a.geometry.regions import RegionConfig
-from s2a.outputs import aside, refuse_other_picture
+from s2a.outputs import aside, refuse_loss, refuse_other_picture
 from s2a.progress import track
 from s2a.ranges import Count, CountFromZero
 from s2a.usd import descriptive, geometric
+from s2a.usd.files import files
 from s2a.verbs.drop import PiecesConfig, drop
 
 LAYER, RECORD = "insert.usda", "insert.json"
@@ -114,7 +115,10 @@ def run(config: Config) -> str:
     if config.picture:
         refuse_other_picture(config.picture)
     things, model = _things(config), choose(config.llm, config.record)
-    return into(open_room(config), things, model, config)
+    room = open_room(config)
+    # Before a model is asked, whose answers may be paid for.
+    refuse_loss(config.out, RECORD, [*files(config.stage), *([config.record] if config.record else [])])
+    return into(room, things, model, config)
 
 
 def into(room: Room, things: list[Thing], model: Model, config: Config) -> str:

@@ -16,7 +16,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 
-TITLES = ("opened by 0.20 m", "open at the end", "opened by the handle")
+TITLES = ("opened by 0.20 m", "open at the end", "opened with both fingers on the handle")
 
 
 def main() -> None:
@@ -47,6 +47,7 @@ def draw(runs: list[dict[str, Any]], picture: Path) -> None:
     """Draw the share of recent training episodes over environment steps."""
     figure, panels = plt.subplots(1, 3, figsize=(10.0, 4.0), layout="constrained", sharey=True)
     rows = list(dict.fromkeys(run["about"] for run in runs))
+    colours = plt.get_cmap("tab10" if len(rows) <= 10 else "tab20").colors
     for run in runs:
         place, known = rows.index(run["about"]), run["curve"]
         millions = [steps / 1e6 for steps in known["env_steps"]]
@@ -58,7 +59,7 @@ def draw(runs: list[dict[str, Any]], picture: Path) -> None:
             share * (use or 0.0) for share, use in zip(opened, known.get("handle_use_of_successes", []), strict=False)
         ]
         for panel, values in zip(panels, (opened, final, by_handle), strict=True):
-            panel.plot(millions[: len(values)], values, color=f"C{place}", label=run["about"], linewidth=1.2)
+            panel.plot(millions[: len(values)], values, color=colours[place], label=run["about"], linewidth=1.2)
     for panel, title in zip(panels, TITLES, strict=True):
         panel.set(title=title, xlabel="environment steps, millions", ylim=(-2, 102))
         panel.grid(alpha=0.3)

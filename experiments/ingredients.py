@@ -13,7 +13,7 @@ from pathlib import Path
 
 from curves import draw
 from multirun import Row, options, sweep
-from outcome import percent, write
+from outcome import percent, trained, write
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results/ingredients.json"
@@ -39,7 +39,8 @@ CHANGES = {
 COLUMNS = {
     "success": "opened by 0.20 m",
     "final_success": "open by 0.20 m at the end",
-    "handle_success": "opened by the handle",
+    "handle_success": "both fingers on the handle",
+    "hook_success": "one finger on it",
 }
 
 
@@ -60,9 +61,8 @@ def table(rows: list[Row], runs: list[dict]) -> list[str]:
     lines = [f"| best, but | {' | '.join(COLUMNS.values())} | steps, millions |", "|" + "---|" * (len(COLUMNS) + 2)]
     for row in rows:
         mine = [run for run in runs if run["row"] == row.name]
-        steps = " / ".join(f"{run['env_steps'] / 1e6:.0f}" for run in mine)
         rates = [percent([run["evaluation"][name]["rate"] for run in mine]) for name in COLUMNS]
-        lines.append(f"| {row.about} | {' | '.join(rates)} | {steps} |")
+        lines.append(f"| {row.about} | {' | '.join(rates)} | {trained(mine)} |")
     return lines
 
 

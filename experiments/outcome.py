@@ -46,6 +46,11 @@ def percent(shares: Iterable[float]) -> str:
     return f"{told} %" if told else "not run"
 
 
+def trained(runs: Iterable[dict[str, Any]]) -> str:
+    """Return millions of environment steps, seed by seed: "98.3 / 20.6 (cut)"."""
+    return " / ".join(f"{run['env_steps'] / 1e6:.3g}{'' if run['finished'] else ' (cut)'}" for run in runs)
+
+
 def _short(value: float | None) -> float | None:
     """Return a value with four significant digits."""
     return None if value is None else float(f"{value:.4g}")

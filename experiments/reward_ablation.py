@@ -21,7 +21,7 @@ from pathlib import Path
 
 from curves import draw
 from multirun import Row, options, sweep
-from outcome import percent, write
+from outcome import percent, trained, write
 from pxr import Gf, Usd
 
 from s2a.outputs import aside
@@ -46,7 +46,7 @@ OURS = (
     ("door", "door", "another scan's hinged door"),
 )
 """Row, stage and description of what our recipe is tried on, without change."""
-COLUMNS = ("success", "final_success", "handle_success")
+COLUMNS = ("success", "final_success", "handle_success", "hook_success", "side_success")
 
 
 def table_rows(seeds: int, best_steps: float | None = None) -> list[Row]:
@@ -135,14 +135,13 @@ def table(rows: list[Row], runs: list[dict]) -> list[str]:
     """Return the lines of a Markdown table: what the paper reports and what came out, seed by seed."""
     lines = [
         "| virtual scan, weights (distance, rotation, opening, finger) | paper, real scan | opened by 0.20 m | open at the end "
-        "| opened by the handle | steps, millions |",
-        "|---|---|---|---|---|---|",
+        "| both fingers on the handle | one finger on it | fingers beside it | steps, millions |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         mine = [run for run in runs if run["row"] == row.name]
         rates = [percent(run["evaluation"][name]["rate"] for run in mine) for name in COLUMNS]
-        steps = " / ".join(f"{run['env_steps'] / 1e6:.3g}{'' if run['finished'] else ' (cut)'}" for run in mine)
-        lines.append(f"| {row.about} | {row.paper} | {' | '.join(rates)} | {steps} |")
+        lines.append(f"| {row.about} | {row.paper} | {' | '.join(rates)} | {trained(mine)} |")
     return lines
 
 

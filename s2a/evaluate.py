@@ -28,9 +28,9 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
         watch: called after the reset and after every step.
 
     Returns:
-        Number of episodes; the rate of every 0-or-1 column of RESULTS (s2a.task.open_drawer says what they mean) with its
-        Wilson 95 % interval; handle_use_of_successes and side_grasps_of_successes; largest openings [m] (mean, min);
-        the number of episodes with each of TROUBLES.
+        Number of episodes; what counts as opened in this stage [m]; the rate of every 0-or-1 column of RESULTS
+        (s2a.task.open_drawer says what they mean) with its Wilson 95 % interval; handle_use_of_successes and
+        side_grasps_of_successes; largest openings [m] (mean, min); the number of episodes with each of TROUBLES.
     """
     env.reset_all()
     watch()
@@ -50,6 +50,7 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
     troubles = {name: int(column.pop(name).sum()) for name in TROUBLES}
     return {
         "episodes": env.num_envs,
+        "openings": env.openings,
         **{name: _rate(hits) for name, hits in column.items()},
         "handle_use_of_successes": float(column["handle_success"].sum() / successes),
         "side_grasps_of_successes": float(column["side_success"].sum() / successes),

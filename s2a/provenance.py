@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import subprocess
 from importlib.metadata import version
@@ -31,16 +32,19 @@ def _version(name: str) -> str:
 
 
 def _commit() -> str | None:
-    """Return the commit of the checkout that the package runs from, not of one that merely surrounds an installed copy."""
-    folder = Path(__file__).resolve().parent
+    """Return the commit of the checkout that the package runs from, not of one that merely surrounds an installed copy.
+
+    Where there is none, it is what S2A_COMMIT says: whoever copies the code to a machine without git knows it.
+    """
+    folder, other = Path(__file__).resolve().parent, os.environ.get("S2A_COMMIT")
 
     def git(*arguments: str) -> str:
         return subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, text=True).stdout.strip()
 
     try:
         if not git("ls-files", Path(__file__).name):
-            return None
+            return other
         changed = git("status", "--porcelain", "--untracked-files=no")
         return git("rev-parse", "--short", "HEAD") + ("+" if changed else "")
     except FileNotFoundError:
-        return None
+        return other

@@ -9,6 +9,7 @@ import torch
 from counting_env import CountingEnv
 from settings import load
 
+from s2a.errors import InputError
 from s2a.policy.ppo import RslRlEnv, Runner, make_runner
 from s2a.policy.settings import PpoConfig
 from s2a.task.open_drawer import OBSERVATIONS
@@ -72,6 +73,24 @@ def test_its_learning_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
     assert set(steps) == {3.0 * 3 * 4}
     second.learn(1)
     assert {float(state["step"]) for state in second.alg.optimizer.state.values()} == {4.0 * 3 * 4}
+
+
+@pytest.mark.parametrize("bad", [torch.inf, torch.nan])
+def test_a_policy_that_is_no_number_any_more_ends_the_training(bad: float) -> None:
+    class Broken(NoisyEnv):
+        steps = 0
+
+        def step(self, action: torch.Tensor) -> None:
+            super().step(action)
+            self.steps += 1
+            if self.steps == 12:  # in the second iteration
+                self.reward[0] = bad
+
+    env = Broken()
+    runner = make_runner(RslRlEnv(env, 1.0), load(PpoConfig, "policy/ppo", **SMALL, graph=True), None)
+    with pytest.raises(InputError, match="the policy is no number any more; go on from the last checkpoint"):
+        runner.learn(3)
+    assert env.steps == 16  # two iterations of 8
 
 
 class GpuEnv(NoisyEnv):

@@ -23,7 +23,10 @@ def test_a_checkout_around_an_installed_copy_is_not_taken_for_ours(
     git("init", "-q")
     git("commit", "-q", "--allow-empty", "-m", "Start")
     monkeypatch.setattr(provenance, "__file__", str(copy))
+    monkeypatch.delenv("S2A_COMMIT", raising=False)
     assert provenance.provenance("cpu")["commit"] is None
+    monkeypatch.setenv("S2A_COMMIT", "abc1234")
+    assert provenance.provenance("cpu")["commit"] == "abc1234"
     git("add", copy.name)
     git("commit", "-q", "-m", "Add")
     assert provenance.provenance("cpu")["commit"] == git("rev-parse", "--short", "HEAD")

@@ -91,6 +91,20 @@ def test_a_world_that_is_not_finite_is_reset_and_counted(reference: OpenDrawerEn
     assert torch.isfinite(reference.observation).all()
 
 
+def test_an_action_that_is_no_number_ends_that_worlds_episode_as_invalid(stage: Path) -> None:
+    pair, single = make_env(stage, worlds=2), make_env(stage, worlds=2)
+    action = torch.rand(2, 9, generator=torch.Generator().manual_seed(1)) * 2.0 - 1.0
+    for step in range(4):
+        given = action.clone()
+        given[0, 3] = torch.nan if step == 1 else given[0, 3]
+        pair.step(given)
+        single.step(action)
+        assert pair.done.tolist() == [int(step == 1), 0]
+        assert torch.equal(pair.observation[1], single.observation[1])
+    assert float(pair.counts[COUNTS.index("invalid")]) == 1.0
+    assert torch.isfinite(pair.observation).all() and torch.isfinite(pair.sim.joint_target_q).all()
+
+
 def test_a_reset_touches_no_other_world(stage: Path) -> None:
     pair, single = make_env(stage, worlds=2), make_env(stage, worlds=2)
     action = torch.rand(2, 9, generator=torch.Generator().manual_seed(1)) * 2.0 - 1.0

@@ -13,6 +13,7 @@
 set -eu
 
 PATH=$PATH:/usr/sbin:/sbin
+MARK=slurm_local # a file by which `down` knows a folder of `up`, also of one that failed halfway
 DAEMONS="slurmd slurmctld slurmdbd munged mariadbd" # in the order in which they are ended
 
 main() {
@@ -32,6 +33,7 @@ up() {
     done
     [ ! -e "$folder" ] || { echo "$0: $folder exists; end what runs there with: $0 down $folder" >&2; exit 1; }
     mkdir -m 755 -p "$folder" "$folder/state" "$folder/spool" "$folder/log"
+    touch "$folder/$MARK"
     start_munge
     start_database
     write_settings
@@ -47,7 +49,7 @@ up() {
 }
 
 down() {
-    [ -f "$SLURM_CONF" ] || { echo "$0: $folder holds no Slurm of this script" >&2; exit 1; }
+    [ -f "$folder/$MARK" ] || { echo "$0: $folder holds no Slurm of this script" >&2; exit 1; }
     scancel --user="$(id -un)" 2> /dev/null || true
     for program in $DAEMONS; do
         pid=$(cat "$folder/$program.pid" 2> /dev/null) || continue
@@ -145,7 +147,8 @@ wait_for() {
     end=$(($(date +%s) + 60))
     until "$@" > "$folder/log/waiting" 2>&1; do
         [ "$(date +%s)" -lt $end ] || {
-            echo "$0: the $name did not come up within a minute: $(tail -n 1 "$folder/log/waiting"); see $folder/log" >&2
+            echo "$0: the $name did not come up within a minute: $(tail -n 1 "$folder/log/waiting"); see $folder/log, then end" \
+                "what runs with: $0 down $folder" >&2
             exit 1
         }
         sleep 0.2

@@ -7,6 +7,7 @@ between; with 8 x 8 mini-batches of networks as small as these, that is most of 
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Iterator
 from itertools import chain
 from typing import Any
@@ -16,6 +17,7 @@ from rsl_rl.algorithms import PPO
 from rsl_rl.modules import GaussianDistribution
 from torch import nn
 
+from s2a.errors import InputError
 from s2a.policy import processes
 
 
@@ -57,7 +59,11 @@ class GraphPpo(PPO):
         self._replays: tuple[Callable[[], object], ...] = ()
 
     def update(self) -> dict[str, float]:
-        """Run all epochs over the stored steps and return the mean losses."""
+        """Run all epochs over the stored steps and return the mean losses.
+
+        Raises:
+            InputError: a loss or a parameter is not finite.
+        """
         size = len(self._index)
         indices = torch.randperm(self.num_mini_batches * size, device=self.device)
         self._fill()
@@ -71,7 +77,14 @@ class GraphPpo(PPO):
                 apply()
         self._updates += 1
         count = self.num_learning_epochs * self.num_mini_batches
-        value, surrogate, entropy = (self._losses / count).tolist()
+        with torch.no_grad():
+            norms = torch.stack([p.norm() for p in self._parameters])
+            value, surrogate, entropy, norm = torch.cat([self._losses / count, norms.sum()[None]]).tolist()
+        if not math.isfinite(value + surrogate + entropy + norm):  # before anything of it is saved
+            raise InputError(
+                "the policy is no number any more; go on from the last checkpoint (resume=true) or train anew, "
+                "with a smaller policy.learning_rate or policy.reward_scale"
+            )
         self.learning_rate = float(self._rate)
         observations = self.storage.observations.flatten(0, 1)
         self._raw_actor.update_normalization(observations)

@@ -33,6 +33,7 @@ class OpenDrawerEnv:
         result: how each world's last finished episode went, in the order of RESULTS, shape [world 15].
         counts: sums over finished episodes in the order of COUNTS since they were last set to zero, shape [16].
         episode_step: control steps since the reset, shape [world], int32.
+        openings: what counts as opened in this stage [m], by name: "success", "wide", "static", "full".
         midway: 1 where whoever set `episode_step` says that the running episode shall not be counted, shape [world], int32.
     """
 
@@ -65,6 +66,8 @@ class OpenDrawerEnv:
         with wp.ScopedDevice(sim.device):
             self._allocate(seed)
             self._ahead = wp.array(np.asarray(motion, dtype=np.float32), dtype=float)
+        names = ("success", "wide", "static", "full")
+        self.openings = {name: float(getattr(self._constants, f"{name}_opening")) for name in names}
         self._whole_step = sim.capture(self._step) if graph else self._step
         self.reset_all()
 
@@ -89,7 +92,7 @@ class OpenDrawerEnv:
         sim.step()
         inputs = [self._constants, self._weights, self._upper, q["joint_q"], q["joint_qd"], q["body_q"], self._action]
         self._launch(judge.give_reward, [*inputs, self._touch, self._lead, self._terms, self._reward])
-        inputs = [self._constants, q["joint_q"], q["joint_qd"], self._terms, self._touch, self._elsewhere]
+        inputs = [self._constants, q["joint_q"], q["joint_qd"], self._action, self._terms, self._touch, self._elsewhere]
         inputs += [self._overflow, self._steps, self._midway, self._progress]
         self._launch(judge.tally, [*inputs, self._done, self._time_out, self._result, self._counts])
         self._reset_and_observe()

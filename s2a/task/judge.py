@@ -79,9 +79,13 @@ def signed_square(x: float):
 
 
 @wp.func
-def state_is_finite(joint_q: wp.array2d(dtype=float), joint_qd: wp.array2d(dtype=float), world: int):
-    """Return whether the coordinates and velocities of the robot and the part are numbers."""
+def is_finite(
+    joint_q: wp.array2d(dtype=float), joint_qd: wp.array2d(dtype=float), action: wp.array2d(dtype=float), world: int
+):
+    """Return whether the coordinates and velocities of the robot and the part, and the action, are numbers."""
     finite = bool(True)
+    for i in range(JOINTS):
+        finite = finite and wp.isfinite(action[world, i])
     for i in range(JOINTS + 1):
         finite = finite and wp.isfinite(joint_q[world, i]) and wp.isfinite(joint_qd[world, i])
     return finite
@@ -101,7 +105,7 @@ def give_reward(
     terms: wp.array2d(dtype=float),
     reward: wp.array(dtype=float),
 ):
-    """Compute the reward's terms [world 9] and the reward; all zero where the state is not finite.
+    """Compute the reward's terms [world 9] and the reward; all zero where the state or the action is not finite.
 
     lead [world 2] is kept between steps: the opening, and how much of it both fingers led the part on the grasp region [m].
     """
@@ -140,7 +144,7 @@ def give_reward(
     terms[world, 6] = grip
     terms[world, 7] = led
     terms[world, 8] = wp.where(between, closed, 0.0)
-    finite = state_is_finite(joint_q, joint_qd, world)
+    finite = is_finite(joint_q, joint_qd, action, world)
     total = float(0.0)
     for i in range(TERMS):
         if not finite:
@@ -197,6 +201,7 @@ def tally(
     c: Constants,
     joint_q: wp.array2d(dtype=float),
     joint_qd: wp.array2d(dtype=float),
+    action: wp.array2d(dtype=float),
     terms: wp.array2d(dtype=float),
     touch: wp.array2d(dtype=float),
     elsewhere: wp.array2d(dtype=float),
@@ -220,7 +225,7 @@ def tally(
     speed = joint_qd[world, JOINTS] * c.lever
     follow(c, terms, speed, touch, elsewhere, overflow, world, progress)
     step[world] += 1
-    finite = state_is_finite(joint_q, joint_qd, world)
+    finite = is_finite(joint_q, joint_qd, action, world)
     sound = finite and progress[world, ROWS] == 0.0
     ended = (not sound) or opening > c.end_opening
     late = step[world] >= c.episode_steps - 1  # as in the reference: an episode lasts one step less than its length

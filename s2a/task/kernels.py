@@ -54,13 +54,17 @@ def act(
     touch: wp.array2d(dtype=float),
     elsewhere: wp.array2d(dtype=float),
 ):
-    """Clamp the action [world 9], integrate it into the joint targets, forget the last step's contacts."""
+    """Clamp the action [world 9], integrate it into the joint targets, forget the last step's contacts.
+
+    One that is no number moves nothing and stays as it is, for the judge to end the episode: a clamp would make it -1.
+    """
     world = wp.tid()
     for i in range(JOINTS):
-        a = wp.clamp(action[world, i], -1.0, 1.0)
-        action[world, i] = a
-        speed = wp.where(i < ARM_JOINTS, 1.0, c.finger_speed)
-        target_q[world, i] = wp.clamp(target_q[world, i] + speed * c.action_step * a, lower[i], upper[i])
+        if not wp.isnan(action[world, i]):
+            a = wp.clamp(action[world, i], -1.0, 1.0)
+            action[world, i] = a
+            speed = wp.where(i < ARM_JOINTS, 1.0, c.finger_speed)
+            target_q[world, i] = wp.clamp(target_q[world, i] + speed * c.action_step * a, lower[i], upper[i])
     for finger in range(2):
         touch[world, finger] = 0.0
         elsewhere[world, finger] = 0.0

@@ -56,8 +56,9 @@ RESULTS = (
 "handle_success": a success with both fingers on the grasp region in half or more of the steps in which the part moved there;
 "hook_success": one with a finger on it in half or more of them, but both in fewer; "side_success": one with a finger on the part
 and none on the grasp region in half or more of them. What went wrong in physics is no success. "opening": the largest [m].
-"invalid": ended by a value that is not finite. "row_overflow": in some step the world had more constraint rows than fit, and
-the rest was dropped; "contact_overflow": likewise for contacts, whose pool all worlds share, so that it concerns all at once.
+"invalid": ended by a value of the state or the action that is not finite. "row_overflow": ended since the world had more
+constraint rows than fit, and the rest was dropped; "contact_overflow": contacts were dropped in some step, whose pool all
+worlds share, so that it concerns all at once.
 """
 COUNTS = ("episodes", *RESULTS)
 """What is added up over finished episodes: their number, and the columns of RESULTS."""

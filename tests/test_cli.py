@@ -168,6 +168,14 @@ def test_a_sweep_runs_every_value_each_into_its_own_folder(scan: Path, tmp_path:
     assert sorted(p.name for p in sweep.glob("[01]/usd/*.usd*")) == ["descriptive.usda"] * 2 + ["geometric.usd"] * 2
 
 
+@pytest.mark.slow
+def test_a_sweep_runs_side_by_side_in_processes_of_its_own(scan: Path, tmp_path: Path):
+    sweep = tmp_path / "sweep"
+    arguments = [f"scan={scan},{tiny_scan.write(tmp_path / 'other')}", "out=usd", f"hydra.sweep.dir={sweep}"]
+    assert cli.main(["export", "-m", "hydra/launcher=joblib", *arguments]) == 0
+    assert len(list(sweep.glob("[01]/usd/geometric.usd"))) == 2
+
+
 def test_what_every_job_of_a_sweep_would_overwrite_is_refused(
     scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

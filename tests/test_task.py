@@ -138,14 +138,21 @@ def test_what_lies_free_is_put_back_where_it_was_scanned(tmp_path: Path) -> None
 
 def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(stage: Path) -> None:
     def run(seed: int) -> torch.Tensor:
-        env = make_env(stage, seed=seed)
-        for _ in range(3):
-            env.step(torch.full((2, 9), 0.5))
-        return env.observation.clone()
+        env, actions = make_env(stage, seed=seed, episode_steps=16), torch.Generator().manual_seed(seed)
+        # The arm of world 0 lies on the floor, which is contact; both worlds are reset on the way.
+        env.sim.joint_q[0, :9] = torch.tensor([0.0, 1.7, 0.0, -1.4, 0.0, 1.6, 0.8, 0.035, 0.035])
+        env.sim.joint_target_q[0, :9] = env.sim.joint_q[0, :9]
+        seen = []
+        for _ in range(20):
+            env.step(torch.rand(2, 9, generator=actions) * 2.0 - 1.0)
+            seen.append(torch.cat([env.observation, env.reward[:, None], env.done[:, None], env.terms], dim=1))
+        return torch.stack(seen)
 
-    assert run(0).shape == (2, OBSERVATIONS)
-    assert torch.equal(run(0), run(0))
-    assert not torch.equal(run(0), run(1))
+    first = run(0)
+    assert first.shape == (20, 2, OBSERVATIONS + 2 + len(REWARD_TERMS))
+    assert first[:, :, OBSERVATIONS + 1].sum() == 2.0
+    assert torch.equal(first, run(0))
+    assert not torch.equal(first[0], run(1)[0])
 
 
 def test_an_unknown_reward_term_names_the_known_ones(stage: Path) -> None:

@@ -5,8 +5,9 @@
 An environment step is one control step (4 physics steps) of one world. Actions are uniform random, resets included. PPO is
 timed from its third iteration on: the first two compile and capture. Its worlds touch more as it learns, which is slower.
 "grasp_physics" is physics alone while every world's hand holds the handle, where the planner brought it (so the arm is that
-of conf/sim/planner.yaml), and "handle_use_ms" what it then takes a step to find the fingers' contacts with the handle. Contacts
-and constraint rows are counted after the random steps, and in the grasp. Rates are compared within one run only.
+of conf/sim/planner.yaml), and "handle_use_ms" what it then takes in a physics step to find the fingers' contacts with the
+handle. Contacts and constraint rows are counted after the random steps, and in the grasp. Rates are compared within one run
+only.
 """
 
 from __future__ import annotations

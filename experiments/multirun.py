@@ -21,6 +21,7 @@ from side_by_side import gpu_slots, run
 
 from s2a import config
 from s2a.policy import folder
+from s2a.task.open_drawer import RESULTS
 
 S2A = (sys.executable, "-m", "s2a")
 EVALUATION_SEED = 100
@@ -78,13 +79,14 @@ class Job:
 
     @property
     def evaluated(self) -> bool:
-        """Whether there is no checkpoint that still has to be evaluated."""
+        """Whether there is no checkpoint that still has to be evaluated, or whose evaluation lacks what is counted now."""
         checkpoint = self.checkpoint
         if checkpoint is None or not self.measured.is_file():
             return checkpoint is None
         # Times alone do not tell: in a folder that was copied from another machine all files may be of one second.
-        same = Path(json.loads(self.measured.read_text())["policy"]).name == checkpoint.name
-        return same and self.measured.stat().st_mtime >= checkpoint.stat().st_mtime
+        found = json.loads(self.measured.read_text())
+        whole = Path(found["policy"]).name == checkpoint.name and set(RESULTS) <= set(found)
+        return whole and self.measured.stat().st_mtime >= checkpoint.stat().st_mtime
 
 
 def options(parser: argparse.ArgumentParser) -> None:

@@ -39,7 +39,7 @@ VERBS = {
     "zoo": "write a hundred labelled objects as they come off the web, to insert",
     "view": "look at a scan or a stage: its tree as text, or a picture",
 }
-WRITTEN = ("out", "picture", "pictures")
+WRITTEN = ("out", "picture", "pictures", "record")
 """Keys that name what a verb writes."""
 FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 

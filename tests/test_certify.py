@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,7 @@ from seeded_defects import (
 )
 from settings import load
 
-from s2a import cli
+from s2a import cli, provenance
 from s2a.certify import contents, foundation, report, shapes, static
 from s2a.certify.battery import CertifyConfig, fingerprint
 from s2a.certify.check import Certificate, Check
@@ -76,8 +77,9 @@ def quick(stage: Path, out: Path) -> list[str]:
 
 
 def test_the_command_writes_a_record_and_a_page_and_keeps_them(
-    stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(provenance, "_commit", lambda: "abc1234")  # in a changed checkout nothing is kept
     out = tmp_path / "certificate"
     assert cli.main(quick(stage, out)) == 0
     assert "PASSED; drawer_2: graspable" in capsys.readouterr().out
@@ -102,6 +104,8 @@ def test_a_certificate_is_kept_for_the_same_file_settings_and_code_alone(tmp_pat
     assert report.kept(path, "0ddba11", settings, code) is None
     assert report.kept(path, "5ca1ab1e", {**settings, "bound": 0.2}, code) is None
     assert report.kept(path, "5ca1ab1e", settings, {"commit": "def"}) is None
+    path.write_text(report.to_json(replace(made, provenance={"commit": "abc+"})))
+    assert report.kept(path, "5ca1ab1e", settings, {"commit": "abc+"}) is None
 
 
 def test_a_stage_is_another_when_a_file_below_it_is(stage: Path, tmp_path: Path) -> None:

@@ -19,12 +19,13 @@ from multirun import Row, collect, jobs
 from outcome import percent, write
 from ratings import table as ratings
 from ratings import verdicts
-from reward_ablation import move_grasp, table, table_rows
+from reward_ablation import COLUMNS, move_grasp, table, table_rows
 from scipy.spatial.transform import Rotation
 from side_by_side import gpu_slots, run
 
 from s2a import config
 from s2a.sim.build import read_stage
+from s2a.task.open_drawer import RESULTS
 from s2a.verbs import train
 
 ROOT = Path(__file__).parents[1]
@@ -55,7 +56,9 @@ def test_what_was_measured_before_the_run_went_on_is_measured_again_and_says_its
     assert job.evaluated and collect(job, 2) is None  # there is nothing to evaluate yet
     torch.save({}, run / "model_1.pt")
     assert not job.evaluated
-    job.measured.write_text(json.dumps({"policy": "run/model_1.pt"}))
+    job.measured.write_text(json.dumps({"policy": "run/model_1.pt", "success": {}}))
+    assert not job.evaluated  # by an earlier version, which did not count all that is counted now
+    job.measured.write_text(json.dumps({"policy": "run/model_1.pt", **dict.fromkeys(RESULTS, {})}))
     assert job.evaluated
     torch.save({}, run / "model_3.pt")
     for file in (job.measured, *run.iterdir()):  # as in a folder that was copied from another machine
@@ -100,13 +103,13 @@ def test_the_grasp_point_moves_along_its_own_axes_and_its_region_stays(tmp_path:
 
 
 def test_a_row_tells_its_seeds_apart_and_says_which_was_cut() -> None:
-    rate = {name: {"rate": 0.997} for name in ("success", "final_success", "handle_success")}
+    rate = {name: {"rate": 0.997} for name in COLUMNS}
     runs = [
         {"row": "twin_paper", "env_steps": 98304000, "finished": True, "evaluation": rate},
         {"row": "twin_paper", "env_steps": 4096000, "finished": False, "evaluation": rate},
     ]
     lines = table(table_rows(3), runs)
-    assert "| 99.7 / 99.7 % | 99.7 / 99.7 % | 99.7 / 99.7 % | 98.3 / 4.1 (cut) |" in lines[2]
+    assert f"{'| 99.7 / 99.7 % ' * len(COLUMNS)}| 98.3 / 4.1 (cut) |" in lines[2]
     assert all("not run" in line for line in lines[3:])
     assert len(lines) == 2 + 11
 

@@ -75,6 +75,14 @@ def test_its_learning_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
     assert {float(state["step"]) for state in second.alg.optimizer.state.values()} == {4.0 * 3 * 4}
 
 
+def test_a_policy_that_is_no_number_is_never_saved(tmp_path: Path) -> None:
+    runner = learned(False, iterations=1)
+    next(runner.alg.actor.parameters()).data[0] = torch.nan
+    with pytest.raises(InputError, match="the policy is no number any more"):
+        runner.save(str(tmp_path / "model_0.pt"))
+    assert not any(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("bad", [torch.inf, torch.nan])
 def test_a_policy_that_is_no_number_any_more_ends_the_training(bad: float) -> None:
     class Broken(NoisyEnv):

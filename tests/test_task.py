@@ -138,7 +138,7 @@ def test_what_lies_free_is_put_back_where_it_was_scanned(tmp_path: Path) -> None
 
 def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(stage: Path) -> None:
     def run(seed: int) -> torch.Tensor:
-        env, actions = make_env(stage, seed=seed, episode_steps=16), torch.Generator().manual_seed(seed)
+        env, actions = make_env(stage, seed=seed, episode_steps=16), torch.Generator().manual_seed(0)
         # The arm of world 0 lies on the floor, which is contact; both worlds are reset on the way.
         env.sim.joint_q[0, :9] = torch.tensor([0.0, 1.7, 0.0, -1.4, 0.0, 1.6, 0.8, 0.035, 0.035])
         env.sim.joint_target_q[0, :9] = env.sim.joint_q[0, :9]
@@ -152,7 +152,7 @@ def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(stage:
     assert first.shape == (20, 2, OBSERVATIONS + 2 + len(REWARD_TERMS))
     assert first[:, :, OBSERVATIONS + 1].sum() == 2.0
     assert torch.equal(first, run(0))
-    assert not torch.equal(first[0], run(1)[0])
+    assert not torch.equal(first[0, 1], run(1)[0, 1])  # world 1 began where its seed says
 
 
 def test_an_unknown_reward_term_names_the_known_ones(stage: Path) -> None:

@@ -108,7 +108,8 @@ def _certified(folder: Path, target: str, asked: argparse.Namespace) -> dict[str
     except InputError as error:
         return {"passed": False, "graspable": None, "failed": [f"not prepared: {error}"]}
     settings = config.load(CertifyConfig, config.compose("certify", ["stage=x", "out=y"])["certify"])
-    done = report.kept(record, fingerprint(stage), dataclasses.asdict(settings)) or certify(stage, settings)
+    done = report.kept(record, fingerprint(stage), dataclasses.asdict(settings), provenance("cpu"))
+    done = done or certify(stage, settings)
     with aside(record) as out:
         out.write_text(report.to_json(done))
     by_name = {check.name: check for check in done.checks}

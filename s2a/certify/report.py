@@ -38,7 +38,12 @@ def from_json(text: str) -> Certificate:
 
 
 def kept(path: Path, sha256: str, settings: Mapping[str, object], made: Mapping[str, object]) -> Certificate | None:
-    """Return the certificate in a file if it is of this stage, with these settings and by the code that `made` tells of."""
+    """Return the certificate in a file if it is of this stage, with these settings and by the code that `made` tells of.
+
+    What changed code found is never kept: its commit says no more than that it was changed.
+    """
+    if str(made.get("commit")).endswith("+"):
+        return None
     try:
         earlier = from_json(path.read_text())
     except (OSError, ValueError, KeyError, TypeError):

@@ -19,6 +19,7 @@ from torch import nn
 
 from s2a.errors import InputError
 from s2a.policy import processes
+from s2a.policy.settings import BROKEN
 
 
 class LazyGaussian(GaussianDistribution):
@@ -81,10 +82,7 @@ class GraphPpo(PPO):
             norms = torch.stack([p.norm() for p in self._parameters])
             value, surrogate, entropy, norm = torch.cat([self._losses / count, norms.sum()[None]]).tolist()
         if not math.isfinite(value + surrogate + entropy + norm):  # before anything of it is saved
-            raise InputError(
-                "the policy is no number any more; go on from the last checkpoint (resume=true) or train anew, "
-                "with a smaller policy.learning_rate or policy.reward_scale"
-            )
+            raise InputError(BROKEN)
         self.learning_rate = float(self._rate)
         observations = self.storage.observations.flatten(0, 1)
         self._raw_actor.update_normalization(observations)

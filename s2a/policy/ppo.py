@@ -17,10 +17,11 @@ from rsl_rl.env import VecEnv
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
+from s2a.errors import InputError
 from s2a.outputs import aside
 from s2a.policy import folder, processes
 from s2a.policy.logger import LazyLogger
-from s2a.policy.settings import PpoConfig, rsl_rl_settings
+from s2a.policy.settings import BROKEN, PpoConfig, rsl_rl_settings
 from s2a.progress import track
 from s2a.task.env import OpenDrawerEnv
 from s2a.task.open_drawer import COUNTS, REWARD_TERMS, TROUBLES
@@ -38,7 +39,7 @@ class RslRlEnv(VecEnv):
     environment's own buffer in place.
 
     Attributes:
-        counted: sums over all finished episodes, in the order of COUNTS, shape [15], float64.
+        counted: sums over all finished episodes, in the order of COUNTS, shape [16], float64.
     """
 
     def __init__(
@@ -131,17 +132,22 @@ class Runner(OnPolicyRunner):
         self._keep_time()
 
     def save(self, path: str, infos: dict | None = None) -> None:
-        """Write a checkpoint, with the time and the episodes that it took."""
+        """Write a checkpoint, with the time and the episodes that it took; InputError for a policy that is no number any more."""
         self._keep_time()
+        if not all(bool(p.isfinite().all()) for group in self.alg.optimizer.param_groups for p in group["params"]):
+            raise InputError(BROKEN)
+        counted = dict(zip(COUNTS, self.env.counted.tolist(), strict=True))
         with aside(Path(path)) as out:
-            super().save(str(out), {"seconds": self.seconds, "counted": self.env.counted.tolist()})
+            super().save(str(out), {"seconds": self.seconds, "counted": counted})
 
     def resume(self, checkpoint: Path) -> None:
         """Go on after the iteration that a checkpoint was written in."""
         infos = self.load(str(checkpoint), map_location=str(self.device))
         self.current_learning_iteration += 1
         self.seconds = infos["seconds"]
-        self.env.counted.copy_(torch.tensor(infos["counted"]))
+        if not isinstance(infos["counted"], dict):
+            raise InputError(f"{checkpoint} is of an earlier version of s2a train; train again, into another folder")
+        self.env.counted.copy_(torch.tensor([infos["counted"].get(name, 0.0) for name in COUNTS]))
         batch = self.cfg["num_steps_per_env"] * self.env.num_envs * self.gpu_world_size
         self.logger.tot_timesteps = self.current_learning_iteration * batch
         self.logger.tot_time = self.seconds

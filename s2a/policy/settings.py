@@ -7,6 +7,12 @@ from typing import Annotated, Any, Literal
 
 from s2a.ranges import Count, NotEmpty, NotNegative, Positive, Share
 
+BROKEN = (
+    "the policy is no number any more; go on from the last checkpoint (resume=true), or train anew with a smaller "
+    "policy.learning_rate or policy.reward_scale"
+)
+"""What ends a training before it is saved."""
+
 
 @dataclass(frozen=True)
 class PpoConfig:

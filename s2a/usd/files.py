@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pxr import Usd
+from pxr import Ar, Usd
 
 from s2a.usd.stage import reading
 
@@ -17,5 +17,7 @@ def files(path: Path) -> list[Path]:
     """
     with reading(path):
         stage = Usd.Stage.Open(str(path))  # its layers live as long as it does
-        others = {Path(layer.realPath).resolve() for layer in stage.GetUsedLayers() if layer.realPath}
+        # Of a layer in a .usdz this is the package.
+        found = [Ar.SplitPackageRelativePathOuter(layer.realPath)[0] for layer in stage.GetUsedLayers()]
+        others = {Path(name).resolve() for name in found if name}
     return [path, *sorted(others - {path.resolve()})]

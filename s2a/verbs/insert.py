@@ -117,7 +117,8 @@ def run(config: Config) -> str:
     things, model = _things(config), choose(config.llm, config.record)
     room = open_room(config)
     # Before a model is asked, whose answers may be paid for.
-    refuse_loss(config.out, RECORD, [*files(config.stage), *([config.record] if config.record else [])])
+    read = [config.objects, config.record, config.llm.answers, *(thing.file for thing in things), *files(config.stage)]
+    refuse_loss(config.out, RECORD, [file for file in read if file])
     return into(room, things, model, config)
 
 

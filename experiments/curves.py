@@ -16,7 +16,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 
-TITLES = ("opened by 0.20 m", "open at the end", "opened with both fingers on the handle")
+TITLES = ("opened by 0.20 m", "open at the end", "both fingers on the handle")
 
 
 def main() -> None:

@@ -181,6 +181,7 @@ def collect(job: Job, iterations: int) -> dict[str, Any] | None:
         "env_steps": trained * steps,
         "stage": job.row.stage,
         "settings": {key: value for key, value in settings.items() if key not in NOT_SETTINGS},
+        "starts": folder.starts(job.folder / "run"),
         "evaluation": found,
         "curve": curve(job.folder / "run", steps),
     }

@@ -111,6 +111,21 @@ def test_other_settings_are_refused_by_name_and_more_iterations_are_not(tmp_path
         folder.keep_settings(values, tmp_path)
 
 
+def test_a_run_tells_with_what_it_began_and_went_on_and_keeps_to_its_stage(tmp_path: Path) -> None:
+    stage, out = tmp_path / "sim.usd", tmp_path / "run"
+    out.mkdir()
+    stage.write_text("a room")
+    assert folder.starts(out) == []
+    folder.keep_start(out, 0, stage, {"commit": "abc"})
+    both = folder.keep_start(out, 20, stage, {"commit": "def"})
+    assert folder.starts(out) == both
+    assert [(start["iteration"], start["commit"]) for start in both] == [(0, "abc"), (20, "def")]
+    stage.write_text("another room")
+    with pytest.raises(InputError, match="sim.usd has changed since .*run was begun; resume with what it was"):
+        folder.keep_start(out, 40, stage, {})
+    assert folder.starts(out) == both
+
+
 def test_a_run_is_not_begun_over_another_nor_gone_on_when_done(tmp_path: Path) -> None:
     keys = [f"stage={tmp_path / 'sim.usd'}", f"out={tmp_path}", "policy.iterations=3"]
     (tmp_path / "model_2.pt").touch()

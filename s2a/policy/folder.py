@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import logging
 import math
@@ -16,8 +17,10 @@ from torch.utils.tensorboard import SummaryWriter
 
 from s2a.config import leaves
 from s2a.errors import InputError
+from s2a.outputs import aside
 
 SETTINGS = "settings.json"
+STARTS = "starts.json"
 FREE = ("resume", "device", "export", "out", "policy.iterations", "policy.save_interval")
 """Keys that may change when a run goes on."""
 
@@ -43,6 +46,29 @@ def keep_settings(values: Mapping[str, Any], out: Path) -> None:
                     "resume with the same settings, or train into another folder"
                 )
     file.write_text(json.dumps(now, indent=1))
+
+
+def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, object]) -> list[dict[str, Any]]:
+    """Note in a run's folder with which code, on which machine and stage it begins or goes on; return all its starts.
+
+    Raises:
+        InputError: the stage is another than the run was begun with.
+    """
+    earlier, content = starts(out), hashlib.sha256(stage.read_bytes()).hexdigest()
+    if earlier and earlier[0]["stage_sha256"] != content:
+        raise InputError(
+            f"{stage} has changed since {out} was begun; resume with what it was, or train into another folder"
+        )
+    every = [*earlier, {"iteration": iteration, "stage_sha256": content, **about}]
+    with aside(out / STARTS) as new:
+        new.write_text(json.dumps(every, indent=1))
+    return every
+
+
+def starts(out: Path) -> list[dict[str, Any]]:
+    """Return with which code, on which machine and stage a run began and went on; nothing if that was not yet noted."""
+    file = out / STARTS
+    return json.loads(file.read_text()) if file.is_file() else []
 
 
 def latest(out: Path) -> Path | None:

@@ -75,9 +75,10 @@ def run(config: Config) -> str:
     if lead:
         config.out.mkdir(parents=True, exist_ok=True)
         folder.keep_settings(asdict(config), config.out)
+        starts = folder.keep_start(config.out, first, config.stage, provenance(sim.device))
         write_world(config.sim, config.task, config.out)
     metrics = ppo.train(env, config.policy, config.out, checkpoint)
-    return _report(config, env, metrics) if lead else ""
+    return _report(config, env, metrics | {"starts": starts}) if lead else ""
 
 
 def _start_of(config: Config) -> Path | None:

@@ -11,8 +11,6 @@ from pathlib import Path
 
 from s2a.errors import InputError
 
-REMEDY = "choose another place or delete it yourself"
-
 
 def refuse_loss(path: Path, earlier: str, read: Iterable[Path]) -> None:
     """Raise an InputError where writing a folder would delete files that are not ours, or that are still read.
@@ -66,12 +64,13 @@ def refuse_other_picture(path: Path) -> None:
 
 def _refuse_foreign(path: Path, earlier: str | None) -> None:
     """Raise if `path` is of the other kind, or replacing it would delete files that are not ours."""
+    remedy = "choose another place or delete it yourself"
     if earlier is None and path.is_dir():
-        raise InputError(f"out {str(path)!r} is a folder where a file should be written; {REMEDY}")
+        raise InputError(f"out {str(path)!r} is a folder where a file should be written; {remedy}")
     if earlier is not None and path.exists() and not path.is_dir():
-        raise InputError(f"out {str(path)!r} is a file where a folder should be written; {REMEDY}")
+        raise InputError(f"out {str(path)!r} is a file where a folder should be written; {remedy}")
     if earlier is not None and path.is_dir() and any(path.iterdir()) and not (path / earlier).exists():
-        raise InputError(f"out {str(path)!r} is not empty and has no {earlier} as an earlier output would; {REMEDY}")
+        raise InputError(f"out {str(path)!r} is not empty and has no {earlier} as an earlier output would; {remedy}")
 
 
 def _make_parents(path: Path) -> list[Path]:

@@ -177,6 +177,7 @@ def test_forces_are_felt_within_five_millimetres_of_the_region_as_a_plain_refere
 def test_a_shorter_way_scales_the_openings_that_count(stage: SimStage) -> None:
     # 1.2 rad at 0.3 m is 0.36 m of way: success at 0.9 x 0.2 m, which is 0.6 rad.
     env = make_env(hinge(stage), 2, episode_steps=2)
+    assert env.openings == pytest.approx({"success": 0.18, "wide": 0.27, "static": 0.27, "full": 0.342})
     env.sim.joint_q[:, 9] = torch.tensor([0.59, 0.61])
     env.step(torch.zeros(2, 9))
     assert column(env, "success") == [0.0, 1.0]

@@ -2,7 +2,7 @@
 
     python experiments/curves.py RESULTS_JSON PICTURE_PNG
 
-RESULTS_JSON is the file of a table in experiments/results, of which a colour is a row and a line a seed, or the metrics.json of
+RESULTS_JSON is the file of a table in experiments/results, of which a panel is a row and a line a seed, or the metrics.json of
 one run, as `s2a train` writes it.
 """
 
@@ -11,12 +11,17 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import textwrap
 from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+from outcome import by_handle
 
-TITLES = ("opened by 0.20 m", "open at the end", "both fingers on the handle")
+SHARES = {"opened by 0.20 m": "tab:gray", "open at the end": "tab:orange", "both fingers on the handle": "tab:blue"}
+"""What is drawn, and its colour."""
+COLUMNS = 4
+"""Of panels."""
 
 
 def main() -> None:
@@ -44,29 +49,35 @@ def as_run(metrics: dict[str, Any]) -> dict[str, Any]:
 
 
 def draw(runs: list[dict[str, Any]], picture: Path) -> None:
-    """Draw the share of recent training episodes over environment steps."""
-    figure, panels = plt.subplots(1, 3, figsize=(10.0, 4.0), layout="constrained", sharey=True)
+    """Draw the shares of recent training episodes over environment steps: a panel a row, a line a seed."""
     rows = list(dict.fromkeys(run["about"] for run in runs))
-    colours = plt.get_cmap("tab10" if len(rows) <= 10 else "tab20").colors
-    for run in runs:
-        place, known = rows.index(run["about"]), run["curve"]
-        millions = [steps / 1e6 for steps in known["env_steps"]]
-        opened, final = (
-            [math.nan if share is None else 100.0 * share for share in known.get(name, [])]
-            for name in ("success", "final_success")
-        )
-        by_handle = [
-            share * (use or 0.0) for share, use in zip(opened, known.get("handle_use_of_successes", []), strict=False)
-        ]
-        for panel, values in zip(panels, (opened, final, by_handle), strict=True):
-            panel.plot(millions[: len(values)], values, color=colours[place], label=run["about"], linewidth=1.2)
-    for panel, title in zip(panels, TITLES, strict=True):
-        panel.set(title=title, xlabel="environment steps, millions", ylim=(-2, 102))
+    columns = min(len(rows), COLUMNS)
+    lines = math.ceil(len(rows) / columns)
+    figure, panels = plt.subplots(
+        lines, columns, figsize=(2.8 * max(columns, 2), 2.2 * lines + 0.9), layout="constrained", sharex=True, sharey=True, squeeze=False
+    )
+    for panel, row in zip(panels.flat, rows, strict=False):
+        for run in (run for run in runs if run["about"] == row):
+            for (name, colour), values in zip(SHARES.items(), shares(run["curve"]), strict=True):
+                millions = [steps / 1e6 for steps in run["curve"]["env_steps"]]
+                panel.plot(millions[: len(values)], values, color=colour, label=name, linewidth=1.2)
+        panel.set_title(textwrap.fill(row, 40), fontsize="small")
+        panel.set(ylim=(-3, 103))
         panel.grid(alpha=0.3)
-    panels[0].set_ylabel("share of recent episodes [%]")
-    labels = dict(zip(*panels[0].get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(labels.values(), labels.keys(), fontsize="small", loc="outside lower center", ncols=2, frameon=False)
+    for panel in list(panels.flat)[len(rows) :]:
+        panel.set_axis_off()
+    figure.supxlabel("environment steps, millions", fontsize="medium")
+    figure.supylabel("share of recent episodes [%]", fontsize="medium")
+    labels = dict(zip(*panels.flat[0].get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(labels.values(), labels.keys(), loc="outside upper center", ncols=3, frameon=False)
     figure.savefig(picture, dpi=110)
+    plt.close(figure)
+
+
+def shares(curve: dict[str, list[float | None]]) -> list[list[float]]:
+    """Return what SHARES names, in percent, point by point; not a number where nothing was logged."""
+    logged = ([math.nan if v is None else v for v in curve.get(name, [])] for name in ("success", "final_success"))
+    return [[100.0 * share for share in values] for values in (*logged, by_handle(curve))]
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from curves import draw
 from multirun import Row, options, sweep
-from outcome import percent, trained, write
+from outcome import half_after, percent, trained, write
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results/ingredients.json"
@@ -43,6 +43,8 @@ COLUMNS = {
     "hook_success": "one finger on it",
 }
 
+HALF = "half of the training episodes by the handle after"
+
 
 def main() -> None:
     """Train and evaluate every change, then write results, table and picture."""
@@ -58,11 +60,13 @@ def main() -> None:
 
 def table(rows: list[Row], runs: list[dict]) -> list[str]:
     """Return the lines of a Markdown table: the rates of every change, seed by seed."""
-    lines = [f"| best, but | {' | '.join(COLUMNS.values())} | steps, millions |", "|" + "---|" * (len(COLUMNS) + 2)]
+    columns = ["best, but", *COLUMNS.values(), f"{HALF}, millions", "steps, millions"]
+    lines = [f"| {' | '.join(columns)} |", "|" + "---|" * len(columns)]
     for row in rows:
         mine = [run for run in runs if run["row"] == row.name]
         rates = [percent([run["evaluation"][name]["rate"] for run in mine]) for name in COLUMNS]
-        lines.append(f"| {row.about} | {' | '.join(rates)} | {trained(mine)} |")
+        half = " / ".join(half_after(run["curve"]) for run in mine)
+        lines.append(f"| {row.about} | {' | '.join(rates)} | {half} | {trained(mine)} |")
     return lines
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,18 @@ def curve(run: Path, steps: int) -> dict[str, list[float | None]]:
     kept = rows[:: -max(1, -(-len(rows) // POINTS))][::-1]
     columns = {name: [_short(row.get(name)) for row in kept] for name in CURVES}
     return {"env_steps": [(int(row["iteration"]) + 1) * steps for row in kept], **columns}
+
+
+def by_handle(curve: dict[str, list[float | None]]) -> list[float]:
+    """Return the share of recent episodes that opened with both fingers on the handle, point by point; NaN before the first."""
+    opened, use = curve.get("success", []), curve.get("handle_use_of_successes", [])
+    return [math.nan if o is None else o * (part or 0.0) for o, part in zip(opened, use, strict=False)]
+
+
+def half_after(curve: dict[str, list[float | None]]) -> str:
+    """Return after how many million environment steps half of the recent episodes first opened by the handle."""
+    steps = next((n for n, share in zip(curve["env_steps"], by_handle(curve), strict=False) if share >= 0.5), None)
+    return "not yet" if steps is None else f"{steps / 1e6:.0f}"
 
 
 def write(results: dict[str, Any], path: Path, table: Sequence[str]) -> None:

@@ -7,8 +7,9 @@ STAGES is a folder with twin.usd, one_hull.usd, handle.usd, coacd.usd and moved.
 --scan, a folder that `s2a sample` wrote (a virtual scan, whose CAD twin lies in truth/); likewise drawer.usd and door.usd, on
 which our recipe is tried without change, from --second, by default `s2a sample room=bedroom`. Every row is a Hydra multirun
 of `s2a train` over its seeds, each policy is measured by `s2a evaluate` in 1024 episodes. Writes
-experiments/results/reward_ablation.json, its table (reward_ablation.md) and docs/ablation.png. With --minutes it stops in
-time: a run that was cut goes into the table as far as it came, and the same command later goes on.
+experiments/results/reward_ablation.json, its table (reward_ablation.md), docs/ablation.png (the paper's rows) and docs/best.png
+(ours). With --minutes it stops in time: a run that was cut goes into the table as far as it came, and the same command later
+goes on.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from s2a.outputs import aside
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results/reward_ablation.json"
-PICTURE = HERE.parent / "docs/ablation.png"
+PICTURES = HERE.parent / "docs"
 
 PAPER, BEST = "+experiment=paper", "+experiment=best"
 SHIFT = (0.0, 0.0, 0.01)
@@ -79,7 +80,7 @@ def main() -> None:
         "--others", nargs=2, default=["drawer_15", "door_2"], metavar=("DRAWER", "DOOR"), help="parts of it"
     )
     parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--picture", type=Path, default=PICTURE)
+    parser.add_argument("--pictures", type=Path, default=PICTURES, help="folder of ablation.png and best.png")
     parser.add_argument("--best-steps", type=float, default=57.344e6, help="environment steps of a run of our recipe")
     options(parser)
     args = parser.parse_args()
@@ -88,7 +89,9 @@ def main() -> None:
     rows = table_rows(args.seeds, args.best_steps)
     runs = sweep(rows, args.stages, args)
     write({"scan": "virtual", "target": args.target, "others": args.others, "runs": runs}, args.out, table(rows, runs))
-    draw(runs, args.picture)
+    for name, ours in (("ablation", False), ("best", True)):
+        if shown := [run for run in runs if run["row"].endswith("_best") == ours]:
+            draw(shown, args.pictures / f"{name}.png")
 
 
 def make_stages(scan: Path, target: str, stages: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -13,10 +14,11 @@ import numpy as np
 import pytest
 import torch
 from cabinet import write_cabinet
-from curves import as_run
+from curves import as_run, draw, shares
 from ingredients import BEST, CHANGES
 from multirun import Row, collect, jobs
-from outcome import percent, write
+from outcome import by_handle, half_after, percent, write
+from PIL import Image
 from ratings import table as ratings
 from ratings import verdicts
 from reward_ablation import COLUMNS, move_grasp, table, table_rows
@@ -127,6 +129,21 @@ def test_the_log_of_one_run_is_drawn_over_its_environment_steps() -> None:
     assert run["about"] == "4 worlds, seed 7, 1.5 minutes on CPU"
     assert run["curve"]["env_steps"] == [800, 1600]  # 160 an iteration
     assert run["curve"]["success"] == [0.0, 1.0] and run["curve"]["handle_use_of_successes"] == [None, 0.5]
+    assert by_handle(run["curve"]) == [0.0, 0.5]
+
+
+def test_half_of_the_episodes_must_open_and_by_the_handle() -> None:
+    curve = {"env_steps": [4e6, 8e6, 12e6], "success": [None, 1.0, 0.8], "handle_use_of_successes": [None, 0.4, 0.7]}
+    assert half_after(curve) == "12"
+    assert half_after({name: values[:2] for name, values in curve.items()}) == "not yet"
+
+
+def test_a_row_is_a_panel_and_a_seed_a_line_whatever_was_not_logged(tmp_path: Path) -> None:
+    curve = {"env_steps": [100, 200], "success": [None, 0.5], "final_success": [], "handle_use_of_successes": [None, 1.0]}
+    opened, final, handle = shares(curve)
+    assert math.isnan(opened[0]) and opened[1] == 50.0 and final == [] and handle[1] == 50.0
+    draw([{"about": f"row {i // 2}", "curve": curve} for i in range(10)], tmp_path / "curves.png")
+    assert Image.open(tmp_path / "curves.png").height > 300  # two lines of panels
 
 
 @pytest.mark.slow
@@ -136,7 +153,7 @@ def test_the_table_is_trained_evaluated_kept_and_written_without_what_was_not_as
     for name in ("geometric", "one_hull", "handle", "coacd", "twin", "moved", "drawer", "door"):
         write_cabinet(stages / f"{name}.usda").rename(stages / f"{name}.usd")
     command = [sys.executable, ROOT / "experiments/reward_ablation.py", stages, "--runs", runs, "--out", out]
-    command += ["--picture", tmp_path / "table.png", "--seeds", "1", "--worlds", "4", "--episodes", "4"]
+    command += ["--pictures", tmp_path, "--seeds", "1", "--worlds", "4", "--episodes", "4"]
     command += ["--side-by-side", "2", "--only", "twin_paper", "scan_best"]
     command += ["--set", "policy.steps=8", "task.episode_steps=20"]
     for asked, finished in ((64, True), (96, False)):
@@ -154,7 +171,7 @@ def test_the_table_is_trained_evaluated_kept_and_written_without_what_was_not_as
         assert done[1]["settings"]["policy"]["reward_scale"] == 0.05
         assert done[0]["evaluation"]["episodes"] == 4
         assert done[0]["curve"]["env_steps"] == [32, 64]
-    assert (tmp_path / "table.png").stat().st_size > 10_000
+    assert all((tmp_path / f"{name}.png").stat().st_size > 10_000 for name in ("ablation", "best"))
     assert sum("not run" in line for line in out.with_suffix(".md").read_text().splitlines()) == 11 - 2
 
 

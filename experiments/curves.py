@@ -54,7 +54,13 @@ def draw(runs: list[dict[str, Any]], picture: Path) -> None:
     columns = min(len(rows), COLUMNS)
     lines = math.ceil(len(rows) / columns)
     figure, panels = plt.subplots(
-        lines, columns, figsize=(2.8 * max(columns, 2), 2.2 * lines + 0.9), layout="constrained", sharex=True, sharey=True, squeeze=False
+        lines,
+        columns,
+        figsize=(2.8 * max(columns, 2), 2.2 * lines + 0.9),
+        layout="constrained",
+        sharex=True,
+        sharey=True,
+        squeeze=False,
     )
     for panel, row in zip(panels.flat, rows, strict=False):
         for run in (run for run in runs if run["about"] == row):

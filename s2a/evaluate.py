@@ -51,12 +51,18 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
     return {
         "episodes": env.num_envs,
         "openings": env.openings,
-        **{name: _rate(hits) for name, hits in column.items()},
+        **{name: rate(float(hits.sum()), env.num_envs) for name, hits in column.items()},
         "handle_use_of_successes": float(column["handle_success"].sum() / successes),
         "side_grasps_of_successes": float(column["side_success"].sum() / successes),
         "opening": {"mean": float(opening.mean()), "min": float(opening.min())},
         **troubles,
     }
+
+
+def rate(hits: float, episodes: float) -> dict[str, float]:
+    """Return how many of the episodes were hits, as a share with its Wilson 95 % interval (of whole numbers)."""
+    low, high = binomtest(round(hits), round(episodes)).proportion_ci(0.95, method="wilson")
+    return {"rate": hits / episodes, "low": float(low), "high": float(high)}
 
 
 def baseline(agent: Literal["zero", "random"], env: OpenDrawerEnv, seed: int) -> Policy:
@@ -84,10 +90,3 @@ def warn_of_trouble(counts: Mapping[str, float], env: OpenDrawerEnv) -> None:
     for name in TROUBLES:
         if counts[name] > 0 and counts[name] >= env.config.trouble_share * counts["episodes"]:
             _log.warning("%d of %d episodes %s", counts[name], counts["episodes"], causes[name])
-
-
-def _rate(hits: torch.Tensor) -> dict[str, float]:
-    """Return a rate with its Wilson 95 % interval."""
-    count = int(hits.sum())
-    low, high = binomtest(count, len(hits)).proportion_ci(0.95, method="wilson")
-    return {"rate": count / len(hits), "low": float(low), "high": float(high)}

@@ -12,7 +12,7 @@ from cabinet import write_cabinet
 
 from s2a import config
 from s2a.errors import InputError
-from s2a.evaluate import baseline
+from s2a.evaluate import baseline, rate
 from s2a.verbs import evaluate as verb
 
 
@@ -76,3 +76,9 @@ def test_the_album_ends_with_the_first_episode() -> None:
         env.sim.joint_q[0, 9], env.done[0] = opening, done
         album.watch()
     assert [round(float(pose[9]), 3) for pose in album._poses] == [0.0, 0.3]
+
+
+def test_a_rate_has_a_wilson_interval() -> None:
+    # Wilson's formula with z = 1.95996: (8 + z^2 / 2) / (10 + z^2) = 0.71674, half width 0.22658.
+    assert rate(8.0, 10.0) == pytest.approx({"rate": 0.8, "low": 0.49016, "high": 0.94332}, abs=1e-5)
+    assert rate(4.1, 4.1) == pytest.approx({"rate": 1.0, "low": 0.51011, "high": 1.0}, abs=1e-5)

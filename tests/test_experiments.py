@@ -139,7 +139,12 @@ def test_half_of_the_episodes_must_open_and_by_the_handle() -> None:
 
 
 def test_a_row_is_a_panel_and_a_seed_a_line_whatever_was_not_logged(tmp_path: Path) -> None:
-    curve = {"env_steps": [100, 200], "success": [None, 0.5], "final_success": [], "handle_use_of_successes": [None, 1.0]}
+    curve = {
+        "env_steps": [100, 200],
+        "success": [None, 0.5],
+        "final_success": [],
+        "handle_use_of_successes": [None, 1.0],
+    }
     opened, final, handle = shares(curve)
     assert math.isnan(opened[0]) and opened[1] == 50.0 and final == [] and handle[1] == 50.0
     draw([{"about": f"row {i // 2}", "curve": curve} for i in range(10)], tmp_path / "curves.png")

@@ -51,6 +51,7 @@ def test_no_rate_is_told_before_an_episode_could_have_failed() -> None:
     rates = [float(env.step(torch.zeros(2, 9))[3]["log"]["/success"]) for _ in range(8)]
     assert [math.isfinite(rate) for rate in rates] == [False] * 6 + [True] * 2
     assert rates[-1] == pytest.approx(1.0)
+    assert float(env.recent[COUNTS.index("episodes")]) == pytest.approx(sum(0.999**k for k in range(8)))
 
 
 class PayingEnv(CountingEnv):

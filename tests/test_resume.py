@@ -143,6 +143,13 @@ def test_a_run_is_not_begun_over_another_nor_gone_on_when_done(tmp_path: Path) -
         verb.run(settings)
 
 
+def test_recent_rates_are_told_once_there_are_episodes() -> None:
+    assert verb._rates({"episodes": 0.0, "success": 0.0, "opening": 0.0}) == {"episodes": 0.0}
+    rates = verb._rates({"episodes": 9.7, "success": 8.0, "opening": 2.0})
+    assert set(rates) == {"episodes", "success"} and rates["success"]["rate"] == pytest.approx(8.0 / 9.7)
+    assert rates["success"]["low"] == pytest.approx(0.49016, abs=1e-5)  # of 8 of 10
+
+
 @pytest.mark.slow
 def test_a_run_that_was_killed_goes_on(tmp_path: Path) -> None:
     out = tmp_path / "run"
@@ -166,6 +173,7 @@ def test_a_run_that_was_killed_goes_on(tmp_path: Path) -> None:
     metrics = json.loads((out / "metrics.json").read_text())
     assert metrics["first_iteration"] == done
     assert metrics["env_steps"] == (done + 2) * 8 * 2
+    assert "out of order" not in message.stderr, "what was cut is not told as if something were wrong"
     steps = [event.step for event in folder._scalars(folder._events(out), "Loss/learning_rate")]
     assert steps == list(range(done + 2))
     state = torch.load(out / f"model_{done + 1}.pt", weights_only=False)["actor_state_dict"]

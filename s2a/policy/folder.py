@@ -25,6 +25,7 @@ FREE = ("resume", "device", "export", "out", "policy.iterations", "policy.save_i
 """Keys that may change when a run goes on."""
 
 _log = logging.getLogger(__name__)
+logging.getLogger("tensorboard").setLevel(logging.ERROR)  # it warns of every iteration that `cut` made it forget
 
 
 def keep_settings(values: Mapping[str, Any], out: Path) -> None:

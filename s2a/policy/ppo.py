@@ -40,6 +40,7 @@ class RslRlEnv(VecEnv):
 
     Attributes:
         counted: sums over all finished episodes, in the order of COUNTS, shape [16], float64.
+        recent: the same, where an episode that ended k control steps ago counts as RECENT ** k, float32.
     """
 
     def __init__(
@@ -56,7 +57,7 @@ class RslRlEnv(VecEnv):
         self.device = env.sim.device
         self.cfg: dict = {}
         self.counted = torch.zeros(len(COUNTS), device=self.device, dtype=torch.float64)
-        self._recent = torch.zeros(len(COUNTS), device=self.device)
+        self.recent = torch.zeros(len(COUNTS), device=self.device)
         self._terms = torch.zeros(len(REWARD_TERMS), device=self.device)
         self._log_every, self._steps = log_every, 0
 
@@ -70,6 +71,11 @@ class RslRlEnv(VecEnv):
         self.env.episode_step.copy_(value)
         self.env.midway.fill_(1)
 
+    @property
+    def warm(self) -> bool:
+        """Whether more than an episode's time has passed; what ends earlier is what succeeded early."""
+        return self._steps > self.max_episode_length
+
     def get_observations(self) -> TensorDict:
         """Return a copy of the observation [world 23]."""
         return TensorDict({"policy": self.env.observation.clone()}, batch_size=[self.num_envs])
@@ -79,7 +85,7 @@ class RslRlEnv(VecEnv):
         env = self.env
         env.step(actions)
         self.counted.add_(env.counts)
-        self._recent.mul_(RECENT).add_(env.counts)
+        self.recent.mul_(RECENT).add_(env.counts)
         env.counts.zero_()
         self._terms.add_(env.terms.mean(dim=0))
         self._on_step()
@@ -92,9 +98,9 @@ class RslRlEnv(VecEnv):
     def _log(self) -> dict[str, torch.Tensor]:
         """Return rates over the recent episodes, and the mean of each unweighted reward term.
 
-        Rates are not a number in the first episode's time: what ends early in it is what succeeded.
+        Rates are not a number before the worlds are warm.
         """
-        known = self._recent if self._steps > self.max_episode_length else torch.full_like(self._recent, torch.nan)
+        known = self.recent if self.warm else torch.full_like(self.recent, torch.nan)
         recent = dict(zip(COUNTS, known.unbind(), strict=True))
         episodes, successes = recent["episodes"], recent["success"]
         terms = (self._terms / self._log_every).unbind()
@@ -189,8 +195,9 @@ def train(env: OpenDrawerEnv, config: PpoConfig, out: Path, checkpoint: Path | N
 
     Returns:
         The iteration it began with, environment steps (of all processes), seconds, environment steps a second of this
-        process's training, the finished episodes and how many had each of TROUBLES, and the curve: per iteration success,
-        handle use, opening, reward and others.
+        process's training, the finished episodes and how many had each of TROUBLES, the recent sums of COUNTS (of all
+        processes; zeros before the worlds are warm), and the curve: per iteration success, handle use, opening, reward and
+        others.
     """
     lead = processes.rank() == 0
     first = folder.iteration(checkpoint) + 1 if checkpoint else 0
@@ -210,6 +217,7 @@ def train(env: OpenDrawerEnv, config: PpoConfig, out: Path, checkpoint: Path | N
             runner.learn(todo, init_at_random_ep_len=True)
     next(steps, None)
     counted = processes.add_up(adapter.counted)
+    recent = processes.add_up(adapter.recent * adapter.warm)
     processes.part()
     batch = config.steps * env.num_envs * processes.count()
     return {
@@ -218,5 +226,6 @@ def train(env: OpenDrawerEnv, config: PpoConfig, out: Path, checkpoint: Path | N
         "seconds": runner.seconds,
         "env_steps_per_second": todo * batch / max(runner.seconds - before, 1e-9),
         **{name: int(n) for name, n in zip(COUNTS, counted, strict=True) if name in ("episodes", *TROUBLES)},
+        "recent": dict(zip(COUNTS, recent.tolist(), strict=True)),
         "curve": folder.curve(out) if lead else [],
     }

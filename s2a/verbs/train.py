@@ -10,7 +10,7 @@ from typing import Any
 import torch
 
 from s2a.errors import InputError
-from s2a.evaluate import warn_of_trouble
+from s2a.evaluate import rate, warn_of_trouble
 from s2a.outputs import aside
 from s2a.policy import folder, ppo, processes
 from s2a.policy.export import export
@@ -113,6 +113,7 @@ def _start_of(config: Config) -> Path | None:
 def _report(config: Config, env: OpenDrawerEnv, metrics: dict[str, Any]) -> str:
     """Write metrics.json and, if asked for, the policy as others can load it; return how far the training came."""
     warn_of_trouble(metrics, env)
+    metrics["recent"] = _rates(metrics["recent"])
     metrics |= {"seed": config.seed, "worlds": config.worlds, "processes": processes.count(), "reward": config.reward}
     with aside(config.out / METRICS) as out:
         out.write_text(json.dumps(metrics | provenance(env.sim.device), indent=1))
@@ -122,6 +123,19 @@ def _report(config: Config, env: OpenDrawerEnv, metrics: dict[str, Any]) -> str:
     if config.export and (checkpoint := folder.latest(config.out)):
         lines += [f"  {file}" for file in export(load_model(env, checkpoint), checkpoint)]
     return "\n".join(lines)
+
+
+def _rates(recent: dict[str, float]) -> dict[str, Any]:
+    """Return the rates of the recent episodes, exploration's noise included, with intervals; no rates before there are any.
+
+    The older an episode is the less it counts. "episodes" is the sum of these weights and the intervals are of so many; there
+    were more, so that they are rather too wide.
+    """
+    episodes = recent.pop("episodes")
+    rates = (
+        {name: rate(hits, episodes) for name, hits in recent.items() if name != "opening"} if episodes >= 1.0 else {}
+    )
+    return {"episodes": episodes, **rates}
 
 
 def simulation(stage: Path, config: SimConfig, worlds: int, device: str) -> Simulation:

@@ -54,6 +54,12 @@ def weigh(part: Part) -> tuple[float, str]:
     )
 
 
+def test_bounds_of_the_mass_that_leave_none_are_refused() -> None:
+    keys = ["prepare.loose.mass.lowest=30", "stage=a", "target=b", "out=c"]
+    with pytest.raises(InputError, match="'mass.lowest' is 30, more than 'mass.highest', 20; give less"):
+        configuration.load(verb.Config, configuration.compose("prepare", keys))
+
+
 def test_an_unknown_thing_weighs_what_its_hull_holds_within_bounds() -> None:
     # 0.25 m cubed times 200 kg/m^3
     assert weigh(Part("tray", cube(0.0, 0.25)))[0] == pytest.approx(0.25**3 * 200.0, rel=1e-5)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from s2a.errors import InputError
 from s2a.geometry.convex import hull, volume
 from s2a.ranges import Positive
 from s2a.scene import Mesh, Scene
@@ -29,6 +30,13 @@ class MassConfig:
     lowest: Positive
     highest: Positive
     density: Positive
+
+    def __post_init__(self) -> None:
+        """Refuse bounds that leave no mass between them."""
+        if self.lowest > self.highest:
+            raise InputError(
+                f"key 'mass.lowest' is {self.lowest:g}, more than 'mass.highest', {self.highest:g}; give less"
+            )
 
     def estimate(self, volume: float) -> float:
         """Return what a volume [m^3] weighs within bounds [kg]."""

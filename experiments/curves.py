@@ -2,7 +2,7 @@
 
     python experiments/curves.py RESULTS_JSON PICTURE_PNG
 
-RESULTS_JSON is the file of a table in experiments/results, of which a panel is a row and a line a seed, or the metrics.json of
+RESULTS_JSON is the file of a table in experiments/results, of which a row is a panel with three lines a seed, or the metrics.json of
 one run, as `s2a train` writes it.
 """
 
@@ -49,7 +49,7 @@ def as_run(metrics: dict[str, Any]) -> dict[str, Any]:
 
 
 def draw(runs: list[dict[str, Any]], picture: Path) -> None:
-    """Draw the shares of recent training episodes over environment steps: a panel a row, a line a seed."""
+    """Draw the shares of recent training episodes over environment steps: a panel a row, three lines a seed."""
     rows = list(dict.fromkeys(run["about"] for run in runs))
     columns = min(len(rows), COLUMNS)
     lines = math.ceil(len(rows) / columns)

@@ -2,8 +2,8 @@
 
     python experiments/curves.py RESULTS_JSON PICTURE_PNG
 
-RESULTS_JSON is the file of a table in experiments/results, of which a row is a panel with three lines a seed, or the metrics.json of
-one run, as `s2a train` writes it.
+RESULTS_JSON is the file of a table in experiments/results, of which a row is a panel with three lines a seed, or the metrics.json
+of one run, as `s2a train` writes it.
 """
 
 from __future__ import annotations

@@ -43,8 +43,6 @@ COLUMNS = {
     "hook_success": "one finger on it",
 }
 
-HALF = "half of the training episodes by the handle after"
-
 
 def main() -> None:
     """Train and evaluate every change, then write results, table and picture."""
@@ -60,13 +58,14 @@ def main() -> None:
 
 def table(rows: list[Row], runs: list[dict]) -> list[str]:
     """Return the lines of a Markdown table: the rates of every change, seed by seed."""
-    columns = ["best, but", *COLUMNS.values(), f"{HALF}, millions", "steps, millions"]
+    half = "half of the training episodes by the handle after, millions"
+    columns = ["best, but", *COLUMNS.values(), half, "steps, millions"]
     lines = [f"| {' | '.join(columns)} |", "|" + "---|" * len(columns)]
     for row in rows:
         mine = [run for run in runs if run["row"] == row.name]
         rates = [percent([run["evaluation"][name]["rate"] for run in mine]) for name in COLUMNS]
-        half = " / ".join(half_after(run["curve"]) for run in mine)
-        lines.append(f"| {row.about} | {' | '.join(rates)} | {half} | {trained(mine)} |")
+        after = " / ".join(half_after(run["curve"]) for run in mine)
+        lines.append(f"| {row.about} | {' | '.join(rates)} | {after} | {trained(mine)} |")
     return lines
 
 

@@ -131,11 +131,9 @@ def _rates(recent: dict[str, float]) -> dict[str, Any]:
     The older an episode is the less it counts. "episodes" is the sum of these weights and the intervals are of so many; there
     were more, so that they are rather too wide.
     """
-    episodes = recent.pop("episodes")
-    rates = (
-        {name: rate(hits, episodes) for name, hits in recent.items() if name != "opening"} if episodes >= 1.0 else {}
-    )
-    return {"episodes": episodes, **rates}
+    episodes = recent["episodes"]
+    names = [name for name in recent if name not in ("episodes", "opening")] if episodes >= 1.0 else []
+    return {"episodes": episodes, **{name: rate(recent[name], episodes) for name in names}}
 
 
 def simulation(stage: Path, config: SimConfig, worlds: int, device: str) -> Simulation:

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from s2a.geometry.convex import contains, halfspaces, volume
-from s2a.geometry.gap import FingerSpace
+from s2a.geometry.handles.finger_gap import FingerSpace
 from s2a.scene import Mesh
 
 

@@ -30,12 +30,12 @@ from closeness import gap_points, surface_distance
 from scipy.spatial.transform import Rotation
 
 from s2a import config, scan
-from s2a.geometry.front import front_behind, front_coordinate
-from s2a.geometry.gap import FINGER_DEPTH, FingerSpace, finger_space, share_inside
-from s2a.geometry.rays import first_hits, nearest_faces, ray_mesh
-from s2a.geometry.surfaces import centroids, merge, normals, sample, sample_with_faces
-from s2a.prepare.colliders import ColliderConfig, Handle, find_handle, target_colliders
-from s2a.prepare.pose import find_grasp
+from s2a.geometry.handles.finger_gap import FINGER_DEPTH, FingerSpace, finger_space, share_inside
+from s2a.geometry.handles.panel import front_behind, front_coordinate
+from s2a.geometry.mesh_ops import centroids, merge, normals, sample, sample_with_faces
+from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
+from s2a.prepare.colliders.target import ColliderConfig, Handle, find_handle, target_colliders
+from s2a.prepare.grasp import find_grasp
 from s2a.provenance import provenance
 from s2a.scene import Mesh, Scene
 from s2a.usd import geometric

@@ -37,22 +37,22 @@ from rater_pictures import rater_pictures
 from scipy.stats import binomtest
 
 from s2a import config
-from s2a.edit.ask import Answer, Model, Request
-from s2a.edit.fit import NoRoom
-from s2a.edit.insert import Inserted, Room, Thing, Watch, insert
-from s2a.edit.llm import choose
-from s2a.edit.openings import blocked, reaching
-from s2a.edit.record import Ledger
-from s2a.edit.rules import rules
-from s2a.edit.surfaces import nearby
+from s2a.commands import insert as verb
+from s2a.commands.drop import drop
 from s2a.errors import InputError
-from s2a.geometry.clash import depth
-from s2a.geometry.surfaces import sample
+from s2a.geometry.mesh_ops import sample
+from s2a.geometry.penetration import depth
+from s2a.insert.pipeline import Inserted, Room, Thing, Watch, insert
+from s2a.insert.place.fit import NoRoom
+from s2a.insert.place.supports import nearby
+from s2a.insert.place.swept_volumes import blocked, reaching
+from s2a.llm.ask import Answer, Model, Request
+from s2a.llm.client import choose
+from s2a.llm.rules import rules
+from s2a.llm.usage_log import Ledger
 from s2a.progress import track
 from s2a.provenance import provenance
 from s2a.scene import Mesh
-from s2a.verbs import insert as verb
-from s2a.verbs.drop import drop
 
 RESULTS = Path(__file__).parent / "results"
 FOREIGN = Path(__file__).parent / "foreign.yaml"

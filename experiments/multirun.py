@@ -20,8 +20,8 @@ from outcome import curve
 from side_by_side import gpu_slots, run
 
 from s2a import config
-from s2a.policy import folder
-from s2a.task.open_drawer import RESULTS
+from s2a.rl import run_folder
+from s2a.tasks.open_part.config import RESULTS
 
 S2A = (sys.executable, "-m", "s2a")
 EVALUATION_SEED = 100
@@ -65,12 +65,12 @@ class Job:
 
     def finished(self, iterations: int) -> bool:
         """Whether the training came to so many iterations."""
-        return self.checkpoint is not None and folder.iteration(self.checkpoint) + 1 >= iterations
+        return self.checkpoint is not None and run_folder.iteration(self.checkpoint) + 1 >= iterations
 
     @property
     def checkpoint(self) -> Path | None:
         """The last checkpoint, or None before the first."""
-        return folder.latest(self.folder / "run")
+        return run_folder.latest(self.folder / "run")
 
     @property
     def measured(self) -> Path:
@@ -170,8 +170,8 @@ def collect(job: Job, iterations: int) -> dict[str, Any] | None:
     if not job.measured.is_file():
         return None
     found = json.loads(job.measured.read_text())
-    trained = folder.iteration(Path(found["policy"])) + 1
-    settings = json.loads((job.folder / "run" / folder.SETTINGS).read_text())
+    trained = run_folder.iteration(Path(found["policy"])) + 1
+    settings = json.loads((job.folder / "run" / run_folder.SETTINGS).read_text())
     steps = settings["worlds"] * settings["policy"]["steps"]
     return {
         "row": job.row.name,
@@ -181,7 +181,7 @@ def collect(job: Job, iterations: int) -> dict[str, Any] | None:
         "env_steps": trained * steps,
         "stage": job.row.stage,
         "settings": {key: value for key, value in settings.items() if key not in NOT_SETTINGS},
-        "starts": folder.starts(job.folder / "run"),
+        "starts": run_folder.starts(job.folder / "run"),
         "evaluation": found,
         "curve": curve(job.folder / "run", steps),
     }

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from s2a.policy import folder
+from s2a.rl import run_folder
 
 POINTS = 80
 """Of a curve that is kept."""
@@ -25,7 +25,7 @@ def curve(run: Path, steps: int) -> dict[str, list[float | None]]:
     Returns:
         env_steps and each of CURVES, at evenly spaced iterations up to the last; None where there was nothing to log.
     """
-    rows = folder.curve(run)
+    rows = run_folder.curve(run)
     kept = rows[:: -max(1, -(-len(rows) // POINTS))][::-1]
     columns = {name: [_short(row.get(name)) for row in kept] for name in CURVES}
     return {"env_steps": [(int(row["iteration"]) + 1) * steps for row in kept], **columns}

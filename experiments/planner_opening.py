@@ -18,17 +18,17 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from s2a import config
+from s2a.env.vec_env import OpenDrawerEnv
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
-from s2a.policy.planner import Planner, PlannerConfig
+from s2a.planner.motion import Planner, PlannerConfig
 from s2a.prepare import PrepareConfig, prepare
 from s2a.provenance import provenance
 from s2a.scene import Scene
-from s2a.sim.build import read_stage
 from s2a.sim.simulation import SimConfig, Simulation
-from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import OpenDrawerConfig
-from s2a.usd import geometric, simready
+from s2a.sim.world import read_stage
+from s2a.tasks.open_part.config import OpenDrawerConfig
+from s2a.usd import geometric, sim_stage
 
 RESULTS = Path(__file__).parent / "results/planner_opening.json"
 COLLIDERS = ("handle", "coacd", "one_hull")
@@ -80,7 +80,7 @@ def _row(case: tuple[Path, str, str, int, int]) -> dict:
     with tempfile.TemporaryDirectory() as folder:
         try:
             ready = prepare(scene, target, settings)
-            simready.write(ready, Path(folder) / "sim.usd")
+            sim_stage.write(ready, Path(folder) / "sim.usd")
             return row | {"pieces": len(ready.target.colliders)} | _open(Path(folder) / "sim.usd", worlds, seed)
         except InputError as error:
             return row | {"error": str(error).removeprefix(f"{folder}/sim.usd: ")}

@@ -11,10 +11,10 @@ import numpy as np
 from PIL import Image
 
 from s2a import config
-from s2a.edit.insert import Inserted, Room
-from s2a.geometry.look import LookConfig, View
-from s2a.geometry.picture import draw
-from s2a.geometry.surfaces import merge
+from s2a.geometry.camera_pose import LookConfig, View
+from s2a.geometry.mesh_ops import merge
+from s2a.geometry.render import draw
+from s2a.insert.pipeline import Inserted, Room
 
 
 def rater_pictures(room: Room, name: str, done: dict[str, Inserted | None], folder: Path) -> None:

@@ -1,6 +1,6 @@
 """The command line: `s2a <verb> key=value ...`.
 
-A verb is a module of `s2a.verbs` with a `Config` and a `run(config) -> str`; its values are `conf/<verb>.yaml` and what
+A verb is a module of `s2a.commands` with a `Config` and a `run(config) -> str`; its values are `conf/<verb>.yaml` and what
 the user overrides. Errors of the user are one line on stderr and exit code 2.
 """
 
@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(verb: str, values: dict[str, Any]) -> None:
     """Run a verb with composed values and print what it says of its work; a NotPassed is printed, and goes on."""
-    module = importlib.import_module(f"s2a.verbs.{verb}")
+    module = importlib.import_module(f"s2a.commands.{verb}")
     settings = config.load(module.Config, values)
     _refuse_replacing_input(settings)
     start = time.perf_counter()
@@ -138,7 +138,7 @@ def _sweep_folder(overrides: Sequence[str]) -> Path:
 
 def _overview(verb: str, folder: Path) -> None:
     """Print what a verb says of all jobs of a sweep together, if it does."""
-    module = importlib.import_module(f"s2a.verbs.{verb}")
+    module = importlib.import_module(f"s2a.commands.{verb}")
     if hasattr(module, "overview") and (said := module.overview(folder)):
         print(said)
 
@@ -156,7 +156,7 @@ def _dispatch(arguments: list[str]) -> int:
     elif verb not in VERBS:
         raise InputError(f"verb {verb!r} is unknown{config.nearest(verb, VERBS)}")
     elif "--help" in flags or "-h" in flags:
-        print(usage.verb(verb, VERBS[verb], importlib.import_module(f"s2a.verbs.{verb}").Config))
+        print(usage.verb(verb, VERBS[verb], importlib.import_module(f"s2a.commands.{verb}").Config))
     elif "--multirun" in flags or "-m" in flags:
         sweep(verb, overrides)
     else:

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import torch
 from scipy.stats import binomtest
 
+from s2a.env.vec_env import OpenDrawerEnv
 from s2a.progress import track
-from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import RESULTS, TROUBLES
+from s2a.tasks.open_part.config import RESULTS, TROUBLES
 
 _log = logging.getLogger(__name__)
 Policy = Callable[[torch.Tensor], torch.Tensor]
@@ -29,7 +29,7 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
 
     Returns:
         Number of episodes; what counts as opened in this stage [m]; the rate of every 0-or-1 column of RESULTS
-        (s2a.task.open_drawer says what they mean) with its Wilson 95 % interval; handle_use_of_successes and
+        (s2a.tasks.open_part.config says what they mean) with its Wilson 95 % interval; handle_use_of_successes and
         side_grasps_of_successes; largest openings [m] (mean, min); the number of episodes with each of TROUBLES.
     """
     env.reset_all()

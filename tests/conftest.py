@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 
 import pytest
 
 from s2a.scene import Scene
-
-sys.path.append(str(Path(__file__).parents[1] / "experiments"))  # some measures are tested, and others test with them
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -23,7 +20,7 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
 def office_scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A virtual office as the demo scans it (seed 0)."""
     from s2a import config
-    from s2a.scan.virtual import SampleConfig, sample  # not needed where only the simulation is tested
+    from s2a.synth import SampleConfig, sample  # not needed where only the simulation is tested
 
     out = tmp_path_factory.mktemp("office") / "scan"
     out.mkdir()

@@ -25,12 +25,12 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from s2a.commands import insert as verb
 from s2a.config import compose, load
-from s2a.edit.insert import Room, Thing
-from s2a.edit.llm import choose
 from s2a.errors import InputError
+from s2a.insert.pipeline import Room, Thing
+from s2a.llm.client import choose
 from s2a.provenance import provenance
-from s2a.verbs import insert as verb
 
 LIMIT = 2.0
 """What an insertion may take on two cores [s]."""

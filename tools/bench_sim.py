@@ -24,15 +24,15 @@ import torch
 import warp as wp
 
 from s2a import config
-from s2a.policy.folder import times
-from s2a.policy.planner import Planner, PlannerConfig
-from s2a.policy.ppo import train
-from s2a.policy.settings import PpoConfig
+from s2a.env.vec_env import OpenDrawerEnv
+from s2a.planner.motion import Planner, PlannerConfig
 from s2a.provenance import provenance
-from s2a.sim.build import read_stage
+from s2a.rl.config import PpoConfig
+from s2a.rl.ppo import train
+from s2a.rl.run_folder import times
 from s2a.sim.simulation import SimConfig, Simulation
-from s2a.task.env import OpenDrawerEnv
-from s2a.task.open_drawer import OpenDrawerConfig
+from s2a.sim.world import read_stage
+from s2a.tasks.open_part.config import OpenDrawerConfig
 
 STEPS = 200
 WARM_UP = 2

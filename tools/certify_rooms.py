@@ -24,15 +24,15 @@ from rich.table import Table
 
 from s2a import config, scan
 from s2a.certify import report
-from s2a.certify.battery import CertifyConfig, certify, fingerprint
+from s2a.certify.check_suite import CertifyConfig, certify, fingerprint
 from s2a.errors import InputError
 from s2a.outputs import aside
 from s2a.prepare import PrepareConfig, prepare
 from s2a.progress import track
 from s2a.provenance import provenance
-from s2a.scan.virtual import SampleConfig, sample
 from s2a.scene import Scene
-from s2a.usd import simready
+from s2a.synth import SampleConfig, sample
+from s2a.usd import sim_stage
 
 
 def main() -> None:
@@ -104,7 +104,7 @@ def _certified(folder: Path, target: str, asked: argparse.Namespace) -> dict[str
         if not stage.exists():
             values = config.compose("prepare", [f"prepare={asked.prepare}", "stage=x", f"target={target}", "out=y"])
             with aside(stage) as out:
-                simready.write(prepare(_scene(folder), target, config.load(PrepareConfig, values["prepare"])), out)
+                sim_stage.write(prepare(_scene(folder), target, config.load(PrepareConfig, values["prepare"])), out)
     except InputError as error:
         return {"passed": False, "graspable": None, "failed": [f"not prepared: {error}"]}
     settings = config.load(CertifyConfig, config.compose("certify", ["stage=x", "out=y"])["certify"])

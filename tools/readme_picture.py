@@ -18,17 +18,17 @@ from room_pictures import above
 from scipy.spatial.transform import Rotation
 
 from s2a import config
+from s2a.commands.evaluate import Config
+from s2a.commands.train import simulation
+from s2a.env.vec_env import OpenDrawerEnv
 from s2a.evaluate import evaluate
-from s2a.geometry.look import LookConfig, frame
-from s2a.geometry.picture import draw, painted, write
-from s2a.policy.planner import Planner
+from s2a.geometry.camera_pose import LookConfig, frame
+from s2a.geometry.render import draw, painted, write
+from s2a.planner.motion import Planner
 from s2a.scene import Mesh
-from s2a.sim.build import SimStage
 from s2a.sim.franka import JOINTS, FrankaConfig, add_franka
-from s2a.task.env import OpenDrawerEnv
-from s2a.usd.visible import visible
-from s2a.verbs.evaluate import Config
-from s2a.verbs.train import simulation
+from s2a.sim.world import SimStage
+from s2a.usd.visuals import visible
 
 SIZE = {"width": 576, "height": 432, "samples": 3}
 ROOM = {**SIZE, "elevation": 0.8, "margin": 1.02}

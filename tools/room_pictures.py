@@ -15,12 +15,12 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from s2a import config
-from s2a.geometry.look import LookConfig, View, frame, front_of
-from s2a.geometry.picture import draw
-from s2a.scan.virtual import SampleConfig
-from s2a.scan.virtual.rooms import ROOMS
-from s2a.usd.visible import Visible, visible
-from s2a.verbs.sample import run
+from s2a.commands.sample import run
+from s2a.geometry.camera_pose import LookConfig, View, frame, front_of
+from s2a.geometry.render import draw
+from s2a.synth import SampleConfig
+from s2a.synth.rooms import ROOMS
+from s2a.usd.visuals import Visible, visible
 
 TILE, CAPTION, COLUMNS = (480, 360), 22, 3
 """Size of a picture and height of the name below it [pixel]; pictures in a row."""

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from rich.progress import track
 
-from s2a.scan.virtual.rooms import ROOMS
+from s2a.synth.rooms import ROOMS
 from s2a.usd import geometric
 
 COUNTS = ("objects", "parts", "movable")

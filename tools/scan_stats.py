@@ -24,8 +24,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from webs import webs
 
-from s2a.geometry.rays import nearest_faces, ray_mesh
-from s2a.geometry.surfaces import merge, normals, sample, sample_with_faces
+from s2a.geometry.mesh_ops import merge, normals, sample, sample_with_faces
+from s2a.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scan import ply
 from s2a.scene import Mesh, Scene
 from s2a.usd import geometric

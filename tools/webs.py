@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.geometry.rays import RayMesh, first_hits, nearest_faces, ray_mesh
-from s2a.geometry.surfaces import keep, merge, sample
+from s2a.geometry.mesh_ops import keep, merge, sample
+from s2a.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
 from s2a.scene import Mesh, Scene
 
 DEPTHS = (0.008, 0.12)

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from s2a.geometry.look import LookConfig, frame
-from s2a.geometry.picture import draw
-from s2a.scan.virtual.zoo import Thing, zoo
+from s2a.geometry.camera_pose import LookConfig, frame
+from s2a.geometry.render import draw
 from s2a.scene import Mesh
+from s2a.synth.zoo import Thing, zoo
 
 COLUMNS = 10
 TILE, CAPTION = 168, 22

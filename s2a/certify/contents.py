@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from s2a.errors import InputError
-from s2a.usd.simready import FLAVOUR
+from s2a.usd.sim_stage import FLAVOUR
 from s2a.usd.stage import ROOT, reading
 
 

@@ -11,11 +11,11 @@ import mujoco
 import newton
 import numpy as np
 import warp as wp
-from scipy.spatial.transform import Rotation
 
+from s2a.articulation import opening_sign, pose_at
 from s2a.ranges import Count, Positive
-from s2a.sim.build import JointConfig, build_world, lever_arm, opening_sign, read_stage
 from s2a.sim.franka import add_hand
+from s2a.sim.world import JointConfig, build_world, read_stage
 
 PARKED = 50.0
 """[m] How high the hand waits."""
@@ -137,19 +137,14 @@ class World:
 
     def grasp_pose(self, q: float) -> np.ndarray:
         """Return the grasp frame's pose, 7-vector, when the joint's coordinate is q [m or rad]."""
-        stage = self.stage
-        if stage.kind == "prismatic":
-            return np.concatenate([stage.grasp[:3] + q * stage.axis, stage.grasp[3:]])
-        turn = Rotation.from_rotvec(q * stage.axis)
-        point = stage.origin + turn.apply(stage.grasp[:3] - stage.origin)
-        return np.concatenate([point, (turn * Rotation.from_quat(stage.grasp[3:])).as_quat()])
+        return pose_at(self.stage.joint, self.stage.grasp, q)
 
     @property
     def lever(self) -> float:
         """Way of the grasp point for a unit of the joint's coordinate [1 or m]."""
-        return lever_arm(self.stage)
+        return self.stage.lever
 
     @property
     def sign(self) -> float:
         """1 if the joint opens towards its upper limit, else -1."""
-        return opening_sign(self.stage)
+        return opening_sign(self.stage.joint)

@@ -76,7 +76,7 @@ def grip(world: World, config: GripConfig) -> Grip:
     """Try the depths and openings one after the other; return the first attempt that holds, else the one that came farthest."""
     # What turns about the grasp point itself opens without a way: there half of the range counts alone.
     way = config.opened / world.lever if world.lever > 0.0 else math.inf
-    q = world.sign * min(way, 0.5 * max(map(abs, world.stage.limits)))
+    q = world.sign * min(way, 0.5 * max(map(abs, world.stage.joint.limits)))
     thin = 0.5 * float(world.stage.grasp_size[1])
     openings = [OPEN, *(min(OPEN, thin + margin) for margin in config.margins)]
     tries = []

@@ -50,7 +50,7 @@ def motion(world: World, config: MotionConfig) -> list[Check]:
         *rest(world, config),
         joint_sweep(world, config),
         penetration(world, "rest_penetration", np.zeros(1), config),
-        penetration(world, "sweep_penetration", np.linspace(*world.stage.limits, config.poses), config),
+        penetration(world, "sweep_penetration", np.linspace(*world.stage.joint.limits, config.poses), config),
         carcass_overlap(world),
         reload(world),
     ]
@@ -95,7 +95,7 @@ def joint_sweep(world: World, config: MotionConfig) -> Check:
 
     What a lid weighs is no jam; the force at the grasp point that it asks for is reported.
     """
-    data, lever, limits = world.data(), world.lever, world.stage.limits
+    data, lever, limits = world.data(), world.lever, world.stage.joint.limits
     world.mj.opt.timestep, joint = world.dt, f"/scene/joints/{world.stage.target}"
     far, near = (limits[1], limits[0]) if world.sign > 0 else limits
     reached, blocks, weights = [], [], []
@@ -131,7 +131,7 @@ def carcass_overlap(world: World) -> Check:
     """Report how deep the moving part is in its carcass: a joint connects the two, so that simulators let them overlap."""
     stage = world.stage
     moving, still = world.geoms(stage.target), world.geoms(world.carcass)
-    found = [world.deepest(world.data(float(q)), moving, still, 0.001) for q in np.linspace(*stage.limits, 9)]
+    found = [world.deepest(world.data(float(q)), moving, still, 0.001) for q in np.linspace(*stage.joint.limits, 9)]
     depth, a, _ = max(found)
     path = world.labels[a] if depth > 0 else f"/scene/{stage.target}"
     return Check(
@@ -146,8 +146,8 @@ def reload(world: World) -> Check:
     joint = int(world.mj.dof_jntid[world.dof])
     if again.nv != world.model.joint_dof_count:
         problems.append(f"{again.nv} degrees of freedom, not {world.model.joint_dof_count}")
-    elif np.abs(again.jnt_range[joint] - world.stage.limits).max() > 1e-5:
-        problems.append(f"limits {again.jnt_range[joint].tolist()}, not {list(world.stage.limits)}")
+    elif np.abs(again.jnt_range[joint] - world.stage.joint.limits).max() > 1e-5:
+        problems.append(f"limits {again.jnt_range[joint].tolist()}, not {list(world.stage.joint.limits)}")
     mass = world.model.body_mass.numpy().sum()
     if abs(again.body_mass.sum() - mass) > 1e-3 * mass:
         problems.append(f"{again.body_mass.sum():.3f} kg in all, not {mass:.3f}")

@@ -11,7 +11,7 @@ import numpy as np
 from s2a.scene import Mesh
 
 if TYPE_CHECKING:
-    from s2a.certify.settle import SettleConfig
+    from s2a.certify.drop_test import SettleConfig
 
 ANGLES = np.arange(12) * np.pi / 12
 SIDES = np.array([[0.0, 0.0, 1.0], *np.stack([np.cos(ANGLES), np.sin(ANGLES), 0.0 * ANGLES], axis=1)])

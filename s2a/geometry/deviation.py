@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.geometry.rays import RayMesh, nearest_faces, ray_mesh
-from s2a.geometry.surfaces import sample
+from s2a.geometry.mesh_ops import sample
+from s2a.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
 from s2a.scene import Mesh
 
 

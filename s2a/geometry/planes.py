@@ -9,7 +9,7 @@ from scipy.ndimage import binary_closing
 from scipy.spatial import ConvexHull
 
 from s2a.geometry.convex import box
-from s2a.geometry.surfaces import centroids, normals
+from s2a.geometry.mesh_ops import centroids, normals
 from s2a.scene import Mesh
 
 TILT = 0.8

@@ -11,10 +11,10 @@ import numpy as np
 from scipy import ndimage
 from skimage.measure import approximate_polygon, find_contours
 
-from s2a.geometry.columns import Grid, columns
-from s2a.geometry.levels import LevelConfig, horizontal_levels, upright_planes
+from s2a.geometry.mesh_ops import keep
+from s2a.geometry.occupancy import Grid, columns
 from s2a.geometry.planes import Plane, plane_axes
-from s2a.geometry.surfaces import keep
+from s2a.geometry.support_planes import LevelConfig, horizontal_levels, upright_planes
 from s2a.ranges import Count, CountFromZero, NotNegative, Positive, Share
 from s2a.scene import Mesh
 

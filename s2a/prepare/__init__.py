@@ -8,20 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.geometry.surfaces import merge
-from s2a.prepare.base import BaseConfig, find_base
-from s2a.prepare.carcass import CarcassConfig, freeze, hand_corridor
-from s2a.prepare.colliders import ColliderConfig, Handle, find_handle, target_colliders
-from s2a.prepare.decimate import DecimateConfig, Decimated, decimate_room
+from s2a.articulation import lever_arm
+from s2a.geometry.mesh_ops import merge
+from s2a.geometry.simplify import DecimateConfig, Decimated, decimate_room
+from s2a.geometry.sweep import deepest, sweep
+from s2a.prepare.base_pose import BaseConfig, find_base
+from s2a.prepare.colliders.cabinet import CarcassConfig, freeze, hand_corridor
+from s2a.prepare.colliders.free import LooseConfig, lift_all
+from s2a.prepare.colliders.room import RoomConfig, pedestal, room_colliders
+from s2a.prepare.colliders.target import ColliderConfig, Handle, find_handle, target_colliders
+from s2a.prepare.grasp import find_grasp
 from s2a.prepare.interior import carcass_walls, drawer_box
-from s2a.prepare.loose import LooseConfig, lift_all
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
-from s2a.prepare.motion import deepest, sweep, target_joint
-from s2a.prepare.pose import find_grasp, lever_arm
-from s2a.prepare.room import RoomConfig, pedestal, room_colliders
+from s2a.prepare.target import target_joint
 from s2a.ranges import NotNegative
 from s2a.scene import Mesh, Scene
-from s2a.usd.simscene import Collider, Grasp, SimBody, SimScene
+from s2a.usd.sim_scene import Collider, Grasp, SimBody, SimScene
 
 PEDESTAL = "pedestal"
 """Id of what the robot stands on, where that is not the floor."""

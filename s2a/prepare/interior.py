@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from s2a.articulation import open_limit, opening_direction
 from s2a.geometry.convex import box
-from s2a.geometry.surfaces import merge, sample
-from s2a.prepare.pose import extents, opening_direction, widest
+from s2a.geometry.mesh_ops import merge, sample
+from s2a.prepare.grasp import extents
 from s2a.scene import Mesh, Scene
 
 WALL = 0.006
@@ -46,7 +47,7 @@ def drawer_box(scene: Scene, target: str) -> list[Mesh]:
     frame = np.stack([np.cross(up, inwards), up, inwards], axis=1)
     low, high = extents(front, frame)
     start = low[2] + FRONT
-    depth = min(abs(widest(joint)), _carcass_end(scene, target, inwards) - WALL - start)
+    depth = min(abs(open_limit(joint)), _carcass_end(scene, target, inwards) - WALL - start)
     width, height = high[0] - low[0] - 2 * INSET, HEIGHT * (high[1] - low[1])
     if depth < SHALLOWEST or min(width, height) < SHALLOWEST / 2:
         return []

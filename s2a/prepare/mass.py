@@ -12,7 +12,7 @@ from s2a.errors import InputError
 from s2a.geometry.convex import hull, volume
 from s2a.ranges import Positive
 from s2a.scene import Mesh, Scene
-from s2a.usd.simscene import Mass
+from s2a.usd.sim_scene import Mass
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.prepare import panda
-from s2a.prepare.motion import displace
+from s2a.articulation import displace
+from s2a.robot import panda
 from s2a.scene import Joint
-from s2a.usd.simscene import Grasp
+from s2a.usd.sim_scene import Grasp
 
 STEP = 0.015
 """[m] Distance between the poses at which a way is checked."""

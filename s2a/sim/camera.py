@@ -14,9 +14,9 @@ from pxr import UsdGeom
 from scipy.spatial.transform import Rotation
 
 from s2a.ranges import Above, Count, Positive
-from s2a.sim.build import SimStage, body_index
+from s2a.sim.camera_pose import viewpoint
 from s2a.sim.franka import FrankaConfig, add_franka
-from s2a.sim.viewpoint import viewpoint
+from s2a.sim.world import SimStage, body_index
 from s2a.usd.stage import open_stage, read_mesh
 
 BLOCK = 4

@@ -12,8 +12,8 @@ import warp as wp
 
 from s2a.errors import InputError
 from s2a.ranges import Count, Positive
-from s2a.sim.build import JointConfig, SimStage, body_index, build_world
 from s2a.sim.franka import FrankaConfig
+from s2a.sim.world import JointConfig, SimStage, body_index, build_world
 
 IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
 """Reports that are switched off: reaching the iteration limits is meant, they are set low; capacities stay reported."""

@@ -1,0 +1,122 @@
+"""All checks of a stage, one after another, as one certificate."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+
+from s2a.certify import contents, finger_gap, foundation, physics_grip, shapes, static
+from s2a.certify.check import Certificate, Check, Status, judge
+from s2a.certify.contents import Contents
+from s2a.certify.finger_gap import Gap, GapConfig
+from s2a.certify.foundation import FoundationConfig
+from s2a.certify.physics import PhysicsConfig, World
+from s2a.certify.physics_grip import Grip, GripConfig
+from s2a.certify.physics_motion import MotionConfig, motion
+from s2a.certify.shapes import ShapeConfig
+from s2a.provenance import provenance
+from s2a.usd.files import files
+
+
+@dataclass(frozen=True)
+class CertifyConfig:
+    """What is asked of a stage.
+
+    Attributes:
+        shapes: bounds of the static rules about surfaces.
+        foundation: what is asked of NVIDIA's SimReady rules.
+        gap: bounds on the room for fingers.
+        physics: how physics is stepped.
+        motion: bounds of the checks without a hand.
+        grip: how a hand takes hold.
+    """
+
+    shapes: ShapeConfig
+    foundation: FoundationConfig
+    gap: GapConfig
+    physics: PhysicsConfig
+    motion: MotionConfig
+    grip: GripConfig
+
+
+HARMLESS = ("usd", "collider_count", "opens_outwards", "grasp_site")
+"""Rules that a stage may break and still be simulated; any other would make physics tell of another stage."""
+
+
+def certify(path: Path, config: CertifyConfig) -> Certificate:
+    """Ask everything of a sim.usd; physics only where its structure is sound, since a simulator trusts what it reads.
+
+    Raises:
+        InputError: no such file, or a stage of another flavour.
+    """
+    start = time.perf_counter()
+    held = contents.read(path)
+    checks = [rule(held) for rule in static.RULES] + [rule(held, config.shapes) for rule in shapes.RULES]
+    broken = [check.name for check in checks if check.status != "pass" and check.name not in HARMLESS]
+    checks += foundation.foundation(path, config.foundation)
+    graspable: bool | None = None
+    if broken:
+        checks.append(
+            Check("physics", "not run", message=f"a simulator would trust what is broken: {', '.join(broken)}")
+        )
+    else:
+        found, graspable = _physics(path, held, config)
+        checks += found
+    return Certificate(
+        stage=str(path),
+        sha256=fingerprint(path),
+        target=held.target.GetName() if held.target else "",
+        checks=tuple(checks),
+        graspable=graspable,
+        settings=dataclasses.asdict(config),
+        seconds=round(time.perf_counter() - start, 2),
+        provenance=provenance("cpu"),
+    )
+
+
+def _physics(path: Path, held: Contents, config: CertifyConfig) -> tuple[list[Check], bool | None]:
+    """Return the checks that need a simulator, on one model of the stage, and whether a hand can hold the part."""
+    try:
+        world = World(path, config.physics)
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
+        text = " ".join(str(error).split())[:300]
+        return [Check("newton_import", "fail", prim="/scene", message=text, remedy="see what Newton says of it")], None
+    room, attempt = finger_gap.gap(path, held), physics_grip.grip(world, config.grip)
+    return [*motion(world, config.motion), *_fingers(world.stage.target, room, attempt, config)], attempt.holds
+
+
+def _fingers(target: str, room: Gap, attempt: Grip, config: CertifyConfig) -> list[Check]:
+    """Judge room and grip: what the scan leaves no room for, a parallel gripper cannot hold, and that is no defect."""
+    fits, region = room.graspable(config.gap), f"/scene/{target}/region"
+    said = (
+        f"{room.free:.0%} of the fingers' room is free as scanned; the region is {1000 * room.thickness:.0f} mm thick"
+    )
+    if math.isnan(room.filled):
+        filled = Check("finger_gap", "reported", prim=region, message=said)
+    else:
+        remedy = "prepare with colliders that keep the gap free (prepare=handle)"
+        filled = judge("finger_gap", room.filled, config.gap.filled, "of it", prim=region, message=said, remedy=remedy)
+        filled = filled if fits else replace(filled, status="reported", remedy="")
+    message = attempt.way if attempt.holds else f"not graspable by a parallel gripper: {attempt.way}"
+    message += f"; {room.blocked}" if room.blocked and not attempt.holds else ""
+    status: Status = "pass" if attempt.holds else "fail" if fits and not room.blocked else "reported"
+    mend = "look at the colliders of the grasp region and of what is around it" if status == "fail" else ""
+    closure = Check("finger_closure", status, attempt.slip, config.grip.slip, "m", attempt.prim, message, mend)
+    return [filled, closure]
+
+
+def fingerprint(path: Path) -> str:
+    """Return the SHA-256 of the content of all files that a stage is made of; of one file, it is that file's."""
+    digest = hashlib.sha256()
+    for file in files(path):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+__all__ = ["Certificate", "CertifyConfig", "Check", "certify", "fingerprint"]

@@ -1,0 +1,1 @@
+"""Batched worlds as a vectorised environment."""

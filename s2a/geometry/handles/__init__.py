@@ -1,0 +1,1 @@
+"""Handles by shape: bars, knobs, sheets, and the room for fingers behind them."""

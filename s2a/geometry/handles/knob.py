@@ -1,0 +1,118 @@
+"""Handles that are round: the profile that turns about their axis, and pieces along it.
+
+Shadows hang skirts on one side of a knob; what most of its sides agree on is the knob.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.optimize import least_squares
+
+from s2a.geometry.convex import hull
+from s2a.geometry.mesh_ops import normals, sample_with_faces
+from s2a.scene import Mesh
+
+SAMPLES = 40000
+"""Points by which a knob is asked."""
+HEAD = 0.006
+"""[m] Depth from its face within which a scan shows a knob's side as it is."""
+STEP = 0.0015
+"""[m] Depths at which the radius is taken."""
+SECTORS = 16
+"""Around the axis; also the sides of the prisms that stand for a knob."""
+ROUND = 0.15
+"""Share of the radius by which a round handle's sides may stray from a circle, root mean square."""
+TOLERANCE = 0.0005
+"""[m] How far a piece's side may be from the profile."""
+FEW = 20
+"""A sector with fewer points says nothing."""
+
+
+def knob_pieces(region: Mesh, frame: np.ndarray, front: float) -> list[Mesh] | None:
+    """Return a knob as frusta from its face to the front, or None if it is not round.
+
+    Args:
+        region: the handle as scanned.
+        frame: axes as columns [3 3]: z into the furniture.
+        front: coordinate of the front along z [m].
+    """
+    points, faces = sample_with_faces(region, SAMPLES, seed=0)
+    local, facing = points @ frame, (normals(region) @ frame)[faces]
+    face = float(np.quantile(local[:, 2], 0.03)) if len(local) else 0.0
+    circle = _circle(local[(np.abs(facing[:, 2]) < 0.7) & (local[:, 2] < face + HEAD), :2])
+    if circle is None or front - face < 2 * STEP:
+        return None
+    rings = knob_profile(local, circle, face, front)
+    axis = [*circle[:2]]
+    pieces = [hull(np.concatenate([_ring(axis, *a), _ring(axis, *b)])) for a, b in rings]
+    return [Mesh(piece.vertices @ frame.T, piece.faces) for piece in pieces if piece is not None]
+
+
+def knob_profile(
+    points: np.ndarray, circle: tuple[float, float, float], face: float, front: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return pairs of rings (radius, z) [m] between which a knob's radius changes evenly.
+
+    Args:
+        points: of its surface [m], shape [point 3], z into the furniture.
+        circle: centre and radius of its head [m].
+        face: z of its outermost face [m].
+        front: z of the front [m].
+    """
+    out = points[:, :2] - circle[:2]
+    radius = np.linalg.norm(out, axis=1)
+    sector = np.floor((np.arctan2(out[:, 1], out[:, 0]) / (2 * np.pi) + 0.5) * SECTORS).astype(int) % SECTORS
+    depths = np.append(np.arange(face + STEP / 2, front - STEP, STEP), front)
+    found = []
+    for depth in depths:
+        here = np.abs(points[:, 2] - depth) < STEP / 2
+        inner = radius[here & (radius < 0.8 * circle[2])]
+        share = 0.95 if depth == depths[0] and len(inner) else 0.5
+        sides = [np.quantile(radius[k], share) for s in range(SECTORS) if (k := here & (sector == s)).sum() >= FEW]
+        found.append(np.median(sides) if len(sides) >= 3 else np.nan)
+    known = np.isfinite(found)
+    if not known.any():
+        return [(np.array([circle[2], face]), np.array([circle[2], front]))]
+    radii = median_filter(np.interp(depths, depths[known], np.array(found)[known]), size=3, mode="nearest")
+    depths[0] = face
+    rings = np.stack([np.minimum(radii, 1.1 * circle[2]), depths], axis=1)
+    return [(rings[a], rings[b]) for a, b in _breaks(rings)]
+
+
+def _circle(points: np.ndarray) -> tuple[float, float, float] | None:
+    """Return centre and radius [m] of the circle through most points [point 2]; None if they lie on none."""
+    if len(points) < FEW:
+        return None
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    start = [*middle, np.median(np.linalg.norm(points - middle, axis=1))]
+
+    def off(circle: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(points - circle[:2], axis=1) - circle[2]
+
+    found = least_squares(off, start, loss="soft_l1", f_scale=0.001).x
+    x, y, radius = map(float, found)
+    around = np.unique(np.floor(np.arctan2(points[:, 1] - y, points[:, 0] - x) / (np.pi / 4)))
+    is_round = np.sqrt(np.mean(off(found) ** 2)) < ROUND * radius and len(around) >= 6
+    return (x, y, radius) if is_round and radius < 2 * start[2] else None
+
+
+def _breaks(rings: np.ndarray) -> list[tuple[int, int]]:
+    """Return runs (first, last) of rings [ring 2] whose radii lie within TOLERANCE of a straight line between them."""
+    runs, first = [], 0
+    for last in range(2, len(rings) + 1):
+        end = min(last, len(rings) - 1)
+        between = rings[first : end + 1]
+        line = np.interp(between[:, 1], between[[0, -1], 1], between[[0, -1], 0])
+        if last == len(rings) or np.abs(line - between[:, 0]).max() > TOLERANCE:
+            runs.append((first, last - 1))
+            first = last - 1
+    return runs
+
+
+def _ring(axis: list[float], radius: float, z: float) -> np.ndarray:
+    """Return a polygon with the area of a circle of this radius [m] around the axis (x, y), shape [SECTORS 3]."""
+    turn = 2 * np.pi / SECTORS
+    angles = turn * (np.arange(SECTORS) + 0.5)
+    reach = radius * np.sqrt(turn / np.sin(turn))
+    return np.stack([axis[0] + reach * np.cos(angles), axis[1] + reach * np.sin(angles), np.full(SECTORS, z)], axis=1)

@@ -1,0 +1,75 @@
+"""The last step of an insertion: the plan in numbers, and a model's script that carries it out."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from typing import Any
+
+from s2a.insert import prompts
+from s2a.insert.place.fit import Pose
+from s2a.insert.placement import Placement
+from s2a.insert.script import Outcome, run_in
+from s2a.llm.ask import Complaint, Model, Request, ask
+from s2a.llm.usage_log import Ledger
+from s2a.sandbox.jail import Cell
+from s2a.sandbox.violation import Refusal
+from s2a.scan.labels import part_id
+from s2a.scene import Scene
+
+
+def placement(scene: Scene, label: str, pose: Pose, scale: float) -> Placement:
+    """Return the plan of the script; the id is the label with the number after the highest in the scene."""
+    numbers = [int(tail) for i in scene.parts if (tail := i.rpartition("_")[2]).isdecimal()]
+    plain = unicodedata.normalize("NFKD", label.lower()).encode("ascii", "ignore").decode()
+    # Underscores stand alone and never first: what begins with one, a script may not spell (s2a.sandbox.policy).
+    words = "_".join(re.findall("[a-z0-9]+", plain))[:40].strip("_") or "object"
+    name = part_id(words, max(numbers, default=0) + 1).lstrip("_")
+    name = name if name[0].isalpha() else f"object_{name}"
+    x, y, z = map(float, pose.position)  # numpy's floats would spell out their type in a script
+    qx, qy, qz, qw = map(float, pose.quaternion)
+    return Placement(name, label, f"objects/{name}.usdc", (x, y, z), (qx, qy, qz, qw), float(scale))
+
+
+def author(model: Model, cell: Cell, planned: Placement, ledger: Ledger, said: dict[str, Any]) -> Outcome:
+    """Ask for a script and run it confined; a refusal goes back to the model once.
+
+    Args:
+        model: who is asked.
+        cell: where the script runs.
+        planned: what the script is to add.
+        ledger: where the answers are noted.
+        said: receives the refusals, the script, the locks that held and the seconds they took, for the record.
+
+    Raises:
+        InputError: the second script was refused too, or the system cannot confine scripts.
+    """
+    facts = {
+        "id": planned.part_id,
+        "label": planned.label,
+        "reference": planned.reference,
+        "translate": list(planned.position),
+        "orient": list(planned.orientation),
+        "scale": planned.scale,
+    }
+    refusals: list[str] = said.setdefault("refusals", [])
+
+    def accept(text: str) -> Outcome:
+        try:
+            return run_in(cell, bare(text), planned)
+        except Refusal as refusal:
+            refusals.append(str(refusal))
+            raise Complaint(f"{refusal}. Write the script again, whole.") from refusal
+
+    request = Request("script", prompts.SCRIPT, (("user", prompts.script_question(planned)),), None, facts)
+    outcome = ask(model, request, accept, 1, ledger)
+    said |= {name: value for name, value in outcome.record.items() if name != "seconds"}
+    said["confined_seconds"] = outcome.record["seconds"]
+    return outcome
+
+
+def bare(text: str) -> str:
+    """Return the script in an answer, without the fence that models put around code and what they say around that."""
+    if "```" not in text:
+        return text
+    return text.split("```")[1].partition("\n")[2]

@@ -1,0 +1,190 @@
+"""What a model needs to know of a room: a line of JSON a part, with what it can carry; lengths to the centimetre."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from scipy import ndimage
+
+from s2a.geometry.mesh_ops import normals
+from s2a.geometry.regions import Region, RegionConfig
+from s2a.insert.place.supports import target_regions
+from s2a.insert.plan import Choice
+from s2a.scene import Joint, Mesh, Scene
+from s2a.usd.boxes import Box, silhouette, upright_box
+
+Supports = dict[str, list[Region]]
+"""Level support regions by the id of the part that has them."""
+
+CENTIMETRES = 2
+LEVEL = 0.8
+"""Upward component from which a face of a noisy scan may be level."""
+WORTH = 0.008
+"""Free area from which a support is told of [m^2]: a glass stands on it."""
+BASIN = 0.5
+"""Share of a region's border at which its own part rises, from which it is a basin."""
+SLIVER, FOOT = 0.1, 0.06
+"""Supports of less than this share of the part's largest, or without a free circle of this diameter [m], are not told of."""
+COUNT = 6
+"""Supports of a part that are told of."""
+SMALL, REACH = 0.5, 2.2
+"""What has no side this long [m] is a thing rather than furniture; what begins above this height [m] is out of reach."""
+NEAR = 0.03
+"""A thing whose underside is this near to a support [m] stands on it: the noise of a scan and of its plane."""
+
+
+def survey(scene: Scene, config: RegionConfig, part_ids: Iterable[str] | None = None) -> Supports:
+    """Return the level supports of some parts, of all by default; what moves or is held carries nothing."""
+    return {i: _supports(scene, i, config) for i in (scene.parts if part_ids is None else part_ids)}
+
+
+def describe(scene: Scene, supports: Supports) -> list[dict[str, Any]]:
+    """Return what there is to know of each part, a line a part.
+
+    Keys: id, label; center and size of its upright box [m]; part_of; opens (slides or turns); on (the part it stands on);
+    supports (kind, height [m], free area [m^2], diameter of the largest free circle [m], room above [m] of each, the largest
+    first). Doors and drawers have no box, nor has what carries nothing and is small or out of reach.
+    """
+    return [_line(scene, part_id, supports) for part_id in shown(scene)]
+
+
+def text(lines: list[dict[str, Any]]) -> str:
+    """Return a description as a model reads it: furniture with its doors, then small things by what they stand on."""
+    told = [_told(line, lines) for line in lines if "size" in line]
+    small: dict[str | None, list[str]] = {}
+    for line in lines:
+        if "size" not in line and "opens" not in line:
+            small.setdefault(line.get("on"), []).append(line["id"])
+    told += [{**({"on": on} if on else {}), "things": ids} for on, ids in small.items()]
+    return "\n".join(json.dumps(line, separators=(",", ":"), ensure_ascii=False) for line in told)
+
+
+def shown(scene: Scene) -> list[str]:
+    """Return the ids of the parts that are described: all with a surface but handles and what belongs to doors and drawers."""
+    hidden = {below for i in scene.movable for below in scene.descendants(i)}
+    parts = scene.parts.items()
+    return [i for i, part in parts if len(part.mesh.faces) and i not in hidden and not part.graspable]
+
+
+def worth(regions: list[Region], foot: float = FOOT) -> list[Region]:
+    """Return the regions on which a foot of some diameter [m] could stand, those with the most free area first."""
+    largest = max((region.free_area for region in regions), default=0.0)
+    free = [region for region in regions if region.free_area >= max(WORTH, SLIVER * largest) and circle(region) >= foot]
+    return sorted(free, key=lambda region: -region.free_area)[:COUNT]
+
+
+def circle(region: Region) -> float:
+    """Return the diameter of the largest free circle on a region [m]."""
+    return 2.0 * region.cell * float(ndimage.distance_transform_edt(np.pad(region.free, 1)).max())
+
+
+def support(region: Region) -> dict[str, Any]:
+    """Return what there is to know of a support."""
+    kind = "basin" if region.walled > BASIN and region.kind == "horizontal" else region.kind
+    return {
+        "kind": kind,
+        "height": round(region.height, CENTIMETRES) + 0.0,
+        "free": _two_digits(region.free_area),
+        "circle": round(circle(region), CENTIMETRES),
+        "room": round(region.clearance, 1 if region.clearance >= 1.0 else CENTIMETRES),
+    }
+
+
+def box_of(scene: Scene, part_id: str) -> Box:
+    """Return the upright box around a part with all that belongs to it."""
+    points = [silhouette(scene.parts[i].mesh.vertices) for i in (part_id, *scene.descendants(part_id))]
+    return upright_box(np.concatenate(points))
+
+
+def looks_up(mesh: Mesh) -> bool:
+    """Whether so much of a surface looks upwards that something could stand on it: a quick test before regions are grown."""
+    return bool(mesh.face_areas[normals(mesh)[:, 2] > LEVEL].sum() > 0.1 * WORTH)
+
+
+def surroundings(scene: Scene, supports: Supports, choice: Choice, count: int) -> dict[str, Any]:
+    """Return the support that a plan means, and the things nearest to it, one of a kind and none longer than a metre."""
+    regions, meant = supports.get(choice.target, []), choice.height
+    if meant is not None:
+        regions = sorted(regions, key=lambda region: abs(region.height - meant))
+    part = scene.parts[choice.target]
+    below: dict[str, Any] = {"part": part.label}
+    middle = part.mesh.bounds.mean(axis=0) if len(part.mesh.vertices) else np.zeros(3)
+    if regions:
+        below |= support(regions[0]) | {"widest": round(float(np.hypot(*regions[0].size)), CENTIMETRES)}
+        middle = regions[0].center
+    bounds = {i: scene.parts[i].mesh.bounds for i in shown(scene) if i != choice.target and i not in scene.movable}
+    near = [
+        (float(np.linalg.norm(b.mean(axis=0) - middle)), i) for i, b in bounds.items() if np.ptp(b, axis=0).max() < 1.0
+    ]
+    first = {scene.parts[i].label: i for _, i in sorted(near, reverse=True)}  # of each kind the nearest
+    nearest = [i for _, i in sorted(near) if first[scene.parts[i].label] == i][:count]
+    things = [{"label": scene.parts[i].label, "size": _rounded(box_of(scene, i).size)} for i in nearest]
+    return {"support": below, "neighbours": things}
+
+
+def _supports(scene: Scene, part_id: str, config: RegionConfig) -> list[Region]:
+    part = scene.parts[part_id]
+    if isinstance(part.motion, Joint) or part.graspable or not looks_up(part.mesh):
+        return []
+    return target_regions(scene, part_id, config, ("horizontal", "inside"))
+
+
+def _line(scene: Scene, part_id: str, supports: Supports) -> dict[str, Any]:
+    """Return what there is to know of one part."""
+    part, box = scene.parts[part_id], box_of(scene, part_id)
+    small = part.parent is None and max(box.size) < SMALL
+    carries = worth(supports.get(part_id, []), 2.0 * FOOT if small else FOOT)
+    line: dict[str, Any] = {"id": part_id, "label": part.label}
+    if part.parent is not None:
+        line["part_of"] = part.parent
+    if isinstance(part.motion, Joint):
+        return {**line, "opens": "slides" if part.motion.kind == "prismatic" else "turns"}
+    if below := _carrier(scene, part_id, box, supports):
+        line["on"] = below
+    if carries or not (small or box.center[2] - box.size[2] / 2 > REACH):
+        line |= {"center": _rounded(box.center), "size": _rounded(box.size)}
+    if carries:
+        line["supports"] = [support(region) for region in carries]
+    return line
+
+
+def _told(line: dict[str, Any], lines: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a line as a model reads it: without what its id says, its supports as plain lists, with its doors and drawers."""
+    id_says = line["id"].rpartition("_")[0].replace("_", " ")
+    told = {key: value for key, value in line.items() if key != "label" or value != id_says}
+    if "supports" in line:
+        told["supports"] = [list(values.values()) for values in line["supports"]]
+    opens = {other["id"]: other["opens"] for other in lines if "opens" in other and other.get("part_of") == line["id"]}
+    return told | ({"opens": opens} if opens else {})
+
+
+def _carrier(scene: Scene, part_id: str, box: Box, supports: Supports) -> str | None:
+    """Return the part that something stands on."""
+    if scene.parts[part_id].parent is not None:
+        return None
+    foot = np.array([[box.center[0], box.center[1], box.center[2] - box.size[2] / 2]])
+    for other, regions in supports.items():
+        if other != part_id and any(_stands_on(foot, region) for region in regions):
+            return other
+    return None
+
+
+def _stands_on(foot: np.ndarray, region: Region) -> bool:
+    (row, column, above) = region.places(foot)[0]
+    rows, columns = region.support.shape
+    if not (abs(above) < NEAR and 0 <= row < rows and 0 <= column < columns):
+        return False
+    # What stands there hid the support from the scanner: the outline counts, not the cells.
+    return True
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+def _rounded(values: Iterable[float]) -> list[float]:
+    """Round, without negative zeros."""
+    return [round(float(value), CENTIMETRES) + 0.0 for value in values]

@@ -1,0 +1,1 @@
+"""Where an object goes: supports, candidates, poses, fit."""

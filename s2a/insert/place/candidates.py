@@ -1,0 +1,156 @@
+"""The places of a plan, one after the other: choice by choice, surface by surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from s2a.errors import InputError
+from s2a.geometry.planes import Plane
+from s2a.geometry.regions import Region
+from s2a.insert.describe import BASIN
+from s2a.insert.place.baseline import place_paper
+from s2a.insert.place.fit import NoRoom, Pose
+from s2a.insert.place.pose import PoseConfig, place
+from s2a.insert.place.supports import SurfaceConfig, target_plane, target_regions
+from s2a.insert.plan import Choice, Plan
+from s2a.insert.room import Room
+from s2a.scene import Mesh, Scene
+
+TRIED = 4
+"""Regions of a target that are tried."""
+MEANT = 0.04
+"""A region this near to the height that a plan gives is the one that it means [m]."""
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place for an object.
+
+    Attributes:
+        target: id of the part that carries it.
+        choice: the plan's.
+        normal: of the surface, unit, shape [3].
+        pose: where the object is.
+        surface: for the record.
+    """
+
+    target: str
+    choice: Choice
+    normal: np.ndarray
+    pose: Pose
+    surface: dict[str, Any]
+
+
+def spots(
+    room: Room, object: Mesh, plan: Plan, surface: SurfaceConfig, pose: PoseConfig, reasons: list[str]
+) -> Iterator[Spot]:
+    """Yield the spots of a plan, the best first.
+
+    Args:
+        room: where they are sought.
+        object: upright, standing on z = 0, front towards +x, in metres.
+        plan: where it belongs.
+        surface: how surfaces are found.
+        pose: how poses are found.
+        reasons: receives why a place was passed over.
+
+    Raises:
+        InputError: surfaces and poses that do not go together.
+    """
+    if surface.surface == "ransac" and pose.pose != "paper":
+        raise InputError(
+            "surface=ransac finds a plane without borders, which pose=search cannot search; give pose=paper"
+        )
+    for choice in plan.choices:
+        try:
+            if surface.surface == "ransac":
+                plane, points = target_plane(room.scene, choice.target, choice.surface == "vertical", surface.ransac)
+                yield _on_plane(room.scene, object, plane, points, choice, pose, "ransac")
+            else:
+                yield from _on_regions(room, object, plan, choice, surface, pose, reasons)
+        except InputError as error:
+            reasons.append(f"{choice.relation} {choice.target}: {error}")
+
+
+def _on_regions(
+    room: Room,
+    object: Mesh,
+    plan: Plan,
+    choice: Choice,
+    surface: SurfaceConfig,
+    pose: PoseConfig,
+    reasons: list[str],
+) -> Iterator[Spot]:
+    """Yield the spots on the regions of a choice; a table under a lamp may count as an inside, too."""
+    scene, target = room.scene, choice.target
+    upright = choice.surface == "vertical"
+    found = target_regions(scene, target, surface.regions, ("vertical",)) if upright else room.levels(target)
+    regions = _ordered(found, choice)
+    if not regions:
+        raise NoRoom(f"it has no {choice.surface} surface")
+    for region in regions[:TRIED]:
+        try:
+            if pose.pose == "paper":
+                points = region.points(np.argwhere(region.support) + 0.5)
+                plane = Plane(region.normal, float(region.normal @ region.center), np.arange(len(points)))
+                yield _on_plane(scene, object, plane, points, choice, pose, "regions")
+                continue
+            where = place(scene, object, region, choice.relation, pose, target, room.ways, plan.near)
+            yield Spot(target, choice, region.normal, where, _told(region, choice))
+        except NoRoom as error:
+            reasons.append(f"{choice.relation} {target}: {error}")
+
+
+def _on_plane(
+    scene: Scene, object: Mesh, plane: Plane, points: np.ndarray, choice: Choice, pose: PoseConfig, method: str
+) -> Spot:
+    """Return the baseline's spot on a plane with its points [point 3]."""
+    found = place_paper(scene, object, plane, points, pose.paper)
+    told = {
+        "method": method,
+        "target": choice.target,
+        "height": round(float(points[:, 2].mean()), 4),
+        "points": len(points),
+    }
+    return Spot(choice.target, choice, plane.normal, found, told)
+
+
+def _ordered(regions: list[Region], choice: Choice) -> list[Region]:
+    """Return regions, those first that a choice means: of its height and kind, with free area.
+
+    What is to be on something does not go into its basin, nor what is to be in it onto its rim, where it has both.
+    """
+
+    def within(region: Region) -> bool:
+        return region.kind == "inside" or region.walled > BASIN
+
+    def merit(region: Region) -> tuple[bool, bool, float]:
+        meant = choice.height is not None and abs(region.height - choice.height) < MEANT
+        return meant, region.kind == choice.surface, region.free_area
+
+    fitting = [
+        region for region in regions if within(region) == (choice.relation == "in" or choice.surface == "inside")
+    ]
+    return sorted(fitting or regions, key=merit, reverse=True)
+
+
+def _told(region: Region, choice: Choice) -> dict[str, Any]:
+    """Return what the record says of a region."""
+    numbers = {
+        "height": region.height,
+        "area": region.area,
+        "free_area": region.free_area,
+        "clearance": region.clearance,
+    }
+    rounded = {name: round(value, 4) for name, value in numbers.items()}
+    return {
+        "method": "regions",
+        "target": choice.target,
+        "kind": region.kind,
+        **rounded,
+        "walled": round(region.walled, 2),
+    }

@@ -1,0 +1,105 @@
+"""Whether an object fits where it is put: exact tests against the triangles of the scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.errors import InputError
+from s2a.geometry.line_of_sight import sight
+from s2a.geometry.mesh_ops import sample
+from s2a.geometry.mesh_query import RayMesh, ray_mesh
+from s2a.geometry.penetration import crossing, depth, inside
+from s2a.insert.place.swept_volumes import Opening, blocked
+from s2a.insert.placement import ORIENTATION, POSITION
+from s2a.scene import Mesh, Scene, Vec3
+
+DEEP = 0.0005
+"""Depth behind the surface of something from which an object is in it [m]: half of what an insertion may collide."""
+
+
+class NoRoom(InputError):
+    """No pose was found; the message says what stood in the way."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where an object is.
+
+    Attributes:
+        position: of the object's origin in the scene [m].
+        quaternion: of its turn, xyzw.
+        clearance: distance from the nearest other thing or the border of the support [m]; 0 where it was not looked for.
+        tried: candidates that were tested exactly.
+    """
+
+    position: Vec3
+    quaternion: tuple[float, float, float, float]
+    clearance: float
+    tried: int
+
+    @property
+    def yaw(self) -> float:
+        """The turn about z [rad]."""
+        return float(Rotation.from_quat(self.quaternion).as_euler("zyx")[0])
+
+    def rounded(self) -> Pose:
+        """Return the pose in as many digits as a script spells out."""
+        x, y, z = (round(float(value), POSITION) + 0.0 for value in self.position)
+        i, j, k, w = (round(float(value), ORIENTATION) + 0.0 for value in self.quaternion)
+        return replace(self, position=(x, y, z), quaternion=(i, j, k, w))
+
+    def moved(self, object: Mesh) -> Mesh:
+        """Return an object at this pose in the scene."""
+        turned = Rotation.from_quat(self.quaternion).apply(object.vertices.astype(np.float64))
+        return Mesh(turned + self.position, object.faces, object.colors)
+
+
+def in_the_way(scene: Scene, moved: Mesh, local: Mesh, ways: list[Opening], slack: float) -> str | None:
+    """Return what is wrong with an object at its place, or None.
+
+    Args:
+        scene: the room.
+        moved: the object in the scene.
+        local: the scene's triangles around it.
+        ways: what drawers and doors pass through.
+        slack: how far it may reach into that [m].
+    """
+    if crossing(moved, local) is not None:
+        return "collide"
+    points = np.concatenate([moved.vertices[:: max(1, len(moved.vertices) // 8)], moved.vertices.mean(axis=0)[None]])
+    for part_id, part in scene.parts.items():
+        if len(part.mesh.faces) and inside(part.mesh, points).any():
+            return f"are within {part_id!r}"
+    surface = np.concatenate([moved.vertices, sample(moved, 1000, seed=0)])
+    for way in ways:
+        if blocked(way, surface, slack):
+            return f"keep {way.part!r} from opening"
+    # What was scanned from one side only has no faces there, and encloses nothing; small things may be enclosed themselves.
+    return "enclose something else, or are in what was scanned in part" if depth(moved, local) > DEEP else None
+
+
+def pushed(pose: Pose, object: Mesh, local: Mesh, toward: np.ndarray, reach: float, gap: float) -> Pose | None:
+    """Return a pose moved along a direction until the object almost touches; None if there is nothing within reach.
+
+    Rays run from the object's points to the surroundings, and back from their vertices to the object: between two meshes
+    the shortest way starts at a vertex of either, or lies between two edges, which costs a fraction of a millimetre.
+    """
+    moved = pose.moved(object)
+    if not len(local.faces):
+        return None
+    points = np.concatenate([moved.vertices, sample(moved, 2000, seed=0)])
+    there, _ = sight(rays(local), points, toward, reach)
+    back, _ = sight(rays(moved), local.vertices, -toward, reach)
+    way = float(min(there.min(), back.min()))
+    if way >= reach:
+        return None
+    position = np.array(pose.position) + (way - gap) * toward
+    return replace(pose, position=tuple(position.tolist()))
+
+
+def rays(mesh: Mesh) -> RayMesh:
+    """Return a mesh that rays can ask."""
+    return ray_mesh(mesh.vertices, mesh.faces)

@@ -1,0 +1,182 @@
+"""Where on a region an object goes, and how it is turned.
+
+The object's own frame: upright, standing on z = 0, front towards +x, metres. Places come from a search over the grid of the
+region (`search`); the best are tried in turn: the object is lowered (or pushed against the wall) until it touches, and
+kept if no triangle of it cuts anything, nothing is within anything, and every drawer and door can still open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.errors import InputError
+from s2a.geometry.regions import Region
+from s2a.insert.place.baseline import PaperConfig
+from s2a.insert.place.fit import NoRoom, Pose, in_the_way, pushed
+from s2a.insert.place.search import Candidate, SearchConfig, Wish, board, candidates
+from s2a.insert.place.supports import facing, nearby, target_mesh
+from s2a.insert.place.swept_volumes import Opening, reaching
+from s2a.ranges import Count, NotNegative
+from s2a.scene import Mesh, Scene
+
+Relation = Literal["on", "in", "against", "hanging"]
+
+
+@dataclass(frozen=True)
+class PoseConfig:
+    """How poses are found.
+
+    Attributes:
+        pose: "search" looks for the best place; "paper" shifts the object at random until nothing collides.
+        search: the coarse search.
+        paper: the baseline.
+        attempts: candidates tested exactly before giving up.
+        apart: distance of one candidate from those that failed, as a share of the object's radius.
+        back: left between a back and what it is against [m].
+        gap: left between the object and what it touches [m].
+        lift: objects are lowered from this far above the region [m].
+        slack: how far an object may reach into the way of a part, whose annotated surface is noisy [m].
+    """
+
+    pose: Literal["search", "paper"]
+    search: SearchConfig
+    paper: PaperConfig
+    attempts: Count
+    apart: NotNegative
+    back: NotNegative
+    gap: NotNegative
+    lift: NotNegative
+    slack: NotNegative
+
+
+def place(
+    scene: Scene,
+    object: Mesh,
+    region: Region,
+    relation: Relation,
+    config: PoseConfig,
+    target: str,
+    ways: list[Opening],
+    near: str | None = None,
+) -> Pose:
+    """Return the best pose of an object on a region.
+
+    Args:
+        scene: the room.
+        object: upright, standing on z = 0, front towards +x, in metres.
+        region: one of the target's.
+        relation: "on" or "in" stands, "against" stands with its back to something, "hanging" hangs on an upright region.
+        config: how it is found.
+        target: id of the part that the region belongs to.
+        ways: of the room's drawers and doors, which are kept free.
+        near: id of a part that it should be near, if it can.
+
+    Raises:
+        NoRoom: no pose is free.
+        InputError: a relation that the region cannot have.
+    """
+    if (relation == "hanging") != (region.kind == "vertical"):
+        raise InputError(f"relation {relation!r} on a region of kind {region.kind!r}; only hanging goes with vertical")
+    base, radius, height = _frame(scene, object, region, target)
+    low, high = _box(region, radius, height)
+    ways = reaching(ways, low, high, scene, target)
+    grid = board(region, radius, height, [part.mesh for part in scene.parts.values()], ways, config.search)
+    wish = Wish(relation == "against", None if near is None else target_mesh(scene, near).vertices)
+    found = candidates(grid, region, object, base, wish, config.search)
+    if not found:
+        raise NoRoom(_why(region, object))
+    stopped: list[str] = []
+    apart = max(2.0, config.apart * radius / region.cell)
+    for number, one in enumerate(_spread(found, apart, config.attempts), start=1):
+        pose, reason = _tried(scene, object, region, one, base, ways, relation, config, number)
+        if pose is not None:
+            return pose
+        stopped.append(reason)
+    worst = max(set(stopped), key=stopped.count)
+    raise NoRoom(f"none of {len(stopped)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
+
+
+def _frame(scene: Scene, object: Mesh, region: Region, target: str) -> tuple[np.ndarray, float, float]:
+    """Return the rotation from the object's frame to the region's, and the object's radius and height there [m]."""
+    if region.kind == "vertical":
+        base = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    else:
+        front = facing(scene, target, region) @ region.axes[:, :2]
+        x, y = front / np.linalg.norm(front)
+        base = np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])
+    local = object.vertices @ base.T
+    return base, float(np.linalg.norm(local[:, :2], axis=1).max()), float(np.ptp(local[:, 2]))
+
+
+def _box(region: Region, radius: float, height: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the box in the scene that an object on a region may reach [m]."""
+    rows, columns = region.support.shape
+    corners = region.points(np.array([(0, 0), (rows, 0), (0, columns), (rows, columns)]))
+    corners = np.concatenate([corners, corners + height * region.normal])
+    return corners.min(axis=0) - radius - 0.05, corners.max(axis=0) + radius + 0.05
+
+
+def _spread(found: list[Candidate], apart: float, count: int) -> Iterator[Candidate]:
+    """Yield candidates best first, none nearer than some cells to one before it: what failed there, fails beside it too."""
+    left, places = found, np.array([one.place for one in found])
+    for _ in range(count):
+        if not left:
+            return
+        first = left[0]
+        yield first
+        far = np.linalg.norm(places - first.place, axis=1) >= apart
+        left, places = [one for one, stays in zip(left, far, strict=True) if stays], places[far]
+
+
+def _tried(scene, object, region, one: Candidate, base, ways, relation, config, number):  # type: ignore[no-untyped-def]
+    """Return the exact pose of a candidate and None, or None and what stands in its way."""
+    toward = -region.normal if region.kind == "vertical" else np.array([0.0, 0.0, -1.0])
+    turn = _turn(region, base, one.turn)
+    lowest = float((object.vertices @ turn.T @ -toward).min())
+    start = region.points(one.place[None])[0] + (lowest - config.lift) * toward
+    quaternion = tuple(Rotation.from_matrix(turn).as_quat().tolist())
+    pose = Pose(tuple(start.tolist()), quaternion, one.room, number)
+    reach = 0.1 if relation == "against" else 2 * config.lift
+    local = nearby(scene, *_grown(pose.moved(object).bounds, reach + 0.01))
+    lowered = pushed(pose, object, local, toward, 2 * config.lift, config.gap)
+    if lowered is None:
+        return None, "carry nothing"
+    pose = lowered
+    if relation == "against":
+        back = turn @ np.array([-1.0, 0.0, 0.0])
+        pose = pushed(pose, object, local, back, reach, config.back) or pose
+    for _ in range(4):
+        pose = pose.rounded()
+        moved = pose.moved(object)
+        reason = in_the_way(scene, moved, local, ways, config.slack)
+        if reason != "collide":
+            break
+        # Between two edges the way may be shorter than from any point that was asked.
+        pose = replace(pose, position=tuple((np.array(pose.position) - config.gap * toward).tolist()))
+    return (None, reason) if reason else (pose, None)
+
+
+def _turn(region: Region, base: np.ndarray, turn: float) -> np.ndarray:
+    """Return the rotation from the object's frame to the scene's, upright however the region slopes, shape [3 3]."""
+    front = region.axes @ base @ np.array([np.cos(turn), np.sin(turn), 0.0])
+    yaw = np.arctan2(front[1], front[0])
+    return Rotation.from_euler("z", yaw).as_matrix()
+
+
+def _why(region: Region, object: Mesh) -> str:
+    """Return what keeps an object from every place on a region."""
+    size = " x ".join(f"{extent:.2f}" for extent in np.ptp(object.bounds, axis=0))
+    room = " x ".join(f"{extent:.2f}" for extent in region.size)
+    return (
+        f"an object of {size} m finds no place on a {region.kind} region of {room} m at {region.height:.2f} m with"
+        f" {region.free_area:.3f} m^2 free and {region.clearance:.2f} m of room; choose another region or a smaller object"
+    )
+
+
+def _grown(bounds: np.ndarray, margin: float) -> np.ndarray:
+    return bounds + np.array([[-margin], [margin]])

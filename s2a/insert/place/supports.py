@@ -1,0 +1,126 @@
+"""Where on a target an object may go: its support regions in the scene, or the plane of the baseline."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from s2a.errors import InputError
+from s2a.geometry.line_of_sight import sight
+from s2a.geometry.mesh_ops import keep, merge
+from s2a.geometry.mesh_query import ray_mesh
+from s2a.geometry.planes import Plane
+from s2a.geometry.ransac import RansacConfig, ransac_plane
+from s2a.geometry.regions import KINDS, Kind, Region, RegionConfig, support_regions
+from s2a.scene import Mesh, Scene
+
+FAR = 2.0
+"""How far a view is looked along [m]."""
+
+
+@dataclass(frozen=True)
+class SurfaceConfig:
+    """How surfaces are found.
+
+    Attributes:
+        surface: "regions" grows bounded regions; "ransac" takes the one plane with the most points.
+        regions: how regions are grown.
+        ransac: how the plane is sought.
+    """
+
+    surface: Literal["regions", "ransac"]
+    regions: RegionConfig
+    ransac: RansacConfig
+
+
+def target_mesh(scene: Scene, target: str) -> Mesh:
+    """Return the surface of a part with all that belongs to it.
+
+    Raises:
+        InputError: no such part, or one without a surface.
+    """
+    scene.part(target)
+    mesh = merge([scene.parts[i].mesh for i in (target, *scene.descendants(target))])
+    if not len(mesh.faces):
+        raise InputError(f"part {target!r} of scene {scene.name!r} has no surface; choose another target")
+    return mesh
+
+
+def target_regions(scene: Scene, target: str, config: RegionConfig, kinds: tuple[Kind, ...] = KINDS) -> list[Region]:
+    """Return the support regions of a part, with the room that everything else in the scene leaves."""
+    own = {target, *scene.descendants(target)}
+    others = [part.mesh for part_id, part in scene.parts.items() if part_id not in own]
+    return support_regions(target_mesh(scene, target), config, others, kinds)
+
+
+def target_plane(scene: Scene, target: str, upright: bool, config: RansacConfig) -> tuple[Plane, np.ndarray]:
+    """Return the baseline's plane of a part and its inliers [m], shape [point 3].
+
+    Raises:
+        InputError: no plane of that direction.
+    """
+    points = target_mesh(scene, target).vertices
+    plane = ransac_plane(points, upright, config)
+    if plane is None:
+        raise InputError(
+            f"part {target!r} has no {'upright' if upright else 'level'} plane; choose another surface kind"
+        )
+    return plane, points[plane.faces]
+
+
+def nearby(scene: Scene, low: np.ndarray, high: np.ndarray, parts: Iterable[str] | None = None) -> Mesh:
+    """Return the triangles of a scene, or of some of its parts, whose boxes meet a box [m]."""
+    found = []
+    for part_id in scene.parts if parts is None else parts:
+        mesh = scene.parts[part_id].mesh
+        if not len(mesh.faces) or (mesh.bounds[0] > high).any() or (mesh.bounds[1] < low).any():
+            continue
+        if (mesh.bounds[0] >= low).all() and (mesh.bounds[1] <= high).all():
+            found.append(mesh)
+            continue
+        found.append(within(mesh, low, high))
+    return merge([Mesh(mesh.vertices, mesh.faces) for mesh in found if len(mesh.faces)])
+
+
+def within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
+    """Return the triangles of a mesh whose boxes meet a box [m]."""
+    # A triangle's box is apart from it where all three corners are beyond the same side.
+    beyond = np.zeros(len(mesh.vertices), np.uint8)
+    for axis in range(3):
+        place = mesh.vertices[:, axis]
+        beyond |= (place < low[axis]).view(np.uint8) << np.uint8(2 * axis)
+        beyond |= (place > high[axis]).view(np.uint8) << np.uint8(2 * axis + 1)
+    a, b, c = (beyond[mesh.faces[:, i]] for i in range(3))
+    return keep(mesh, np.flatnonzero((a & b & c) == 0))
+
+
+def facing(scene: Scene, target: str, region: Region) -> np.ndarray:
+    """Return the level direction in which things on a region should look, unit, shape [3].
+
+    Of the region's own four directions it is one in which the target leaves the view open (a shelf's front), and of those
+    the one nearest to the middle of the room. An upright region faces along its normal.
+    """
+    if region.kind == "vertical":
+        return region.normal
+    level = region.axes[:, :2].T * (1.0, 1.0, 0.0)
+    ways = np.concatenate([level, -level])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    start = region.center + min(0.1, 0.5 * region.clearance) * region.normal
+    # The rays are level: they can meet what their height crosses, and nothing else of the target.
+    reach = np.array([FAR, FAR, 0.001])
+    mesh = nearby(scene, start - reach, start + reach, (target, *scene.descendants(target)))
+    sees = np.full(4, FAR)
+    if len(mesh.faces):
+        sees, _ = sight(ray_mesh(mesh.vertices, mesh.faces), np.tile(start, (4, 1)), ways, FAR)
+    inward = _middle(scene) - region.center
+    inward /= max(float(np.linalg.norm(inward[:2])), 1e-9)
+    return ways[np.argmax(2.0 * (sees >= sees.max() - 0.05) + ways @ (inward * (1.0, 1.0, 0.0)))]
+
+
+def _middle(scene: Scene) -> np.ndarray:
+    """Return the middle of the box around a scene [m], shape [3]."""
+    bounds = np.array([part.mesh.bounds for part in scene.parts.values() if len(part.mesh.vertices)])
+    return (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2

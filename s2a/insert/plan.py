@@ -1,0 +1,129 @@
+"""Where an object belongs: asked of a model, and checked against the room."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
+
+from s2a.config import nearest
+from s2a.insert import prompts
+from s2a.insert.axes import AXES, sideways
+from s2a.llm.ask import Complaint, Model, Request, ask, parse
+from s2a.llm.usage_log import Ledger
+from s2a.scene import Scene
+
+CHOICES = 3
+LISTED = 200
+"""Ids that a model is shown when it named one that is not there."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A place for an object.
+
+    Attributes:
+        target: id of the part that is to carry it.
+        surface: "horizontal", "vertical", or "inside" for what the target's own surface is above: a shelf's compartment.
+        relation: "on" it; "in" a basin, a box or a compartment; "against" a wall behind it; "hanging" on something upright.
+        height: of the support that is meant, above the floor [m]; None where it does not matter.
+        reason: in a few words.
+    """
+
+    target: str
+    surface: Literal["horizontal", "vertical", "inside"]
+    relation: Literal["on", "in", "against", "hanging"]
+    height: float | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Where an object belongs, and how it is turned.
+
+    Attributes:
+        up: axis of the file that points up, "+x" to "-z".
+        front: axis of the file that its front looks along.
+        near: id of a part that it should be near, or None.
+        choices: the best place first, three at most.
+    """
+
+    up: str
+    front: str
+    near: str | None
+    choices: tuple[Choice, ...]
+
+    @property
+    def hangs(self) -> bool:
+        """Whether it is turned for a wall: then it need not stand."""
+        return self.choices[0].relation == "hanging"
+
+
+def plan(
+    model: Model,
+    scene: Scene,
+    facts: dict[str, Any],
+    room: str,
+    retries: int,
+    ledger: Ledger,
+    failed: tuple[Plan, str] | None = None,
+) -> Plan:
+    """Ask a model where an object belongs.
+
+    Args:
+        model: who is asked.
+        scene: the room.
+        facts: label, size in the file, feet, wish of the object, and the room's lines.
+        room: the room's description.
+        retries: answers that may be refused: ids that are not there go back with the list of those that are.
+        ledger: where the answers are noted.
+        failed: an earlier plan, and why there is no room in its places.
+
+    Raises:
+        InputError: no answer could be used.
+    """
+    request = Request("plan", prompts.PLAN, (("user", prompts.plan_question(facts, room)),), prompts.PLAN_SCHEMA, facts)
+    if failed:
+        tried = [(choice.target, choice.height) for choice in failed[0].choices]
+        request = replace(request, facts={**facts, "tried": tried, "tried_up": failed[0].up, "reason": failed[1]})
+        request = request.after(
+            json.dumps(asdict(failed[0])), f"{failed[1]}. Think of other places, or of another up axis."
+        )
+    return ask(model, request, lambda text: checked(parse(text, Plan), scene), retries, ledger)
+
+
+def checked(answer: Plan, scene: Scene) -> Plan:
+    """Return a plan that the room allows.
+
+    Raises:
+        Complaint: what is wrong with it.
+    """
+    _check_axes(answer)
+    if not 1 <= len(answer.choices) <= CHOICES:
+        raise Complaint(f"{len(answer.choices)} choices were given; give one to {CHOICES}, the best first.")
+    for part_id in (*(choice.target for choice in answer.choices), answer.near):
+        if part_id is not None and part_id not in scene.parts:
+            raise Complaint(_unknown(part_id, scene))
+    for choice in answer.choices:
+        if (choice.relation == "hanging") != (choice.surface == "vertical"):
+            raise Complaint(
+                f"relation {choice.relation!r} does not go with surface {choice.surface!r}: what hangs, hangs on a vertical "
+                f"surface; what is on, in or against something needs a horizontal or an inside one."
+            )
+    return answer
+
+
+def _check_axes(answer: Plan) -> None:
+    for name, axis in (("up", answer.up), ("front", answer.front)):
+        if axis not in AXES:
+            raise Complaint(f"{name} is {axis!r}; possible: {', '.join(AXES)}.")
+    if answer.front not in sideways(answer.up):
+        raise Complaint(
+            f"front {answer.front!r} lies along up {answer.up!r}; possible: {', '.join(sideways(answer.up))}."
+        )
+
+
+def _unknown(part_id: str, scene: Scene) -> str:
+    """Return what to tell a model that named a part that is not there."""
+    known = list(scene.parts)[:LISTED]
+    return f"There is no {part_id[:60]!r} in the room{nearest(part_id, known)}. All ids: {', '.join(known)}."

@@ -1,0 +1,161 @@
+"""How large an object is: asked of a model as ranges, and joined with the few units in which files are written."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from s2a.insert import prompts
+from s2a.insert.placement import SCALE
+from s2a.llm.ask import Complaint, Model, Request, ask, parse
+from s2a.llm.usage_log import Ledger
+
+Range = tuple[float, float]
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+"""Metres in a unit that meshes come in."""
+SMALLEST, LARGEST = 0.001, 4.0
+"""What goes into a room [m]."""
+WIDEST = {"height": 30.0, "longest": 12.0}
+"""Upper by lower end of a range that says something: an envelope lies or is a stack, a battery lies or stands."""
+FLAT = 1e-3
+"""A side is taken to be no less than this share of the longest: a sheet has no thickness."""
+SLACK = 1.15
+"""A size may be outside its range by this factor and a unit still be taken for the file's: makers differ, and so do models."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large things of a kind are.
+
+    Attributes:
+        noun: the plain word for what it is; brands and rare words resolved.
+        height: least and largest, standing as it should in its place [m].
+        longest: least and largest longest side [m].
+        unit: of the file, as the model guesses.
+        reason: in a few words.
+    """
+
+    noun: str
+    height: Range
+    longest: Range
+    unit: Literal["m", "cm", "mm", "in", "ft", "unknown"]
+    reason: str
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What makes an object as large as it is.
+
+    Attributes:
+        scale: metres in a unit of the file.
+        method: the file's unit that fits the ranges ("unit cm"), or "range" where none does.
+    """
+
+    scale: float
+    method: str
+
+
+def size(model: Model, facts: dict[str, Any], retries: int, ledger: Ledger) -> Size:
+    """Ask a model how large an object is.
+
+    Args:
+        model: who is asked.
+        facts: label, sides in the file, its height, the unit that the file states, the support and the neighbours.
+        retries: answers that may be refused.
+        ledger: where the answers are noted.
+
+    Raises:
+        InputError: no answer could be used.
+    """
+    request = Request("scale", prompts.SCALE, (("user", prompts.scale_question(facts)),), prompts.SCALE_SCHEMA, facts)
+    doubted: set[str] = set()
+
+    def accept(text: str) -> Size:
+        answer = checked(parse(text, Size))
+        doubt = doubts(answer, facts)
+        if doubt and text not in doubted and not doubted:
+            doubted.add(text)  # said twice, it is meant
+            raise Complaint(f"{doubt} Is the size in metres, and right? Answer again; repeat it if it is.")
+        return answer
+
+    return ask(model, request, accept, retries, ledger)
+
+
+def checked(answer: Size) -> Size:
+    """Return a size that a thing in a room can have.
+
+    Raises:
+        Complaint: what is wrong with it.
+    """
+    for name, (low, high) in (("height", answer.height), ("longest", answer.longest)):
+        if not (math.isfinite(low) and math.isfinite(high) and SMALLEST <= low <= high <= LARGEST):
+            raise Complaint(
+                f"{name} is {low:g} to {high:g}; give least and largest in metres, from {SMALLEST:g} to {LARGEST:g}."
+            )
+        if high > WIDEST[name] * low:
+            raise Complaint(f"{name} {low:g} to {high:g} m says too little; give the usual range.")
+    if answer.height[0] > answer.longest[1] * 1.01:
+        raise Complaint("The height is more than the longest side, which cannot be.")
+    if not answer.noun.strip() or len(answer.noun) > 60:
+        raise Complaint("noun is empty or too long; give one plain English noun.")
+    return answer
+
+
+def doubts(answer: Size, facts: dict[str, Any]) -> str:
+    """Return what in the support or the neighbours speaks against a size; empty if nothing does."""
+    support = facts.get("support") or {}
+    room, wide = support.get("room", math.inf), support.get("widest", math.inf)
+    if answer.height[0] > room:
+        return f"The support leaves {room:g} m of height, and the object would be {answer.height[0]:g} m high at least."
+    if answer.longest[0] > 1.5 * wide:
+        return f"The support is {wide:g} m long, and the object would be {answer.longest[0]:g} m long at least."
+    for thing in facts.get("neighbours", ()):
+        if thing["label"].lower() == answer.noun.lower():
+            other = max(thing["size"])
+            if not answer.longest[0] / 3 < other < answer.longest[1] * 3:
+                return f"A {thing['label']} in this room is {other:g} m long."
+    return ""
+
+
+def fit(answer: Size, height: float, longest: float, stated: float | None) -> Fit:
+    """Return the scale that makes an object as large as a model says.
+
+    Meshes come in metres, centimetres, millimetres, inches or feet, or in a unit of their own. A unit that puts height and
+    longest side where they are expected is taken for the file's, and the object has exactly its size; failing that, one
+    that puts the longest side there, for a model may have another side in mind. Else the middle of the ranges is what there is.
+
+    Args:
+        answer: the expected ranges.
+        height: of the object in the file's unit, upright.
+        longest: its longest side, in the file's unit.
+        stated: metres in a unit, as the file says, or None.
+    """
+    middle = math.sqrt(answer.longest[0] * answer.longest[1])
+    units = dict(UNITS) if stated is None or stated in UNITS.values() else {"as stated": stated, **UNITS}
+    far = {name: abs(math.log(metres * longest / middle)) for name, metres in units.items()}
+    for sides in (((height, answer.height), (longest, answer.longest)), ((longest, answer.longest),)):
+        fitting = [name for name, metres in units.items() if all(_within(metres * side, span) for side, span in sides)]
+        if fitting:
+            own = [name for name in fitting if units[name] == stated]
+            name = own[0] if own else min(fitting, key=far.__getitem__)
+            return Fit(_short(units[name]), f"unit {name}")
+    return Fit(_short(_middle(answer, height, longest)), "range")
+
+
+def _short(scale: float) -> float:
+    return float(f"{scale:.{SCALE}g}")
+
+
+def _within(value: float, span: Range) -> bool:
+    return span[0] / SLACK <= value <= span[1] * SLACK
+
+
+def _middle(answer: Size, height: float, longest: float) -> float:
+    """Return the scale that puts both sides as near to the middle of their ranges as can be, the narrower one nearer."""
+    total = weight = 0.0
+    for side, (low, high) in ((max(height, FLAT * longest), answer.height), (longest, answer.longest)):
+        surety = 1.0 / (math.log(high / low) + 0.1) ** 2
+        total += surety * math.log(math.sqrt(low * high) / side)
+        weight += surety
+    return math.exp(total / weight)

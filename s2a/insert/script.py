@@ -1,0 +1,78 @@
+"""The last word of an insertion: a script adds the planned prim to a skeleton of the stage; nothing else may come of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from pxr import Sdf
+
+from s2a.insert.placement import Placement
+from s2a.sandbox.diff import TAXONOMY, compare
+from s2a.sandbox.jail import STAGE, Cell
+from s2a.sandbox.policy import check
+
+TEMPLATE = """\
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics
+
+stage = Usd.Stage.Open({stage!r})
+xform = UsdGeom.Xform.Define(stage, {path!r})
+prim = xform.GetPrim()
+prim.GetReferences().AddReference({reference!r})
+xform.AddTranslateOp().Set(Gf.Vec3d({x!r}, {y!r}, {z!r}))
+xform.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd({qw!r}, {qx!r}, {qy!r}, {qz!r}))
+xform.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d({scale!r}, {scale!r}, {scale!r}))
+prim.CreateAttribute("s2a:partId", Sdf.ValueTypeNames.String).Set({part_id!r})
+prim.CreateAttribute("s2a:label", Sdf.ValueTypeNames.String).Set({label!r})
+UsdSemantics.LabelsAPI.Apply(prim, {taxonomy!r}).CreateLabelsAttr([{label!r}])
+stage.Save()
+"""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a script.
+
+    Attributes:
+        layer: `/scene` with the new prim, as the script wrote it; `s2a.insert.overlay.write` puts it over a stage.
+        record: plain values for the JSON record: the locks that held, seconds, the script.
+    """
+
+    layer: Sdf.Layer
+    record: dict[str, Any]
+
+
+def run_in(cell: Cell, text: str, plan: Placement) -> Outcome:
+    """Check a script, run it confined on a skeleton, and compare what it saved with the plan.
+
+    The script finds the stage as `scene.usda` in its current folder, and as `STAGE` and `OBJECT` that name and the path of
+    the object's file.
+
+    Args:
+        cell: where it runs, with the skeleton.
+        text: Python.
+        plan: what it is to add.
+
+    Raises:
+        Refusal: it is not allowed, failed, or made something else; the stage is untouched.
+        InputError: the system cannot confine an untrusted script.
+    """
+    check(text, STAGE, plan.reference, cell.config.allow)
+    run = cell.run(text, {"STAGE": STAGE, "OBJECT": plan.reference})
+    layer = compare(run.saved, cell.skeleton, plan)
+    return Outcome(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
+
+
+def write_script(plan: Placement) -> str:
+    """Return the script that a model is asked for: what is run where no model is, and an example for those that are."""
+    (x, y, z), (qx, qy, qz, qw) = plan.position, plan.orientation
+    return TEMPLATE.format(
+        stage=STAGE,
+        path=f"/scene/{plan.part_id}",
+        reference=plan.reference,
+        part_id=plan.part_id,
+        label=plan.label,
+        taxonomy=TAXONOMY,
+        scale=plan.scale,
+        **{"x": x, "y": y, "z": z, "qx": qx, "qy": qy, "qz": qz, "qw": qw},
+    )

@@ -1,0 +1,1 @@
+"""Language models: a client for any endpoint, recorded answers, a rule-based fallback."""

@@ -1,0 +1,168 @@
+"""Language models over the network: any endpoint that speaks OpenAI's chat protocol."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from s2a.errors import InputError
+from s2a.llm.ask import Answer, Model, Request
+from s2a.llm.replay import recorded, recorder
+from s2a.llm.rules import rules
+from s2a.llm.usage_log import tokens
+from s2a.ranges import Count, CountFromZero, NotNegative, Positive
+
+
+@dataclass(frozen=True)
+class LlmConfig:
+    """Who is asked.
+
+    Attributes:
+        kind: "chat" asks a model over the network, "replay" answers from a recording, "rules" from a table and needs no
+            model; "auto" is chat where OPENAI_API_KEY is set, and rules elsewhere.
+        model: name of the model, as the endpoint calls it. Key and address come from OPENAI_API_KEY and OPENAI_BASE_URL.
+        timeout: for one answer [s].
+        attempts: tries again after a broken connection, an overload or an error of the server; the wait between them
+            doubles from half a second.
+        temperature: 0 for the likeliest answer.
+        longest: tokens of an answer.
+        bytes: of a response; a longer one is cut off.
+        prices: US dollars for a million tokens of the request and of the answer.
+        answers: the recording to answer from, for replay.
+    """
+
+    kind: Literal["auto", "chat", "replay", "rules"]
+    model: str
+    timeout: Positive
+    attempts: CountFromZero
+    temperature: NotNegative
+    longest: Count
+    bytes: Count
+    prices: tuple[NotNegative, NotNegative]
+    answers: Path | None
+
+
+def kind_of(config: LlmConfig) -> str:
+    """Return who is asked: "chat", "replay" or "rules"."""
+    if config.kind != "auto":
+        return config.kind
+    return "chat" if os.environ.get("OPENAI_API_KEY") else "rules"
+
+
+def choose(config: LlmConfig, record: Path | None) -> Model:
+    """Return the model that is asked for; its answers are added to the recording `record`, if one is given.
+
+    Raises:
+        InputError: replay without a recording, or chat without a key.
+    """
+    kind = kind_of(config)
+    if kind == "replay":
+        if config.answers is None:
+            raise InputError(
+                "llm=replay needs a recording; give llm.answers=FILE, which record=FILE of llm=chat writes"
+            )
+        return recorded(config.answers)
+    model = rules if kind == "rules" else Chat(config)
+    return model if record is None else recorder(model, record)
+
+
+class Chat:
+    """Asks an endpoint."""
+
+    def __init__(self, config: LlmConfig) -> None:
+        import httpx2  # these take a second, which nobody pays who asks no model
+        import openai
+
+        if not os.environ.get("OPENAI_API_KEY"):
+            raise InputError(
+                "llm=chat needs OPENAI_API_KEY in the environment; set it (a local server takes any), or llm=rules"
+            )
+        self._config, self._openai, self._structured = config, openai, True
+        # The client names what goes wrong before a response; while it comes, its transport does.
+        self._failures = (openai.OpenAIError, httpx2.HTTPError)
+        # No wait for a part of a response is longer than that for the whole.
+        self._client = openai.OpenAI(timeout=config.timeout, max_retries=config.attempts)
+
+    def __call__(self, request: Request) -> Answer:
+        """Return the model's answer; an empty one if it declines.
+
+        Raises:
+            InputError: the endpoint cannot be reached, refuses the request, or answers what is no chat completion.
+        """
+        start = time.perf_counter()
+        try:
+            body = self._completion(request)
+        except self._failures as error:
+            raise InputError(
+                f"model {self._config.model!r} at {self._client.base_url} failed: "
+                f"{' '.join(str(error).split())[:300] or type(error).__name__}; "
+                f"check OPENAI_BASE_URL, OPENAI_API_KEY and llm.model, or give llm=rules"
+            ) from error
+        return self._answer(body, request, time.perf_counter() - start)
+
+    def _completion(self, request: Request) -> dict[str, Any]:
+        """Return the response, asked for by schema where the endpoint knows that."""
+        if not (self._structured and request.schema):
+            return self._send(request, {})
+        wanted = {"name": request.step, "schema": request.schema, "strict": True}
+        try:
+            return self._send(request, {"response_format": {"type": "json_schema", "json_schema": wanted}})
+        except (self._openai.BadRequestError, self._openai.UnprocessableEntityError):
+            self._structured = False
+            return self._send(request, {})
+
+    def _send(self, request: Request, more: dict[str, Any]) -> dict[str, Any]:
+        """Send a request and return the response, if it comes in time and is not too long."""
+        messages = [{"role": "system", "content": request.system}]
+        messages += [{"role": role, "content": text} for role, text in request.messages]
+        deadline = time.monotonic() + self._config.timeout * (self._config.attempts + 1)
+        with self._client.chat.completions.with_streaming_response.create(
+            model=self._config.model,
+            messages=messages,  # type: ignore[arg-type]
+            temperature=self._config.temperature,
+            max_tokens=self._config.longest,
+            **more,
+        ) as response:
+            found = bytearray()
+            for piece in response.iter_bytes(65536):
+                found += piece
+                if len(found) > self._config.bytes:
+                    raise InputError(
+                        f"model {self._config.model!r} answered more than {self._config.bytes} bytes; "
+                        f"try another model, or raise llm.bytes"
+                    )
+                if time.monotonic() > deadline:
+                    raise InputError(
+                        f"model {self._config.model!r} did not end its answer in time; "
+                        f"raise llm.timeout ({self._config.timeout:g} s)"
+                    )
+        return self._read(bytes(found))
+
+    def _read(self, text: bytes) -> dict[str, Any]:
+        """Return a response as a dictionary."""
+        try:
+            body = json.loads(text)
+            body["choices"][0]["message"]
+        except (ValueError, TypeError, LookupError, RecursionError) as error:
+            raise InputError(
+                f"{self._client.base_url} answered what is no chat completion: {text[:80]!r}; check OPENAI_BASE_URL"
+            ) from error
+        return body
+
+    def _answer(self, body: dict[str, Any], request: Request, seconds: float) -> Answer:
+        """Return what a response says; what is not text is nothing. Tokens that it does not tell are estimated."""
+        text = body["choices"][0]["message"].get("content")
+        text = text if isinstance(text, str) else ""
+        usage = body.get("usage") or {}
+        asked, said = (usage.get(key) for key in ("prompt_tokens", "completion_tokens"))
+        asked = (
+            asked
+            if isinstance(asked, int) and asked
+            else tokens(request.system + "".join(m for _, m in request.messages))
+        )
+        said = said if isinstance(said, int) and said else tokens(text)
+        return Answer(text, self._config.model, seconds, asked, said)

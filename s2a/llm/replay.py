@@ -1,0 +1,139 @@
+"""Recordings: a model's answers by the question, so that a second run needs no model and has the same result."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from itertools import count
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from s2a.errors import InputError
+from s2a.llm.ask import Answer, Model, Request
+from s2a.outputs import aside
+
+EXACT = re.compile(r"(?<![\w.])-?\d+\.\d{4,}(?![\w.])")
+"""Numbers of a pose in the question for a script. In a recording a slot stands for each, because the same question may be asked
+of another pose: surfaces differ in their last digits, and so do ways to find a place."""
+NUMBER = re.compile(r"(?<![\w.])-?\d+\.\d+(?![\w.])")
+OTHER = "recorded in this room when its measures were others"
+
+
+def recorder(model: Model, path: Path) -> Model:
+    """Return a model whose answers are kept in a file, and which is not asked again what is there already."""
+    kept, lock = _load(path) if path.exists() else {}, Lock()
+
+    def answer(request: Request) -> Answer:
+        if key(request) in kept:
+            return _answer(kept[key(request)], request, "")
+        said = model(request)
+        about = {"step": request.step, "prompt": _hash(request.system), "about": _about(request), "gist": gist(request)}
+        tokens = {"prompt_tokens": said.prompt_tokens, "completion_tokens": said.completion_tokens}
+        with lock, aside(path) as room:
+            kept[key(request)] = {**about, "model": said.model, **tokens, "answer": _slotted(said.text, request)}
+            room.write_text(json.dumps(dict(sorted(kept.items())), indent=1, ensure_ascii=False) + "\n")
+        return said
+
+    return answer
+
+
+def recorded(path: Path) -> Model:
+    """Return a model that gives the answers of a recording.
+
+    A question that differs in nothing but the measures of the room has the recorded answer too, which then says so.
+
+    Raises:
+        InputError: no such recording; from the model: a question that it does not have.
+    """
+    kept = _load(path)
+    gists = {entry["gist"]: entry for entry in kept.values()}
+
+    def answer(request: Request) -> Answer:
+        if key(request) in kept:
+            return _answer(kept[key(request)], request, "")
+        if gist(request) in gists:
+            return _answer(gists[gist(request)], request, OTHER)
+        raise InputError(_missing(request, kept, path))
+
+    return answer
+
+
+def key(request: Request) -> str:
+    """Return the hash of a question; of one for a script, without the numbers of the pose."""
+    numbers = count()
+    texts = [request.step, request.system, *(f"{role}: {text}" for role, text in request.messages)]
+    if request.step == "script":
+        texts = [EXACT.sub(lambda _: _slot(next(numbers)), text) for text in texts]
+    return _hash("\n\n".join(texts))
+
+
+def gist(request: Request) -> str:
+    """Return the hash of what a question is about: prompt, object, wish and the ids of the room, without its measures."""
+    facts = request.facts
+    named = [facts.get(name) for name in ("label", "sides", "height", "wish", "id", "tried")]
+    ids = sorted(line["id"] for line in facts.get("room", ()))
+    return _hash(json.dumps([request.step, request.system, named, ids, len(request.messages)]))
+
+
+def _answer(entry: dict[str, Any], request: Request, note: str) -> Answer:
+    """Return a recorded answer, with the numbers of this question."""
+    text = entry["answer"]
+    for number, exact in enumerate(_exact(request)):
+        text = text.replace(_slot(number), exact)
+    return Answer(text, entry["model"], 0.0, entry["prompt_tokens"], entry["completion_tokens"], note)
+
+
+def _slotted(text: str, request: Request) -> str:
+    """Return an answer with a slot for each number of the question's pose, however many zeros the model wrote."""
+    slots: dict[float, str] = {}
+    for number, exact in enumerate(_exact(request)):
+        slots.setdefault(float(exact), _slot(number))
+    return NUMBER.sub(lambda found: slots.get(float(found[0]), found[0]), text) if slots else text
+
+
+def _exact(request: Request) -> list[str]:
+    """Return the numbers of the pose in a question for a script, in order."""
+    return EXACT.findall(request.messages[0][1]) if request.step == "script" else []
+
+
+def _slot(number: int) -> str:
+    return f"\N{LEFT-POINTING DOUBLE ANGLE QUOTATION MARK}{number}\N{RIGHT-POINTING DOUBLE ANGLE QUOTATION MARK}"
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def _about(request: Request) -> str:
+    """Return what a question is about, for people who read a recording."""
+    tries = len(request.messages) // 2
+    return f"{request.facts.get('label', '')}{f', try {tries + 1}' if tries else ''}"
+
+
+def _missing(request: Request, kept: dict[str, Any], path: Path) -> str:
+    """Return why a recording has no answer."""
+    same = [entry for entry in kept.values() if entry["step"] == request.step]
+    known = f"{path} has no answer to step {request.step!r} for {_about(request)!r}"
+    if same and _hash(request.system) not in {entry["prompt"] for entry in same}:
+        return f"{known}: its prompt has changed since the recording; record anew with llm=chat record={path}"
+    if _about(request) in {entry["about"] for entry in same}:
+        return (
+            f"{known} in this room: the room or the object has changed since; record anew with llm=chat record={path}"
+        )
+    return f"{known}; record it with llm=chat record={path}"
+
+
+def _load(path: Path) -> dict[str, Any]:
+    """Read a recording."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such recording; make one with llm=chat record={path}")
+    try:
+        kept = json.loads(path.read_text())
+        for entry in kept.values():
+            entry["step"], entry["prompt"], entry["about"], entry["gist"], entry["model"], entry["answer"]
+            entry["prompt_tokens"], entry["completion_tokens"]
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(f"{path}: not a recording, or a damaged one ({error}); make one with record=FILE") from error
+    return kept

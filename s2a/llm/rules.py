@@ -1,0 +1,229 @@
+"""No model at all: a table of what belongs where and how large it is. It answers the questions that models are asked.
+
+`rules.csv` has a kind of thing a line: its name, other names, height and longest side [cm] of nine of ten such things, and
+places from the best on: "on desk", "in sink" (a basin), "inside shelf" (a compartment), "against wall" (on the floor before
+it), "hanging wall". `brands.csv` says what a brand makes. Both were written from memory before any test object was seen.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import json
+import math
+import re
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from s2a.insert.axes import AXES, sideways
+from s2a.insert.hints import read_wish, same_thing
+from s2a.insert.placement import Placement
+from s2a.insert.scale import FLAT, Range
+from s2a.insert.script import write_script
+from s2a.llm.ask import Answer, Request
+
+FOLDER = Path(__file__).parent
+LIKE = 0.86
+"""Likeness (difflib's ratio) from which two words are one, misspelt."""
+UNKNOWN_HEIGHT, UNKNOWN_LONGEST = (0.03, 0.35), (0.06, 0.4)
+"""Of what the table does not know [m]: something that a hand can hold."""
+FIRM = 0.15
+"""Tilt, as a share of a right angle, from which a thing stands as firmly as it need: a bottle has 0.1, a cube 0.5."""
+ANYWHERE = ("on table", "on desk", "on counter", "on shelf", "inside shelf", "on cabinet", "on nightstand", "on floor")
+"""Where to put what the table does not know, or what finds none of its places."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A kind of thing.
+
+    Attributes:
+        noun: its name.
+        names: itself and its other names.
+        height: least and largest [m].
+        longest: least and largest longest side [m].
+        places: the best first, such as ("on", "desk").
+    """
+
+    noun: str
+    names: tuple[str, ...]
+    height: Range
+    longest: Range
+    places: tuple[tuple[str, str], ...]
+
+
+@cache
+def table() -> tuple[Entry, ...]:
+    """Return what is known of things."""
+    with (FOLDER / "rules.csv").open(newline="") as file:
+        return tuple(_entry(row) for row in csv.DictReader(file, delimiter=";"))
+
+
+@cache
+def brands() -> dict[str, str]:
+    """Return the noun of what a brand makes, by its name in small letters."""
+    with (FOLDER / "brands.csv").open(newline="") as file:
+        return {row["word"]: row["noun"] for row in csv.DictReader(file, delimiter=";")}
+
+
+def rules(request: Request) -> Answer:
+    """Answer a question from the table."""
+    if request.step == "script":
+        return Answer(write_script(_placement(request.facts)), "rules")
+    entry = known(str(request.facts["label"]))
+    said = _plan(request.facts, entry) if request.step == "plan" else _size(request.facts, entry)
+    return Answer(json.dumps(said), "rules")
+
+
+def known(label: str) -> Entry | None:
+    """Return what the table says of a thing: by its name, a name at the label's end or in it, a brand, or a misspelt name."""
+    words = _words(label)
+    names = {name: entry for entry in table() for name in entry.names}
+    if words in names:
+        return names[words]
+    # Asked for first: compiling more than a thousand patterns took a quarter of a second.
+    inside = [name for name in names if name in words and re.search(rf"\b{re.escape(name)}(e?s)?\b", words)]
+    if inside:
+        # English puts the thing last ("mug with a flower" aside), and longer names say more.
+        head = re.split(r"\b(?:with|of|for|from|in|and)\b", words)[0].strip()
+        return names[max(inside, key=lambda name: (head.endswith((name, f"{name}s")), len(name)))]
+    made = [brand for brand in brands() if brand in words and re.search(rf"\b{re.escape(brand)}", words)]
+    if made:
+        return names[brands()[max(made, key=len)]]
+    close = difflib.get_close_matches(words, names, n=1, cutoff=LIKE)
+    close = close or difflib.get_close_matches(words.split()[-1] if words else "", names, n=1, cutoff=LIKE)
+    return names[close[0]] if close else None
+
+
+def _words(label: str) -> str:
+    """Return a label in small letters, with blanks between its words, without numbers of versions."""
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", label)
+    words = re.sub(r"[_\-/,.()]+", " ", words.lower()) if words.lower() not in brands() else words.lower()
+    return " ".join(re.sub(r"\b(?:v?\d+\w*|lowpoly|low poly|3d|model|free|obj|glb|final|new)\b", " ", words).split())
+
+
+def _entry(row: dict[str, str]) -> Entry:
+    names = (row["noun"], *filter(None, row["also"].split("|")))
+    places = tuple((how, where) for how, _, where in (place.partition(" ") for place in row["places"].split("|")))
+    return Entry(row["noun"], names, _range(row["height_cm"]), _range(row["longest_cm"]), places)
+
+
+def _range(text: str) -> Range:
+    """Read centimetres, "7.5-12", as metres."""
+    low, high = text.split("-")
+    return float(low) / 100, float(high) / 100
+
+
+def _size(facts: Any, entry: Entry | None) -> dict[str, Any]:
+    """Return the answer to how large a thing is."""
+    height, longest = (entry.height, entry.longest) if entry else (UNKNOWN_HEIGHT, UNKNOWN_LONGEST)
+    reason = "the table says so" if entry else "the table does not know it: something that a hand can hold"
+    noun = entry.noun if entry else str(facts["label"])[:60]
+    return {"noun": noun, "height": height, "longest": longest, "unit": "unknown", "reason": reason}
+
+
+def _plan(facts: Any, entry: Entry | None) -> dict[str, Any]:
+    """Return the answer to where a thing belongs."""
+    up = _up(facts, entry)
+    wish = read_wish(facts.get("wish") or "", facts["room"])
+    choices = wish.choices or _choices(facts["room"], entry.places if entry else (), _breadth(facts, entry, up))
+    if up == facts.get("tried_up", up):
+        choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
+    front = {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
+    if choices and choices[0]["relation"] == "hanging":
+        up, front = _flat(facts)
+    return {"up": up, "front": front, "near": wish.near, "choices": choices[:3]}
+
+
+def _breadth(facts: Any, entry: Entry | None, up: str) -> float:
+    """Return about how broad a thing is where it stands [m]: the shorter of its level sides."""
+    low, high = entry.longest if entry else UNKNOWN_LONGEST
+    level = [side for side, axis in zip(facts["sides"], "xyz", strict=True) if axis != up[1]]
+    return math.sqrt(low * high) * min(level) / max(facts["sides"])
+
+
+def _choices(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], breadth: float) -> list[dict[str, Any]]:
+    """Return the places of a thing that there are in a room, those first that have a free circle of its breadth [m]."""
+    found: list[dict[str, Any]] = []
+    for some in (places, tuple((how, where) for how, _, where in (place.partition(" ") for place in ANYWHERE))):
+        own: list[dict[str, Any]] = []
+        for how, where in some:
+            lines = [line for line in room if same_thing(line["label"], where)]
+            options = [option for line in lines for option in _options(line, how, room)]
+            options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
+            own += [option for option in options[:1] if option not in own + found]
+        found += sorted(own, key=lambda option: option["circle"] < breadth)
+    return [{key: value for key, value in option.items() if key not in ("free", "circle")} for option in found]
+
+
+def _options(line: dict[str, Any], how: str, room: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return how a part can carry something in a way of the table, with the area and the circle that are free for it."""
+    target = {"target": line["id"], "reason": f"the table says: {how} {line['label']}"}
+    if how == "hanging" and "size" in line:
+        high, wide = line["size"][2], max(line["size"][:2])
+        free = {"free": high * wide, "circle": min(high, wide)}
+        return [{**target, "surface": "vertical", "relation": "hanging", "height": None, **free}]
+    if how == "against":
+        floors = [other for other in room if other["label"] == "floor" and "supports" in other]
+        against = {**target, "surface": "horizontal", "relation": "against", "height": None}
+        return [{**against, "target": floor["id"], **_free(floor["supports"][0])} for floor in floors[:1]]
+    kinds = {"on": ("horizontal",), "in": ("basin", "inside"), "inside": ("inside",)}.get(how, ())
+    surface = {"horizontal": "horizontal", "basin": "horizontal", "inside": "inside"}
+    relation = "on" if how == "on" else "in"
+    return [
+        {**target, "surface": surface[s["kind"]], "relation": relation, "height": s["height"], **_free(s)}
+        for s in line.get("supports", ())
+        if s["kind"] in kinds
+    ]
+
+
+def _free(support: dict[str, Any]) -> dict[str, float]:
+    return {key: support[key] for key in ("free", "circle")}
+
+
+def _up(facts: Any, entry: Entry | None) -> str:
+    """Return the axis on whose far side a thing stands best, if its height is then what the table says of its shape."""
+    sides = dict(zip("xyz", facts["sides"], strict=True))
+    longest = max(sides.values())
+
+    def merit(axis: str) -> float:
+        ratio, misfit = max(sides[axis[1]] / longest, FLAT), 1.0
+        if entry:
+            low, high = entry.height[0] / entry.longest[1], entry.height[1] / entry.longest[0]
+            misfit = min(ratio / low, high / ratio, 1.0)
+        # What holds something has its mouth up.
+        mouth = 0.4 * (facts["hollow"].get(axis, 0.0) - facts["hollow"].get(_opposite(axis), 0.0))
+        habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.3 if axis == facts["up"] else 0.0)
+        return (min(1.0, facts["feet"].get(axis, 0.0) / FIRM) + mouth) * misfit**2 + habit
+
+    if re.search(r"it (?:tilts|drifts|falls)", facts.get("reason", "")):
+        # It fell over: what it stands on most firmly is left.
+        return max((axis for axis in AXES if axis != facts["tried_up"]), key=lambda axis: facts["feet"].get(axis, 0.0))
+    return max(AXES, key=merit)
+
+
+def _opposite(axis: str) -> str:
+    return axis.translate(str.maketrans("+-", "-+"))
+
+
+def _flat(facts: Any) -> tuple[str, str]:
+    """Return the up axis and the front of a thing that hangs: it looks along its thinnest side."""
+    sides = dict(zip("xyz", facts["sides"], strict=True))
+    thin = min(sides, key=sides.__getitem__)
+    ways = [axis for axis in ("+z", "+y", "+x") if axis[1] != thin]
+    up = facts["up"] if facts["up"] in ways else ways[0]
+    return up, {"x": "+x", "y": "-y", "z": "+z"}[thin]
+
+
+def _placement(facts: Any) -> Placement:
+    """Read the plan of a script."""
+    return Placement(
+        facts["id"],
+        facts["label"],
+        facts["reference"],
+        tuple(facts["translate"]),
+        tuple(facts["orient"]),
+        facts["scale"],
+    )

@@ -1,0 +1,76 @@
+"""What came of every step; what was asked of a model, what it took, and what it cost."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from s2a.errors import InputError
+
+if TYPE_CHECKING:
+    from s2a.llm.ask import Answer
+
+Record = dict[str, Any]
+"""What there is to say of an insertion, step by step: plain values."""
+PER_TOKEN = 3.5
+"""Characters in a token of a description: between 3 and 4 for the JSON of a room with the tokenizers of 2024 and 2025."""
+
+
+@dataclass
+class Ledger:
+    """Every answer of a model, with its tokens and its price.
+
+    Attributes:
+        prices: US dollars for a million tokens of the request and of the answer; zeros where nobody asks for money.
+        entries: one an answer.
+    """
+
+    prices: tuple[float, float]
+    entries: list[dict[str, Any]] = field(default_factory=list)
+
+    def note(self, step: str, answer: Answer, refused: str = "") -> None:
+        """Note an answer, and why it was refused."""
+        entry = {
+            "step": step,
+            "model": answer.model,
+            "seconds": round(answer.seconds, 3),
+            "prompt_tokens": answer.prompt_tokens,
+            "completion_tokens": answer.completion_tokens,
+            "characters": len(answer.text),
+        }
+        notes = {"note": answer.note, "refused": refused}
+        self.entries.append(entry | {name: said for name, said in notes.items() if said})
+
+    def total(self) -> dict[str, Any]:
+        """Return the number of calls, the tokens, seconds and US dollars of all answers."""
+        asked, said = (sum(entry[key] for entry in self.entries) for key in ("prompt_tokens", "completion_tokens"))
+        return {
+            "calls": len(self.entries),
+            "prompt_tokens": asked,
+            "completion_tokens": said,
+            "seconds": round(sum(entry["seconds"] for entry in self.entries), 3),
+            "dollars": round((asked * self.prices[0] + said * self.prices[1]) / 1e6, 6),
+        }
+
+
+def tokens(text: str) -> int:
+    """Return about how many tokens a text has."""
+    return math.ceil(len(text) / PER_TOKEN)
+
+
+@contextmanager
+def step(record: Record, name: str) -> Iterator[Record]:
+    """Note what a step of an insertion says and how long it took, also where it fails."""
+    said: Record = record.setdefault(name, {})
+    start = time.perf_counter()
+    try:
+        yield said
+    except InputError as error:
+        said["problem"] = str(error)
+        raise
+    finally:
+        said["seconds"] = round(said.get("seconds", 0.0) + time.perf_counter() - start, 3)

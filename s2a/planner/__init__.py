@@ -1,0 +1,1 @@
+"""Tool paths to joint paths."""

@@ -1,0 +1,1 @@
+"""Collision hulls of the target, its furniture, the room and free objects."""

@@ -1,0 +1,167 @@
+"""Convex pieces for the part that is to be opened, with the gap behind its handle free for fingers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+
+from s2a.geometry.convex import clip, hull, overlap, subtract
+from s2a.geometry.decompose import coacd_default, one_hull, vhacd
+from s2a.geometry.handles.bar import bar_profile
+from s2a.geometry.handles.bar_hulls import bar_pieces
+from s2a.geometry.handles.finger_gap import FingerSpace, finger_space
+from s2a.geometry.handles.knob import knob_pieces
+from s2a.geometry.handles.panel import front_behind, front_coordinate, part_ways, patch, slab
+from s2a.geometry.handles.sheet import hidden_wall, sheet_opening, shell_pieces
+from s2a.geometry.mesh_ops import merge
+from s2a.ranges import AtLeast, Count, CountFromZero, Positive
+from s2a.scene import Mesh, Scene
+from s2a.usd.sim_scene import Collider
+
+SWALLOWED = 2e-4
+"""[m] A piece that reaches into the fingers' space by a smaller ball than this leaves it free."""
+
+
+@dataclass(frozen=True)
+class ColliderConfig:
+    """How the target becomes convex pieces.
+
+    Attributes:
+        method: "handle" (each part on its own, the grasp region finer, the fingers' space kept free), "coacd" (the
+            library's defaults on all parts fused) or "one_hull" (all parts in one convex hull; it swallows the handle).
+        bar_slices: places along a bar-like handle at which its section is taken; like neighbours become one piece.
+        handle_pieces: largest number of pieces of a grasp region that is neither bar nor knob.
+        front_pieces: largest number of pieces of each other part.
+        thickness: of the front, inwards from its outer surface, of which alone a scan knows [m].
+        resolution: voxels of the decomposition.
+        max_vertices: largest number of vertices of a piece.
+        seed: of the decomposition.
+    """
+
+    method: Literal["handle", "coacd", "one_hull"]
+    bar_slices: Count
+    handle_pieces: Count
+    front_pieces: Count
+    thickness: Positive
+    resolution: Count
+    max_vertices: Annotated[int, AtLeast(4)]
+    seed: CountFromZero
+
+
+@dataclass(frozen=True)
+class Handle:
+    """What surrounds the grasp of a part.
+
+    Attributes:
+        frame: the grasp frame's axes as columns [3 3]: z into the furniture.
+        region: the grasp region, borders tidied.
+        plane: the front behind it as outward normal and offset [m]; None where none was scanned.
+        front: where the line through the grasp point along z meets that plane: its coordinate on z [m]; without a plane
+            that of the grasp point.
+        space: where the fingers go.
+    """
+
+    frame: np.ndarray
+    region: Mesh
+    plane: tuple[np.ndarray, float] | None
+    front: float
+    space: FingerSpace
+
+
+def find_handle(scene: Scene, target: str, frame: np.ndarray) -> tuple[Handle, dict[str, Mesh]]:
+    """Return the surroundings of the grasp, and the tidied surface of every other part that moves along, by id."""
+    grasped = scene.grasp_parts(target)
+    region = merge([scene.parts[i].mesh for i in grasped])
+    others = {i: scene.parts[i].mesh for i in (target, *scene.descendants(target)) if i not in grasped}
+    plane = front_behind(others[target], region, frame) if target in others else None
+    point = scene.grasp_point(target)
+    if plane is None:
+        return Handle(frame, region, None, float(point @ frame[:, 2]), FingerSpace(None, ())), others
+    others[target], region = part_ways(others[target], region, frame, plane)
+    front = front_coordinate(plane, frame, point)
+    return Handle(frame, region, plane, front, finger_space(region, point, frame, front)), others
+
+
+def target_colliders(
+    scene: Scene, target: str, handle: Handle, others: dict[str, Mesh], config: ColliderConfig
+) -> tuple[Collider, ...]:
+    """Return the convex pieces of a movable part and of all that moves with it."""
+    if config.method != "handle":
+        fused = merge([scene.parts[i].mesh for i in (target, *scene.descendants(target))])
+        pieces = (
+            one_hull(fused, config.max_vertices)
+            if config.method == "one_hull"
+            else coacd_default(fused, config.max_vertices, config.seed)
+        )
+        return tuple(Collider(target, piece) for piece in pieces)
+    found = []
+    for i, mesh in others.items():
+        pieces = _front_pieces(mesh, handle, config) if i == target else _rough_pieces(mesh, config)
+        found += [Collider(i, piece) for piece in flatten(pieces, handle)]
+    base = scene.parts[scene.grasp_parts(target)[0]].parent
+    ground = _ground(handle, None if base is None or base == target else others.get(base))
+    pieces = _handle_pieces(handle, others.get(target), ground, config)
+    found += [Collider(scene.grasp_parts(target)[0], piece) for piece in free_fingers(pieces, handle.space)]
+    return tuple(found)
+
+
+def _front_pieces(mesh: Mesh, handle: Handle, config: ColliderConfig) -> list[Mesh]:
+    """Return a flat front as one slab; another shape as hulls, with what the handle hid from the scanner."""
+    whole = slab(mesh, -handle.frame[:, 2], config.thickness)
+    if whole is not None:
+        return [whole]
+    hidden = [] if handle.plane is None else [patch(handle.region, handle.frame, handle.plane, config.thickness)]
+    inwards = config.thickness * handle.frame[:, 2]
+    solid = [hull(np.concatenate([p.vertices, p.vertices + inwards])) for p in _rough_pieces(mesh, config)]
+    return [*(piece for piece in solid if piece is not None), *hidden]
+
+
+def _ground(handle: Handle, base: Mesh | None) -> float:
+    """Return the coordinate on z of what the posts of a handle stand on [m]: of the front, or of a base plate before it."""
+    plane = None if base is None else front_behind(base, handle.region, handle.frame)
+    if plane is None:
+        return handle.front
+    return min(handle.front, front_coordinate(plane, handle.frame, handle.region.vertices.mean(axis=0)))
+
+
+def _handle_pieces(handle: Handle, front: Mesh | None, ground: float, config: ColliderConfig) -> list[Mesh]:
+    """Return a sheet in patches, a bar in slices (which end where fingers need space), a knob in frusta, else hulls."""
+    if handle.plane is not None:
+        opening = None if front is None else sheet_opening(handle.region, handle.frame, handle.plane, front)
+        if opening is not None:
+            wall = hidden_wall(handle.region, handle.frame, opening, handle.front)
+            sheet = shell_pieces(handle.region, handle.frame, opening, config.handle_pieces, config.max_vertices)
+            return sheet if wall is None else [*sheet, wall]
+        profile = bar_profile(handle.region, handle.frame, config.bar_slices)
+        if profile is not None:
+            pieces = bar_pieces(handle.region, handle.frame, profile, handle.front, ground)
+        else:
+            pieces = knob_pieces(handle.region, handle.frame, handle.front)
+        if pieces is not None:
+            return pieces
+    return vhacd(handle.region, config.handle_pieces, config.resolution, config.max_vertices)
+
+
+def _rough_pieces(mesh: Mesh, config: ColliderConfig) -> list[Mesh]:
+    return vhacd(mesh, config.front_pieces, config.resolution, config.max_vertices)
+
+
+def flatten(pieces: Iterable[Mesh], handle: Handle) -> list[Mesh]:
+    """Cut pieces of the front that reach into the fingers' space off at the front's plane."""
+    flat = []
+    for piece in pieces:
+        reaches = any(overlap(piece, box) > SWALLOWED for box in handle.space.boxes)
+        flat.append(clip(piece, *handle.plane) if reaches and handle.plane is not None else piece)
+    return [piece for piece in flat if piece is not None]
+
+
+def free_fingers(pieces: Iterable[Mesh], space: FingerSpace) -> list[Mesh]:
+    """Cut the fingers' space out of pieces, which may come apart into several."""
+    free = list(pieces)
+    for box in space.boxes:
+        parts = [subtract(piece, box) if overlap(piece, box) > SWALLOWED else [piece] for piece in free]
+        free = [part for group in parts for part in group]
+    return free

@@ -1,0 +1,117 @@
+"""Where the hand takes hold of a part, and where the robot stands to open it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.articulation import opening_direction
+from s2a.geometry.handles.bar import bar_profile
+from s2a.geometry.mesh_ops import centroids, merge, normals
+from s2a.geometry.simplify import is_shell
+from s2a.prepare.gripper_roll import ROUND, free_roll, free_side, is_round
+from s2a.scene import Mesh, Scene, Vec3
+from s2a.usd.sim_scene import Grasp, Quat
+
+SLICES = 12
+"""Places along a bar at which its thickness is measured."""
+FLOOR = ("floor", "floors")
+"""Last words of a label that make it the floor's."""
+
+
+def find_grasp(scene: Scene, target: str) -> Grasp:
+    """Return the grasp of a movable part: point, frame and extents of its annotated region.
+
+    The hand comes along the way on which the part closes; where it would bump into something there, and the region is a bar,
+    from another side of the bar.
+
+    Raises:
+        InputError: the part is unknown, does not move, or has no surface.
+    """
+    point = scene.grasp_point(target)
+    region = merge([scene.parts[i].mesh for i in scene.grasp_parts(target)])
+    first = _grasp(point, region, -opening_direction(scene.joint(target), point))
+    if is_round(first):
+        return free_roll(scene, target, first)
+    across = Rotation.from_quat(first.orientation).as_matrix()[:, 1]
+    return free_side(scene, target, first, (_grasp(point, region, side) for side in (-across, across)))
+
+
+def _grasp(point: np.ndarray, region: Mesh, inwards: np.ndarray) -> Grasp:
+    """Return the grasp of a region at a point [m] by a hand that comes along `inwards`."""
+    frame = grasp_frame(region, inwards)
+    size = np.subtract(*extents(region, frame)[::-1])
+    profile = bar_profile(region, frame, SLICES)
+    if profile is not None:
+        size[1] = profile.thickness
+    return Grasp(_vec3(point), _quat(frame), _vec3(size), region)
+
+
+def grasp_frame(region: Mesh, inwards: np.ndarray) -> np.ndarray:
+    """Return a rotation [3 3]: x along the region, y across its thin section, z into the furniture."""
+    middle = centroids(region)
+    flat = np.eye(3) - np.outer(inwards, inwards)
+    centred = (middle - np.average(middle, axis=0, weights=region.face_areas)) @ flat
+    spread, axes = np.linalg.eigh((centred * region.face_areas[:, None]).T @ centred)
+    # The smallest spread lies along `inwards`, from which it was projected out; the next is the thin direction.
+    order = np.argsort(np.abs(axes.T @ inwards))
+    thin, wide = sorted(order[:2], key=lambda i: spread[i])
+    upright = flat @ [0.0, 0.0, 1.0]
+    is_round = spread[wide] < ROUND**2 * spread[thin] and np.linalg.norm(upright) > 0.1
+    y = upright if is_round else flat @ axes[:, thin]
+    y /= np.linalg.norm(y)
+    if y[2] < -1e-6 or (abs(y[2]) <= 1e-6 and y[0] < 0):
+        y = -y
+    return np.stack([np.cross(y, inwards), y, inwards], axis=1)
+
+
+def extents(region: Mesh, frame: np.ndarray, tail: float = 0.005) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and highest coordinates [m] of a surface along the columns of a frame, shape [3] each.
+
+    Leaves out `tail` of the area at either end: single stray triangles are common at the borders of annotations.
+    """
+    along = region.vertices[region.faces.ravel()] @ frame
+    weights = np.repeat(region.face_areas, 3)
+    bounds = []
+    for values in along.T:
+        order = np.argsort(values, kind="stable")
+        share = np.cumsum(weights[order]) / weights.sum()
+        bounds.append(values[order[np.searchsorted(share, [tail, 1 - tail])]])
+    low, high = np.array(bounds).T
+    return low, high
+
+
+def heading(scene: Scene, target: str) -> np.ndarray:
+    """Return the level unit direction (x, y) in which a robot before the handle of a part looks at it."""
+    point = scene.grasp_point(target)
+    outwards = opening_direction(scene.joint(target), point)
+    if math.hypot(outwards[0], outwards[1]) < 0.3:  # a lid opens upwards: stand before the middle of its front edge
+        outwards = point - np.nanmean(scene.parts[target].mesh.bounds, axis=0)
+    length = math.hypot(outwards[0], outwards[1])
+    return -outwards[:2] / length if length > 1e-6 else np.array([-1.0, 0.0])
+
+
+def floor_points(scene: Scene) -> np.ndarray:
+    """Return points of the floor [m], shape [point 3]: of the parts labelled so, else one at the room's lowest height."""
+    floors = merge([part.mesh for part in scene.parts.values() if is_shell(part.label, FLOOR)])
+    points = centroids(floors)[normals(floors)[:, 2] > 0.5]
+    lowest = np.nanmin([part.mesh.bounds[0, 2] for part in scene.parts.values()])
+    return points if len(points) else np.array([[0.0, 0.0, lowest]])
+
+
+def floor_height(floor: np.ndarray, place: np.ndarray, radius: float = 0.4) -> float:
+    """Return the height [m] of the floor's points [point 3] around a place (x, y), or of all where there are none."""
+    near = np.linalg.norm(floor[:, :2] - place, axis=1) < radius
+    return float(np.median(floor[near if near.any() else slice(None), 2]))
+
+
+def _vec3(values: np.ndarray) -> Vec3:
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+def _quat(frame: np.ndarray) -> Quat:
+    x, y, z, w = map(float, Rotation.from_matrix(frame).as_quat(canonical=True))
+    return x, y, z, w

@@ -1,0 +1,72 @@
+"""Which way round the hand takes hold of what is round, and from which side of a bar: so that it has room itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.prepare.obstacles import Surroundings
+from s2a.robot import panda
+from s2a.scene import Scene
+from s2a.usd.sim_scene import Grasp
+
+ROUND = 1.5
+"""A grasp region whose section is less elongated than this can be held any way round."""
+TURNS = (0, 90, 45, -45)
+"""[degrees] Rolls about the approach, the preferred one first: the fingers close along the vertical."""
+APPROACH = 0.1
+"""[m] Way of the hand that has to be free before the grasp."""
+AROUND = 0.4
+"""[m] How far from the grasp the hand reaches in plan."""
+BETTER = 0.005
+"""[m] By so much less another roll or side has to reach into the room: scans are rough."""
+
+
+def is_round(grasp: Grasp) -> bool:
+    """Return whether a grasp's region can be held any way round."""
+    along, across, _ = grasp.size
+    return max(along, across) < ROUND * min(along, across)
+
+
+def free_roll(scene: Scene, target: str, grasp: Grasp) -> Grasp:
+    """Return a grasp of what is round, rolled about its approach if the hand would otherwise reach into the room."""
+    near = Surroundings(scene, (target, *scene.descendants(target)), np.array(grasp.point), AROUND)
+    return _freest(near, grasp, (_rolled(grasp, turn) for turn in TURNS[1:]))
+
+
+def free_side(scene: Scene, target: str, grasp: Grasp, others: Iterable[Grasp]) -> Grasp:
+    """Return a grasp, or one from another side if the hand would otherwise reach into anything beside what it holds."""
+    near = Surroundings(scene, scene.grasp_parts(target), np.array(grasp.point), AROUND)
+    return _freest(near, grasp, others)
+
+
+def _freest(near: Surroundings, grasp: Grasp, others: Iterable[Grasp]) -> Grasp:
+    """Return a grasp, or another one on whose way the hand reaches clearly less into what is there."""
+    depth = _depth(near, grasp)
+    if depth <= BETTER:  # as almost always: then the others are not even made
+        return grasp
+    depths, grasps = zip(*((_depth(near, other), other) for other in others), strict=True)
+    best = int(np.argmin(depths))
+    return grasps[best] if depths[best] < depth - BETTER else grasp
+
+
+def _rolled(grasp: Grasp, degrees: float) -> Grasp:
+    """Return a grasp with its frame turned about the approach, and its extents with it."""
+    if not degrees:
+        return grasp
+    turn = Rotation.from_quat(grasp.orientation) * Rotation.from_euler("z", degrees, degrees=True)
+    x, y, z, w = map(float, turn.as_quat(canonical=True))
+    points = turn.inv().apply(grasp.region.vertices[grasp.region.faces.ravel()])
+    along, across = np.ptp(points[:, :2], axis=0) if degrees % 90 else (grasp.size[1], grasp.size[0])
+    return replace(grasp, orientation=(x, y, z, w), size=(float(along), float(across), grasp.size[2]))
+
+
+def _depth(near: Surroundings, grasp: Grasp) -> float:
+    """Return how deep the open hand reaches into what is near, on its straight way to the grasp [m]."""
+    turn, hand = Rotation.from_quat(grasp.orientation), panda.SPHERES[panda.HAND]
+    back = np.linspace(0.0, APPROACH, 6)[:, None, None] * np.array([0.0, 0.0, 1.0])
+    centers = turn.apply((hand[None, :, 1:4] - back).reshape(-1, 3)) + grasp.point
+    return near.hit(centers, np.tile(hand[:, 4], 6), moving=False)[0]

@@ -1,0 +1,1 @@
+"""Robots: kinematics, geometry, limits."""

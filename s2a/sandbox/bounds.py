@@ -1,0 +1,134 @@
+"""How long a script may run and how large a thing it may make, as far as that follows from its text.
+
+What does not follow is left to the limits of the process.
+"""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+
+from s2a.ranges import Count, Positive
+from s2a.sandbox.constants import Values
+from s2a.sandbox.operations import GROWING, WRAPPING
+from s2a.sandbox.violation import Refusal
+
+LOOPS_IN_LOOPS, NESTING, FUNCTIONS = 3, 60, 20
+
+
+@dataclass(frozen=True)
+class AllowConfig:
+    """How long a script, and what it spells out, may be.
+
+    Attributes:
+        length: of the script [characters].
+        text: of a text in it [characters].
+        number: largest, in magnitude.
+        items: in a list.
+        repeats: of a loop.
+    """
+
+    length: Count
+    text: Count
+    number: Positive
+    items: Count
+    repeats: Count
+
+
+def refuse_entangled(tree: ast.Module, values: Values) -> None:
+    """Refuse nesting that would exhaust a stack, and functions that may call themselves."""
+    level: list[ast.AST] = [tree]
+    for _ in range(NESTING):
+        level = [child for node in level for child in ast.iter_child_nodes(node)]
+    if level:
+        raise Refusal(
+            "allowlist", "it is nested too deeply; use shorter expressions", getattr(level[0], "lineno", None)
+        )
+    if len(values.functions) > FUNCTIONS:
+        raise Refusal("allowlist", f"it has {len(values.functions)} functions; at most {FUNCTIONS}")
+    for function in values.functions.values():
+        for node in ast.walk(function):
+            if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
+                continue
+            callee = node.func.id
+            if callee in values.functions and values.functions[callee].lineno >= function.lineno:
+                raise Refusal("allowlist", f"{callee} is called before it is defined, or by itself", node.lineno)
+
+
+def growth(node: ast.AST, values: Values) -> str | None:
+    """Products of texts or lists, and formats with a width."""
+    if not isinstance(node, ast.BinOp) or not isinstance(node.op, (ast.Mult, ast.Mod)):
+        return None
+    for side in (node.left, node.right):
+        if isinstance(node.op, ast.Mult) and not _is_number(side, values):
+            return "only numbers may be multiplied"
+    if isinstance(node.op, ast.Mod) and values.of(node) is None and not _is_number(node.left, values):
+        return "% only with texts and numbers that are written out; use an f-string"
+    return None
+
+
+def repetition(node: ast.AST, values: Values, config: AllowConfig) -> str | None:
+    """Loops must end soon, which must follow from the text."""
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "range":
+        return (
+            None if _bounded(node, values, config, set()) else f"a range that is not known to be below {config.repeats}"
+        )
+    if not isinstance(node, (ast.For, ast.comprehension)):
+        return None
+    if not _bounded(node.iter, values, config, set()):
+        return f"a loop whose number of rounds does not follow from the text, or is above {config.repeats}"
+    inside: list[ast.AST] = [node]
+    for _ in range(LOOPS_IN_LOOPS):
+        inside = [inner for outer in inside for inner in ast.walk(outer) if inner is not outer and _loops(inner)]
+    if not inside:
+        return None
+    return f"more than {LOOPS_IN_LOOPS} loops inside each other"
+
+
+def _loops(node: ast.AST) -> bool:
+    return isinstance(node, (ast.For, ast.comprehension))
+
+
+def _is_number(node: ast.expr, values: Values, seen: frozenset[str] = frozenset()) -> bool:
+    """Whether an expression is no text or list, as far as its text tells."""
+    known = values.of(node)
+    if known is not None:
+        return all(isinstance(value, (int, float)) for value in known)
+    match node:
+        case ast.BinOp():
+            return _is_number(node.left, values, seen) and _is_number(node.right, values, seen)
+        case ast.UnaryOp():
+            return _is_number(node.operand, values, seen)
+        case ast.Call():
+            numbers = ("float", "int", "len", "abs", "round", "sum")
+            return values.dotted(node.func) is not None or isinstance(node.func, ast.Name) and node.func.id in numbers
+        case ast.Name(id=name) if name not in seen:
+            nodes = values.names.get(name) or [None]
+            return all(isinstance(n, ast.expr) and _is_number(n, values, seen | {name}) for n in nodes)
+    return False
+
+
+def _bounded(node: ast.expr | tuple | None, values: Values, config: AllowConfig, seen: set[str]) -> bool:
+    """Whether something to run over is short: a literal, a range, the stage's own lists, or several of these side by side."""
+    known = values.of(node)
+    if known is not None:
+        return all(isinstance(value, (tuple, dict, str)) and len(value) <= config.repeats for value in known)
+    match node:
+        case ast.List() | ast.Tuple() | ast.Dict():
+            return not any(isinstance(item, ast.Starred) for item in ast.iter_child_nodes(node))
+        case ast.Call(func=ast.Name(id="range")):
+            ends = [values.of(argument) for argument in node.args]
+            return all(end is not None and all(_short(e, config) for e in end) for end in ends) and not node.keywords
+        case ast.Call(func=ast.Name(id=name), args=arguments) if name in WRAPPING and arguments:
+            sources = arguments if name == "zip" else arguments[:1]
+            return all(_bounded(source, values, config, seen) for source in sources)
+        case ast.Call(func=ast.Attribute(attr=name) as function):
+            return values.dotted(function) is None and name in GROWING
+        case ast.Name(id=name) if name not in seen:
+            nodes = values.names.get(name) or [None]
+            return all(_bounded(inner, values, config, {*seen, name}) for inner in nodes)
+    return False
+
+
+def _short(end: object, config: AllowConfig) -> bool:
+    return isinstance(end, int) and abs(end) <= config.repeats // 2

@@ -1,0 +1,206 @@
+"""What the expressions of a script can be, where that follows from its text: constants, their sums, names given to them.
+
+The order of statements and the scopes of names are not looked at: a name may be whatever any line gives it.
+"""
+
+from __future__ import annotations
+
+import ast
+import itertools
+import re
+from typing import Any
+
+from s2a.sandbox.names import Names
+from s2a.sandbox.violation import Refusal
+
+Known = list[Any] | None
+"""All values that an expression can have; None where they do not follow from the text."""
+WIDTH = re.compile(r"\d{3}")
+"""A number of three digits in a format: what it gives may be long."""
+MOST_VALUES, MOST_STEPS, MOST_LETTERS = 64, 20_000, 2000
+
+
+class Values:
+    """The values of a script's expressions."""
+
+    def __init__(self, tree: ast.Module, given: dict[str, str]) -> None:
+        """Collect all names.
+
+        Args:
+            tree: the script.
+            given: names that it finds, with their values.
+        """
+        found = Names(tree, given)
+        self.functions, self.names, self.modules = found.functions, found.names, found.modules
+        self._steps = 0
+        self._active: set[str] = set()
+        # A list that has been added to, perhaps under another name, is no longer what was written.
+        self._mutable = any(
+            isinstance(node, ast.AugAssign) or isinstance(node, ast.Attribute) and node.attr in ("append", "extend")
+            for node in ast.walk(tree)
+        )
+
+    def of(self, node: ast.expr | tuple | None) -> Known:
+        """Return all values that an expression can have, or None.
+
+        Raises:
+            Refusal: the script is too entangled to tell in reasonable time.
+        """
+        self._steps += 1
+        if self._steps > MOST_STEPS:
+            raise Refusal("allowlist", "its texts are too entangled; write them out")
+        found = self._of(node)
+        return None if found is None or len(found) > MOST_VALUES else found
+
+    def dotted(self, node: ast.expr) -> str | None:
+        """Return the name of something below a module of pxr, such as "Usd.Stage.Open"; None for anything else."""
+        parts: list[str] = []
+        while isinstance(node, ast.Attribute):
+            parts.append(node.attr)
+            node = node.value
+        if not isinstance(node, ast.Name) or node.id not in self.modules:
+            return None
+        return ".".join([self.modules[node.id], *reversed(parts)])
+
+    def parts(self, node: ast.AST) -> list[object]:
+        """Return all values that an expression is known to have, those within a list one by one."""
+        known = self.of(node) if isinstance(node, ast.expr) else None
+        parts: list[object] = []
+        for value in known or ():
+            inner = [*value.keys(), *value.values()] if isinstance(value, dict) else value
+            parts += inner if isinstance(inner, (list, tuple)) else [inner]
+        return parts
+
+    def _of(self, node: ast.expr | tuple | None) -> Known:
+        match node:
+            case ast.Constant():
+                return [node.value]
+            case ast.Name():
+                return self._of_name(node.id)
+            case ast.Tuple() | ast.List():
+                known = isinstance(node, ast.Tuple) or not self._mutable
+                return self._combine(node.elts, lambda *items: items) if known else None
+            case ast.Dict():
+                pairs = [item for pair in zip(node.keys, node.values, strict=True) for item in pair]
+                return self._combine(pairs, lambda *items: dict(zip(items[::2], items[1::2], strict=True)))
+            case ast.Subscript():
+                return self._combine([node.value, node.slice], lambda whole, key: whole[key])
+            case ("item", value, index):
+                return self._combine([value], lambda whole: list(whole)[index])
+            case ("each", value):
+                wholes = self._combine([value], tuple)
+                return None if wholes is None else [item for whole in wholes for item in whole]
+            case ast.IfExp():
+                return self._union([node.body, node.orelse])
+            case ast.BoolOp():
+                return self._union(node.values)
+            case ast.UnaryOp(op=ast.USub()):
+                return self._combine([node.operand], lambda value: -value)
+            case ast.BinOp():
+                return self._of_sum(node)
+            case ast.JoinedStr():
+                return self._combine(node.values, lambda *parts: "".join(map(str, parts)))
+            case ast.FormattedValue(conversion=-1):
+                spec = [node.format_spec] if node.format_spec else []
+                return self._combine([node.value, *spec], lambda value, form="": _formatted(value, form))
+            case ast.Call():
+                return self._of_call(node)
+        return None
+
+    def _of_name(self, name: str) -> Known:
+        if name in self._active:
+            return None
+        self._active.add(name)
+        try:
+            return self._union(self.names[name]) if name in self.names and name not in self.functions else None
+        finally:
+            self._active.discard(name)
+
+    def _of_sum(self, node: ast.BinOp) -> Known:
+        match node.op:
+            case ast.Add():
+                return self._combine([node.left, node.right], lambda a, b: a + b)
+            case ast.Mod():
+                return self._combine([node.left, node.right], lambda a, b: a % b if not _wide(a) else None)
+            case ast.Mult() | ast.Sub() | ast.Div():
+                return self._combine([node.left, node.right], lambda a, b: _number(node.op, a, b))
+        return None
+
+    def _of_call(self, node: ast.Call) -> Known:
+        """Return the values of calls that give a text; a layer or a reference counts as its path."""
+        if self.dotted(node.func) in ("Sdf.Layer.FindOrOpen", "Sdf.Reference", "Sdf.Path"):
+            named = [
+                keyword.value for keyword in node.keywords if keyword.arg in ("assetPath", "identifier", "layerPath")
+            ]
+            return self.of((*node.args, *named)[0]) if node.args or named else None
+        match node.func:
+            case ast.Name(id="range") if not node.keywords:
+                return self._combine(node.args, lambda *ends: tuple(range(*ends)) if _few(range(*ends)) else None)
+            case ast.Name(id="str") if len(node.args) == 1:
+                return self._combine(node.args, str)
+            case ast.Attribute(attr="format"):
+                names = [keyword.arg or "" for keyword in node.keywords]
+                inner = [node.func.value, *node.args, *(keyword.value for keyword in node.keywords)]
+                count = 1 + len(node.args)
+                return self._combine(
+                    inner,
+                    lambda text, *v: (
+                        None
+                        if _wide(text)
+                        else text.format(*v[: count - 1], **dict(zip(names, v[count - 1 :], strict=True)))
+                    ),
+                )
+            case ast.Attribute(attr="join" | "lower" | "upper" | "strip" | "replace" | "title") if not node.keywords:
+                method = node.func.attr
+                return self._combine([node.func.value, *node.args], lambda text, *v: getattr(str(text), method)(*v))
+        return None
+
+    def _union(self, nodes: list) -> Known:
+        """Return the values of any of some expressions."""
+        found: list[Any] = []
+        for node in nodes:
+            values = self.of(node)
+            if values is None:
+                return None
+            found += [value for value in values if value not in found]
+        return found or None
+
+    def _combine(self, nodes: list, join: Any) -> Known:
+        """Return what `join` makes of every combination of values of some expressions."""
+        every = []
+        for node in nodes:
+            values = self.of(node)
+            if values is None:
+                return None
+            every.append(values)
+        found: list[Any] = []
+        for combination in itertools.islice(itertools.product(*every), MOST_VALUES + 1):
+            try:
+                value = join(*combination)
+            except Exception:  # the script would fail there, too: nothing is known
+                return None
+            if value is None or len(str(value)) > MOST_LETTERS:
+                return None
+            if value not in found:
+                found.append(value)
+        return found
+
+
+def _formatted(value: Any, form: str) -> str | None:
+    return None if WIDTH.search(form) else format(value, form)
+
+
+def _few(numbers: range) -> bool:
+    return len(numbers) <= MOST_VALUES
+
+
+def _wide(text: Any) -> bool:
+    """Whether a text is a format that may give a long text, or look into what it formats."""
+    return isinstance(text, str) and bool(WIDTH.search(text) or re.search(r"\*|\{[^}]*[.\[{]", text))
+
+
+def _number(operator: ast.operator, a: Any, b: Any) -> float | int | None:
+    """Calculate with numbers only: other products grow without bounds."""
+    if not isinstance(a, (int, float)) or not isinstance(b, (int, float)):
+        return None
+    return a * b if isinstance(operator, ast.Mult) else a - b if isinstance(operator, ast.Sub) else a / b

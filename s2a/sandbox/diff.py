@@ -1,0 +1,197 @@
+"""Whether what a script saved is the plan and nothing else.
+
+The bytes come from a process that the script may have bent to its will, so they are bounded before USD parses them, and
+no other file is opened: a layer is read, never a stage composed of what it refers to.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Tf, Usd, UsdGeom
+
+from s2a.insert.placement import Placement
+from s2a.sandbox.violation import Refusal
+from s2a.usd.stage import ROOT
+
+TAXONOMY = "class"
+"""Of the semantic label: `semantics:labels:class`."""
+KINDS = ("component", "subcomponent", "prop", "model")
+"""A prim's `kind` that says nothing of consequence; it may be left out."""
+NESTING = 32
+"""Brackets within brackets; USD's parser calls itself for each, and a stage of ours has 6."""
+TOLERANCE = 1e-6
+"""Of the pose: metres, and shares of the scale."""
+OPERATIONS = r"xformOp:(translate|orient|rotate[XYZ]{1,3}|scale|transform)(:\w+)?"
+NUMBERS = ("float", "double", "half", "float3", "double3", "half3", "quatf", "quatd", "quath", "matrix4d")
+PRIM_FIELDS = ("specifier", "typeName", "references", "apiSchemas", "kind")
+ATTRIBUTE_FIELDS = ("custom", "typeName", "variability", "default")
+
+
+def compare(saved: bytes, skeleton: str, plan: Placement) -> Sdf.Layer:
+    """Return a layer that holds the planned prim as the script wrote it.
+
+    Args:
+        saved: what the script made of the skeleton.
+        skeleton: text of the stage that the script was given.
+        plan: what it was to add.
+
+    Raises:
+        Refusal: something is missing, or anything else differs from the skeleton; the message names the first.
+    """
+    before, after = _parse(skeleton.encode()), _parse(saved)
+    path = Sdf.Path(f"{ROOT}/{plan.part_id}")
+    if not after.GetPrimAtPath(path):
+        raise _refusal(f"{path} is missing: define an Xform there and save the stage")
+    _refuse_changes(_opinions(before), _opinions(after), path)
+    _check_prim(after.GetPrimAtPath(path), plan)
+    return _alone(after, path)
+
+
+def _parse(text: bytes) -> Sdf.Layer:
+    """Read USD's text into a layer of its own, without opening anything that it names."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    try:
+        if not text.startswith(b"#usda 1.0\n") or _depth(text) > NESTING or not layer.ImportFromString(text.decode()):
+            raise _refusal("the saved stage is not USD text as USD writes it: save it, do not rewrite it")
+    except (UnicodeDecodeError, Tf.ErrorException) as error:
+        raise _refusal("the saved stage cannot be read") from error
+    return layer
+
+
+def _depth(text: bytes) -> int:
+    """Return how deep brackets nest, counting also those within quotes."""
+    steps = np.frombuffer(text, dtype=np.uint8)
+    opens, closes = np.isin(steps, list(b"([{")), np.isin(steps, list(b")]}"))
+    return int(np.max(np.cumsum(opens.astype(int) - closes), initial=0))
+
+
+def _opinions(layer: Sdf.Layer) -> dict[tuple[Sdf.Path, str], Any]:
+    """Return every value in a layer by the path and the field it stands at."""
+    found: dict[tuple[Sdf.Path, str], Any] = {}
+
+    def note(path: Sdf.Path) -> None:
+        spec = layer.GetObjectAtPath(path)
+        for field in spec.ListInfoKeys():
+            found[path, field] = _value(spec, field)
+        found[path, "kind of spec"] = type(spec).__name__
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, note)
+    return found
+
+
+def _value(spec: Sdf.Spec, field: str) -> Any:
+    """Return what a field says; of those that Python cannot read (offsets of sublayers), that it is there."""
+    try:
+        return spec.GetInfo(field)
+    except TypeError:
+        return "unreadable"
+
+
+def _refuse_changes(before: dict, after: dict, path: Sdf.Path) -> None:
+    """Raise if anything outside `path` is not as it was."""
+    for key in sorted({**before, **after}):
+        if key[0].HasPrefix(path):
+            continue
+        if key not in before or key not in after or before[key] != after[key]:
+            verb = "adds" if key not in before else "removes" if key not in after else "changes"
+            raise _refusal(f"it {verb} {key[1]!r} at {key[0]}; only {path} may be added, and nothing else changed")
+
+
+def _check_prim(prim: Sdf.PrimSpec, plan: Placement) -> None:
+    """Raise if a prim is anything but an Xform with the planned reference, pose, label and semantics."""
+    _refuse_fields(prim, PRIM_FIELDS)
+    if prim.nameChildren or prim.relationships or prim.variantSets:
+        raise _refusal(
+            f"{prim.path} may have no children, relationships or variants: the reference brings its geometry"
+        )
+    if prim.specifier != Sdf.SpecifierDef or prim.typeName != "Xform":
+        raise _refusal(f"{prim.path} is {prim.specifier.displayName} {prim.typeName!r}; define an Xform")
+    if prim.kind and prim.kind not in KINDS:
+        raise _refusal(f"{prim.path} has kind {prim.kind!r}; leave it out, or give {', '.join(KINDS)}")
+    _check_lists(prim, plan)
+    operations = _check_attributes(prim, plan)
+    _check_pose(prim, operations, plan)
+
+
+def _check_lists(prim: Sdf.PrimSpec, plan: Placement) -> None:
+    """Raise unless the one reference is the planned one, and the one applied schema the semantic label."""
+    items = _items(prim.GetInfo("references"))
+    if items != [Sdf.Reference(plan.reference)]:
+        given = ", ".join(f"{item.assetPath}{item.primPath}" for item in items) or "nothing"
+        raise _refusal(
+            f"{prim.path} references {given}; expected {plan.reference} alone, its default prim, without offset"
+        )
+    if _items(prim.GetInfo("apiSchemas")) != [f"SemanticsLabelsAPI:{TAXONOMY}"]:
+        raise _refusal(f"{prim.path}: apply UsdSemantics.LabelsAPI with {TAXONOMY!r}, and no other schema")
+
+
+def _items(listed: Any) -> list:
+    """Return what a list edit adds; nothing if it also deletes or reorders."""
+    if listed is None or listed.deletedItems or listed.orderedItems:
+        return []
+    return [*listed.explicitItems, *listed.prependedItems, *listed.addedItems, *listed.appendedItems]
+
+
+def _check_attributes(prim: Sdf.PrimSpec, plan: Placement) -> list[str]:
+    """Raise unless the planned attributes are there with their values; return the names of the pose's operations."""
+    expected = {
+        "s2a:partId": plan.part_id,
+        "s2a:label": plan.label,
+        f"semantics:labels:{TAXONOMY}": [plan.label],
+    }
+    for attribute in prim.attributes:
+        _refuse_fields(attribute, ATTRIBUTE_FIELDS)
+    values = {attribute.name: attribute.default for attribute in prim.attributes}
+    for name, value in expected.items():
+        given = values.pop(name, None)
+        given = list(given) if isinstance(value, list) and given is not None else given
+        if given != value:
+            raise _refusal(f"{prim.path}.{name} is {str(given)[:80]!r}; expected {value!r}")
+    order = list(values.pop("xformOpOrder", None) or [])
+    types = {attribute.name: str(attribute.typeName) for attribute in prim.attributes}
+    if others := sorted(n for n in values if not re.fullmatch(OPERATIONS, n) or types[n] not in NUMBERS):
+        raise _refusal(f"{prim.path} has {others[0]!r}, which nobody planned")
+    if len(order) > 3 or len(set(order)) != len(order) or set(order) != set(values):
+        raise _refusal(f"{prim.path}: xformOpOrder is {', '.join(order)[:80]}; expected translate, orient, scale")
+    return order
+
+
+def _refuse_fields(spec: Sdf.Spec, known: tuple[str, ...]) -> None:
+    """Raise if a prim or an attribute says anything that is not known to be harmless."""
+    if others := sorted(set(spec.ListInfoKeys()) - set(known)):
+        raise _refusal(f"{spec.path} has {others[0]!r}, which nobody planned; possible: {', '.join(known)}")
+
+
+def _check_pose(prim: Sdf.PrimSpec, operations: list[str], plan: Placement) -> None:
+    """Raise if the transform is not the planned one."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    bare = Sdf.CreatePrimInLayer(layer, "/object")
+    bare.specifier, bare.typeName = Sdf.SpecifierDef, "Xform"
+    for name in (*operations, "xformOpOrder"):
+        if name in prim.attributes:
+            Sdf.CopySpec(prim.layer, prim.path.AppendProperty(name), layer, bare.path.AppendProperty(name))
+    stage = Usd.Stage.Open(layer)
+    given = np.array(UsdGeom.Xformable(stage.GetPrimAtPath("/object")).GetLocalTransformation()).T
+    off = np.abs(given - plan.matrix())
+    off[:3, :3] /= plan.scale
+    if not off.max() <= TOLERANCE:
+        what = "position" if not off[:3, 3].max() <= TOLERANCE else "orientation or scale"
+        raise _refusal(
+            f"{prim.path}: its {what} is off by {off.max():.3g}; planned are translate {plan.position}, "
+            f"orient {plan.orientation} (x y z w), scale {plan.scale}, in this order"
+        )
+
+
+def _alone(layer: Sdf.Layer, path: Sdf.Path) -> Sdf.Layer:
+    """Return a layer with a copy of one prim, its parents without opinions."""
+    alone = Sdf.Layer.CreateAnonymous(".usda")
+    Sdf.CreatePrimInLayer(alone, path.GetParentPath())
+    Sdf.CopySpec(layer, path, alone, path)
+    return alone
+
+
+def _refusal(reason: str) -> Refusal:
+    return Refusal("comparison", reason)

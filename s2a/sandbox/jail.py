@@ -1,0 +1,215 @@
+"""Run a script that nobody has read in a process that can do nothing but edit one small file.
+
+The process has an isolated interpreter, an empty environment, no network, no other process, little memory and time, and
+a scratch folder as its only files, by whatever the system offers: user, mount and network namespaces, Landlock, seccomp.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import pxr
+
+import s2a
+from s2a.errors import InputError
+from s2a.ranges import Count, Positive
+from s2a.sandbox.policy import AllowConfig
+from s2a.sandbox.violation import Refusal
+from s2a.sandbox.worker import OFFERS
+
+START = "import sys; sys.path[:0] = sys.argv[2:]; from s2a.sandbox.worker import main; main(int(sys.argv[1]))"
+STAGE = "scene.usda"
+"""Name of the stage in the scratch folder, which is the current one."""
+
+
+@dataclass(frozen=True)
+class ConfinementConfig:
+    """What a script may say and use.
+
+    Attributes:
+        seconds: until the process is ended, from when it is given the script [s].
+        cpu_seconds: of one core for the script alone [s].
+        memory: address space for the script [MiB].
+        disk: size of its scratch folder, and of a file [MiB].
+        allow: what its text may hold.
+        mechanisms: which locks to try.
+        needs: what must be kept from an untrusted script, or it is not run; what a lock keeps away is in
+            `s2a.sandbox.worker.OFFERS`. Less than all three is a risk to take only for scripts that somebody has read.
+    """
+
+    seconds: Positive
+    cpu_seconds: Positive
+    memory: Count
+    disk: Count
+    allow: AllowConfig
+    mechanisms: tuple[Literal["namespaces", "landlock", "seccomp"], ...]
+    needs: tuple[Literal["files", "network", "processes"], ...]
+
+
+@dataclass(frozen=True)
+class Confined:
+    """What came of a confined run.
+
+    Attributes:
+        saved: the stage as the process handed it back: whatever the script made it say.
+        active: the locks that held, from a report sent before the script began.
+        seconds: from when the process was given the script to its end [s].
+    """
+
+    saved: bytes
+    active: tuple[str, ...]
+    seconds: float
+
+
+class Cell:
+    """A place for scripts: each runs on a stage in a process of its own, the first in one that was started ahead.
+
+    To import USD and to lock itself in takes a process 0.3 s, which it may as well take while a place is sought.
+
+    Attributes:
+        skeleton: text of the stage, which a script finds as `scene.usda` in its current folder.
+        config: limits and locks.
+        trusted: run scripts although the system lacks locks.
+    """
+
+    def __init__(self, skeleton: str, config: ConfinementConfig, trusted: bool) -> None:
+        self.skeleton, self.config, self.trusted = skeleton, config, trusted
+        self._ahead: _Process | None = None
+
+    def __enter__(self) -> Cell:
+        """Start a process for the first script."""
+        self._ahead = _Process(self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End a process that waits for a script."""
+        if self._ahead is not None:
+            self._ahead.end()
+
+    def run(self, script: str, names: dict[str, str]) -> Confined:
+        """Run a script.
+
+        Args:
+            script: Python, unchecked.
+            names: texts that the script finds in variables of these names.
+
+        Raises:
+            Refusal: the script failed, or used more than it may.
+            InputError: the system cannot confine an untrusted script.
+        """
+        process, self._ahead = self._ahead or _Process(self), None
+        start = time.perf_counter()
+        try:
+            code, reports = process.run(json.dumps({"script": script, "names": names}), self.config.seconds)
+            seconds = time.perf_counter() - start
+            active, error = _judge(code, reports, self.config, self.trusted)
+            if error:
+                raise error
+            return Confined(process.saved(), active, seconds)
+        finally:
+            process.end()
+
+
+class _Process:
+    """A process that locks itself in and waits for its script."""
+
+    def __init__(self, cell: Cell) -> None:
+        config, self._open = cell.config, ExitStack()
+        scratch = self._open.enter_context(tempfile.TemporaryDirectory(prefix="s2a."))
+        self._out = self._open.enter_context(tempfile.TemporaryFile())
+        reader, writer = os.pipe()
+        self._reports = self._open.enter_context(open(reader, "rb"))
+        job = {
+            "report": writer,
+            "scratch": scratch,
+            "stage": STAGE,
+            "skeleton": cell.skeleton,
+            "mechanisms": config.mechanisms,
+            "needs": () if cell.trusted else config.needs,
+            "cpu_seconds": config.cpu_seconds,
+            "memory": config.memory,
+            "disk": config.disk,
+        }
+        folders = (str(Path(s2a.__file__).parents[1]), str(Path(pxr.__file__).parents[1]))
+        # A file, for a pipe holds less than a skeleton.
+        with tempfile.TemporaryFile() as file:
+            file.write(json.dumps(job).encode())
+            file.seek(0)
+            self._process = subprocess.Popen(
+                [sys.executable, "-I", "-S", "-B", "-c", START, str(file.fileno()), *folders],
+                stdin=subprocess.PIPE,
+                stdout=self._out,
+                stderr=subprocess.DEVNULL,
+                pass_fds=[writer, file.fileno()],
+                env={},
+                cwd=scratch,
+            )
+        os.close(writer)
+
+    def run(self, text: str, seconds: float) -> tuple[int | None, list[str]]:
+        """Hand over the script, and wait; return the exit code (None: it had to be ended) and the lines it reported."""
+        try:
+            self._process.communicate(text.encode(), timeout=seconds)
+            code: int | None = self._process.returncode
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            code = None
+        return code, self._reports.read(1 << 16).decode(errors="replace").splitlines()
+
+    def saved(self) -> bytes:
+        """Return the stage as the process handed it back."""
+        self._out.seek(0)
+        return self._out.read()
+
+    def end(self) -> None:
+        """Leave nothing of it."""
+        self._process.kill()
+        self._process.wait()
+        if self._process.stdin:
+            self._process.stdin.close()
+        self._open.close()
+
+
+def _judge(
+    code: int | None, reports: list[str], config: ConfinementConfig, trusted: bool
+) -> tuple[tuple[str, ...], Exception | None]:
+    """Return the locks that held, and what to raise if the script did not end well."""
+    if not reports:
+        reason = (
+            f"ended with {code} before it could start" if code is not None else f"did not start in {config.seconds} s"
+        )
+        return (), InputError(f"the process that confines scripts {reason}; try again, or raise confinement.seconds")
+    active = tuple(json.loads(reports[0])["active"])
+    missing = [what for what in config.needs if what not in {w for lock in active for w in OFFERS[lock]}]
+    if missing and not trusted:
+        return active, InputError(
+            f"this system cannot keep {', '.join(missing)} from a script (locks that hold: {', '.join(active) or 'none'}); "
+            f"use llm=rules, or give confinement.needs=[] if you trust the scripts' author"
+        )
+    if code is None:
+        return active, Refusal("process", f"it ran longer than {config.seconds:g} s")
+    if code or len(reports) < 2:
+        return active, Refusal("process", f"its process was ended ({code}): too much time, memory or disk, or a crash")
+    return active, _failure(reports[1])
+
+
+def _failure(report: str) -> Refusal | None:
+    """Return what the script's process says went wrong with it; hardly to be trusted, so cut and cleaned."""
+    try:
+        said = json.loads(report)
+        line, reason = said.get("line"), said.get("reason")
+    except (ValueError, AttributeError):
+        return Refusal("process", "its report cannot be read")
+    if reason is None:
+        return None
+    clean = "".join(letter if letter.isprintable() else " " for letter in str(reason)[:300])
+    return Refusal("process", clean, line if isinstance(line, int) else None)

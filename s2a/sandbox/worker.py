@@ -1,0 +1,109 @@
+"""The process in which a script runs: it imports USD, locks itself in, and only then reads the script.
+
+It is started by `s2a.sandbox.jail` and prints nothing but the stage that the script saved. Whatever it says after the
+script began is the script's word; the locks' report is sent before that.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from s2a.sandbox import layers, seccomp
+
+NAME = "<script>"
+"""What tracebacks call the script."""
+OFFERS = {
+    "namespaces": ("files", "network"),
+    "landlock": ("files",),
+    "seccomp": ("network", "processes"),
+}
+"""What each lock keeps a script from."""
+
+
+def main(descriptor: int) -> None:
+    """Lock in by the job that a descriptor holds; run the script on standard input, and write the saved stage to standard output.
+
+    What holds, and what went wrong, is reported to a descriptor that the job names.
+    """
+    with open(descriptor) as file:
+        job = json.load(file)
+    report = int(job["report"])
+    active = lock(job)
+    _tell(report, {"active": active})
+    kept = {what for name in active for what in OFFERS[name]}
+    if set(job["needs"]) <= kept:
+        task = json.load(sys.stdin)
+        error = execute(task["script"], task["names"])
+        _tell(report, error)
+        if not error:
+            os.write(1, Path(job["stage"]).read_bytes())
+    os._exit(0)  # without the clean-up of what the script made
+
+
+def lock(job: dict[str, Any]) -> list[str]:
+    """Go to the scratch folder, write the stage there, and lock the process in; return the locks that hold."""
+    active: list[str] = []
+    wanted = job["mechanisms"]
+    if "namespaces" in wanted and _holds(lambda: layers.leave(Path(job["scratch"]), job["disk"])):
+        active.append("namespaces")
+    here = Path(job["scratch"], "here")  # not the root itself: USD writes no file into a folder without a name
+    here.mkdir()
+    os.chdir(here)
+    Path(job["stage"]).write_text(job["skeleton"])
+    _rehearse()
+    layers.limit(job["cpu_seconds"], job["memory"], job["disk"])
+    if active and not _holds(layers.shut):
+        active.clear()
+    if "landlock" in wanted and _holds(layers.landlock):
+        active.append("landlock")
+    if "seccomp" in wanted and _holds(seccomp.install):
+        active.append("seccomp")
+    return active
+
+
+def execute(script: str, names: dict[str, str]) -> dict[str, Any]:
+    """Run a script as a main program; return what went wrong, or nothing."""
+    try:
+        exec(compile(script, NAME, "exec"), {"__name__": "__main__", **names})
+    except BaseException as error:  # also SystemExit: whatever a script raises is its failure
+        lines = [line for frame, line in traceback.walk_tb(error.__traceback__) if frame.f_code.co_filename == NAME]
+        line = lines[-1] if lines else getattr(error, "lineno", None)
+        return {"line": line, "reason": f"{type(error).__name__}: {error}"[:1000]}
+    return {}
+
+
+def _rehearse() -> None:
+    """Import what a script may import, and use it once: what is loaded late would be denied its files."""
+    os.environ["PXR_WORK_THREAD_LIMIT"] = "1"
+    import unicodedata  # noqa: F401  (Python's parser asks for it when a name is not ASCII)
+
+    from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdSemantics, Vt  # noqa: F401
+
+    stage = Usd.Stage.CreateInMemory()
+    prim = UsdGeom.Xform.Define(stage, "/rehearsal").GetPrim()
+    UsdGeom.Xformable(prim).AddTranslateOp().Set(Gf.Vec3d(0.0))
+    UsdSemantics.LabelsAPI.Apply(prim, "class")
+    Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
+    stage.GetRootLayer().Export("rehearsal.usda")
+    Usd.Stage.Open("rehearsal.usda").Save()
+    os.unlink("rehearsal.usda")
+
+
+def _holds(lock: Callable[[], None]) -> bool:
+    """Try a lock; whether the system offers it."""
+    try:
+        lock()
+    except OSError:
+        return False
+    return True
+
+
+def _tell(report: int, message: dict[str, Any]) -> None:
+    """Write one line of JSON."""
+    os.write(report, json.dumps(message).encode() + b"\n")

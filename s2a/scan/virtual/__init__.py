@@ -1,5 +1,0 @@
-"""Virtual scans: rooms whose truth is known, scanned with rays and written in the files of real scans."""
-
-from s2a.scan.virtual.sample import SampleConfig, sample
-
-__all__ = ["SampleConfig", "sample"]

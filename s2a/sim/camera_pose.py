@@ -1,0 +1,92 @@
+"""From where the robot and what it opens can be seen: on the robot's side, with nothing of the room in between."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from s2a.sim.world import SimStage
+from s2a.usd.stage import open_stage, read_mesh
+
+AROUND = (1.0, -1.0, 0.7, -0.7, 1.3, -1.3, 0.4, -0.4)
+"""Shares of the asked azimuth that are tried, in this order at each distance."""
+NEARER = (1.0, 0.85, 0.7, 0.55)
+"""Shares of the asked distance."""
+HIGHER = (1.0, 0.5, 1.6)
+"""Shares of the asked elevation."""
+SHOULDER = 0.333
+"""[m] The robot's, above its base."""
+BEFORE = 0.05
+"""[m] So much before what is looked at, a surface no longer hides it: it may be its own."""
+
+
+def viewpoint(stage: SimStage, distance: float, azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return where a camera stands and the point in the middle of its picture [m], shape [3] each, scene frame.
+
+    The first place that sees all of grasp, hand before it and shoulder; else the one that sees most of them.
+
+    Args:
+        stage: what is looked at.
+        distance: from the middle between robot and handle [m].
+        azimuth: to the side of the line from handle to robot, turned about z [rad].
+        elevation: above the horizon [rad].
+    """
+    base, grasp = stage.base[:3], stage.grasp[:3]
+    middle = 0.5 * (base + grasp) + [0.0, 0.0, 0.2]
+    back = base - grasp
+    seen = np.stack([grasp, grasp + 0.15 * back / np.linalg.norm(back), base + [0.0, 0.0, SHOULDER]])
+    room = _surroundings(stage)
+    best, most = middle, -1
+    for place in _places(middle, float(np.arctan2(back[1], back[0])), distance, azimuth, elevation):
+        free = sum(not blocked(place, point, room) for point in seen)
+        if free > most:
+            best, most = place, free
+        if most == len(seen):
+            break
+    return best, middle
+
+
+def blocked(start: np.ndarray, end: np.ndarray, triangles: np.ndarray) -> bool:
+    """Whether a triangle, seen from either side, hides one point from another.
+
+    Args:
+        start: [m], shape [3].
+        end: [m], shape [3].
+        triangles: corners [m], shape [face 3 3].
+    """
+    way = end - start
+    way *= max(0.0, 1.0 - BEFORE / max(float(np.linalg.norm(way)), 1e-9))
+    first = triangles[:, 0]
+    a, b = triangles[:, 1] - first, triangles[:, 2] - first
+    across = np.cross(way, b)
+    size = np.einsum("fk,fk->f", a, across)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = np.einsum("fk,fk->f", start - first, across) / size
+        turned = np.cross(start - first, a)
+        v = turned @ way / size
+        t = np.einsum("fk,fk->f", b, turned) / size
+        return bool(((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < 1)).any())
+
+
+def _places(
+    middle: np.ndarray, heading: float, distance: float, azimuth: float, elevation: float
+) -> Iterator[np.ndarray]:
+    """Yield places around a point, the asked one first."""
+    for near, high, around in itertools.product(NEARER, HIGHER, AROUND):
+        turn, up = heading + around * azimuth, min(high * elevation, 1.4)
+        level = np.array([np.cos(turn), np.sin(turn), 0.0]) * np.cos(up)
+        yield middle + near * distance * (level + [0.0, 0.0, np.sin(up)])
+
+
+def _surroundings(stage: SimStage) -> np.ndarray:
+    """Return the triangles of all that is seen and stands still [m], shape [face 3 3]."""
+    file, found = open_stage(stage.path), [np.zeros((0, 3, 3))]
+    for prim in file.GetDefaultPrim().GetChildren():
+        visual: Usd.Prim = prim.GetChild("visual")
+        if prim.GetName() != stage.target and visual and visual.IsA(UsdGeom.Mesh):
+            mesh = read_mesh(visual)
+            found.append(mesh.vertices[mesh.faces].astype(float))
+    return np.concatenate(found)

@@ -1,0 +1,218 @@
+"""The command line: what it says, what it returns, and that a failure changes nothing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+import tiny_scan
+
+from s2a import cli
+from s2a.commands import export
+
+
+@pytest.fixture
+def scan(tmp_path: Path) -> Path:
+    return tiny_scan.write(tmp_path / "scan")
+
+
+@pytest.fixture(autouse=True)
+def _restore_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Undo what a sweep sets for Hydra."""
+    monkeypatch.setattr(sys, "argv", sys.argv)
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+
+
+def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: int = 2) -> str:
+    """Return the one line with which the command line refuses the arguments."""
+    assert cli.main(arguments) == code
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1 and captured.err.startswith("s2a: ")
+    return captured.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["exprt"], ["'exprt'", "did you mean: export"]),
+        (["zzz"], ["'zzz'", "known: sample, export, insert, prepare"]),
+        (["export", "--halp"], ["'--halp'", "--help"]),
+        (["export", "scam=x", "out=y"], ["'scam'", "did you mean: scan"]),
+        (["train", "policy.iteration=3"], ["'policy.iteration'", "policy.iterations"]),
+        (["train", "reward=handel"], ["'reward'", "'handel'", "handle"]),
+        (["train", "stage=x", "out=y", "+warp=9"], ["'warp'", "unknown"]),
+        (["train", "stage=x", "out=y", "worlds=many"], ["'worlds'", "'many'", "whole number"]),
+        (["train", "stage=x", "out=y", "sim.cone=round"], ["'sim.cone'", "'round'", "elliptic, pyramidal"]),
+        (["train", "stage=x", "out=y", "sim.dt=1,2"], ["'sim.dt=1,2'", "add -m"]),
+        (["export", "out=y"], ["'scan'", "no value", "scan=..."]),
+        (["export", "scan"], ["'scan'", "not key=value"]),
+        (["export", "scan=[", "out=y"], ["'scan=['", "quote"]),
+        (["export", "scan=3.5", "out=y"], ["'scan'", "3.5", "path"]),
+        (["export", "scan=nowhere", "out=y"], ["nowhere", "does not exist"]),
+        (["view", "path=nowhere.usd", "text=true"], ["nowhere.usd"]),
+        (["view", "path=x", "picture=y.png", "look.width=0"], ["'look.width'", "0", "1 or more"]),
+        (["view", "path=.", "part=drawer_7"], ["'part'", "picture=FILE.png"]),
+        (["view", "path=nowhere"], ["nowhere", "a scan's folder, or a .usd"]),
+        (["view", "path=.", "picture=x.xyz"], ["'picture'", "'x.xyz'", "picture=FILE.png"]),
+        (["insert", "stage=x.usd", "out=y", "plans=0"], ["'plans'", "0", "1 or more"]),
+        (["insert", "stage=x.usd", "out=y", "picture=x.jpg"], ["'picture'", "'x.jpg'", "picture=FILE.png"]),
+        (["insert", "stage=x.usd", "out=y", "object=a.obj", "label="], ["object=FILE and label=WORDS"]),
+        (["prepare", "stage=nowhere.usd", "target=drawer_7", "out=y.usd"], ["nowhere.usd"]),
+        (["evaluate", "stage=nowhere.usd", "out=y.json"], ["nowhere.usd"]),
+        (["train", "stage=nowhere.usd", "out=y"], ["nowhere.usd"]),
+        (["train", "stage=x", "out=y", "device=cuda:99"], ["'device'", "'cuda:99'", "auto, cpu"]),
+        (["train", "stage=x", "out=y", "worlds=0"], ["'worlds'", "0", "1 or more"]),
+        (["train", "stage=x", "out=y", "policy.iterations=0"], ["'policy.iterations'", "0", "1 or more"]),
+        (
+            ["train", "stage=x", "out=y", "worlds=1", "policy.mini_batches=41"],
+            ["'policy.mini_batches'", "41", "40 or less"],
+        ),
+        (["train", "stage=x", f"out={__file__}"], [__file__, "is a file where a folder"]),
+        (["prepare", "stage=x", "target=[]", "out=y.usd"], ["'target'", "names no part"]),
+    ],
+)
+def test_bad_input_is_one_line_that_names_it_and_the_remedy(
+    arguments: list[str],
+    words: list[str],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.chdir(tmp_path)
+    message = refused(capsys, arguments)
+    assert [word for word in words if word not in message] == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_verb_every_verb_is_explained(capsys: pytest.CaptureFixture[str]):
+    assert cli.main([]) == 0
+    text = capsys.readouterr().out
+    assert [verb for verb in cli.VERBS if f"  {verb} " not in text] == []
+
+
+def test_help_of_a_verb_tells_each_key_its_value_and_meaning(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["export", "--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.split() == ["scan=(required)", "folder", "of", "the", "scan."] for line in lines)
+
+
+def test_export_writes_both_flavours_and_says_so(scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    out = tmp_path / "usd"
+    assert cli.main(["export", f"scan={scan}", f"out={out}"]) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["descriptive.usda", "geometric.usd"]
+    captured = capsys.readouterr()
+    assert "6 parts" in captured.out and "door_3" in captured.out
+    assert captured.err.startswith("export: ")
+
+
+def test_a_warning_is_one_line(scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    files = tiny_scan.contents()
+    files[tiny_scan.ARTIC]["data"]["articulations"] *= 2
+    tiny_scan.write(scan, files)
+    assert cli.main(["export", f"scan={scan}", f"out={tmp_path / 'usd'}"]) == 0
+    warnings = [line for line in capsys.readouterr().err.splitlines() if line.startswith("s2a: ")]
+    assert len(warnings) == 1 and "warning: " in warnings[0] and "several articulations of part 3" in warnings[0]
+
+
+def test_a_bug_is_one_line_and_the_earlier_output_stays(
+    scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    out = tmp_path / "usd"
+    arguments = ["export", f"scan={scan}", f"out={out}"]
+    cli.main(arguments)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    capsys.readouterr()
+
+    def fail(scene: object, path: Path) -> None:
+        path.write_text("half")
+        raise RuntimeError("a wheel\ncame off")
+
+    monkeypatch.setattr(export.geometric, "write", fail)
+    assert "RuntimeError: a wheel came off; this is a bug" in refused(capsys, arguments, code=1)
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_a_bug_names_the_tunables_that_may_be_its_cause(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(cli, "run", lambda verb, values: 1 / 0)
+    arguments = ["certify", "stage=a.usd", "out=b", "certify.physics.dt=9"]
+    said = refused(capsys, arguments, code=1)
+    assert "this is a bug, unless certify.physics.dt=9 makes no sense: report" in said
+
+
+def test_debug_shows_the_traceback(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["--debug", "export", "scan=nowhere", "out=x"]) == 2
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_an_interrupt_is_one_line_and_leaves_nothing(
+    scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    def interrupt(scene: object, path: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(export.descriptive, "write", interrupt)
+    refused(capsys, ["export", f"scan={scan}", f"out={tmp_path / 'usd'}"], code=130)
+    assert [path.name for path in tmp_path.iterdir()] == ["scan"]
+
+
+def test_a_sweep_runs_every_value_each_into_its_own_folder(scan: Path, tmp_path: Path):
+    other = tiny_scan.write(tmp_path / "other")
+    sweep = tmp_path / "sweep"
+    assert cli.main(["export", "-m", f"scan={scan},{other}", "out=usd", f"hydra.sweep.dir={sweep}"]) == 0
+    assert sorted(p.name for p in sweep.glob("[01]/usd/*.usd*")) == ["descriptive.usda"] * 2 + ["geometric.usd"] * 2
+
+
+@pytest.mark.slow
+def test_a_sweep_runs_side_by_side_in_processes_of_its_own(scan: Path, tmp_path: Path):
+    sweep = tmp_path / "sweep"
+    arguments = [f"scan={scan},{tiny_scan.write(tmp_path / 'other')}", "out=usd", f"hydra.sweep.dir={sweep}"]
+    assert cli.main(["export", "-m", "hydra/launcher=joblib", *arguments]) == 0
+    assert len(list(sweep.glob("[01]/usd/geometric.usd"))) == 2
+
+
+def test_what_every_job_of_a_sweep_would_overwrite_is_refused(
+    scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    arguments = [f"scan={scan},{scan}", f"out={tmp_path / 'usd'}", f"hydra.sweep.dir={tmp_path / 'sweep'}"]
+    assert cli.main(["export", "-m", *arguments]) == 2
+    assert "in a sweep, whose runs would overwrite it" in capsys.readouterr().err
+    assert not (tmp_path / "usd").exists()
+
+
+def test_an_output_in_an_inputs_place_is_refused(scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["export", f"scan={scan}", f"out={tmp_path}"]) == 0
+    stage = tmp_path / "geometric.usd"
+    before = stage.read_bytes()
+    for verb in (["prepare", "target=drawer_3"], ["evaluate", "agent=zero"]):
+        assert cli.main([*verb, f"stage={stage}", f"out={tmp_path}/./geometric.usd"]) == 2
+        assert "would replace what the key 'stage' names" in capsys.readouterr().err
+    assert stage.read_bytes() == before
+
+
+def test_a_typo_in_a_sweep_is_told_like_any_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["export", "-m", "scan=a,b", "uot=usd", f"hydra.sweep.dir={tmp_path}"]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == "s2a: key 'uot' is unknown; did you mean: out"
+
+
+def test_a_failing_job_of_a_sweep_does_not_stop_the_others(
+    scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    arguments = [f"scan={tmp_path / 'nowhere'},{scan}", "out=usd", f"hydra.sweep.dir={tmp_path / 'sweep'}"]
+    assert cli.main(["export", "-m", *arguments]) == 2
+    assert "does not exist" in capsys.readouterr().err.splitlines()[-1]
+    assert (tmp_path / "sweep" / "1" / "usd" / "geometric.usd").exists()
+
+
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [("s2a.cli", ["torch", "warp", "newton", "pxr", "numpy"]), ("s2a.commands.export", ["torch", "warp", "newton"])],
+)
+def test_a_quick_command_imports_nothing_slow(module: str, heavy: list[str]):
+    code = f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "[]"

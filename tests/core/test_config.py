@@ -1,0 +1,176 @@
+"""The YAML tree and its strict loader."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+
+from s2a import config, usage
+from s2a.cli import VERBS
+from s2a.errors import InputError
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A lamp.
+
+    Attributes:
+        power: of the bulb [W],
+            when it is on.
+        place: where it hangs [m].
+    """
+
+    power: float
+    place: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room.
+
+    Attributes:
+        kind: what it is for.
+        seed: of its dice.
+        out: where to write it.
+        plan: its drawing, or null.
+        lamp: the one in it.
+        weights: of the walls.
+        doors: their ids.
+    """
+
+    kind: Literal["office", "kitchen"]
+    seed: int
+    out: Path
+    plan: Path | None
+    lamp: Lamp
+    weights: dict[str, float]
+    doors: tuple[str, ...]
+
+
+def room(**changes: Any) -> dict[str, Any]:
+    """Return the values of a room as YAML gives them; `lamp__power=1` changes a nested one."""
+    values = dict(kind="office", seed=3, out="a/b", plan=None, weights={"left": 1}, doors=[])
+    values |= {"lamp": {"power": 60, "place": [1, 2.5, 3]}}
+    for key, value in changes.items():
+        outer, _, inner = key.rpartition("__")
+        (values[outer] if outer else values)[inner] = value
+    return values
+
+
+def test_values_take_the_types_that_the_dataclass_says():
+    loaded = config.load(Room, room(seed=4, out="~/x"))
+    assert loaded == Room("office", 4, Path.home() / "x", None, Lamp(60.0, (1.0, 2.5, 3.0)), {"left": 1.0}, ())
+    assert isinstance(loaded.lamp.power, float) and isinstance(loaded.lamp.place[0], float)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"kind": "ofice"}, ["'kind'", "'ofice'", "one of: office, kitchen"]),
+        ({"seed": 1.5}, ["'seed'", "1.5", "whole number"]),
+        ({"seed": True}, ["'seed'", "True", "whole number"]),
+        ({"out": 1.5}, ["'out'", "1.5", "path"]),
+        ({"plan": [1]}, ["'plan'", "[1]", "a path, or null"]),
+        ({"lamp__power": "bright"}, ["'lamp.power'", "'bright'", "number"]),
+        ({"lamp__power": False}, ["'lamp.power'", "False", "number"]),
+        ({"lamp__place": [1, 2]}, ["'lamp.place'", "[1, 2]; ", "a list of 3 numbers"]),
+        ({"lamp__place": [1, 2, 3, 4]}, ["'lamp.place'", "a list of 3 numbers"]),
+        ({"lamp__place": [1, 2, "x"]}, ["'lamp.place'", "'x'"]),
+        ({"doors": "door_2"}, ["'doors'", "'door_2'", "a list [a text, ...]"]),
+        ({"weights": {"left": "heavy"}}, ["'weights'", "'heavy'"]),
+        ({"lamp": 7}, ["'lamp'", "7"]),
+        ({"sede": 1}, ["'sede'", "unknown", "seed"]),
+        ({"lamp__powr": 1}, ["'powr'", "unknown", "lamp.power"]),
+        ({"out": "???"}, ["'out'", "no value", "out=..."]),
+        ({"lamp__power": "???"}, ["'lamp.power'", "no value", "lamp.power=..."]),
+    ],
+)
+def test_a_wrong_value_is_named_with_its_key_and_what_is_possible(changes: dict[str, Any], words: list[str]):
+    with pytest.raises(InputError) as error:
+        config.load(Room, room(**changes))
+    assert "\n" not in str(error.value)
+    assert [word for word in words if word not in str(error.value)] == []
+
+
+def test_a_missing_key_is_named():
+    values = room()
+    del values["lamp"]["place"]
+    with pytest.raises(InputError, match="'lamp.place' is missing"):
+        config.load(Room, values)
+
+
+def test_the_meaning_of_every_key_comes_from_the_docstrings_nested_ones_too():
+    meanings = usage.attributes(Room)
+    assert meanings["seed"] == "of its dice."
+    assert meanings["lamp.power"] == "of the bulb [W], when it is on."
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_composes_loads_and_documents_each_of_its_keys(verb: str):
+    cls = importlib.import_module(f"s2a.commands.{verb}").Config
+    values = config.compose(verb)
+    required = [f"{key}=given" for key, value in config.leaves(values) if value == config.REQUIRED]
+    config.load(cls, config.compose(verb, required))
+    meanings = usage.attributes(cls)
+    assert [key for key in config.keys(values) if not usage.meaning_of(key, meanings)] == []
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_the_examples_in_the_help_of_every_verb_are_understood(verb: str):
+    calls = [line.partition(f"s2a {verb} ")[2] for line in usage.examples(verb) if f"s2a {verb} " in line]
+    cls = importlib.import_module(f"s2a.commands.{verb}").Config
+    assert [config.load(cls, config.compose(verb, shlex.split(call))) for call in calls]
+
+
+def test_the_help_shows_values_as_they_are_typed_and_every_choice():
+    assert [usage.typed(value) for value in (None, True, [1, None, "a"], 0.5)] == ["null", "true", "[1,null,a]", "0.5"]
+    meanings = usage.attributes(Room)
+    assert meanings["kind"] == "what it is for; one of: office, kitchen."
+    assert usage.meaning_of("weights.left", meanings) == "of the walls."
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_option_of_every_group_composes(verb: str):
+    cls = importlib.import_module(f"s2a.commands.{verb}").Config
+    required = [f"{k}=given" for k, value in config.leaves(config.compose(verb)) if value == config.REQUIRED]
+    for line in usage.options(verb)[1:]:
+        group, names = re.fullmatch(r"  ([\w/]+)=...  one of: (.*)", line).groups()  # type: ignore[union-attr]
+        for name in names.split(", "):
+            config.load(cls, config.compose(verb, [*required, f"{group}={name}"]))
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_no_key_shares_its_name_with_a_folder_because_hydra_would_look_for_the_value_there(verb: str):
+    groups = [line.split("=")[0].strip() for line in usage.options(verb)[1:]]
+    folders = {path.name for path in config.folder().iterdir() if path.is_dir()} - set(groups)
+    assert folders.isdisjoint(config.compose(verb))
+
+
+def test_overrides_reach_nested_values_and_options_of_groups():
+    values = config.compose("train", ["reward=handle", "policy.iterations=7"])
+    assert values["policy"]["iterations"] == 7
+    assert values["reward"]["distance"] == 50.5
+
+
+@pytest.mark.parametrize("verb", ["train", "evaluate"])
+def test_the_help_tells_what_each_reward_term_is(verb: str):
+    meanings = usage.attributes(importlib.import_module(f"s2a.commands.{verb}").Config)
+    terms = [usage.meaning_of(f"reward.{name}", meanings) for name in config.compose(verb)["reward"]]
+    assert len(set(terms)) == len(terms) == 9
+
+
+def test_numbers_that_the_tree_says_twice_are_equal():
+    prepare, certify, plan = (config.compose(name) for name in ("prepare", "certify", "policy/planner"))
+    base, planner = prepare["prepare"]["base"], plan["policy"]
+    sims = [config.compose(f"sim/{name}")["sim"] for name in ("paper", "planner")]
+    assert [sim["robot"]["start"][:7] for sim in sims] == 2 * [base["start"]]
+    assert [sim["dt"] for sim in sims] == 2 * [certify["certify"]["physics"]["dt"]]
+    assert (base["approach"], base["opening"]) == (planner["approach"], planner["opening"])
+    assert certify["certify"]["grip"]["approach"] == planner["approach"]
+    assert prepare["prepare"]["decimate"]["shell_labels"] == prepare["prepare"]["room"]["shell_labels"]

@@ -1,0 +1,138 @@
+"""Bounds that the types of settings carry."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import pytest
+
+from s2a import config, ranges
+from s2a.errors import InputError
+from s2a.ranges import Above, AtLeast, Count, NotEmpty, Numbers, Positive, Share
+
+IMPOSSIBLE = {
+    "sample": [
+        ("seed", "-1", "0 or more"),
+        ("scanner.demo.poses", "3", "a number from 4 to 6"),
+        ("scanner.full.spacing", "-1.0", "a number above 0"),
+        ("scanner.demo.fusion.voxel", "0.0", "a number above 0"),
+        ("scanner.demo.thin.keep", "1.5", "a number above 0, up to 1"),
+        ("annotation.border", "-0.1", "0 or more"),
+    ],
+    "prepare": [
+        *(
+            (f"prepare.base.{name}", "[]", "a list of one or more")
+            for name in ("distances", "sides", "turns", "pedestals")
+        ),
+        ("prepare.base.restarts", "0", "1 or more"),
+        ("prepare.base.tracks", "0", "1 or more"),
+        ("prepare.base.radius", "0.0", "a number above 0"),
+        ("prepare.base.around", "-1.0", "a number above 0"),
+        ("prepare.decimate.shell", "0.0", "a number above 0, up to 1"),
+        ("prepare.decimate.other", "1.5", "a number above 0, up to 1"),
+        ("prepare.decimate.max_error", "0.0", "a number above 0"),
+        ("prepare.room.pieces", "-1", "0 or more"),
+        ("prepare.colliders.max_vertices", "3", "4 or more"),
+        ("prepare.mass.priors.drawer", "-3.0", "a number above 0"),
+        ("prepare.loose.crumb", "2.0", "a number from 0 to 1"),
+    ],
+    "certify": [
+        ("certify.physics.dt", "0.0", "a number above 0"),
+        ("certify.grip.depths", "[]", "a list of one or more"),
+        ("certify.motion.poses", "0", "1 or more"),
+        ("certify.gap.free", "90.0", "a number from 0 to 1"),
+    ],
+    "train": [
+        ("worlds", "0", "1 or more"),
+        ("starts_ahead", "1.1", "a number from 0 to 1"),
+        ("sim.dt", "-1.0", "a number above 0"),
+        ("sim.substeps", "0", "1 or more"),
+        ("task.episode_steps", "1", "2 or more"),
+        ("policy.iterations", "0", "1 or more"),
+        ("policy.hidden", "[]", "a list of one or more"),
+        ("policy.gamma", "99.0", "a number from 0 to 1"),
+        ("plan.close_time", "0.0", "a number above 0"),
+    ],
+    "evaluate": [
+        ("seed", "-1", "0 or more"),
+        ("policy.restarts", "0", "1 or more"),
+        ("camera.distance", "0.0", "a number above 0"),
+    ],
+    "view": [("look.fov", "9.0", "a number above 0, up to 3"), ("look.width", "0", "1 or more")],
+    "insert": [
+        ("plans", "0", "1 or more"),
+        ("retries", "-1", "0 or more"),
+        ("llm.timeout", "0.0", "a number above 0"),
+        ("confinement.seconds", "0.0", "a number above 0"),
+        ("placement.settle.step", "0.0", "a number above 0"),
+        ("placement.pose.search.turns", "[]", "a list of one or more"),
+        ("placement.regions.cell", "0.0", "a number above 0"),
+        ("pieces.full", "85.0", "a number from 0 to 1"),
+    ],
+    "zoo": [("seed", "-1", "0 or more")],
+}
+
+
+@pytest.mark.parametrize(
+    ("verb", "key", "value", "possible"), [(verb, *case) for verb, cases in IMPOSSIBLE.items() for case in cases]
+)
+def test_an_impossible_value_is_named_with_its_key_and_what_is_possible(verb: str, key: str, value: str, possible: str):
+    required = [f"{k}=given" for k, given in config.leaves(config.compose(verb)) if given == config.REQUIRED]
+    with pytest.raises(InputError) as error:
+        config.load(
+            importlib.import_module(f"s2a.commands.{verb}").Config, config.compose(verb, [*required, f"{key}={value}"])
+        )
+    assert str(error.value).startswith(f"key {key!r} is {value}; give {possible}")
+
+
+@pytest.mark.parametrize(
+    ("verb", "key", "count"), [("evaluate", "sim.robot.start", 9), ("prepare", "prepare.base.start", 7)]
+)
+@pytest.mark.parametrize("start", ["[0,0]", "[0,0,0,0,0,0,0,0,0,0]"])
+def test_the_robot_starts_with_each_of_its_joints(verb: str, key: str, count: int, start: str):
+    required = [f"{k}=given" for k, given in config.leaves(config.compose(verb)) if given == config.REQUIRED]
+    values = config.compose(verb, [*required, f"{key}={start}"])
+    with pytest.raises(InputError, match=f"'{key}' is .*; expected a list of {count} numbers"):
+        config.load(importlib.import_module(f"s2a.commands.{verb}").Config, values)
+
+
+@dataclass(frozen=True)
+class Shelf:
+    """Bounds at every depth."""
+
+    boards: Count
+    heights: Numbers
+    labels: Annotated[tuple[Share, ...], NotEmpty()]
+    corner: tuple[Positive, Positive]
+    loads: dict[str, Positive]
+    free: float
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"boards": 0}, "'boards' is 0; give 1 or more"),
+        ({"heights": []}, "'heights' is [];"),
+        ({"labels": [0.5, 1.5]}, "'labels.1' is 1.5; give a number from 0 to 1"),
+        ({"corner": [1, 0]}, "'corner.1' is 0.0; give a number above 0"),
+        ({"loads": {"left": math.nan}}, "'loads.left' is nan; give a number above 0"),
+    ],
+)
+def test_what_lists_and_dictionaries_hold_has_bounds_too(changes: dict[str, object], named: str):
+    shelf = {"boards": 1, "heights": [0], "labels": [0, 1], "corner": [1, 1], "loads": {"left": math.inf}, "free": -1}
+    loaded = config.load(Shelf, shelf)
+    assert loaded == Shelf(1, (0.0,), (0.0, 1.0), (1.0, 1.0), {"left": math.inf}, -1.0)
+    with pytest.raises(InputError) as error:
+        config.load(Shelf, shelf | changes)
+    assert str(error.value).startswith(f"key {named}")
+
+
+def test_an_end_belongs_to_the_range_or_not():
+    assert [Above(0.0, 1.0).holds(value) for value in (0.0, 0.1, 1.0, 1.1)] == [False, True, True, False]
+    assert [AtLeast(0.0, 1.0).holds(value) for value in (-0.1, 0.0, 1.0, 1.1)] == [False, True, True, False]
+    ranges.check(Annotated[int, AtLeast(4)], 4, "corners")
+    with pytest.raises(InputError, match="key 'corners' is 3; give 4 or more"):
+        ranges.check(Annotated[int, AtLeast(4)], 3, "corners")

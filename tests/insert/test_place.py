@@ -1,0 +1,162 @@
+"""Where objects land: free, carried, turned the right way, and no drawer blocked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rough_furniture import at, block, sheet, sink, table
+
+from s2a.config import compose, load
+from s2a.errors import InputError
+from s2a.geometry.convex import box
+from s2a.geometry.mesh_ops import merge
+from s2a.geometry.penetration import crossing, depth, inside
+from s2a.geometry.ransac import RansacConfig
+from s2a.geometry.regions import Kind, RegionConfig
+from s2a.insert.place.baseline import place_paper
+from s2a.insert.place.fit import NoRoom, Pose
+from s2a.insert.place.pose import PoseConfig, Relation, place
+from s2a.insert.place.supports import nearby, target_plane, target_regions
+from s2a.insert.place.swept_volumes import openings, reaching
+from s2a.scene import Joint, Mesh, Part, Scene
+
+VALUES = compose("insert/placement")["insert"]
+REGIONS: RegionConfig = load(RegionConfig, VALUES["regions"])
+POSE: PoseConfig = load(PoseConfig, VALUES["pose"])
+
+
+def put(
+    scene: Scene, thing: Mesh, target: str, relation: Relation = "on", kind: Kind = "horizontal", near=None
+) -> Pose:
+    region = target_regions(scene, target, REGIONS, (kind,))[0]
+    return place(scene, thing, region, relation, POSE, target, openings(scene), near)
+
+
+def check(scene: Scene, thing: Mesh, pose: Pose) -> None:
+    """Assert that a thing at a pose cuts nothing, is in nothing, and is carried."""
+    moved = pose.moved(thing)
+    around = nearby(scene, *(moved.bounds + [[-0.05], [0.05]]))
+    assert crossing(moved, around) is None
+    assert depth(moved, around) < 0.001
+    assert not any(inside(part.mesh, moved.vertices).any() for part in scene.parts.values() if len(part.mesh.faces))
+
+
+def test_a_cup_stands_free_on_the_table() -> None:
+    cup = block(0.08, 0.08, 0.1)
+    pose = put(table(), cup, "table_2")
+    check(table(), cup, pose)
+    assert pose.position[2] == pytest.approx(0.742, abs=0.004)
+    # The table leaves 0.8 m beside the crate: 0.3 m to all sides, 0.26 m without the cup.
+    assert pose.clearance > 0.11
+
+
+def test_what_is_too_large_for_the_free_part_finds_no_room() -> None:
+    with pytest.raises(NoRoom, match=r"0\.90 x 0\.50 x 0\.10 m finds no place on a horizontal region"):
+        put(table(), block(0.9, 0.5, 0.1), "table_2")
+
+
+def test_a_wished_neighbour_draws_an_object_near() -> None:
+    cup = block(0.08, 0.08, 0.1)
+    away, near = put(table(), cup, "table_2"), put(table(), cup, "table_2", near="crate_3")
+    check(table(), cup, near)
+    assert near.position[0] < away.position[0]
+    # The crate ends at x = 0.4; room beyond what is enough would not make the place better.
+    assert near.moved(cup).bounds[0, 0] - 0.4 < POSE.search.enough + 2 * REGIONS.cell
+
+
+def test_the_same_question_has_the_same_answer() -> None:
+    cup = block(0.08, 0.08, 0.1)
+    assert put(table(), cup, "table_2") == put(table(), cup, "table_2")
+
+
+def test_a_closed_box_is_no_place_although_none_of_its_triangles_is_cut() -> None:
+    big = at(block(0.4, 0.4, 0.4), 0.7, 0.3, 0.74)
+    cup = at(block(0.05, 0.05, 0.05), 0.7, 0.3, 0.9)
+    assert crossing(cup, big) is None
+    assert inside(big, cup.vertices).all()
+
+
+def test_a_soap_goes_into_the_basin_and_not_onto_the_rim() -> None:
+    scene = Scene("bathroom", {"sink_1": Part("sink", sink())})
+    basin = min(target_regions(scene, "sink_1", REGIONS, ("horizontal",)), key=lambda region: region.height)
+    soap = block(0.09, 0.06, 0.03)
+    pose = place(scene, soap, basin, "in", POSE, "sink_1", [])
+    check(scene, soap, pose)
+    assert pose.position[2] == pytest.approx(0.703, abs=0.004)
+    assert np.abs(pose.moved(soap).vertices[:, :2]).max() < 0.2
+
+
+def cabinet() -> Scene:
+    """A cabinet front at y = 0 whose drawer slides out 0.4 m over the floor, x from 0 to 0.6; the floor ends at x = 0.9."""
+    front = box(np.array([0.3, 0.01, 0.2]), np.eye(3), np.array([0.6, 0.02, 0.3]))
+    drawer = Part("drawer", front, "cabinet_2", Joint("prismatic", (0.0, -1.0, 0.0), (0.3, 0.0, 0.2), (0.0, 0.4)))
+    body = at(block(0.6, 0.5, 0.4), 0.3, 0.28, 0.0)
+    floor = Part("floor", sheet((0.0, 0.9), (-0.5, 0.0), 0.0))
+    return Scene("room", {"floor_1": floor, "cabinet_2": Part("cabinet", body), "drawer_3": drawer})
+
+
+def test_nothing_is_put_where_a_drawer_slides() -> None:
+    scene, bin_ = cabinet(), block(0.2, 0.2, 0.3)
+    pose = put(scene, bin_, "floor_1")
+    check(scene, bin_, pose)
+    still = Scene("room", {i: replace(part, motion="fixed") for i, part in scene.parts.items()})
+    blind = put(still, bin_, "floor_1")
+    low, high = np.array([-1.0, -1.0, 0.0]), np.array([2.0, 1.0, 1.0])
+    ways = [way.piece for way in reaching(openings(scene), low, high, scene)]
+    assert not any(inside(way, pose.moved(bin_).vertices).any() for way in ways)
+    assert pose.moved(bin_).bounds[0, 0] > 0.59
+    # Without the drawer the freest place is in the middle, in its way.
+    assert blind.moved(bin_).bounds[0, 0] < 0.59
+
+
+def test_what_a_drawer_carries_is_not_in_its_way() -> None:
+    scene = cabinet()
+    low, high = np.array([-1.0, -1.0, 0.0]), np.array([2.0, 1.0, 1.0])
+    assert {way.part for way in reaching(openings(scene), low, high, scene)} == {"drawer_3"}
+    assert reaching(openings(scene), low, high, scene, carrier="drawer_3") == []
+
+
+def corner() -> Scene:
+    """A floor with a wall at y = 0 that looks along +y."""
+    flat = sheet((-1, 1), (0, 2.0), 0.0, 0.02)
+    wall = Mesh(flat.vertices[:, [0, 2, 1]] * [1, 1, 1], flat.faces[:, ::-1])
+    return Scene("room", {"floor_1": Part("floor", sheet((-1, 1), (0, 2), 0.0)), "wall_2": Part("wall", wall)})
+
+
+def test_a_cupboard_against_a_wall_turns_its_back_to_it() -> None:
+    cupboard = block(0.3, 0.6, 1.0)
+    pose = put(corner(), cupboard, "floor_1", "against")
+    check(corner(), cupboard, pose)
+    assert np.degrees(pose.yaw) == pytest.approx(90.0, abs=2.0)
+    assert pose.moved(cupboard).bounds[0, 1] == pytest.approx(0.008, abs=0.008)
+
+
+def test_a_picture_hangs_upright_and_looks_into_the_room() -> None:
+    picture = block(0.02, 0.5, 0.4)
+    pose = put(corner(), picture, "wall_2", "hanging", "vertical")
+    check(corner(), picture, pose)
+    assert np.degrees(pose.yaw) == pytest.approx(90.0, abs=1.0)
+    assert pose.moved(picture).bounds[0, 1] < 0.008
+    with pytest.raises(InputError, match="only hanging goes with vertical"):
+        put(corner(), picture, "wall_2", "on", "vertical")
+
+
+def test_a_book_goes_into_the_shelf_compartment_that_is_high_enough() -> None:
+    boards = [box(np.array([0, 0, z - 0.01]), np.eye(3), np.array([0.8, 0.3, 0.02])) for z in (0.1, 0.5, 0.7)]
+    scene = Scene("room", {"shelf_1": Part("shelf", merge(boards))})
+    low, high = sorted(target_regions(scene, "shelf_1", REGIONS, ("inside",)), key=lambda region: region.height)
+    book = block(0.15, 0.03, 0.25)
+    check(scene, book, place(scene, book, low, "in", POSE, "shelf_1", []))
+    with pytest.raises(NoRoom):
+        place(scene, book, high, "in", POSE, "shelf_1", [])
+
+
+def test_the_papers_rule_shifts_until_nothing_is_cut() -> None:
+    cup = block(0.08, 0.08, 0.1)
+    plane, inliers = target_plane(table(), "table_2", False, load(RansacConfig, VALUES["ransac"]))
+    pose = place_paper(table(), cup, plane, inliers, POSE.paper)
+    around = table().parts["table_2"].mesh
+    assert crossing(pose.moved(cup), around) is None
+    assert pose.quaternion == (0.0, 0.0, 0.0, 1.0)

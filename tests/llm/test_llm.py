@@ -1,0 +1,286 @@
+"""What a model says over the network, and what of it is believed."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fake_llm import Endpoint, Said, endpoint, failure, message
+
+from s2a.config import compose, load
+from s2a.errors import InputError
+from s2a.insert import prompts
+from s2a.insert.plan import Plan, checked, plan
+from s2a.insert.scale import size
+from s2a.llm.ask import Model, Request, ask, parse
+from s2a.llm.client import LlmConfig, choose, kind_of
+from s2a.llm.usage_log import Ledger
+from s2a.scene import Mesh, Part, Scene
+
+ROOM = Scene("room", {i: Part(i[:-2], Mesh([], [])) for i in ("desk_1", "shelf_2", "keyboard_3")})
+FACTS = {"label": "mug", "sides": [11.0, 8.0, 9.5], "format": "obj", "up": None, "wish": "", "room": [{"id": "desk_1"}]}
+FACTS |= {
+    "feet": {"+z": 0.5, "+x": 0.0},
+    "hollow": {"+z": 0.7, "-z": 0.0},
+    "slices": {"x": [0.5], "y": [0.5], "z": [0.9]},
+}
+SIDES = {"label": "mug", "sides": [11.0, 8.0, 9.5], "height": 9.5, "longest": 11.0, "stated": None}
+SIDES |= {
+    "support": {"part": "desk", "room": 0.5, "widest": 1.2},
+    "neighbours": [{"label": "mug", "size": [0.11, 0.08, 0.1]}],
+}
+PLAN: dict[str, Any] = {"up": "+z", "front": "-y", "near": None, "choices": []}
+PLAN["choices"] = [{"target": "desk_1", "surface": "horizontal", "relation": "on", "height": None, "reason": "there"}]
+SIZE = {"noun": "mug", "height": [0.08, 0.12], "longest": [0.09, 0.14], "unit": "cm", "reason": "a mug"}
+
+
+@cache
+def composed(*options: str) -> dict[str, Any]:
+    """Return the settings of a model; composing them takes half a second."""
+    return compose("insert", options)["llm"]
+
+
+def llm(kind: str, **changes: Any) -> LlmConfig:
+    return load(LlmConfig, {**composed(f"llm={kind}"), **changes})
+
+
+def words(value: object) -> Said:
+    return message(value if isinstance(value, str) else json.dumps(value))
+
+
+@contextmanager
+def chat(monkeypatch: pytest.MonkeyPatch, *replies: Any, **changes: Any) -> Iterator[tuple[Model, Endpoint]]:
+    """Yield a model that asks an endpoint, and the endpoint."""
+    with endpoint(*replies) as there:
+        monkeypatch.setenv("OPENAI_API_KEY", "secret-key")
+        monkeypatch.setenv("OPENAI_BASE_URL", there.url)
+        yield choose(llm("chat", **{"attempts": 1, "timeout": 2.0, **changes}), None), there
+
+
+def asked(model: Model) -> Plan:
+    return plan(model, ROOM, FACTS, "{}", 2, Ledger((2.5, 10.0)))
+
+
+def test_an_answer_is_believed_and_its_tokens_are_counted(monkeypatch):
+    ledger = Ledger((2.5, 10.0))
+    with chat(monkeypatch, words(PLAN)) as (model, there):
+        found = plan(model, ROOM, FACTS, "the lines", 2, ledger)
+    assert found.choices[0].target == "desk_1"
+    total = ledger.total()
+    assert (total["calls"], total["prompt_tokens"], total["completion_tokens"]) == (1, 100, 20)
+    assert total["dollars"] == pytest.approx((100 * 2.5 + 20 * 10) / 1e6)
+    (request,) = there.asked
+    assert request["temperature"] == 0.0
+    assert request["messages"][0] == {"role": "system", "content": prompts.PLAN}
+    question = request["messages"][1]["content"]
+    assert "the lines" in question
+    assert '"feet":{"+z":0.5},"hollow":{"+z":0.7}' in question
+    assert request["response_format"]["json_schema"]["schema"]["required"] == ["up", "front", "near", "choices"]
+
+
+def test_an_endpoint_without_structured_output_is_asked_in_plain_words_from_then_on(monkeypatch):
+    refused = failure(400, "response_format is not supported")
+    with chat(monkeypatch, refused, words(f"Sure! ```json\n{json.dumps(PLAN)}\n```")) as (model, there):
+        assert asked(model).up == "+z"
+        assert asked(model).up == "+z"
+    assert ["response_format" in request for request in there.asked] == [True, False, False]
+
+
+def test_an_overloaded_endpoint_is_asked_again(monkeypatch):
+    with chat(monkeypatch, failure(503, "overloaded"), words(PLAN)) as (model, there):
+        assert asked(model).up == "+z"
+    assert len(there.asked) == 2
+
+
+@pytest.mark.parametrize(
+    ("reply", "said"),
+    [
+        (failure(401, "wrong key"), "wrong key.*OPENAI_API_KEY"),
+        (failure(404, "no such model"), "no such model.*llm.model"),
+        (failure(500, "broken"), "broken"),
+        (Said(b"<html>hello</html>"), "no chat completion.*OPENAI_BASE_URL"),
+        (Said(b'{"choices": []}'), "no chat completion"),
+        (Said(b"[" * 100_000), "no chat completion"),
+        (words("x" * 10_000_000), "more than 2000000 bytes"),
+        (Said(b"", wait=3.0), "timed out|[Tt]imeout"),
+        (Said(b'{"choices": [', promised=100), "fake|failed"),
+    ],
+)
+def test_what_an_endpoint_can_do_wrong_ends_in_one_line(monkeypatch, reply, said):
+    with (
+        chat(monkeypatch, reply, timeout=0.3, attempts=0) as (model, _),
+        pytest.raises(InputError, match=said) as error,
+    ):
+        asked(model)
+    assert "secret-key" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("reply", "said"),
+    [
+        (words("I would put it on the desk."), "not one JSON object"),
+        (words("{" * 5000), "not one JSON object"),
+        (words('{"up":' * 50000 + "}" * 50000), "not one JSON object"),
+        (message(None, refusal="I cannot help with that."), "not one JSON object"),
+        (words({**PLAN, "up": "z"}), "possible: .*\\+z"),
+        (words({**PLAN, "front": "+z"}), "lies along up"),
+        (words({**PLAN, "choices": []}), "0 choices"),
+        (words({**PLAN, "choices": PLAN["choices"] * 4}), "4 choices"),
+        (words({**PLAN, "choices": [{**PLAN["choices"][0], "target": "desk_7"}]}), "no 'desk_7'.*desk_1.*All ids"),
+        (words({**PLAN, "near": "lamp"}), "no 'lamp' in the room"),
+        (words({**PLAN, "choices": [{**PLAN["choices"][0], "surface": "vertical"}]}), "hanging|hangs"),
+        (words({**PLAN, "choices": [{**PLAN["choices"][0], "surface": "top"}]}), "does not fit the schema"),
+        (words({"oben": "+z", "vorne": "-y", "nahe": None, "plaetze": []}), "does not fit the schema"),
+        (words({**PLAN, "choices": "desk_1"}), "does not fit the schema"),
+    ],
+)
+def test_a_plan_that_cannot_be_used_goes_back_twice_and_then_ends_in_one_line(monkeypatch, reply, said):
+    with chat(monkeypatch, reply) as (model, there), pytest.raises(InputError, match="in 3 tries") as error:
+        asked(model)
+    assert re.search(said, there.asked[1]["messages"][-1]["content"])
+    assert [len(request["messages"]) for request in there.asked] == [2, 4, 6]
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 700
+
+
+def test_an_id_that_is_not_there_goes_back_with_those_that_are(monkeypatch):
+    wrong = {**PLAN, "choices": [{**PLAN["choices"][0], "target": "desk_7"}]}
+    with chat(monkeypatch, words(wrong), words(PLAN)) as (model, there):
+        assert asked(model).choices[0].target == "desk_1"
+    assert "desk_1, shelf_2, keyboard_3" in there.asked[1]["messages"][-1]["content"]
+
+
+def test_a_plan_without_room_goes_back_with_the_reason(monkeypatch):
+    with chat(monkeypatch, words(PLAN)) as (model, there):
+        first = asked(model)
+        plan(model, ROOM, FACTS, "{}", 2, Ledger((0.0, 0.0)), (first, "on desk_1: it is too small"))
+    answer, reason = there.asked[1]["messages"][-2:]
+    assert json.loads(answer["content"]) == PLAN
+    assert reason["content"].startswith("on desk_1: it is too small")
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        ({**SIZE, "height": [80.0, 120.0], "longest": [90.0, 140.0]}, "in metres"),
+        ({**SIZE, "height": [0.12, 0.08]}, "least and largest in metres"),
+        ({**SIZE, "height": [float("nan"), 0.1]}, "least and largest in metres"),
+        ({**SIZE, "height": [0.01, 1.0], "longest": [0.01, 1.0]}, "says too little"),
+        ({**SIZE, "height": [0.3, 0.4]}, "more than the longest side"),
+        ({**SIZE, "height": [0.6, 0.9], "longest": [0.6, 0.9]}, "leaves 0.5 m of height"),
+        ({**SIZE, "height": [0.4, 0.49], "longest": [0.4, 0.6]}, "A mug in this room is 0.11 m long"),
+        ({**SIZE, "unit": "Zoll"}, "does not fit the schema"),
+    ],
+)
+def test_a_size_that_cannot_be_is_asked_about(monkeypatch, answer, said):
+    with chat(monkeypatch, words(answer), words(SIZE)) as (model, there):
+        found = size(model, SIDES, 2, Ledger((0.0, 0.0)))
+    assert found.height == (0.08, 0.12)
+    assert said in there.asked[1]["messages"][-1]["content"]
+
+
+def test_a_doubted_size_that_is_said_again_is_meant(monkeypatch):
+    large = {**SIZE, "height": [0.6, 0.9], "longest": [0.6, 0.9]}
+    with chat(monkeypatch, words(large)) as (model, there):
+        assert size(model, SIDES, 2, Ledger((0.0, 0.0))).height == (0.6, 0.9)
+    assert len(there.asked) == 2
+
+
+def test_whole_numbers_are_numbers_and_keys_that_nobody_asked_for_are_left_out():
+    text = json.dumps({**PLAN, "mood": "good", "choices": [{**PLAN["choices"][0], "height": 1}]})
+    assert checked(parse(text, Plan), ROOM).choices[0].height == 1.0
+
+
+def test_without_a_key_there_are_rules_and_chat_says_what_is_missing(monkeypatch):
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    auto = llm("auto")
+    assert kind_of(auto) == "rules"
+    with pytest.raises(InputError, match="OPENAI_API_KEY"):
+        choose(llm("chat"), None)
+    monkeypatch.setenv("OPENAI_API_KEY", "any")
+    assert kind_of(auto) == "chat"
+
+
+def recording(monkeypatch: pytest.MonkeyPatch, path: Path) -> None:
+    """Record one plan."""
+    with endpoint(words(PLAN)) as there:
+        monkeypatch.setenv("OPENAI_API_KEY", "secret-key")
+        monkeypatch.setenv("OPENAI_BASE_URL", there.url)
+        asked(choose(llm("chat"), path))
+
+
+def replay(path: Path) -> Model:
+    return choose(llm("replay", answers=path), None)
+
+
+def test_a_recording_answers_the_same_question_and_holds_no_key(monkeypatch, tmp_path):
+    recording(monkeypatch, tmp_path / "answers.json")
+    ledger = Ledger((0.0, 0.0))
+    assert plan(replay(tmp_path / "answers.json"), ROOM, FACTS, "{}", 2, ledger).up == "+z"
+    assert ledger.total()["prompt_tokens"] == 100
+    assert "secret-key" not in (tmp_path / "answers.json").read_text()
+
+
+def test_a_recording_says_why_it_has_no_answer(monkeypatch, tmp_path):
+    recording(monkeypatch, tmp_path / "answers.json")
+    model = replay(tmp_path / "answers.json")
+    with pytest.raises(InputError, match="'mug' in this room: the room or the object has changed"):
+        plan(model, ROOM, {**FACTS, "room": [{"id": "sofa_4"}]}, '{"id":"sofa_4"}', 2, Ledger((0.0, 0.0)))
+    with pytest.raises(InputError, match="no answer to step 'plan' for 'vase'; record it"):
+        plan(model, ROOM, {**FACTS, "label": "vase"}, "{}", 2, Ledger((0.0, 0.0)))
+    monkeypatch.setattr(prompts, "PLAN", prompts.PLAN + " Be brief.")
+    with pytest.raises(InputError, match="its prompt has changed since the recording"):
+        plan(model, ROOM, FACTS, "{}", 2, Ledger((0.0, 0.0)))
+
+
+def test_a_recording_answers_in_the_same_room_measured_anew_and_says_so(monkeypatch, tmp_path):
+    recording(monkeypatch, tmp_path / "answers.json")
+    ledger = Ledger((0.0, 0.0))
+    assert plan(replay(tmp_path / "answers.json"), ROOM, FACTS, '{"size":0.76}', 2, ledger).up == "+z"
+    assert "measures" in ledger.entries[0]["note"]
+
+
+def test_what_is_recorded_is_not_asked_again(monkeypatch, tmp_path):
+    recording(monkeypatch, tmp_path / "answers.json")
+    with chat(monkeypatch, words({**PLAN, "up": "-z"})) as (_, there):
+        model = choose(llm("chat"), tmp_path / "answers.json")
+        assert asked(model).up == "+z"
+        assert plan(model, ROOM, FACTS, "other lines", 2, Ledger((0.0, 0.0))).up == "-z"
+    assert len(there.asked) == 1
+
+
+def test_tokens_that_an_endpoint_does_not_count_are_estimated(monkeypatch):
+    reply = message(json.dumps(PLAN))
+    silent = Said(reply.body.replace(b'"prompt_tokens": 100, "completion_tokens": 20', b'"prompt_tokens": 0'))
+    ledger = Ledger((2.5, 10.0))
+    with chat(monkeypatch, silent) as (model, _):
+        plan(model, ROOM, FACTS, "the lines", 2, ledger)
+    assert ledger.total()["prompt_tokens"] == pytest.approx(len(prompts.PLAN) / 3.5, rel=0.2)
+    assert ledger.total()["completion_tokens"] == pytest.approx(len(json.dumps(PLAN)) / 3.5, abs=1)
+
+
+def script(x: str, y: str) -> Request:
+    return Request("script", "Write a script.", (("user", f"translate {x} {y} scale 0.01"),), None, {"label": "mug"})
+
+
+def test_a_recorded_script_fits_another_pose_however_many_zeros_the_model_wrote(monkeypatch, tmp_path):
+    with chat(monkeypatch, words("move(1.25, -0.76543); scale(0.01)")) as (_, there):
+        model = choose(llm("chat"), tmp_path / "a.json")
+        ask(model, script("1.25000", "-0.76543"), str, 0, Ledger((0.0, 0.0)))
+    assert len(there.asked) == 1
+    again = replay(tmp_path / "a.json")(script("1.31000", "1.31000"))
+    assert again.text == "move(1.31000, 1.31000); scale(0.01)"
+    assert not again.note
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"a": {}}', "\x00"])
+def test_a_damaged_recording_is_refused(tmp_path, text):
+    (tmp_path / "a.json").write_text(text)
+    with pytest.raises(InputError, match="not a recording"):
+        replay(tmp_path / "a.json")

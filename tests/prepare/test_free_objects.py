@@ -1,0 +1,158 @@
+"""Objects lifted out of the room: closed, weighed, set on what carries them, and staying there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from cabinet_rooms import clean_cabinet_room
+from settings import load
+
+from s2a.certify.check_suite import CertifyConfig
+from s2a.certify.physics import World
+from s2a.certify.physics_motion import rest
+from s2a.errors import InputError
+from s2a.geometry.closed_solid import border, close, largest_pieces, loops
+from s2a.geometry.convex import box
+from s2a.geometry.mesh_ops import keep
+from s2a.prepare import PrepareConfig, prepare
+from s2a.prepare.colliders.free import lift, lift_all
+from s2a.scene import Mesh, Part, Scene
+from s2a.usd import sim_stage
+from s2a.usd.sim_scene import SimScene
+
+SIZE = np.array([0.2, 0.12, 0.16])
+"""[m] of the carton on the table, whose top is at 0.74 m."""
+
+
+def carton() -> Mesh:
+    """Return a carton as a scan sees it: noisy, without underside and without the side at the wall, one hole in the top."""
+    solid = trimesh.creation.box(extents=SIZE)
+    for _ in range(4):
+        solid = solid.subdivide()
+    middle, across = solid.triangles_center, solid.face_normals
+    hole = (np.linalg.norm(middle[:, :2], axis=1) < 0.02) & (across[:, 2] > 0.5)
+    seen = (across[:, 2] > -0.5) & (across[:, 0] > -0.5) & ~hole
+    noise = np.random.default_rng(0).normal(0.0, 0.0005, solid.vertices.shape)
+    whole = Mesh(solid.vertices + noise + [0.5, 1.2, 0.74 + SIZE[2] / 2 + 0.001], solid.faces)
+    return keep(whole, seen)
+
+
+def room(**changes: Part) -> Scene:
+    scene = clean_cabinet_room()
+    return replace(scene, parts={**scene.parts, "box_20": Part("box", carton()), **changes})
+
+
+def settings() -> PrepareConfig:
+    found = load(PrepareConfig, "prepare/handle")
+    carcass, around = (replace(part, resolution=3000) for part in (found.carcass, found.room))
+    return replace(found, carcass=carcass, room=around, base=replace(found.base, search=False))
+
+
+@pytest.fixture(scope="module")
+def prepared() -> SimScene:
+    return prepare(room(), "drawer_7", settings(), ["box_20"])
+
+
+def test_a_border_is_walked_in_closed_loops_that_use_each_edge_once() -> None:
+    edges = border(carton().faces)
+    found = loops(edges)
+    walked = [(a, b) for loop in found for a, b in zip(loop, np.roll(loop, -1), strict=True)]
+    assert sorted(walked) == sorted(map(tuple, edges.tolist()))
+    assert len(found) == 2
+    assert len(border(trimesh.creation.icosphere().faces)) == 0
+
+
+def test_what_was_seen_from_some_sides_becomes_a_solid_of_its_true_volume() -> None:
+    solid = close(carton(), 0.74, 0.03)
+    assert len(border(solid.faces)) == 0
+    assert solid.bounds[0, 2] == pytest.approx(0.74, abs=1e-6)
+    volume = trimesh.Trimesh(solid.vertices, solid.faces, process=False).volume
+    # The noise and the millimetre under the carton change it by a few per cent.
+    assert volume == pytest.approx(SIZE.prod(), rel=0.03)
+
+
+def test_a_crumb_is_left_out() -> None:
+    crumb = trimesh.creation.icosphere(radius=0.004)
+    crumb.apply_translation([0, 0, 2])
+    both = trimesh.util.concatenate([trimesh.creation.box(extents=SIZE), crumb])
+    assert len(largest_pieces(Mesh(both.vertices, both.faces), 0.02).faces) == 12
+
+
+def test_the_object_leaves_the_room_and_stands_on_the_table(prepared: SimScene) -> None:
+    (body,) = prepared.free
+    assert body.id == "box_20" and "box_20" not in prepared.static_parts
+    assert not any(collider.part == "box_20" for collider in prepared.static_colliders)
+    tops = [c.mesh.bounds[1, 2] for c in prepared.static_colliders if c.part == "table_4"]
+    assert max(tops) == pytest.approx(0.74, abs=2e-3)
+    assert min(c.mesh.bounds[0, 2] for c in body.colliders) == pytest.approx(0.74, abs=1e-5)
+    # 0.2 x 0.12 x 0.16 m at 250 kg/m^3
+    assert body.mass.mass == pytest.approx(0.96, rel=0.05)
+    assert body.mass.center == pytest.approx([0.5, 1.2, 0.82], abs=0.005)
+    exact = np.sort(0.96 / 12 * (np.sum(SIZE**2) - SIZE**2))
+    assert np.sort(body.mass.inertia) == pytest.approx(exact, rel=0.1)
+
+
+def test_what_stood_though_most_of_its_underside_was_not_seen_stands_on_its_outline() -> None:
+    half = carton()
+    seen = half.vertices[half.faces].mean(axis=1)
+    leaning = keep(half, (seen[:, 0] > 0.56) | (seen[:, 2] > 0.74 + 0.12))
+    foot = lift(room(box_21=Part("box", leaning)), "box_21", "drawer_7", settings().loose).body.colliders[0].mesh
+    assert np.diff(foot.bounds, axis=0)[0, :2] == pytest.approx(SIZE[:2], abs=0.005)
+
+
+def test_it_stays_where_it_is(prepared: SimScene, tmp_path: Path) -> None:
+    sim_stage.write(prepared, tmp_path / "sim.usd")
+    config = load(CertifyConfig, "certify/default")
+    world = World(tmp_path / "sim.usd", config.physics)
+    assert "box_20" in " ".join(world.model.body_label)
+    found = {check.name: check for check in rest(world, replace(config.motion, open_time=2.0))}
+    assert found["settle"].status == found["self_opening"].status == "pass"
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [("box_21", "box_20"), ("drawer_8", "belongs to"), ("air_22", "nothing level"), ("cabinet_23", "on a joint")],
+)
+def test_what_cannot_be_lifted_is_refused_in_a_sentence(part: str, words: str) -> None:
+    floating = Mesh(carton().vertices + [0, 0, 0.5], carton().faces)
+    drawer = clean_cabinet_room().parts["drawer_7"]
+    more = {"air_22": Part("air", floating), "cabinet_23": Part("cabinet", carton())}
+    more["drawer_24"] = replace(drawer, parent="cabinet_23")
+    with pytest.raises(InputError, match=words):
+        lift(room(**more), part, "drawer_7", settings().loose)
+
+
+def test_what_was_scanned_inside_out_weighs_what_its_hull_holds() -> None:
+    turned = Mesh(carton().vertices, carton().faces[:, ::-1])
+    mass = lift(room(box_21=Part("box", turned)), "box_21", "drawer_7", settings().loose).body.mass
+    assert mass.mass == pytest.approx(0.96, rel=0.05) and min(mass.inertia) > 0
+    assert mass.center == pytest.approx([0.5, 1.2, 0.82], abs=0.005)
+
+
+def on_a_tray() -> Scene:
+    """Return the room with a carton on the carton, and one on a tray, 2 cm above the table."""
+    top = Mesh(carton().vertices + [0, 0, SIZE[2]], carton().faces)
+    tray = box(np.array([0.5, 1.45, 0.75]), np.eye(3), np.array([0.3, 0.2, 0.02]))
+    raised = Mesh(carton().vertices + [0, 0.25, 0.02], carton().faces)
+    return room(box_21=Part("box", top), tray_22=Part("tray", tray), box_23=Part("box", raised))
+
+
+def test_what_carries_an_object_hides_what_is_below() -> None:
+    found = lift(on_a_tray(), "box_23", "drawer_7", settings().loose)
+    assert found.support.part == "tray_22"
+    assert found.support.mesh.bounds[1, 2] == pytest.approx(0.76, abs=1e-5)
+    assert lift(on_a_tray(), "box_21", "drawer_7", settings().loose).support.part == "box_20"
+
+
+def test_what_stands_on_something_that_moves_is_refused() -> None:
+    scene = on_a_tray()
+    with pytest.raises(InputError, match="box_21: it stands on 'box_20', which moves too"):
+        lift_all(scene, ["box_21", "box_20"], "drawer_7", settings().loose)
+    tray = replace(clean_cabinet_room().parts["drawer_7"], mesh=scene.parts["tray_22"].mesh, parent=None)
+    scene = replace(scene, parts={**scene.parts, "tray_22": tray})
+    with pytest.raises(InputError, match="box_23: it stands on 'tray_22'"):
+        lift_all(scene, ["box_23"], "tray_22", settings().loose)

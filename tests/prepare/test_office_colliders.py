@@ -1,0 +1,60 @@
+"""The colliders of a virtual scan's drawers, measured against what was scanned."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from closeness import gap_points, surface_distance
+from scipy.spatial.transform import Rotation
+from settings import load
+
+from s2a.geometry.handles.finger_gap import share_inside
+from s2a.geometry.mesh_ops import merge, sample
+from s2a.prepare import PrepareConfig
+from s2a.prepare.colliders.target import find_handle, target_colliders
+from s2a.prepare.grasp import find_grasp
+from s2a.scene import Scene
+from s2a.usd import geometric
+
+DRAWERS = ("drawer_6", "drawer_7")
+"""Those of the cabinet with the dimensions of the reference task."""
+
+
+@pytest.fixture(scope="module")
+def truth(office_scan: Path) -> Scene:
+    return geometric.read(office_scan / "truth" / "truth.usda")
+
+
+@pytest.mark.parametrize("target", DRAWERS)
+def test_the_true_finger_gap_is_free_though_the_scan_closed_part_of_it(
+    target: str, office: Scene, truth: Scene
+) -> None:
+    frame = Rotation.from_quat(find_grasp(office, target).orientation).as_matrix()
+    colliders = target_colliders(office, target, *find_handle(office, target, frame), _settings())
+    space = find_handle(truth, target, frame)[0].space
+    assert space.behind is not None
+    assert space.boxes and share_inside([collider.mesh for collider in colliders], gap_points(space)) <= 0.01
+    assert len(colliders) <= 32
+
+
+@pytest.mark.parametrize("target", DRAWERS)
+def test_pieces_are_no_farther_from_the_true_handle_than_the_scan_is(target: str, office: Scene, truth: Scene) -> None:
+    frame = Rotation.from_quat(find_grasp(office, target).orientation).as_matrix()
+    colliders = target_colliders(office, target, *find_handle(office, target, frame), _settings())
+    grasped = office.grasp_parts(target)
+    true = merge([truth.parts[i].mesh for i in grasped])
+    pieces = [collider.mesh for collider in colliders if collider.part in grasped]
+    points = sample(merge([office.parts[i].mesh for i in grasped]), 3000, 0)
+    scan_error = np.linalg.norm(sample(true, 500, 1)[:, None] - points[None], axis=2).min(axis=1).mean()
+    assert surface_distance(pieces, sample(true, 500, 1)).mean() <= scan_error
+
+
+@pytest.mark.parametrize("target", DRAWERS)
+def test_the_bar_is_measured_as_thick_as_it_is(target: str, office: Scene) -> None:
+    assert find_grasp(office, target).size[1] == pytest.approx(0.0238, abs=0.003)
+
+
+def _settings():  # noqa: ANN202
+    return load(PrepareConfig, "prepare/handle").colliders

@@ -1,0 +1,154 @@
+"""The update that never waits for the device, against rsl-rl's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+from counting_env import CountingEnv
+from settings import load
+
+from s2a.errors import InputError
+from s2a.rl.config import PpoConfig
+from s2a.rl.ppo import RslRlEnv, Runner, make_runner
+from s2a.tasks.open_part.config import OBSERVATIONS
+
+SMALL = {"steps": 8, "epochs": 3, "mini_batches": 4, "hidden": [16, 8], "entropy": 0.01}
+
+
+class NoisyEnv(CountingEnv):
+    """An environment whose observations and rewards are noise that depends on the actions."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.noise = torch.Generator().manual_seed(3)
+
+    def step(self, action: torch.Tensor) -> None:
+        """Draw an observation, and pay for it."""
+        self.observation.copy_(torch.randn(2, OBSERVATIONS, generator=self.noise) + action.mean())
+        self.reward.copy_(self.observation[:, 0] * action[:, 0])
+
+
+def learned(graph: bool, iterations: int = 3, **changes: object) -> Runner:
+    """Return what has learned for some iterations from a fixed seed."""
+    torch.manual_seed(0)
+    settings = load(PpoConfig, "policy/ppo", **SMALL, **changes, graph=graph)
+    runner = make_runner(RslRlEnv(NoisyEnv(), 1.0), settings, None)
+    runner.alg.act = _reproducible(runner.alg)
+    runner.learn(iterations)
+    return runner
+
+
+def _reproducible(alg: object) -> object:
+    """Return the algorithm's `act` with noise of its own: rsl-rl's update draws some that it does not need."""
+    act, generator = type(alg).act, torch.Generator().manual_seed(1)
+
+    def seeded(observation: object) -> torch.Tensor:
+        torch.manual_seed(int(torch.randint(2**31, (), generator=generator)))
+        return act(alg, observation)
+
+    return seeded
+
+
+@pytest.mark.parametrize("changes", [{}, {"clip_value": False, "desired_kl": 1e-5}, {"desired_kl": 10.0}])
+def test_the_update_is_the_librarys_own(changes: dict[str, object]) -> None:
+    theirs, ours = (learned(graph, **changes).alg for graph in (False, True))
+    assert type(ours).__name__ == "GraphPpo" and type(theirs).__name__ == "PPO"
+    assert ours.learning_rate == pytest.approx(theirs.learning_rate, rel=1e-5)
+    for model in ("actor_state_dict", "critic_state_dict"):
+        expected = theirs.save()[model]
+        for name, value in ours.save()[model].items():
+            assert torch.allclose(value, expected[name], atol=2e-5), name
+
+
+def test_its_learning_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
+    first = learned(True)
+    torch.save(first.alg.save() | {"iter": 2, "infos": {}}, tmp_path / "model_2.pt")
+    second = learned(True, iterations=1)
+    second.load(str(tmp_path / "model_2.pt"))
+    assert second.alg.learning_rate == pytest.approx(first.alg.learning_rate) != 5e-4
+    assert float(second.alg._rate) == pytest.approx(first.alg.learning_rate)
+    steps = [float(state["step"]) for state in second.alg.optimizer.state.values()]
+    assert set(steps) == {3.0 * 3 * 4}
+    second.learn(1)
+    assert {float(state["step"]) for state in second.alg.optimizer.state.values()} == {4.0 * 3 * 4}
+
+
+def test_a_policy_that_is_no_number_is_never_saved(tmp_path: Path) -> None:
+    runner = learned(False, iterations=1)
+    next(runner.alg.actor.parameters()).data[0] = torch.nan
+    with pytest.raises(InputError, match="the policy is no number any more"):
+        runner.save(str(tmp_path / "model_0.pt"))
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("bad", [torch.inf, torch.nan])
+def test_a_policy_that_is_no_number_any_more_ends_the_training(bad: float) -> None:
+    class Broken(NoisyEnv):
+        steps = 0
+
+        def step(self, action: torch.Tensor) -> None:
+            super().step(action)
+            self.steps += 1
+            if self.steps == 12:  # in the second iteration
+                self.reward[0] = bad
+
+    env = Broken()
+    runner = make_runner(RslRlEnv(env, 1.0), load(PpoConfig, "policy/ppo", **SMALL, graph=True), None)
+    with pytest.raises(InputError, match="the policy is no number any more; go on from the last checkpoint"):
+        runner.learn(3)
+    assert env.steps == 16  # two iterations of 8
+
+
+class GpuEnv(NoisyEnv):
+    """The same on a GPU."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        for name, value in vars(self).items():
+            if isinstance(value, torch.Tensor):
+                setattr(self, name, value.cuda())
+        self.sim.device, self.noise = "cuda:0", torch.Generator("cuda").manual_seed(3)
+
+    def step(self, action: torch.Tensor) -> None:
+        """Draw an observation, and pay for it."""
+        noise = torch.randn(2, OBSERVATIONS, generator=self.noise, device="cuda")
+        self.observation.copy_(noise + action.mean())
+        self.reward.copy_(self.observation[:, 0] * action[:, 0])
+
+
+@pytest.mark.gpu
+def test_replayed_graphs_learn_as_the_library_does_on_a_gpu() -> None:
+    learned = []
+    for graph in (False, True):
+        torch.manual_seed(0)
+        runner = make_runner(RslRlEnv(GpuEnv(), 1.0), load(PpoConfig, "policy/ppo", **SMALL, graph=graph), None)
+        runner.alg.act = _reproducible(runner.alg)
+        runner.learn(4)
+        learned.append((runner.alg.learning_rate, runner.alg.save()["actor_state_dict"]))
+    (rate, expected), (own_rate, found) = learned
+    assert own_rate == pytest.approx(rate, rel=1e-3)
+    assert all(torch.allclose(found[name], value, atol=1e-3) for name, value in expected.items())
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("graph", [True, pytest.param(False, marks=pytest.mark.xfail(strict=True))])
+def test_collecting_never_waits_for_a_gpu(graph: bool, tmp_path: Path) -> None:
+    settings = load(PpoConfig, "policy/ppo", **SMALL, graph=graph)
+    runner = make_runner(RslRlEnv(GpuEnv(), 1.0, log_every=SMALL["steps"]), settings, tmp_path)
+    act, process = runner.alg.act, runner.logger.process_env_step
+
+    def watched(observation: object) -> object:
+        torch.cuda.set_sync_debug_mode("error")
+        return act(observation)
+
+    def released(*step: object) -> None:
+        process(*step)
+        torch.cuda.set_sync_debug_mode("default")
+
+    runner.alg.act, runner.logger.process_env_step = watched, released
+    try:
+        runner.learn(2)
+    finally:
+        torch.cuda.set_sync_debug_mode("default")

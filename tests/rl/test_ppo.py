@@ -1,0 +1,98 @@
+"""rsl-rl around the environment."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+import torch
+from cabinet import write_cabinet
+from counting_env import CountingEnv
+from settings import load
+from tensordict import TensorDict
+
+from s2a.env.vec_env import OpenDrawerEnv
+from s2a.errors import InputError
+from s2a.rl.checkpoint import load_policy
+from s2a.rl.config import PpoConfig
+from s2a.rl.ppo import RslRlEnv, make_runner, train
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.world import read_stage
+from s2a.tasks.open_part.config import COUNTS, OBSERVATIONS, OpenDrawerConfig
+
+SMALL = {"steps": 8, "iterations": 2, "epochs": 2, "mini_batches": 2, "hidden": [16]}
+
+
+def test_stored_observations_are_those_the_policy_saw() -> None:
+    runner = make_runner(RslRlEnv(CountingEnv(), 1.0), load(PpoConfig, "policy/ppo", **SMALL), None)
+    runner.learn(1)
+    stored = runner.alg.storage.observations["policy"][:, 0, 0]
+    assert stored.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+
+
+class ShortEnv(CountingEnv):
+    """An environment of short episodes, in each step of which one world succeeds early."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.max_episode_length = 6
+
+    def step(self, action: torch.Tensor) -> None:
+        """Count an episode that succeeded."""
+        super().step(action)
+        self.counts[COUNTS.index("episodes")] += 1.0
+        self.counts[COUNTS.index("success")] += 1.0
+
+
+def test_no_rate_is_told_before_an_episode_could_have_failed() -> None:
+    env = RslRlEnv(ShortEnv(), 1.0)
+    rates = [float(env.step(torch.zeros(2, 9))[3]["log"]["/success"]) for _ in range(8)]
+    assert [math.isfinite(rate) for rate in rates] == [False] * 6 + [True] * 2
+    assert rates[-1] == pytest.approx(1.0)
+    assert float(env.recent[COUNTS.index("episodes")]) == pytest.approx(sum(0.999**k for k in range(8)))
+
+
+class PayingEnv(CountingEnv):
+    """An environment that pays for actions near 0.5."""
+
+    def step(self, action: torch.Tensor) -> None:
+        """Pay, and leave the observation as it is."""
+        self.reward.copy_(-(action - 0.5).square().sum(dim=1))
+
+
+@pytest.mark.parametrize("graph", [False, True])
+def test_the_reward_rises(graph: bool) -> None:
+    torch.manual_seed(0)
+    settings = load(PpoConfig, "policy/ppo", **{**SMALL, "epochs": 4}, graph=graph)
+    runner = make_runner(RslRlEnv(PayingEnv(64), 1.0), settings, None)
+    seen = TensorDict({"policy": torch.zeros(1, OBSERVATIONS)}, batch_size=[1])
+
+    def error() -> float:
+        """Return by how much less than the most the mean action is paid."""
+        return float((runner.alg.get_policy()(seen).detach() - 0.5).square().sum())
+
+    before = error()
+    runner.learn(20)
+    assert error() < 0.25 * before
+
+
+def test_training_writes_a_checkpoint_that_acts_the_same_when_loaded(tmp_path: Path) -> None:
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
+    sim = Simulation(stage, load(SimConfig, "sim/paper"), 4)
+    env = OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer"), load(dict, "reward/paper"), 0)
+    metrics = train(env, load(PpoConfig, "policy/ppo", **SMALL), tmp_path / "run")
+    assert metrics["env_steps"] == 4 * 8 * 2
+    assert json.loads((tmp_path / "run/policy.json").read_text())["hidden"] == [16]
+    policies = [load_policy(env, tmp_path / "run/model_1.pt") for _ in range(2)]
+    actions = [policy(env.observation) for policy in policies]
+    assert actions[0].shape == (4, 9)
+    assert torch.equal(actions[0], actions[1])
+    (tmp_path / "README.md").touch()
+    with pytest.raises(InputError, match="checkpoint '.*README.md': .*policy.json: no such file"):
+        load_policy(env, tmp_path / "README.md")
+    for content in (b"", b"no checkpoint"):
+        (tmp_path / "run/model_9.pt").write_bytes(content)
+        with pytest.raises(InputError, match="model_9.pt: not a checkpoint of this policy"):
+            load_policy(env, tmp_path / "run/model_9.pt")

@@ -1,0 +1,57 @@
+"""Several processes train one policy together."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from cabinet import write_cabinet
+
+from s2a.errors import InputError
+from s2a.rl import processes
+
+
+def test_each_process_has_its_own_seed_and_a_single_one_the_users(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert processes.own_seed(7) == 7
+    monkeypatch.setenv("RANK", "1")
+    seeds = {processes.own_seed(seed, iteration) for seed in range(3) for iteration in (0, 100, 101)}
+    assert len(seeds) == 9 and not seeds & {0, 1, 2}
+
+
+def test_each_process_takes_its_own_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert processes.own_device("cuda:3") == "cuda:3"
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    for name, value in (("RANK", "5"), ("LOCAL_RANK", "1"), ("WORLD_SIZE", "8")):
+        monkeypatch.setenv(name, value)
+    assert processes.own_device("auto") == processes.own_device("cuda:1") == "cuda:1"
+    assert processes.own_device("cpu") == "cpu"
+    with pytest.raises(InputError, match="'cuda:0'; under torchrun every process takes its own"):
+        processes.own_device("cuda:0")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("graph", ["false", "true"])
+def test_two_processes_on_a_cpu_train_one_policy_and_one_of_them_writes(tmp_path: Path, graph: str) -> None:
+    out = tmp_path / "run"
+    keys = [f"stage={write_cabinet(tmp_path / 'sim.usda')}", f"out={out}", "worlds=2", "device=cpu"]
+    keys += [
+        "policy.steps=8",
+        "policy.iterations=3",
+        "policy.mini_batches=2",
+        "policy.hidden=[16]",
+        f"policy.graph={graph}",
+    ]
+    torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
+    done = subprocess.run([*torchrun, "-m", "s2a", "train", *keys], capture_output=True, text=True, timeout=280)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count(f"{out}: ") == 1
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["processes"] == 2
+    assert metrics["env_steps"] == 3 * 8 * 2 * 2
+    assert sorted(file.name for file in out.glob("model_*")) == ["model_0.pt", "model_2.pt"]
+    state = torch.load(out / "model_2.pt", weights_only=False)["actor_state_dict"]
+    assert int(state["obs_normalizer.count"]) == 3 * 8 * 2 * 2, "the normaliser has seen the worlds of both"

@@ -1,0 +1,69 @@
+"""Pictures show the scan's colours, and what moved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from cabinet import TRAVEL, write_cabinet
+from pxr import Usd
+from settings import load
+
+from s2a.scene import Mesh
+from s2a.sim.camera import BLOCK, Camera, CameraConfig, bake
+from s2a.sim.camera_pose import blocked, viewpoint
+from s2a.sim.simulation import SimConfig
+from s2a.sim.world import read_stage
+from s2a.usd.stage import write_mesh
+
+
+def test_the_texture_holds_each_corner_in_its_color() -> None:
+    faces = np.array([[0, 1, 2], [2, 1, 3]])
+    colors = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [10, 20, 30]], dtype=np.uint8)
+    uv, texture = bake(faces, colors)
+    assert texture.shape == (2 * BLOCK, 2 * BLOCK, 4)
+    size = len(texture)
+    # A texture's v points up, its rows go down; a corner lies in the middle of its texel.
+    found = [texture[int((1.0 - v) * size), int(u * size), :3].tolist() for u, v in uv]
+    assert found == colors[faces.ravel()].tolist()
+
+
+def test_a_picture_changes_where_the_drawer_moved(tmp_path: Path) -> None:
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
+    robot = load(SimConfig, "sim/planner").robot
+    camera = Camera(stage, robot, replace(load(CameraConfig, "camera/default"), width=96, height=64))
+    closed, opened = (camera.picture(torch.tensor([*robot.start, q])) for q in (0.0, TRAVEL))
+    assert closed.shape == (64, 96, 3)
+    assert np.array_equal(closed, camera.picture(torch.tensor([*robot.start, 0.0])))
+    changed = (closed != opened).any(axis=2).mean()
+    assert 0.005 < changed < 0.5
+
+
+def test_a_wall_hides_what_is_behind_it_and_nothing_else() -> None:
+    wall = np.array([[[1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 2.0]]])
+    eye = np.array([0.0, 0.0, 0.5])
+    assert blocked(eye, np.array([2.0, 0.0, 0.5]), wall) and blocked(np.array([2.0, 0.0, 0.5]), eye, wall)
+    assert not blocked(eye, np.array([0.9, 0.0, 0.5]), wall)
+    assert not blocked(eye, np.array([1.04, 0.0, 0.5]), wall)  # the surface that is looked at
+    assert not blocked(eye, np.array([2.0, 0.0, 5.0]), wall)
+
+
+def test_the_camera_goes_where_no_wall_stands_between(tmp_path: Path) -> None:
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
+    asked = (2.0, 1.1, 0.45)
+    free, middle = viewpoint(stage, *asked)
+    away = free - middle
+    assert abs(np.linalg.norm(away) - 2.0) < 1e-9
+    # A wall through the middle of that way sends it to the other side.
+    side = np.cross(away, [0.0, 0.0, 1.0])
+    place = middle + 0.5 * away
+    corners = np.array([place - side, place + side, place + [0.0, 0.0, 3.0], place - [0.0, 0.0, 3.0]])
+    file = Usd.Stage.Open(str(stage.path))
+    write_mesh(file, "/scene/wall/visual", Mesh(corners, [[0, 1, 2], [0, 3, 1]]))
+    file.GetRootLayer().Export(str(tmp_path / "walled.usda"))
+    walled = read_stage(tmp_path / "walled.usda")
+    found, _ = viewpoint(walled, *asked)
+    assert np.linalg.norm(found - free) > 0.3
+    assert not blocked(found, stage.grasp[:3], corners[[[0, 1, 2], [0, 3, 1]]])

@@ -1,0 +1,84 @@
+"""What is measured of a policy, and by whom worlds are acted in."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import torch
+from cabinet import write_cabinet
+
+from s2a import config
+from s2a.commands import evaluate as verb
+from s2a.errors import InputError
+from s2a.evaluate import baseline, rate
+
+
+def settings(*keys: str) -> verb.Config:
+    """Return the verb's settings with some keys given."""
+    return config.load(verb.Config, config.compose("evaluate", keys))
+
+
+def test_an_agent_that_does_nothing_opens_nothing_and_says_so(tmp_path: Path) -> None:
+    stage = write_cabinet(tmp_path / "sim.usda")
+    keys = (f"stage={stage}", f"out={tmp_path / 'zero.json'}", "agent=zero", "worlds=3", "task.episode_steps=5")
+    said = verb.run(settings(*keys, "device=cpu"))
+    metrics = json.loads((tmp_path / "zero.json").read_text())
+    assert metrics["episodes"] == 3
+    assert (metrics["stage"], metrics["policy"]) == ("sim.usda", "zero")
+    for name in ("success", "final_success", "wide", "final_wide", "static", "final_static", "full", "final_full"):
+        # Wilson's interval of 0 of 3: z^2 / (3 + z^2) = 3.84 / 6.84.
+        assert metrics[name] == {"rate": 0.0, "low": 0.0, "high": pytest.approx(0.5615, abs=1e-4)}, name
+    assert metrics["opening"]["mean"] == pytest.approx(0.0, abs=1e-4)
+    assert metrics["invalid"] == metrics["row_overflow"] == metrics["contact_overflow"] == 0
+    assert "side_success" in said and "0.0%" in said
+
+
+def test_the_baselines_are_zero_and_uniform_and_the_seed_decides() -> None:
+    env = SimpleNamespace(num_envs=1000, num_actions=9, observation=torch.zeros(1000, 23))
+    assert not baseline("zero", env, 0)(env.observation).any()
+    actions = baseline("random", env, 0)(env.observation)
+    # Uniform in [-1, 1]: mean 0 and variance 1/3, of 9000 samples within five standard errors.
+    assert float(actions.mean()) == pytest.approx(0.0, abs=5.0 * (1.0 / 3.0 / 9000) ** 0.5)
+    assert float(actions.var()) == pytest.approx(1.0 / 3.0, abs=0.02)
+    assert -1.0 <= float(actions.min()) and float(actions.max()) <= 1.0
+    assert torch.equal(actions, baseline("random", env, 0)(env.observation))
+    assert not torch.equal(actions, baseline("random", env, 1)(env.observation))
+
+
+def test_an_unknown_agent_is_told_the_known_ones() -> None:
+    with pytest.raises(InputError, match="'agent' is 'zeros'; expected one of: zero, random, or null"):
+        settings("stage=x", "out=y", "agent=zeros")
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        (("export=true",), "no checkpoint to export"),
+        (("agent=zero", "checkpoint=model_1.pt"), "only one can act"),
+        ((f"pictures={__file__}",), "a file; give a folder"),
+    ],
+)
+def test_keys_that_cannot_go_together_are_refused_before_anything_is_done(
+    keys: tuple[str, ...], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=message):
+        verb.run(settings("stage=nowhere.usd", f"out={tmp_path / 'x.json'}", *keys))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_album_ends_with_the_first_episode() -> None:
+    env = SimpleNamespace(sim=SimpleNamespace(joint_q=torch.zeros(1, 10)), done=torch.zeros(1))
+    album = verb.Album(env)
+    for opening, done in ((0.0, 0), (0.1, 0), (0.3, 0), (0.2, 0), (0.0, 1), (0.39, 0)):
+        env.sim.joint_q[0, 9], env.done[0] = opening, done
+        album.watch()
+    assert [round(float(pose[9]), 3) for pose in album._poses] == [0.0, 0.3]
+
+
+def test_a_rate_has_a_wilson_interval() -> None:
+    # Wilson's formula with z = 1.95996: (8 + z^2 / 2) / (10 + z^2) = 0.71674, half width 0.22658.
+    assert rate(8.0, 10.0) == pytest.approx({"rate": 0.8, "low": 0.49016, "high": 0.94332}, abs=1e-5)
+    assert rate(4.1, 4.1) == pytest.approx({"rate": 1.0, "low": 0.51011, "high": 1.0}, abs=1e-5)

@@ -1,0 +1,119 @@
+"""What Newton makes of a simulation-ready file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import newton
+import numpy as np
+import pytest
+from cabinet_rooms import clean_cabinet_room
+from pxr import Usd, UsdGeom, UsdPhysics
+from scanned_drawers import scanned_drawer
+from settings import load
+
+from s2a.prepare import PrepareConfig, prepare
+from s2a.scene import Part
+from s2a.usd import sim_stage
+from s2a.usd.sim_scene import SimScene
+from s2a.usd.validate import problems
+
+
+@pytest.fixture(scope="module")
+def scene() -> SimScene:
+    return prepare(clean_cabinet_room(yaw=0.7), "drawer_7", load(PrepareConfig, "prepare/handle"))
+
+
+@pytest.fixture(scope="module")
+def path(scene: SimScene, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = Path(tmp_path_factory.mktemp("simready") / "sim.usd")
+    sim_stage.write(scene, path)
+    return path
+
+
+def newton_builder(path: Path) -> newton.ModelBuilder:
+    builder = newton.ModelBuilder()
+    newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+    builder.rigid_gap = 0.01
+    builder.add_usd(str(path))
+    return builder
+
+
+def test_the_stage_passes_usds_own_rules(path: Path) -> None:
+    assert problems(path) == []
+
+
+def test_newton_has_a_fixed_carcass_and_a_target_that_slides(path: Path, scene: SimScene) -> None:
+    builder = newton_builder(path)
+    assert builder.body_label == ["/scene/cabinet_3", "/scene/drawer_7"]
+    assert builder.joint_label == ["/scene/joints/cabinet_3", "/scene/joints/drawer_7"]
+    assert builder.joint_type == [newton.JointType.FIXED, newton.JointType.PRISMATIC]
+    assert builder.joint_parent == [-1, 0]
+    assert (builder.joint_limit_lower[0], builder.joint_limit_upper[0]) == pytest.approx((0.0, 0.4))
+    assert builder.body_mass[1] == pytest.approx(5.3)
+    assert list(builder.body_com[1]) == pytest.approx(scene.target.mass.center, abs=1e-5)
+    assert builder.joint_friction[0] == pytest.approx(1.5)
+
+
+def test_newton_takes_every_piece_as_a_convex_mesh_with_friction_one(path: Path, scene: SimScene) -> None:
+    builder = newton_builder(path)
+    pieces = [i for i, label in enumerate(builder.shape_label) if "/colliders/" in label]
+    expected = len(scene.target.colliders) + len(scene.carcass.colliders) + len(scene.static_colliders)
+    assert len(pieces) == expected
+    assert {builder.shape_type[i] for i in pieces} == {newton.GeoType.CONVEX_MESH}
+    assert {builder.shape_material_mu[i] for i in pieces} == {1.0}
+    others = set(range(builder.shape_count)) - set(pieces)
+    assert not any(builder.shape_flags[i] & newton.ShapeFlags.COLLIDE_SHAPES for i in others)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.0087])
+def test_nothing_moves_on_its_own(tilt: float, tmp_path: Path) -> None:
+    room = scanned_drawer()
+    mesh, joint = room.parts["drawer_7"].mesh, room.joint("drawer_7")
+    joint = replace(joint, axis=(float(np.cos(tilt)), 0.0, -float(np.sin(tilt))))
+    tilted = replace(room, parts={**room.parts, "drawer_7": Part("drawer", mesh, "cabinet_3", joint)})
+    scene = prepare(tilted, "drawer_7", load(PrepareConfig, "prepare/handle"))
+    sim_stage.write(scene, tmp_path / "sim.usd")
+    model = newton_builder(tmp_path / "sim.usd").finalize()
+    solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=True)
+    state, other, control = model.state(), model.state(), model.control()
+    for _ in range(240):
+        solver.step(state, other, control, None, 1.0 / 240.0)
+        state, other = other, state
+    assert np.abs(state.joint_q.numpy()).max() < 1e-3
+    assert np.abs(state.body_q.numpy() - model.body_q.numpy()).max() < 1e-3
+
+
+def test_exact_joint_values_stand_beside_the_float_frames(path: Path) -> None:
+    joint = clean_cabinet_room(yaw=0.7).joint("drawer_7")
+    stage = Usd.Stage.Open(str(path))
+    prim = stage.GetPrimAtPath("/scene/joints/drawer_7")
+    assert tuple(prim.GetAttribute("s2a:axis").Get()) == joint.axis
+    assert tuple(prim.GetAttribute("s2a:origin").Get()) == joint.origin
+    assert tuple(prim.GetAttribute("s2a:limits").Get()) == joint.limits
+
+
+def test_the_stage_says_what_a_simulation_asks(path: Path, scene: SimScene) -> None:
+    stage = Usd.Stage.Open(str(path))
+    root, target = stage.GetDefaultPrim(), stage.GetPrimAtPath("/scene/drawer_7")
+    assert root.GetAttribute("s2a:target").Get() == "drawer_7"
+    assert tuple(root.GetAttribute("s2a:basePosition").Get()) == scene.base_position
+    assert target.GetAttribute("s2a:target").Get() == 1
+    grasp = UsdGeom.Xformable(stage.GetPrimAtPath("/scene/drawer_7/grasp")).ComputeLocalToWorldTransform(0)
+    assert tuple(grasp.ExtractTranslation()) == pytest.approx(scene.grasp.point)
+    inwards = grasp.TransformDir((0, 0, 1))
+    assert tuple(inwards) == pytest.approx((-np.cos(0.7), -np.sin(0.7), 0.0), abs=1e-6)
+    region = UsdGeom.Mesh(stage.GetPrimAtPath("/scene/drawer_7/region"))
+    assert len(region.GetPointsAttr().Get()) == len(clean_cabinet_room().parts["handle_11"].mesh.vertices)
+    assert not region.GetPrim().HasAPI(UsdPhysics.CollisionAPI)
+
+
+def test_every_piece_says_which_part_it_stands_for(path: Path) -> None:
+    stage = Usd.Stage.Open(str(path))
+    parts = set(clean_cabinet_room().parts)
+    pieces = [prim for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.CollisionAPI)]
+    assert pieces
+    assert all(prim.GetAttribute("s2a:part").Get() in parts for prim in pieces)
+    static = [prim for prim in pieces if str(prim.GetPath()).startswith("/scene/static")]
+    assert all(prim.GetName().startswith(prim.GetAttribute("s2a:part").Get() + "_0") for prim in static)

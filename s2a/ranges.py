@@ -67,8 +67,9 @@ Positive = Annotated[float, Above(0.0)]
 """Such as a length that is divided by, a duration, a density."""
 NotNegative = Annotated[float, AtLeast(0.0)]
 """Such as a tolerance, the size of an error, a gain."""
-Share = Annotated[float, AtLeast(0.0, 1.0)]
+Fraction = Annotated[float, AtLeast(0.0, 1.0)]
 """Of a whole."""
+Share = Fraction
 Count = Annotated[int, AtLeast(1)]
 """Of what there has to be one of."""
 CountFromZero = Annotated[int, AtLeast(0)]

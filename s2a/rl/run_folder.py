@@ -21,7 +21,9 @@ from s2a.outputs import aside
 
 SETTINGS = "settings.json"
 STARTS = "starts.json"
-FREE = ("resume", "device", "export", "out", "policy.iterations", "policy.save_interval")
+BEST = "model_best.pt"
+"""Copy of the checkpoint with the best score so far."""
+FREE = ("resume", "device", "export", "out", "ppo.iterations", "ppo.save_interval")
 """Keys that may change when a run goes on."""
 
 _log = logging.getLogger(__name__)
@@ -41,12 +43,17 @@ def keep_settings(values: Mapping[str, Any], out: Path) -> None:
         except (OSError, ValueError, AttributeError) as error:
             raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error
         for key, value in leaves(now):
-            if key not in FREE and then.get(key) != value:
+            if not _may_change(key, value) and then.get(key) != value:
                 raise InputError(
                     f"key {key!r} is {value!r}, but {out} was begun with {then.get(key)!r}; "
                     "resume with the same settings, or train into another folder"
                 )
     file.write_text(json.dumps(now, indent=1))
+
+
+def _may_change(key: str, value: object) -> bool:
+    """Return whether a key may differ from the run's: FREE ones, what is reported alone, a reward term that weighs nothing."""
+    return key in FREE or key.startswith("metrics.") or (key.startswith("reward.") and value == 0.0)
 
 
 def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, object]) -> list[dict[str, Any]]:
@@ -108,14 +115,13 @@ def cut(out: Path, first: int) -> None:
 
 
 def curve(out: Path) -> list[dict[str, float]]:
-    """Return what TensorBoard logged, a row an iteration."""
+    """Return what TensorBoard logged of episodes, a row an iteration: rates and values by name, and the mean reward."""
     events = _events(out)
-    same = ("success", "final_success", "handle_use_of_successes", "side_grasps_of_successes", "wide", "opening")
-    names = {name: f"/{name}" for name in (*same, "invalid", "row_overflow", "contact_overflow")}
+    tags = {tag.removeprefix("/"): tag for tag in events.Tags()["scalars"] if tag.startswith("/")}
     rows: dict[int, dict[str, float]] = {}
-    for name, tag in (names | {"reward": "Train/mean_reward"}).items():
+    for name, tag in (tags | {"reward": "Train/mean_reward"}).items():
         for event in _scalars(events, tag):
-            if math.isfinite(event.value):
+            if math.isfinite(event.value) and not name.startswith("term/"):
                 rows.setdefault(event.step, {"iteration": event.step})[name] = event.value
     return [rows[i] for i in sorted(rows)]
 

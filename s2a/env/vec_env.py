@@ -13,7 +13,7 @@ from pxr import Usd, UsdGeom
 
 from s2a.articulation import opening_sign
 from s2a.errors import InputError
-from s2a.sim.franka import JOINTS
+from s2a.robot.model import JOINTS
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 from s2a.tasks.open_part import kernels, metrics
@@ -63,7 +63,7 @@ class OpenDrawerEnv:
         self.sim, self.config = sim, config
         self.num_envs, self.max_episode_length = sim.worlds, config.episode_steps
         self._weights_given = _weights(weights)
-        motion, self._ahead_share = ahead or ([sim.config.robot.start], 0.0)
+        motion, self._ahead_share = ahead or ([sim.robot.start], 0.0)
         with wp.ScopedDevice(sim.device):
             self._allocate(seed)
             self._ahead = wp.array(np.asarray(motion, dtype=np.float32), dtype=float)
@@ -149,7 +149,7 @@ class OpenDrawerEnv:
         self._lower = wp.array(sim.model.joint_limit_lower.numpy()[:JOINTS], dtype=float)
         self._upper = wp.array(sim.model.joint_limit_upper.numpy()[:JOINTS], dtype=float)
         self._scanned = wp.clone(sim.model.joint_q[: sim.model.joint_coord_count // n])
-        self._start = wp.array(sim.config.robot.start, dtype=float)
+        self._start = wp.array(sim.robot.start, dtype=float)
         self._rng = wp.zeros(n, dtype=wp.uint32)
         self._launch(kernels.seed_worlds, [seed, self._rng])
         self._views = {

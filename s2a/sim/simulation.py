@@ -10,9 +10,10 @@ import mujoco_warp
 import newton
 import warp as wp
 
+from s2a import robot
 from s2a.errors import InputError
 from s2a.ranges import Count, Positive
-from s2a.sim.franka import FrankaConfig
+from s2a.robot.spec import Gains
 from s2a.sim.world import JointConfig, SimStage, body_index, build_world
 
 IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
@@ -34,7 +35,8 @@ class SimConfig:
         nconmax: contacts a world.
         multiccd: whether a pair of hulls may have several contacts.
         room: whether the room's colliders are there.
-        robot: how the robot is driven.
+        gains: of the robot's position controller; null: the robot's own.
+        gravity_compensation: the robot's weight is carried.
         joint: how the target's joint resists.
     """
 
@@ -48,7 +50,8 @@ class SimConfig:
     nconmax: Count
     multiccd: bool
     room: bool
-    robot: FrankaConfig
+    gains: Gains | None
+    gravity_compensation: bool
     joint: JointConfig
 
 
@@ -56,6 +59,7 @@ class Simulation:
     """Physics of `worlds` copies of a stage on one device.
 
     Attributes:
+        robot: the robot that the stage was prepared for.
         model: the Newton model of all worlds.
         solver: MuJoCo (Warp) with hull contacts.
         state: joint and body state before and after every `step` (always this same buffer).
@@ -76,9 +80,17 @@ class Simulation:
         if config.substeps % 2:
             raise InputError(f"key 'sim.substeps' is {config.substeps}; a captured step needs an even number")
         self.stage, self.config, self.worlds, self.device = stage, config, worlds, device
+        self.robot = robot.load(stage.robot)
         with wp.ScopedDevice(device):
-            robot = config.robot if with_robot else None
-            self.world = build_world(stage, robot, config.joint, config.dt, config.room)
+            self.world = build_world(
+                stage,
+                config.joint,
+                config.dt,
+                robot=self.robot if with_robot else None,
+                gains=config.gains,
+                gravity_compensation=config.gravity_compensation,
+                room=config.room,
+            )
             builder = newton.ModelBuilder()
             newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
             builder.replicate(self.world, worlds)

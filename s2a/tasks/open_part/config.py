@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from s2a.ranges import AtLeast, NotNegative, Positive, Share
-from s2a.sim.franka import JOINTS
+from s2a.robot.model import JOINTS
 
 OBSERVATIONS = 2 * JOINTS + 5
 """Joint positions (scaled to their range) and velocities, hand to grasp point (3, robot base frame), joint, its velocity."""

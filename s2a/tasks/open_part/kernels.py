@@ -3,7 +3,7 @@
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import warp as wp
 
-from s2a.sim.franka import ARM_JOINTS, JOINTS
+from s2a.robot.model import ARM_JOINTS, JOINTS
 
 
 @wp.struct

@@ -4,7 +4,7 @@
 import warp as wp
 from mujoco_warp import OverflowType
 
-from s2a.sim.franka import ARM_JOINTS, JOINTS
+from s2a.robot.model import ARM_JOINTS, JOINTS
 from s2a.tasks.open_part.config import RESULTS, REWARD_TERMS, TROUBLES
 from s2a.tasks.open_part.kernels import Constants
 

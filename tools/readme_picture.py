@@ -17,7 +17,7 @@ import warp as wp
 from room_pictures import above
 from scipy.spatial.transform import Rotation
 
-from s2a import config
+from s2a import config, robot
 from s2a.commands.evaluate import Config
 from s2a.commands.train import simulation
 from s2a.env.vec_env import OpenDrawerEnv
@@ -25,8 +25,9 @@ from s2a.evaluate import evaluate
 from s2a.geometry.camera_pose import LookConfig, frame
 from s2a.geometry.render import draw, painted, write
 from s2a.planner.motion import Planner
+from s2a.robot.model import JOINTS, add_robot
+from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh
-from s2a.sim.franka import JOINTS, FrankaConfig, add_franka
 from s2a.sim.world import SimStage
 from s2a.usd.visuals import visible
 
@@ -56,7 +57,7 @@ def _robot(settings: Config, look: LookConfig) -> np.ndarray:
     surfaces = dict(visible(settings.stage).surfaces)
     room = surfaces.pop("static")
     posed = [_moved(mesh, poses[name]) for name, mesh in surfaces.items()]
-    posed += [_moved(mesh, poses[name]) for name, mesh in _links(settings.sim.robot)]
+    posed += [_moved(mesh, poses[name]) for name, mesh in _links(robot.load(stage.robot))]
     points = np.concatenate([mesh.vertices for mesh in posed])
     out_of_furniture = -Rotation.from_quat(stage.grasp[3:]).as_matrix()[:, 2]
     return draw([room, *posed], frame(points, out_of_furniture, look), look)
@@ -78,11 +79,11 @@ def _widest(settings: Config) -> tuple[dict[str, np.ndarray], SimStage]:
     return dict(zip(names, seen[0][1].cpu().numpy(), strict=True)), sim.stage
 
 
-def _links(robot: FrankaConfig) -> list[tuple[str, Mesh]]:
+def _links(spec: RobotSpec) -> list[tuple[str, Mesh]]:
     """Return the visible surfaces of the robot's links with the names of their bodies, in the bodies' frames."""
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-    add_franka(builder, robot, wp.transform(), visuals=True)
+    add_robot(builder, spec, wp.transform(), visuals=True)
     found = []
     for i in range(builder.shape_count):
         shape, collides = builder.shape_source[i], builder.shape_flags[i] & newton.ShapeFlags.COLLIDE_SHAPES

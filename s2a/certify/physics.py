@@ -12,14 +12,14 @@ import newton
 import numpy as np
 import warp as wp
 
+from s2a import robot
 from s2a.articulation import opening_sign, pose_at
 from s2a.ranges import Count, Positive
-from s2a.sim.franka import add_hand
+from s2a.robot.model import add_gripper
 from s2a.sim.world import JointConfig, build_world, read_stage
 
 PARKED = 50.0
 """[m] How high the hand waits."""
-FINGERS = ("panda_leftfinger", "panda_rightfinger")
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class World:
 
     Attributes:
         stage: what sim.usd says beside the physics.
+        robot: whose gripper it is.
         model: the Newton model, built once for all checks.
         solver: Newton's MuJoCo solver, on MuJoCo's C library.
         mj: the solver's MjModel.
@@ -58,12 +59,14 @@ class World:
     def __init__(self, path: Path, config: PhysicsConfig) -> None:
         """Build the model; the first one on a machine compiles kernels for a minute."""
         self.stage, self.dt = read_stage(path), config.dt
+        self.robot = robot.load(self.stage.robot)
+        gripper = self.robot.gripper
         with tempfile.TemporaryDirectory() as folder, wp.ScopedDevice("cpu"):
             # Neither a spring nor damping: what stays, stays by the dry friction that the stage itself has.
-            builder = build_world(self.stage, None, JointConfig(0.0, 0.0), config.dt)
-            add_hand(builder, wp.transform(wp.vec3(0.0, 0.0, PARKED), wp.quat_identity()))
+            builder = build_world(self.stage, JointConfig(0.0, 0.0), config.dt)
+            add_gripper(builder, self.robot, wp.transform(wp.vec3(0.0, 0.0, PARKED), wp.quat_identity()))
             for i, label in enumerate(builder.joint_label):
-                if "finger" in label:
+                if label.split("/")[-1] in gripper.joints:
                     builder.joint_armature[builder.joint_qd_start[i]] = 0.1
             self.model = builder.finalize()
             self.solver = newton.solvers.SolverMuJoCo(
@@ -80,17 +83,18 @@ class World:
         self.mj: mujoco.MjModel = self.solver.mj_model
         self.mj.opt.timestep = config.dt
         shapes = self.solver.mjc_geom_to_newton_shape.numpy()[0]
-        links = [self.mj.body(i).name.removeprefix("panda_") for i in range(self.mj.nbody)]
+        bodies = [label.split("/")[-1] for label in self.model.body_label]
         paths = [str(self.model.shape_label[shape]) for shape in shapes]
-        owners = [links[body] for body in self.mj.geom_bodyid]
+        owners = [bodies[self.model.shape_body.numpy()[shape]] for shape in shapes]
         self.labels = [path if path.startswith("/scene/") else owner for path, owner in zip(paths, owners, strict=True)]
         ends = [label.split("/")[-1] for label in self.model.joint_label]
         coordinates, dofs = self.model.joint_q_start.numpy(), self.model.joint_qd_start.numpy()
-        index, fingers = ends.index(self.stage.target), [i for i, end in enumerate(ends) if "finger_joint" in end]
+        index, fingers = ends.index(self.stage.target), [ends.index(joint) for joint in gripper.joints]
         self.joint, self.dof = int(coordinates[index]), int(dofs[index])
         self.fingers, self.finger_dofs = coordinates[fingers], dofs[fingers]
         self.carcass = str(self.model.body_label[int(self.model.joint_parent.numpy()[index])]).split("/")[-1]
-        self._hand = int(self.mj.body_mocapid[links.index("panda_hand")])
+        label = str(self.model.body_label[bodies.index(gripper.body)])
+        self._hand = int(self.mj.body_mocapid[self.mj.body(label.replace("/", "_")).id])
 
     def data(self, q: float = 0.0, finger: float = 0.0) -> mujoco.MjData:
         """Return a state at rest: the target's coordinate [m or rad], both fingers' [m]."""

@@ -1,4 +1,4 @@
-"""Whether a Franka hand finds room at the grasp, closes on it, and holds it against a pull."""
+"""Whether the gripper finds room at the grasp, closes on it, and holds it against a pull."""
 
 from __future__ import annotations
 
@@ -9,12 +9,9 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.certify.physics import FINGERS, World
+from s2a.certify.physics import World
 from s2a.ranges import NotNegative, Numbers, Positive
-from s2a.sim.franka import TOOL_OFFSET
 
-OPEN = 0.04
-"""[m] How far each finger of the Franka hand opens."""
 TOUCH = 1.0
 """[N] Force with which a finger counts as pressing."""
 
@@ -78,7 +75,8 @@ def grip(world: World, config: GripConfig) -> Grip:
     way = config.opened / world.lever if world.lever > 0.0 else math.inf
     q = world.sign * min(way, 0.5 * max(map(abs, world.stage.joint.limits)))
     thin = 0.5 * float(world.stage.grasp_size[1])
-    openings = [OPEN, *(min(OPEN, thin + margin) for margin in config.margins)]
+    widest = world.robot.gripper.finger_joint_open
+    openings = [widest, *(min(widest, thin + margin) for margin in config.margins)]
     tries = []
     for depth in config.depths:
         attempt = _first_way(world, q, depth, openings, config)
@@ -103,7 +101,7 @@ def _first_way(world: World, q: float, depth: float, openings: list[float], conf
 
 def _obstacle(world: World, q: float, depth: float, opening: float, config: GripConfig) -> tuple[str, float] | None:
     """Return what the open hand meets on its straight way to the grasp, and how deep [m]; None if nothing."""
-    hand = world.geoms("panda_hand", *FINGERS)
+    hand = world.geoms(world.robot.gripper.body, *world.robot.gripper.links)
     around = world.geoms(world.stage.target, world.carcass, "static")
     data = world.data(q, opening)
     worst, prim = config.touch, ""
@@ -140,7 +138,7 @@ def _hold(world: World, q: float, depth: float, opening: float, config: GripConf
 
     region = f"/scene/{stage.target}/region"
     run(config.close_time, 0.0, carried=True)
-    pressing = [_presses(world, data, finger) for finger in FINGERS]
+    pressing = [_presses(world, data, finger) for finger in world.robot.gripper.links]
     if not all(pressing):
         missing = "neither finger presses" if not any(pressing) else "only one finger presses"
         return Grip(False, f"the hand closes to {1000 * data.qpos[fingers].sum():.0f} mm, but {missing}", None, region)
@@ -163,7 +161,7 @@ def _presses(world: World, data: mujoco.MjData, finger: str) -> bool:
 
 
 def _hand_pose(world: World, q: float, inwards: float) -> np.ndarray:
-    """Return the hand's pose, 7-vector, with the point between its pads `inwards` [m] past the grasp point."""
+    """Return the gripper body's pose, 7-vector, with the tool frame's origin `inwards` [m] past the grasp point."""
     grasp = world.grasp_pose(q)
-    ahead = Rotation.from_quat(grasp[3:]).as_matrix()[:, 2]
-    return np.concatenate([grasp[:3] + (inwards - TOOL_OFFSET) * ahead, grasp[3:]])
+    offset = np.array([0.0, 0.0, inwards]) - world.robot.tool_offset
+    return np.concatenate([grasp[:3] + Rotation.from_quat(grasp[3:]).apply(offset), grasp[3:]])

@@ -21,8 +21,8 @@ from s2a.provenance import provenance
 from s2a.ranges import Count, CountFromZero
 from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.export import export
+from s2a.robot.model import JOINTS
 from s2a.sim.camera import Camera, CameraConfig
-from s2a.sim.franka import JOINTS
 from s2a.sim.simulation import SimConfig
 from s2a.tasks.open_part.config import OpenDrawerConfig, RewardWeights
 
@@ -137,7 +137,7 @@ def run(config: Config) -> str:
         export(load_model(env, config.checkpoint), config.checkpoint)
     if config.pictures:
         config.pictures.mkdir(parents=True, exist_ok=True)
-        album.save(Camera(sim.stage, sim_config.robot, config.camera), config.pictures)
+        album.save(Camera(sim.stage, config.camera), config.pictures)
     rates = {name: metrics[name] for name in SHOWN}
     lines = [f"  {name:16}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name, r in rates.items()]
     opening = f"  opening         mean {metrics['opening']['mean']:.3f} m, least {metrics['opening']['min']:.3f} m"

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from s2a.sim.franka import ARM_JOINTS, JOINTS
+from s2a.robot.model import ARM_JOINTS, JOINTS
 from s2a.sim.simulation import Simulation
 
 SLACK = 0.005
@@ -25,7 +25,7 @@ def freest(sim: Simulation, paths: np.ndarray) -> int:
     may touch nothing; from there on the fingers are where they hold, and the part moves with them.
     """
     depth = _depth(sim.solver.mj_model)
-    start = np.asarray(sim.config.robot.start)
+    start = np.asarray(sim.robot.start)
     best = (np.inf, 0)
     for k, path in enumerate(paths):
         worst = max(depth(_turning(start, path[0]), False), depth(path[::EVERY], True))

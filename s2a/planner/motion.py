@@ -19,12 +19,12 @@ from s2a.env.vec_env import OpenDrawerEnv
 from s2a.errors import InputError
 from s2a.planner.collision import freest
 from s2a.ranges import Count, CountFromZero, Positive
-from s2a.sim.franka import ARM_JOINTS, JOINTS, FrankaConfig, add_franka
+from s2a.robot.model import ARM_JOINTS, JOINTS, add_robot
+from s2a.robot.spec import RobotSpec
+from s2a.scene import Vec3
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 
-TOOL = "panda_hand_tcp"
-"""The body between the finger pads; its z points forward, its y along the fingers' way."""
 WORST_ERROR = 1e-6
 """Largest accepted cost of a path point: 1 mm and 1 mrad squared."""
 
@@ -112,7 +112,7 @@ def _path(sim: Simulation, config: PlannerConfig) -> np.ndarray:
     Of the ways of the arm the best is taken on which it touches nothing but what it holds.
     """
     poses, fingers = _hand_path(sim.stage, config, _rate(sim))
-    arms = _tracks(sim.stage, sim.config.robot, poses, config)
+    arms = _tracks(sim.stage, sim.robot, poses, config)
     both = np.broadcast_to(fingers[:, None], (*arms.shape[:2], 2))
     paths = np.concatenate([arms, both], axis=2)
     return paths[freest(sim, paths)]
@@ -137,7 +137,7 @@ def _tool_pose(stage: SimStage, opened: float, inwards: float) -> np.ndarray:
     return pose_at(stage.joint, pose, opening_sign(stage.joint) * opened / stage.lever)
 
 
-def _tracks(stage: SimStage, robot: FrankaConfig, poses: np.ndarray, config: PlannerConfig) -> np.ndarray:
+def _tracks(stage: SimStage, robot: RobotSpec, poses: np.ndarray, config: PlannerConfig) -> np.ndarray:
     """Return the arm's joint positions along the poses, shape [track step 7], the best track first.
 
     A single start gets stuck; so many random ones (the hand both ways round) are tracked along the whole way. Those that
@@ -145,21 +145,21 @@ def _tracks(stage: SimStage, robot: FrankaConfig, poses: np.ndarray, config: Pla
     """
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-    add_franka(builder, robot, wp.transform(*stage.base[:3], *stage.base[3:]))
+    add_robot(builder, robot, wp.transform(*stage.base[:3], *stage.base[3:]))
     model = builder.finalize(device="cpu")
-    tool = next(i for i, label in enumerate(builder.body_label) if label.endswith(TOOL))
+    tool = next(i for i, label in enumerate(builder.body_label) if label.split("/")[-1] == robot.tool_link)
     lower, upper = (a.numpy() for a in (model.joint_limit_lower, model.joint_limit_upper))
     start = np.tile(np.asarray(robot.start, dtype=np.float32), (config.restarts, 1))
     rng = np.random.default_rng(config.seed)
     start[1:, :ARM_JOINTS] = rng.uniform(lower, upper, (config.restarts - 1, JOINTS))[:, :ARM_JOINTS]
     half_turn = Rotation.from_rotvec([0.0, 0.0, np.pi])
     flipped = [np.concatenate([p[:3], (Rotation.from_quat(p[3:]) * half_turn).as_quat()]) for p in poses]
-    both = [_solve(model, tool, np.array(p), start) for p in (poses, flipped)]
+    both = [_solve(model, tool, robot.tool_offset, np.array(p), start) for p in (poses, flipped)]
     q, cost = (np.concatenate(x, axis=1) for x in zip(*both, strict=True))
     arm = q[:, :, :ARM_JOINTS]
     jump = np.abs(np.diff(arm, axis=0)).max(axis=(0, 2))
     margin = np.minimum(arm - lower[:ARM_JOINTS], upper[:ARM_JOINTS] - arm).min(axis=(0, 2))
-    distance = np.abs(arm[0] - np.asarray(robot.start)[:ARM_JOINTS]).max(axis=1)
+    distance = np.abs(arm[0] - np.asarray(robot.home)).max(axis=1)
     worst = cost.max(axis=0)
     feasible = (worst < WORST_ERROR) & (jump < 0.1) & (margin > 0.0)
     if not feasible.any():
@@ -172,7 +172,9 @@ def _tracks(stage: SimStage, robot: FrankaConfig, poses: np.ndarray, config: Pla
     return arm[:, order[feasible[order]]].swapaxes(0, 1)
 
 
-def _solve(model: newton.Model, tool: int, poses: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _solve(
+    model: newton.Model, tool: int, offset: Vec3, poses: np.ndarray, start: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Track the poses from every start position.
 
     Returns:
@@ -180,7 +182,7 @@ def _solve(model: newton.Model, tool: int, poses: np.ndarray, start: np.ndarray)
     """
     count = len(start)
     with wp.ScopedDevice("cpu"):
-        position = ik.IKObjectivePosition(tool, wp.vec3(), wp.zeros(count, dtype=wp.vec3))
+        position = ik.IKObjectivePosition(tool, wp.vec3(*offset), wp.zeros(count, dtype=wp.vec3))
         rotation = ik.IKObjectiveRotation(tool, wp.quat_identity(), wp.zeros(count, dtype=wp.vec4))
         limits = ik.IKObjectiveJointLimit(model.joint_limit_lower, model.joint_limit_upper, weight=10.0)
         solver = ik.IKSolver(model, count, [position, rotation, limits], jacobian_mode=ik.IKJacobianType.ANALYTIC)

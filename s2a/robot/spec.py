@@ -111,8 +111,7 @@ class RobotSpec:
         urdf: path below example-robot-data's folder `robots`.
         root_link: link that is fixed to the base; of the URDF only what hangs on it is loaded.
         arm_joints: from the base to the gripper.
-        tool_link: link that carries the tool frame.
-        tool_offset: origin of the tool frame in tool_link [m]; same orientation.
+        tool_offset: origin of the tool frame in the gripper body's frame [m]; same orientation.
         gripper: the parallel gripper.
         home: arm joints at the start of an episode [rad].
         gains: the robot's own controller.
@@ -124,7 +123,6 @@ class RobotSpec:
     urdf: str
     root_link: str
     arm_joints: tuple[str, ...]
-    tool_link: str
     tool_offset: Vec3
     gripper: GripperSpec
     home: tuple[float, ...]
@@ -141,6 +139,11 @@ class RobotSpec:
                     f"robot {self.name!r}: {key} has {len(values)} values; give one for each of the "
                     f"{len(self.arm_joints)} arm joints"
                 )
+
+    @property
+    def tool_link(self) -> str:
+        """Link that carries the tool frame: the gripper body."""
+        return self.gripper.body
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -13,9 +13,10 @@ from newton.sensors import SensorCamera
 from pxr import UsdGeom
 from scipy.spatial.transform import Rotation
 
+from s2a import robot
 from s2a.ranges import Above, Count, Positive
+from s2a.robot.model import add_robot
 from s2a.sim.camera_pose import viewpoint
-from s2a.sim.franka import FrankaConfig, add_franka
 from s2a.sim.world import SimStage, body_index
 from s2a.usd.stage import open_stage, read_mesh
 
@@ -47,11 +48,11 @@ class CameraConfig:
 class Camera:
     """A camera on one world of a stage; it has a model of its own, with everything that can be seen."""
 
-    def __init__(self, stage: SimStage, robot: FrankaConfig, config: CameraConfig) -> None:
+    def __init__(self, stage: SimStage, config: CameraConfig) -> None:
         """Load the visuals; takes seconds, so make one camera and take many pictures."""
         builder = newton.ModelBuilder()
         newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-        add_franka(builder, robot, wp.transform(*stage.base[:3], *stage.base[3:]), visuals=True)
+        add_robot(builder, robot.load(stage.robot), wp.transform(*stage.base[:3], *stage.base[3:]), visuals=True)
         builder.add_usd(str(stage.path), load_visual_shapes=False, hide_collision_shapes=True, load_sites=False)
         _add_visuals(builder, stage)
         with wp.ScopedDevice("cpu"):

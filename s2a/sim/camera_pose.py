@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from s2a import robot
 from s2a.sim.world import SimStage
 from s2a.usd.stage import open_stage, read_mesh
 
@@ -17,8 +18,6 @@ NEARER = (1.0, 0.85, 0.7, 0.55)
 """Shares of the asked distance."""
 HIGHER = (1.0, 0.5, 1.6)
 """Shares of the asked elevation."""
-SHOULDER = 0.333
-"""[m] The robot's, above its base."""
 BEFORE = 0.05
 """[m] So much before what is looked at, a surface no longer hides it: it may be its own."""
 
@@ -37,7 +36,8 @@ def viewpoint(stage: SimStage, distance: float, azimuth: float, elevation: float
     base, grasp = stage.base[:3], stage.grasp[:3]
     middle = 0.5 * (base + grasp) + [0.0, 0.0, 0.2]
     back = base - grasp
-    seen = np.stack([grasp, grasp + 0.15 * back / np.linalg.norm(back), base + [0.0, 0.0, SHOULDER]])
+    shoulder = base + [0.0, 0.0, robot.load(stage.robot).base.shoulder_height]
+    seen = np.stack([grasp, grasp + 0.15 * back / np.linalg.norm(back), shoulder])
     room = _surroundings(stage)
     best, most = middle, -1
     for place in _places(middle, float(np.arctan2(back[1], back[0])), distance, azimuth, elevation):

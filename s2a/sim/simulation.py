@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import mujoco_warp
 import newton
+import numpy as np
 import warp as wp
 
+from s2a import robot
 from s2a.errors import InputError
 from s2a.ranges import Count, Positive
-from s2a.sim.franka import FrankaConfig
+from s2a.robot.spec import Gains
+from s2a.sim.layout import Layout, layout
 from s2a.sim.world import JointConfig, SimStage, body_index, build_world
 
 IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
@@ -34,7 +37,8 @@ class SimConfig:
         nconmax: contacts a world.
         multiccd: whether a pair of hulls may have several contacts.
         room: whether the room's colliders are there.
-        robot: how the robot is driven.
+        gains: of the robot's position controller; null: the robot's own.
+        gravity_compensation: the robot's weight is carried.
         joint: how the target's joint resists.
     """
 
@@ -48,14 +52,20 @@ class SimConfig:
     nconmax: Count
     multiccd: bool
     room: bool
-    robot: FrankaConfig
+    gains: Gains | None
+    gravity_compensation: bool
     joint: JointConfig
 
 
 class Simulation:
-    """Physics of `worlds` copies of a stage on one device.
+    """Physics of `num_envs` worlds on one device; world i is a copy of stage i modulo their number.
 
     Attributes:
+        stages: what is simulated; `stage` is the first.
+        stage_of_env: index of each world's stage, shape [world].
+        robot: the robot that the stages were prepared for.
+        world: builder of the first stage's world.
+        layout: which body and coordinate of a world is what.
         model: the Newton model of all worlds.
         solver: MuJoCo (Warp) with hull contacts.
         state: joint and body state before and after every `step` (always this same buffer).
@@ -69,33 +79,59 @@ class Simulation:
             next.
     """
 
+    layout: Layout
+
     def __init__(
-        self, stage: SimStage, config: SimConfig, worlds: int, device: str = "cpu", with_robot: bool = True
+        self,
+        stages: SimStage | Sequence[SimStage],
+        config: SimConfig,
+        num_envs: int,
+        device: str = "cpu",
+        with_robot: bool = True,
     ) -> None:
-        """Build the worlds; the first call on a machine compiles kernels for a minute."""
+        """Build the worlds; the first call on a machine compiles kernels for a minute.
+
+        Raises:
+            InputError: an odd number of substeps; stages for different robots, or of slides and hinges together.
+        """
         if config.substeps % 2:
             raise InputError(f"key 'sim.substeps' is {config.substeps}; a captured step needs an even number")
-        self.stage, self.config, self.worlds, self.device = stage, config, worlds, device
+        self.stages = [stages] if isinstance(stages, SimStage) else list(stages)
+        self.stage, self.config, self.num_envs, self.device = self.stages[0], config, num_envs, device
+        self.stage_of_env = np.arange(num_envs) % len(self.stages)
+        _check_alike(self.stages)
+        self.robot = robot.load(self.stage.robot)
         with wp.ScopedDevice(device):
-            robot = config.robot if with_robot else None
-            self.world = build_world(stage, robot, config.joint, config.dt, config.room)
-            builder = newton.ModelBuilder()
-            newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-            builder.replicate(self.world, worlds)
-            self.model = builder.finalize()
+            worlds = [self._world(stage, with_robot) for stage in self.stages]
+            self.world = worlds[0]
+            self.model = _batch(worlds, num_envs).finalize()
             self.solver = _solver(self.model, config)
             self.state, self.before = self.model.state(), self.model.state()
             self.control = self.model.control()
             newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
-        self.joint_q = wp.to_torch(self.state.joint_q).view(worlds, -1)
-        self.joint_qd = wp.to_torch(self.state.joint_qd).view(worlds, -1)
-        self.body_q = wp.to_torch(self.state.body_q).view(worlds, -1, 7)
-        self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(worlds, -1)
+        if with_robot:
+            self.layout = layout(self.world, self.robot, self.stage)
+        self.joint_q = wp.to_torch(self.state.joint_q).view(num_envs, -1)
+        self.joint_qd = wp.to_torch(self.state.joint_qd).view(num_envs, -1)
+        self.body_q = wp.to_torch(self.state.body_q).view(num_envs, -1, 7)
+        self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(num_envs, -1)
         self.after_substep: Callable[[], None] = lambda: None
 
     def body(self, name: str) -> int:
         """Return the index of a body within a world."""
         return body_index(self.world, name)
+
+    def _world(self, stage: SimStage, with_robot: bool) -> newton.ModelBuilder:
+        config = self.config
+        return build_world(
+            stage,
+            config.joint,
+            config.dt,
+            robot=self.robot if with_robot else None,
+            gains=config.gains,
+            gravity_compensation=config.gravity_compensation,
+            room=config.room,
+        )
 
     def step(self) -> None:
         """Advance all worlds by one control step (`substeps` physics steps)."""
@@ -117,6 +153,45 @@ class Simulation:
         with wp.ScopedDevice(self.model.device), wp.ScopedCapture() as capture:
             function()
         return lambda: wp.capture_launch(capture.graph)
+
+
+def _check_alike(stages: Sequence[SimStage]) -> None:
+    """Raise unless the worlds of all stages have the same joints."""
+    for name, value in (("robot", lambda s: s.robot), ("kind of joint", lambda s: s.joint.kind)):
+        kinds = {value(stage): stage for stage in reversed(stages)}
+        if len(kinds) > 1:
+            one, other = list(kinds.values())[:2]
+            raise InputError(
+                f"{one.path} ({one.target}) and {other.path} ({other.target}) differ in their {name}; "
+                "simulate them in batches of their own"
+            )
+
+
+def _batch(worlds: Sequence[newton.ModelBuilder], num_envs: int) -> newton.ModelBuilder:
+    """Return the builder of all worlds.
+
+    Of several stages, what may touch is said by groups instead of pairs: MuJoCo's masks have no room for the pairs of all.
+    Then the part touches the robot alone; in a single stage it touches the room too.
+    """
+    builder = newton.ModelBuilder()
+    newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+    if len(worlds) == 1:
+        builder.replicate(worlds[0], num_envs)
+        return builder
+    for world in worlds:
+        _group(world)
+    for i in range(num_envs):
+        builder.add_world(worlds[i % len(worlds)])
+    return builder
+
+
+def _group(world: newton.ModelBuilder) -> None:
+    """Let the robot's shapes and all others touch each other, and none of its own kind: groups -1 and -2."""
+    for shape, body in enumerate(world.shape_body):
+        if world.shape_flags[shape] & newton.ShapeFlags.COLLIDE_SHAPES:
+            is_robot = body >= 0 and not world.body_label[body].startswith("/scene/")
+            world.shape_collision_group[shape] = -1 if is_robot else -2
+    world.shape_collision_filter_pairs.clear()
 
 
 def _solver(model: newton.Model, config: SimConfig) -> newton.solvers.SolverMuJoCo:

@@ -14,10 +14,11 @@ from pxr import Usd, UsdGeom
 from s2a.articulation import lever_arm, travel
 from s2a.errors import InputError
 from s2a.ranges import NotNegative
-from s2a.scene import Joint
-from s2a.sim.franka import FrankaConfig, add_franka
+from s2a.robot.model import add_robot
+from s2a.robot.spec import Gains, RobotSpec
+from s2a.scene import Joint, Mesh
 from s2a.usd.joints import read_joint
-from s2a.usd.stage import open_stage
+from s2a.usd.stage import open_stage, read_mesh
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,8 @@ class SimStage:
         grasp: pose of the grasp frame at joint zero, 7-vector, scene frame: z into the furniture, y across the grasp
             region's thin side.
         grasp_size: extents of the grasp region along the grasp frame's axes [m], shape [3].
+        region: the annotated grasp region's surface in the part's body frame, its scene pose at joint zero.
+        robot: name of the robot that the base pose is for.
     """
 
     path: Path
@@ -53,6 +56,8 @@ class SimStage:
     base: np.ndarray
     grasp: np.ndarray
     grasp_size: np.ndarray
+    region: Mesh
+    robot: str = "panda"
 
     @property
     def lever(self) -> float:
@@ -86,19 +91,30 @@ def read_stage(path: Path) -> SimStage:
         base=np.array([*scene.GetAttribute("s2a:basePosition").Get(), *base.GetImaginary(), base.GetReal()]),
         grasp=np.array([*place.ExtractTranslation(), *rotation.GetImaginary(), rotation.GetReal()]),
         grasp_size=np.array(grasp.GetAttribute("s2a:size").Get()),
+        region=read_mesh(stage.GetPrimAtPath(f"/scene/{target}/region")),
+        robot=scene.GetAttribute("s2a:robot").Get() or "panda",
     )
 
 
 def build_world(
-    stage: SimStage, robot: FrankaConfig | None, joint: JointConfig, dt: float, room: bool = True
+    stage: SimStage,
+    joint: JointConfig,
+    dt: float,
+    *,
+    robot: RobotSpec | None = None,
+    gains: Gains | None = None,
+    gravity_compensation: bool = True,
+    room: bool = True,
 ) -> newton.ModelBuilder:
     """Return a builder of one world.
 
     Args:
         stage: the stage to load.
-        robot: how the robot is driven, or None for a world without it.
         joint: how the target's joint resists.
         dt: physics time step [s]; sets how stiff the joint's limits can be.
+        robot: the robot, or None for a world without it.
+        gains: of its position controller; None: its own.
+        gravity_compensation: its weight is carried.
         room: whether the room's colliders are loaded.
     """
     builder = newton.ModelBuilder()
@@ -107,7 +123,8 @@ def build_world(
     builder.rigid_gap = 0.01
     builder.default_shape_cfg.mu = 1.0
     if robot is not None:
-        add_franka(builder, robot, wp.transform(*stage.base[:3], *stage.base[3:]))
+        base = wp.transform(*stage.base[:3], *stage.base[3:])
+        add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation)
     ignore = [] if room else ["/scene/static"]
     builder.add_usd(str(stage.path), ignore_paths=ignore, load_visual_shapes=False)
     dof = builder.joint_qd_start[joint_index(builder, stage.target)]

@@ -88,9 +88,7 @@ def test_an_impossible_value_is_named_with_its_key_and_what_is_possible(verb: st
     assert str(error.value).startswith(f"key {key!r} is {value}; give {possible}")
 
 
-@pytest.mark.parametrize(
-    ("verb", "key", "count"), [("evaluate", "sim.robot.start", 9), ("prepare", "prepare.base.start", 7)]
-)
+@pytest.mark.parametrize(("verb", "key", "count"), [("prepare", "prepare.base.start", 7)])
 @pytest.mark.parametrize("start", ["[0,0]", "[0,0,0,0,0,0,0,0,0,0]"])
 def test_the_robot_starts_with_each_of_its_joints(verb: str, key: str, count: int, start: str):
     required = [f"{k}=given" for k, given in config.leaves(config.compose(verb)) if given == config.REQUIRED]

@@ -12,6 +12,7 @@ import torch
 from cabinet import box, write_cabinet
 from settings import load
 
+from s2a import robot
 from s2a.env.vec_env import OpenDrawerEnv
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
@@ -43,7 +44,7 @@ def test_the_arm_takes_a_way_on_which_nothing_is_in_its_way(tmp_path: Path) -> N
     config = load(SimConfig, "sim/planner")
     # So short a motion has all that is asked of it: steps that are small enough to follow.
     plan = load(PlannerConfig, "policy/planner", approach_time=0.3, close_time=0.05, pull_time=0.8)
-    start = np.array(config.robot.start)
+    start = np.array(robot.load("panda").start)
     plain = Simulation(read_stage(write_cabinet(tmp_path / "plain.usda")), config, 1)
     first = grasping_motion(plain, plan)
     hand = (start + first[0]) / 2

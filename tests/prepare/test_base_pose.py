@@ -17,6 +17,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from settings import load
 
+from s2a import robot
 from s2a.geometry.sweep import sweep
 from s2a.planner.motion import PlannerConfig, _hand_path, _tracks
 from s2a.prepare import PrepareConfig, prepare
@@ -27,7 +28,6 @@ from s2a.prepare.path_clearance import deepest_clash
 from s2a.prepare.reach import follow, hand_way
 from s2a.robot import panda
 from s2a.scene import Joint, Mesh, Part, Scene
-from s2a.sim.simulation import SimConfig
 from s2a.sim.world import read_stage
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import SimScene
@@ -55,11 +55,11 @@ def test_the_kinematics_are_those_of_the_simulated_robot() -> None:
     import newton
     import warp as wp
 
-    from s2a.sim.franka import add_franka
+    from s2a.robot.model import add_robot
 
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-    add_franka(builder, load(SimConfig, "sim/paper").robot, wp.transform())
+    add_robot(builder, robot.load("panda"), wp.transform())
     model = builder.finalize(device="cpu")
     names = [label.split("/")[-1] for label in model.body_label]
     rows = [names.index(n) for n in (*(f"panda_link{i}" for i in range(1, 8)), "panda_hand_tcp")]
@@ -241,9 +241,8 @@ def test_what_the_robot_stands_on_is_seen_and_collides(high_up: SimScene) -> Non
 
 def test_the_planner_finds_a_way_from_where_the_arm_is_said_to_reach(high_up: SimScene, tmp_path: Path) -> None:
     sim_stage.write(high_up, tmp_path / "sim.usd")
-    sim = load(SimConfig, "sim/planner")
     assert high_up.base_free
     # Planned at a tenth of the simulation's rate, at which the steps are longer and harder to follow.
     settings, stage = load(PlannerConfig, "policy/planner"), read_stage(tmp_path / "sim.usd")
     poses, _ = _hand_path(stage, settings, 10.0)
-    assert _tracks(stage, sim.robot, poses, settings).shape[1:] == (len(poses), 7)
+    assert _tracks(stage, robot.load("panda"), poses, settings).shape[1:] == (len(poses), 7)

@@ -11,10 +11,10 @@ from cabinet import TRAVEL, write_cabinet
 from pxr import Usd
 from settings import load
 
+from s2a import robot
 from s2a.scene import Mesh
 from s2a.sim.camera import BLOCK, Camera, CameraConfig, bake
 from s2a.sim.camera_pose import blocked, viewpoint
-from s2a.sim.simulation import SimConfig
 from s2a.sim.world import read_stage
 from s2a.usd.stage import write_mesh
 
@@ -32,11 +32,11 @@ def test_the_texture_holds_each_corner_in_its_color() -> None:
 
 def test_a_picture_changes_where_the_drawer_moved(tmp_path: Path) -> None:
     stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
-    robot = load(SimConfig, "sim/planner").robot
-    camera = Camera(stage, robot, replace(load(CameraConfig, "camera/default"), width=96, height=64))
-    closed, opened = (camera.picture(torch.tensor([*robot.start, q])) for q in (0.0, TRAVEL))
+    start = robot.load(stage.robot).start
+    camera = Camera(stage, replace(load(CameraConfig, "camera/default"), width=96, height=64))
+    closed, opened = (camera.picture(torch.tensor([*start, q])) for q in (0.0, TRAVEL))
     assert closed.shape == (64, 96, 3)
-    assert np.array_equal(closed, camera.picture(torch.tensor([*robot.start, 0.0])))
+    assert np.array_equal(closed, camera.picture(torch.tensor([*start, 0.0])))
     changed = (closed != opened).any(axis=2).mean()
     assert 0.005 < changed < 0.5
 

@@ -164,7 +164,7 @@ def test_an_unknown_reward_term_names_the_known_ones(stage: Path) -> None:
 
 def test_a_share_of_the_episodes_starts_on_the_way_ahead(stage: Path) -> None:
     sim = Simulation(read_stage(stage), load(SimConfig, "sim/paper"), 256)
-    start = torch.tensor(sim.config.robot.start)
+    start = torch.tensor(sim.robot.start)
     first, last = start.clone(), start.clone()
     first[0], last[0] = start[0] - 1.0, start[0] - 1.5
     last[7:] = 0.0

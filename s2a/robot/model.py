@@ -1,0 +1,95 @@
+"""A robot in a Newton model: arm and gripper, or the gripper alone."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+
+import newton
+import warp as wp
+
+from s2a.errors import InputError
+from s2a.robot import urdf
+from s2a.robot.spec import Gains, RobotSpec
+
+ARM_JOINTS = 7
+"""Arm joints of every robot: the kernels' arrays have a fixed size."""
+JOINTS = 9
+"""Arm and finger joints."""
+
+
+def add_robot(
+    builder: newton.ModelBuilder,
+    spec: RobotSpec,
+    base: wp.transform,
+    *,
+    gains: Gains | None = None,
+    gravity_compensation: bool = True,
+    visuals: bool = False,
+) -> None:
+    """Add a robot, fixed at `base`, as the first articulation of a world.
+
+    Its coordinates are `spec.joints`, at `spec.start`. Colliders are the convex hulls of its links' collision meshes; the
+    links do not collide with each other.
+
+    Args:
+        builder: an empty world.
+        spec: the robot.
+        base: pose of its root link.
+        gains: of the position controller; None: the robot's own.
+        gravity_compensation: MuJoCo carries the robot's weight.
+        visuals: load visual meshes too.
+
+    Raises:
+        InputError: the URDF's joints are not those of the spec, in this order.
+    """
+    first_body, gains = _add_links(builder, urdf.arm(spec, visuals), base), gains or spec.gains
+    moving = [i for i in range(builder.joint_count) if builder.joint_type[i] != newton.JointType.FIXED]
+    names = tuple(builder.joint_label[i].split("/")[-1] for i in moving)
+    if names != spec.joints:
+        raise InputError(
+            f"robot {spec.name!r}: the URDF's joints are {', '.join(names)}; arm_joints and gripper.joints are "
+            f"{', '.join(spec.joints)}"
+        )
+    arm = len(spec.arm_joints)
+    efforts = (*spec.limits.torque, *2 * (gains.finger_effort,))
+    for k, (i, start) in enumerate(zip(moving, spec.start, strict=True)):
+        dof = builder.joint_qd_start[i]
+        builder.joint_target_ke[dof] = gains.arm_stiffness if k < arm else gains.finger_stiffness
+        builder.joint_target_kd[dof] = gains.arm_damping if k < arm else gains.finger_damping
+        builder.joint_armature[dof] = gains.armature
+        builder.joint_effort_limit[dof] = efforts[k]
+        builder.joint_target_mode[dof] = newton.JointTargetMode.POSITION
+        builder.joint_q[builder.joint_q_start[i]] = builder.joint_target_q[dof] = start
+    if gravity_compensation:
+        _compensate_gravity(builder, first_body)
+
+
+def add_gripper(builder: newton.ModelBuilder, spec: RobotSpec, pose: wp.transform) -> None:
+    """Add the gripper alone, its body held at `pose`: two free fingers, convex colliders, no drive, weightless."""
+    _compensate_gravity(builder, _add_links(builder, urdf.gripper(spec), pose))
+
+
+def _add_links(builder: newton.ModelBuilder, robot: ElementTree.Element, pose: wp.transform) -> int:
+    """Add a URDF's links at a pose, their collision meshes as convex hulls; return the index of the first body."""
+    first_shape, first_body = builder.shape_count, builder.body_count
+    builder.add_urdf(
+        ElementTree.tostring(robot, encoding="unicode"),
+        package_dirs=[str(urdf.share())],
+        xform=pose,
+        enable_self_collisions=False,
+        collapse_fixed_joints=False,
+    )
+    shapes = range(first_shape, builder.shape_count)
+    meshes = [i for i in shapes if builder.shape_type[i] == newton.GeoType.MESH and _collides(builder, i)]
+    builder.approximate_meshes("convex_hull", shape_indices=meshes)
+    return first_body
+
+
+def _compensate_gravity(builder: newton.ModelBuilder, first_body: int) -> None:
+    """Let MuJoCo carry the weight of all bodies from the given one on."""
+    compensation = builder.custom_attributes["mujoco:gravcomp"]
+    compensation.values = {**(compensation.values or {}), **{i: 1.0 for i in range(first_body, builder.body_count)}}
+
+
+def _collides(builder: newton.ModelBuilder, shape: int) -> bool:
+    return bool(builder.shape_flags[shape] & newton.ShapeFlags.COLLIDE_SHAPES)

@@ -111,7 +111,7 @@ def sweep(verb: str, overrides: Sequence[str]) -> None:
     """
     # Hydra reads its arguments from sys.argv, and prints errors itself unless told to raise them.
     folder = _sweep_folder(overrides)
-    sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *overrides, f"hydra.sweep.dir={folder}"]
+    sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *config.opened(overrides), f"hydra.sweep.dir={folder}"]
     os.environ["HYDRA_FULL_ERROR"] = "1"
     try:
         hydra.main(config_path=str(config.folder()), config_name=verb, version_base="1.3")(job)()

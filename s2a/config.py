@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import dacite
 from hydra import compose as hydra_compose
@@ -24,6 +25,29 @@ from s2a import ranges
 from s2a.errors import InputError
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Annotation of a field whose dataclass depends on the values: `Annotated[Base, Chosen(choose)]`.
+
+    Attributes:
+        choose: all plain values -> the field's dataclass, a subclass of its type.
+    """
+
+    choose: Callable[[Mapping[str, Any]], type]
+
+
+@dataclass(frozen=True)
+class Described:
+    """Annotation of a dictionary field whose keys depend on the values: `Annotated[dict[str, float], Described(describe)]`.
+
+    Attributes:
+        describe: all plain values -> the meaning of each possible key.
+    """
+
+    describe: Callable[[Mapping[str, Any]], Mapping[str, str]]
+
 
 REQUIRED = "???"
 """What a YAML file says for a value that has no default."""
@@ -46,7 +70,7 @@ def compose(name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """
     with initialize_config_dir(str(folder()), version_base="1.3"):
         try:
-            return plain(hydra_compose(name, list(overrides)))
+            return plain(hydra_compose(name, opened(overrides)))
         except (HydraException, OmegaConfBaseException, ValueError) as error:
             raise InputError(explain(error, keys(plain(hydra_compose(name), resolve=False)))) from error
 
@@ -71,6 +95,7 @@ def load(cls: type[T], values: Mapping[str, Any]) -> T:
     """
     if missing := [key for key, value in leaves(values) if value == REQUIRED]:
         raise InputError(f"key {missing[0]!r} has no value; give {missing[0]}=...")
+    values = {key: _chosen(cls, key, value, values) for key, value in values.items()}
     rules = dacite.Config(strict=True, type_hooks={float: _float, int: _int, Path: _path})
     try:
         loaded = dacite.from_dict(cls, _tuples(values), rules)
@@ -85,6 +110,26 @@ def load(cls: type[T], values: Mapping[str, Any]) -> T:
         raise InputError(f"key {name!r} is unknown{nearest(name, others)}") from error
     ranges.check(cls, loaded)
     return loaded
+
+
+N = TypeVar("N", Chosen, Described)
+
+
+def note(cls: type, key: str, kind: type[N]) -> N | None:
+    """Return the annotation of a field that depends on the values; None for any other."""
+    hint = get_type_hints(cls, include_extras=True).get(key)
+    return next((found for found in get_args(hint)[1:] if isinstance(found, kind)), None)
+
+
+def _chosen(cls: type, key: str, value: Any, values: Mapping[str, Any]) -> Any:
+    """Return a field's value, loaded where its dataclass depends on the values."""
+    found = note(cls, key, Chosen)
+    return load(found.choose(values), value) if found and isinstance(value, Mapping) else value
+
+
+def opened(overrides: Sequence[str]) -> list[str]:
+    """Return overrides that may add keys to those dictionaries whose keys are not all listed: reward terms."""
+    return [f"++{text}" if text.startswith("reward.") else text for text in overrides]
 
 
 def leaves(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:

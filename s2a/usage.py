@@ -32,11 +32,22 @@ def general(verbs: Mapping[str, str]) -> str:
 def verb(name: str, meaning: str, cls: type) -> str:
     """Return the help text of one verb: examples, then every key with its value in the YAML tree and its meaning."""
     values = sorted(config.leaves(config.compose(name)), key=lambda leaf: "." in leaf[0])
-    meanings = attributes(cls)
+    meanings = attributes(cls) | _chosen(cls, config.compose(name))
     lines = [f"s2a {name} key=value ...: {meaning}", *examples(name), ""]
     for key, value in values:
         lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, meanings)}".rstrip())
     return "\n".join([*lines, *options(name)])
+
+
+def _chosen(cls: type, values: Mapping[str, Any]) -> dict[str, str]:
+    """Read the meaning of the keys of those fields that depend on the values."""
+    found: dict[str, str] = {}
+    for key in values:
+        if chosen := config.note(cls, key, config.Chosen):
+            found |= attributes(chosen.choose(values), f"{key}.")
+        if described := config.note(cls, key, config.Described):
+            found |= {f"{key}.{name}": meaning for name, meaning in described.describe(values).items()}
+    return found
 
 
 def examples(name: str) -> list[str]:

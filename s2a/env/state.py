@@ -72,7 +72,11 @@ def allocate(sim: Simulation, observations: int, terms: int, columns: int) -> St
     s.upper = wp.array(sim.model.joint_limit_upper.numpy()[: s.joints], dtype=float)
     for name, width in (("action", s.joints), ("observation", observations), ("terms", terms), ("result", columns)):
         setattr(s, name, wp.zeros((n, width), dtype=float))
-    s.reward, s.counts, s.rng = wp.zeros(n, dtype=float), wp.zeros(1 + columns, dtype=float), wp.zeros(n, dtype=wp.uint32)
+    s.reward, s.counts, s.rng = (
+        wp.zeros(n, dtype=float),
+        wp.zeros(1 + columns, dtype=float),
+        wp.zeros(n, dtype=wp.uint32),
+    )
     s.dropped = wp.zeros((n, 2), dtype=int)
     for name in ("terminated", "done", "time_out", "step", "uncounted", "overflow"):
         setattr(s, name, wp.zeros(n, dtype=int))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Annotated, Any, ClassVar
 
 import warp as wp
@@ -53,6 +54,7 @@ class Task:
         observations: length of an observation.
         handles: the task's struct, which its kernels and reward terms take.
         thresholds: what counts in these worlds, by name, for reports.
+        error_fraction: fraction of the episodes from which physics' errors are warned of.
     """
 
     Config: ClassVar[type[MdpConfig]]
@@ -69,6 +71,7 @@ class Task:
     observations: int
     handles: Any
     thresholds: Mapping[str, float]
+    error_fraction: float = 0.001
 
     def __init__(self, sim: Simulation, config: Any, metrics: Any) -> None:
         """Bind the task to worlds."""
@@ -105,3 +108,8 @@ def weights_of(terms: Sequence[wp.Function], weights: Mapping[str, float]) -> li
         if name not in names:
             raise InputError(f"reward term {name!r} does not exist; known: {', '.join(names)}")
     return [float(weights.get(name, 0.0)) for name in names]
+
+
+def columns(names: Sequence[str]) -> Any:
+    """Return an enumeration of columns by name, from 0, that kernels can use as indices."""
+    return IntEnum("Column", list(names), start=0)

@@ -29,6 +29,7 @@ class VecEnv:
         sim: the worlds.
         task: what is done in them.
         num_envs, num_actions, max_episode_length: as a vectorised environment has them.
+        action_step: change of each joint target for an action of 1 [rad or m], shape [action].
         observation: shape [world observation], overwritten by every step.
         reward: shape [world].
         done, time_out: 0 or 1, shape [world], int32; a time-out is not a termination.
@@ -74,6 +75,9 @@ class VecEnv:
             self._articulation_mask = wp.zeros((sim.num_envs, articulations), dtype=bool)
             self._launch(kernels.seed_worlds, seed, self.state.rng)
         self._share_with_torch()
+        fingers = self.num_actions - sim.layout.arm_joints
+        steps = [self._motion.step] * sim.layout.arm_joints + [self._motion.finger_step] * fingers
+        self.action_step = torch.tensor(steps, device=sim.device)
         sim.after_substep = self._after_substep
         self._whole_step = sim.capture(self._step) if graph else self._step
         self.reset_all()
@@ -106,7 +110,9 @@ class VecEnv:
             mine = wp.to_torch(array)
             if name not in state or state[name].shape != mine.shape:
                 given = tuple(state[name].shape) if name in state else "missing"
-                raise InputError(f"the saved worlds' {name} is {given}, expected {tuple(mine.shape)}; use the same num_envs and task")
+                raise InputError(
+                    f"the saved worlds' {name} is {given}, expected {tuple(mine.shape)}; use the same num_envs and task"
+                )
             mine.copy_(state[name])
 
     def _persistent(self) -> dict[str, wp.array]:

@@ -15,7 +15,7 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from s2a.articulation import opening_sign, pose_at
-from s2a.env.vec_env import OpenDrawerEnv
+from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.planner.collision import freest
 from s2a.ranges import Count, CountFromZero, Positive
@@ -65,7 +65,7 @@ class Planner:
         grasp_steps: until the hand has closed.
     """
 
-    def __init__(self, env: OpenDrawerEnv, config: PlannerConfig) -> None:
+    def __init__(self, env: VecEnv, config: PlannerConfig) -> None:
         """Plan for an environment's stage; InputError if the arm cannot reach along the whole way."""
         sim = env.sim
         self._env = env
@@ -73,8 +73,6 @@ class Planner:
         self.path = torch.tensor(_path(sim, config), dtype=torch.float32, device=sim.device)
         self.reach_steps = round(config.reach_time * rate)
         self.grasp_steps = self.reach_steps + _closed(config, rate)
-        self._speed = torch.ones(JOINTS, device=sim.device) * env.config.action_scale / rate
-        self._speed[ARM_JOINTS:] *= env.config.finger_speed
 
     def __call__(self, observation: torch.Tensor) -> torch.Tensor:
         """Return the action [world 9] that brings the joint targets onto the path; the observation is not needed."""
@@ -84,7 +82,7 @@ class Planner:
         reach = now + (self.path[0] - now) / left
         follow = self.path[(step - self.reach_steps + 1).clamp(0, len(self.path) - 1)]
         target = torch.where((step < self.reach_steps)[:, None], reach, follow)
-        return (target - now) / self._speed
+        return (target - now) / self._env.action_step
 
 
 def grasping_motion(sim: Simulation, config: PlannerConfig) -> np.ndarray:

@@ -82,7 +82,9 @@ class Runner(OnPolicyRunner):
         """
         try:
             infos = self.load(str(checkpoint), map_location=str(self.device))
-            if processes.rank() == 0:  # the worlds of the other processes were not saved, and begin with seeds of their own
+            if (
+                processes.rank() == 0
+            ):  # the worlds of the other processes were not saved, and begin with seeds of their own
                 self.env.load_state_dict(infos["run"])
             self.logger.load_state_dict(infos["log"])
             self.seconds, self.best = infos["seconds"], infos["best"]

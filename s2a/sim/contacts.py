@@ -77,12 +77,10 @@ def collect(s: Sensor, found: PartContacts):
         return
     world = s.world[contact]
     first, second = s.owner[world, s.geom[contact][0]], s.owner[world, s.geom[contact][1]]
-    link, other = first, second
     # MuJoCo's contact force acts on the second geom, along the frame's first row from the first to the second.
-    sign = float(1.0)
-    if first == PART or (second >= LEFT and second <= LINK and first < 0):
-        link, other = second, first
-        sign = float(-1.0)
+    swapped = first == PART or first < 0
+    link, other = wp.where(swapped, second, first), wp.where(swapped, first, second)
+    sign = wp.where(swapped, -1.0, 1.0)
     if link < LEFT or link > LINK:
         return
     pressed = wp.spatial_top(s.force[contact])[0]

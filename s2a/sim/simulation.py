@@ -9,6 +9,7 @@ from typing import Literal
 import mujoco_warp
 import newton
 import numpy as np
+import torch
 import warp as wp
 
 from s2a import robot
@@ -153,6 +154,19 @@ class Simulation:
         with wp.ScopedDevice(self.model.device), wp.ScopedCapture() as capture:
             function()
         return lambda: wp.capture_launch(capture.graph)
+
+
+def device_of(key: str) -> str:
+    """Return the device that a user's key means; "auto" is a GPU where there is one.
+
+    Raises:
+        InputError: a device that this machine does not have.
+    """
+    known = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
+    chosen = known[:2][-1] if key == "auto" else key
+    if chosen not in known:
+        raise InputError(f"key 'device' is {key!r}; on this machine one of: auto, {', '.join(known)}")
+    return chosen
 
 
 def _check_alike(stages: Sequence[SimStage]) -> None:

@@ -70,11 +70,11 @@ class SimStage:
         return travel(self.joint, self.grasp[:3])
 
 
-def read_stage(path: Path) -> SimStage:
+def read_stage(path: Path, part: str | None = None) -> SimStage:
     """Read what the simulation needs from a sim.usd; InputError if the file is missing or is another kind of stage."""
     stage = open_stage(path)
     scene = stage.GetDefaultPrim()
-    target = scene.GetAttribute("s2a:target").Get() if scene else None
+    target = part or (scene.GetAttribute("s2a:target").Get() if scene else None)
     joint = stage.GetPrimAtPath(f"/scene/joints/{target}")
     grasp = stage.GetPrimAtPath(f"/scene/{target}/grasp")
     if not target or not joint or not grasp:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 from s2a import config
-from s2a.env.task import MdpConfig, Task
+from s2a.env.task import MdpConfig, Task, meanings
+from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
+from s2a.sim.simulation import Simulation
 
 
 def names() -> list[str]:
@@ -23,6 +26,22 @@ def task(name: str) -> type[Task]:
     return importlib.import_module(f"s2a.tasks.{name}").TASK
 
 
-def load_mdp(values: dict[str, Any]) -> MdpConfig:
-    """Return a task's settings from plain values, whose `name` says which task."""
-    return config.load(task(str(values.get("name"))).Config, values)
+def of(values: Mapping[str, Any]) -> type[Task]:
+    """Return the task that a command's plain values mean: `task.name`."""
+    settings = values.get("task")
+    return task(str(settings.get("name") if isinstance(settings, Mapping) else settings))
+
+
+MdpSettings = Annotated[MdpConfig, config.Chosen(lambda values: of(values).Config)]
+"""A command's key `task`: the numbers of a decision process."""
+MetricSettings = Annotated[Any, config.Chosen(lambda values: of(values).Metrics)]
+"""A command's key `metrics`: the thresholds of what is reported."""
+RewardWeights = Annotated[dict[str, float], config.Described(lambda values: meanings(of(values).REWARDS))]
+"""A command's key `reward`: weights of reward terms by name; a term that is not listed weighs 0."""
+
+
+def make_env(
+    sim: Simulation, mdp: MdpConfig, metrics: Any, reward: Mapping[str, float], seed: int, **more: Any
+) -> VecEnv:
+    """Return the environment of the task that `mdp.name` says; `more` goes to VecEnv."""
+    return VecEnv(sim, task(mdp.name)(sim, mdp, metrics), reward, seed, **more)

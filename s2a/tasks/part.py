@@ -19,6 +19,7 @@ from s2a.sim.contacts import ContactSensor, PartContacts
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 
+
 @dataclass(frozen=True)
 class PartMdp(MdpConfig):
     """What the decision processes with a part share.
@@ -212,8 +213,11 @@ def keep_touch(h: PartHandles):
 
 @wp.kernel
 def observe(s: State, h: PartHandles):
-    """Write the reference's observation: joint positions scaled to their range, velocities, the way from tool to grasp in the
-    robot's base frame [m], the part's coordinate and velocity; shape [world 2 * joints + 5]."""
+    """Write the reference's observation, shape [world 2 * joints + 5].
+
+    Joint positions scaled to their range and velocities, the vector from tool to grasp in the robot's base frame [m], the
+    part's coordinate and velocity.
+    """
     world = wp.tid()
     limit, b = h.observation_limit, h.bodies
     for i in range(s.joints):

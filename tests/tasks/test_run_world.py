@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from s2a.commands.trained import read_world, write_world
 from settings import load
 
 from s2a import config
 from s2a.commands.train import Config
-from s2a.commands.trained import read_world, write_world
 from s2a.errors import InputError
 from s2a.sim.simulation import SimConfig
 from s2a.tasks.open_part.config import LEVELS, OpenDrawerConfig

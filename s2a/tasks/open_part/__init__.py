@@ -18,12 +18,17 @@ class OpenPartTask(Task):
 
     Config, Metrics = OpenPartConfig, OpenPartMetrics
     Handles, PERSISTENT = mdp.OpenPart, ("led", "progress")
-    REWARDS, METRICS, VALUES, METRICS_VERSION = mdp.REWARDS, metrics.METRICS, ("opening", "grasped_fraction"), metrics.VERSION
+    REWARDS, METRICS, VALUES, METRICS_VERSION = (
+        mdp.REWARDS,
+        metrics.METRICS,
+        ("opening", "grasped_fraction"),
+        metrics.VERSION,
+    )
     LOGGED = ("grasp_success", "success", "final_success", "handle_success", "single_finger_success", "open_30cm")
 
     def __init__(self, sim: Simulation, config: OpenPartConfig, metrics_config: OpenPartMetrics) -> None:
         """Bind the task to worlds."""
-        self.sim, self.config, self.metrics = sim, config, metrics_config
+        self.sim, self.config, self.error_fraction = sim, config, metrics_config.error_fraction
         with wp.ScopedDevice(sim.device):
             self.sensor = ContactSensor(sim, config.contact_distance)
             self.handles = mdp.bind(sim, part.bind(sim, self.sensor, config), config)

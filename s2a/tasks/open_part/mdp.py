@@ -68,7 +68,7 @@ def signed_square(x: float):
 
 @wp.func
 def distance(s: State, h: OpenPart, world: int):
-    """weight of the tool being near the grasp point: 1 / (1 + d²)², twice that within task.close_distance."""
+    """Weight of the tool being near the grasp point: 1 / (1 + d²)², twice that within task.close_distance."""
     d = tool_distance(frames(s, h.p, world))
     near = 1.0 / (1.0 + d * d)
     return near * near * wp.where(d <= h.close_distance, 2.0, 1.0)
@@ -76,7 +76,7 @@ def distance(s: State, h: OpenPart, world: int):
 
 @wp.func
 def rotation(s: State, h: OpenPart, world: int):
-    """weight of the tool being turned as the grasp is, from -1 to 1."""
+    """Weight of the tool being turned as the grasp is, from -1 to 1."""
     f = frames(s, h.p, world)
     z, y = wp.vec3(0.0, 0.0, 1.0), wp.vec3(0.0, 1.0, 0.0)
     forward = wp.dot(wp.transform_vector(f.tool, z), wp.transform_vector(f.grasp, z))
@@ -86,13 +86,13 @@ def rotation(s: State, h: OpenPart, world: int):
 
 @wp.func
 def opening(s: State, h: OpenPart, world: int):
-    """weight of how far the part is open, as the path of its grasp point [m]."""
+    """Weight of how far the part is open, as the path of its grasp point [m]."""
     return opening_of(s, h.p, world)
 
 
 @wp.func
 def finger(s: State, h: OpenPart, world: int):
-    """weight of the fingers standing on the wrong sides of the grasp point: how far [m], below 0."""
+    """Weight of the fingers standing on the wrong sides of the grasp point: how far [m], below 0."""
     f = frames(s, h.p, world)
     point, up = wp.transform_get_translation(f.grasp), wp.transform_vector(f.grasp, wp.vec3(0.0, 1.0, 0.0))
     return wp.min(wp.dot(f.left - point, up), 0.0) + wp.min(-wp.dot(f.right - point, up), 0.0)
@@ -100,7 +100,7 @@ def finger(s: State, h: OpenPart, world: int):
 
 @wp.func
 def bonus(s: State, h: OpenPart, world: int):
-    """weight of each of task.bonus_openings that is passed."""
+    """Weight of each of task.bonus_openings that is passed."""
     passed = float(0.0)
     for i in range(3):
         passed += wp.where(opening_of(s, h.p, world) > h.scale[world] * h.bonus[i], 1.0, 0.0)
@@ -109,7 +109,7 @@ def bonus(s: State, h: OpenPart, world: int):
 
 @wp.func
 def action(s: State, h: OpenPart, world: int):
-    """weight of the sum of the squared actions; below 0: a cost."""
+    """Weight of the sum of the squared actions; below 0: a cost."""
     effort = float(0.0)
     for i in range(s.action.shape[1]):
         effort += s.action[world, i] * s.action[world, i]
@@ -118,19 +118,19 @@ def action(s: State, h: OpenPart, world: int):
 
 @wp.func
 def grip(s: State, h: OpenPart, world: int):
-    """weight of both fingers pressing on the grasp region, 0 or 1."""
+    """Weight of both fingers pressing on the grasp region, 0 or 1."""
     return wp.where(wp.min(h.p.touch[world, 0], h.p.touch[world, 1]) >= h.p.contact_force, 1.0, 0.0)
 
 
 @wp.func
 def grasped_opening(s: State, h: OpenPart, world: int):
-    """weight of how far both fingers led the part by the grasp region [m]; never more than it is open."""
+    """Weight of how far both fingers led the part by the grasp region [m]; never more than it is open."""
     return h.led[world, 1]
 
 
 @wp.func
 def closing(s: State, h: OpenPart, world: int):
-    """weight of how far both fingers have closed [m] around the grasp point, within task.close_distance of it."""
+    """Weight of how far both fingers have closed [m] around the grasp point, within task.close_distance of it."""
     f = frames(s, h.p, world)
     point, up = wp.transform_get_translation(f.grasp), wp.transform_vector(f.grasp, wp.vec3(0.0, 1.0, 0.0))
     between = wp.dot(f.left - point, up) > 0.0 and wp.dot(f.right - point, up) < 0.0

@@ -6,13 +6,13 @@ outvote a fling. See docs/metrics.md.
 """
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
-from enum import IntEnum
 
 import numpy as np
 import warp as wp
 
 from s2a.env.kernels import is_sound
 from s2a.env.state import State
+from s2a.env.task import columns
 from s2a.sim.simulation import Simulation
 from s2a.tasks.open_part.config import OpenPartMetrics
 from s2a.tasks.open_part.mdp import OpenPart, travel_scale
@@ -45,15 +45,13 @@ VERSION = 2
 START = wp.constant(0.1)
 """Fraction of the success opening from which gains count: before it a part may be jolted open in passing."""
 
-Limit = IntEnum("Limit", ("success", "wide", "static", "full"), start=0)
+Limit = columns(("success", "wide", "static", "full"))
 """Columns of the thresholds [m]."""
-Progress = IntEnum(
-    "Progress", ("largest", "gained", "grasped", "both", "any", "off", "body", "stood"), start=0
-)
+Progress = columns(("largest", "gained", "grasped", "both", "any", "off", "body", "stood"))
 """What is kept of a running episode: its largest opening [m]; the opening gained [m], in all and while grasped, with both
 fingers on the region, with one or both, with a finger on the part but none on the region, with another link of the robot on
 the part; whether the part ever stood open as `open_75pct_static` demands."""
-Result = IntEnum("Result", METRICS, start=0)
+Result = columns(METRICS)
 
 
 def bind(sim: Simulation, h: OpenPart, config: OpenPartMetrics) -> dict[str, float]:
@@ -122,7 +120,11 @@ def write_result(s: State, h: OpenPart):
         return
     sound, now, largest = is_sound(s, world), opening_of(s, h.p, world), h.progress[world, Progress.largest]
     still = wp.abs(opening_speed(s, h.p, world)) <= h.static_speed
-    success_at, wide, static = h.limits[world, Limit.success], h.limits[world, Limit.wide], h.limits[world, Limit.static]
+    success_at, wide, static = (
+        h.limits[world, Limit.success],
+        h.limits[world, Limit.wide],
+        h.limits[world, Limit.static],
+    )
     full = h.limits[world, Limit.full]
     success = sound * flag(largest >= success_at)
     both = held(h, world, int(Progress.both), h.contact_fraction)

@@ -22,7 +22,11 @@ class Motion:
     Attributes:
         step: largest change of an arm joint's target in a control step [rad].
         finger_step: that of a finger [m].
+        limited: 1 where the controller keeps to velocity and acceleration; then the first two are not used.
+        velocity: velocity of each joint for an action of 1 [rad/s, m/s], shape [joint].
+        acceleration: largest change of it [rad/s^2, m/s^2], shape [joint].
         window: largest distance of a target from its joint's position [rad, m].
+        dt: physics time step [s].
         home: joint positions at the start [rad, m], shape [joint].
         noise: half range of the uniform noise on it [rad, m].
         scanned: coordinates of everything else at the start, shape [world coord].
@@ -33,7 +37,11 @@ class Motion:
 
     step: float
     finger_step: float
+    limited: int
+    velocity: wp.array(dtype=float)
+    acceleration: wp.array(dtype=float)
     window: float
+    dt: float
     home: wp.array(dtype=float)
     noise: float
     scanned: wp.array2d(dtype=float)
@@ -51,19 +59,47 @@ def seed_worlds(seed: int, rng: wp.array(dtype=wp.uint32)):
 
 @wp.kernel
 def act(s: State, m: Motion):
-    """Clamp the action and integrate it into the joint targets.
+    """Clamp the action; move the joint targets by it, or keep the velocities that it asks for where the controller has limits.
 
-    NaN moves nothing and stays as it is, for `finish` to end the episode: a clamp would make it -1.
+    NaN moves nothing and stays as it is, for `finish` to end the episode: a clamp would make it -1. The gripper's motor drives
+    both fingers: where the controller has limits, they follow the mean of their actions.
     """
     world = wp.tid()
     for i in range(s.joints):
         if not wp.isnan(s.action[world, i]):
-            a = wp.clamp(s.action[world, i], -1.0, 1.0)
-            s.action[world, i] = a
-            q = s.joint_q[world, i]
+            s.action[world, i] = wp.clamp(s.action[world, i], -1.0, 1.0)
+    for i in range(s.joints):
+        a = s.action[world, i]
+        if m.limited == 1:
+            if i >= s.arm:
+                a = 0.5 * (s.action[world, s.arm] + s.action[world, s.arm + 1])
+            s.asked[world, i] = wp.where(wp.isnan(a), 0.0, a) * m.velocity[i]
+        elif not wp.isnan(a):
             target = s.target_q[world, i] + wp.where(i < s.arm, m.step, m.finger_step) * a
-            target = wp.clamp(target, q - m.window, q + m.window)
             s.target_q[world, i] = wp.clamp(target, s.lower[i], s.upper[i])
+
+
+@wp.kernel
+def move_targets(s: State, m: Motion, joint_q: wp.array2d(dtype=float)):
+    """Move the targets for a physics step: velocities change no faster than the limits, and vanish before the joint limits.
+
+    Args:
+        s: the worlds.
+        m: the limits.
+        joint_q: coordinates before the step, shape [world coord].
+    """
+    world = wp.tid()
+    for i in range(s.joints):
+        q, target, a = joint_q[world, i], s.target_q[world, i], m.acceleration[i]
+        low, high = wp.max(s.lower[i], q - m.window), wp.min(s.upper[i], q + m.window)
+        # From a velocity v the target stops within v^2 / 2a.
+        fastest = wp.sqrt(2.0 * a * wp.max(s.upper[i] - target, 0.0))
+        slowest = -wp.sqrt(2.0 * a * wp.max(target - s.lower[i], 0.0))
+        now = s.target_qd[world, i]
+        v = now + wp.clamp(wp.clamp(s.asked[world, i], slowest, fastest) - now, -a * m.dt, a * m.dt)
+        moved = wp.clamp(target + v * m.dt, low, high)
+        s.target_qd[world, i] = (moved - target) / m.dt
+        s.target_q[world, i] = moved
 
 
 @wp.kernel
@@ -182,7 +218,10 @@ def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_ma
         for i in range(s.joints):
             noise = (1.0 - near) * wp.randf(rng, -m.noise, m.noise)
             target = wp.clamp(m.home[i] + near * (m.demo[stage, at, i] - m.home[i]) + noise, s.lower[i], s.upper[i])
+            if m.limited == 1 and i > s.arm:  # one motor: the fingers stand alike
+                target = s.target_q[world, s.arm]
             s.target_q[world, i] = target
+            s.target_qd[world, i] = 0.0
             s.joint_q[world, i] = wp.where(near < 1.0 or i < s.arm, target, s.upper[i])
         s.rng[world] = rng
         s.step[world] = 0

@@ -16,6 +16,8 @@ class State:
         body_q: poses, shape [world body].
         lower, upper: limits of the robot's joints [rad, m], shape [joint].
         target_q: joint targets, shape [world coord].
+        target_qd: commanded velocities of the robot's joints [rad/s, m/s], shape [world dof].
+        asked: those that the action asks for.
         action: in [-1, 1], shape [world action].
         observation: shape [world observation].
         terms: unweighted reward terms, shape [world term].
@@ -39,6 +41,8 @@ class State:
     lower: wp.array(dtype=float)
     upper: wp.array(dtype=float)
     target_q: wp.array2d(dtype=float)
+    target_qd: wp.array2d(dtype=float)
+    asked: wp.array2d(dtype=float)
     action: wp.array2d(dtype=float)
     observation: wp.array2d(dtype=float)
     terms: wp.array2d(dtype=float)
@@ -68,9 +72,16 @@ def allocate(sim: Simulation, observations: int, terms: int, columns: int) -> St
     s.joints, s.arm = sim.layout.robot_joints, sim.layout.arm_joints
     s.joint_q, s.joint_qd = sim.state.joint_q.reshape((n, -1)), sim.state.joint_qd.reshape((n, -1))
     s.body_q, s.target_q = sim.state.body_q.reshape((n, -1)), sim.control.joint_target_q.reshape((n, -1))
+    s.target_qd = sim.control.joint_target_qd.reshape((n, -1))
     s.lower = wp.array(sim.model.joint_limit_lower.numpy()[: s.joints], dtype=float)
     s.upper = wp.array(sim.model.joint_limit_upper.numpy()[: s.joints], dtype=float)
-    for name, width in (("action", s.joints), ("observation", observations), ("terms", terms), ("result", columns)):
+    for name, width in (
+        ("asked", s.joints),
+        ("action", s.joints),
+        ("observation", observations),
+        ("terms", terms),
+        ("result", columns),
+    ):
         setattr(s, name, wp.zeros((n, width), dtype=float))
     s.reward, s.counts, s.rng = (
         wp.zeros(n, dtype=float),

@@ -19,7 +19,11 @@ from s2a.env import kernels
 from s2a.env.state import allocate
 from s2a.env.task import Task, weights_of
 from s2a.errors import InputError
+from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import Simulation
+
+FINGER_TIME = 0.05
+"""[s] In which a finger reaches its speed; no maker says."""
 
 
 class VecEnv:
@@ -31,6 +35,7 @@ class VecEnv:
         num_envs, num_actions, max_episode_length: as a vectorised environment has them.
         action_step: change of each joint target for an action of 1 [rad or m], shape [action].
         observation: shape [world observation], overwritten by every step.
+        final_observation: the same before the reset of the worlds whose episode ended, where it is kept.
         reward: shape [world].
         done, time_out: 0 or 1, shape [world], int32; a time-out is not a termination.
         terms: unweighted reward terms, shape [world term].
@@ -49,6 +54,7 @@ class VecEnv:
         seed: int,
         graph: bool = True,
         demo: tuple[ArrayLike, float] | None = None,
+        final_observation: bool = False,
     ) -> None:
         """Allocate, reset all worlds, and capture the step on a GPU.
 
@@ -60,6 +66,7 @@ class VecEnv:
             graph: capture the step where there is a GPU.
             demo: joint targets [stage step joint] of motions that end in a closed grasp, and the fraction of the episodes
                 that start on them; None: none does.
+            final_observation: keep the last observation of every episode.
         """
         self.sim, self.task, self.columns = sim, task, (*task.METRICS, *kernels.ERRORS)
         self.num_envs, self.num_actions = sim.num_envs, sim.layout.robot_joints
@@ -73,11 +80,12 @@ class VecEnv:
             self._world_mask = wp.zeros(sim.num_envs + 1, dtype=bool)
             articulations = sim.model.articulation_count // sim.num_envs
             self._articulation_mask = wp.zeros((sim.num_envs, articulations), dtype=bool)
+            self._final = wp.zeros_like(self.state.observation) if final_observation else None
             self._launch(kernels.seed_worlds, seed, self.state.rng)
         self._share_with_torch()
-        fingers = self.num_actions - sim.layout.arm_joints
-        steps = [self._motion.step] * sim.layout.arm_joints + [self._motion.finger_step] * fingers
-        self.action_step = torch.tensor(steps, device=sim.device)
+        self.action_step = _action_step(self._motion, sim)
+        if self._motion.limited:
+            sim.before_substep = self._before_substep
         sim.after_substep = self._after_substep
         self._whole_step = sim.capture(self._step) if graph else self._step
         self.reset_all()
@@ -87,10 +95,12 @@ class VecEnv:
         self._action.copy_(action)
         self._whole_step()
 
-    def reset_all(self) -> None:
-        """Start a new episode in every world; counts begin at zero."""
+    def reset_all(self, seed: int | None = None) -> None:
+        """Start a new episode in every world, of new random streams where there is a seed; counts begin at zero."""
         self.done.fill_(1)
         with wp.ScopedDevice(self.sim.device):
+            if seed is not None:
+                self._launch(kernels.seed_worlds, seed, self.state.rng)
             self._reset_and_observe()
         self.done.zero_()
         self.counts.zero_()
@@ -119,8 +129,23 @@ class VecEnv:
         """Return every array that a later step reads before it is written, by name."""
         sim, s = self.sim, self.state
         arrays = {name: getattr(sim.state, name) for name in ("joint_q", "joint_qd", "body_q", "body_qd")}
-        arrays |= {"joint_target_q": sim.control.joint_target_q, "warm_start": sim.solver.mjw_data.qacc_warmstart}
-        names = ("action", "observation", "step", "uncounted", "dropped", "overflow", "result", "counts", "rng")
+        arrays |= {
+            "joint_target_q": sim.control.joint_target_q,
+            "joint_target_qd": sim.control.joint_target_qd,
+            "warm_start": sim.solver.mjw_data.qacc_warmstart,
+        }
+        names = (
+            "action",
+            "velocity",
+            "observation",
+            "step",
+            "uncounted",
+            "dropped",
+            "overflow",
+            "result",
+            "counts",
+            "rng",
+        )
         arrays |= {name: getattr(s, name) for name in names}
         return arrays | {f"task.{name}": getattr(self.task.handles, name) for name in self.task.PERSISTENT}
 
@@ -136,7 +161,15 @@ class VecEnv:
             self._launch(kernels.finish, state, self.max_episode_length)
             task.result(state)
             self._launch(kernels.count, state)
+            if self._final is not None:
+                task.observe(state)
+                wp.copy(self._final, state.observation)
             self._reset_and_observe()
+
+    def _before_substep(self) -> None:
+        """Let the targets move as the controller would."""
+        now = self.sim.state.joint_q.reshape(self.state.joint_q.shape)
+        self._launch(kernels.move_targets, self.state, self._motion, now)
 
     def _after_substep(self) -> None:
         """Keep what the solver forgets in its next step."""
@@ -163,17 +196,41 @@ class VecEnv:
         self._action, self.observation, self.terms = map(wp.to_torch, (s.action, s.observation, s.terms))
         self.reward, self.done, self.time_out = map(wp.to_torch, (s.reward, s.done, s.time_out))
         self.result, self.counts = map(wp.to_torch, (s.result, s.counts))
+        self.final_observation = wp.to_torch(self._final if self._final is not None else s.observation)
         self.episode_step, self.uncounted = map(wp.to_torch, (s.step, s.uncounted))
 
 
 def _motion(sim: Simulation, task: Task, demo: tuple[ArrayLike, float] | None) -> kernels.Motion:
     """Return how actions move the targets and where episodes start."""
-    m, config = kernels.Motion(), task.config
-    m.step = config.action_scale * sim.config.dt * sim.config.substeps
-    m.finger_step, m.window = config.finger_speed * m.step, np.inf
+    m, config, limits = kernels.Motion(), task.config, sim.config.limits
+    m.dt = sim.config.dt
+    m.step = config.action_scale * m.dt * sim.config.substeps
+    m.finger_step, m.limited = config.finger_speed * m.step, int(limits is not None)
+    if limits is not None:
+        velocity, acceleration = _limits(sim.robot)
+        m.velocity = wp.array(limits.velocity * velocity, dtype=float)
+        m.acceleration, m.window = wp.array(limits.acceleration * acceleration, dtype=float), limits.window
     m.home, m.noise = wp.array(sim.layout.home, dtype=float), config.start_noise
     m.scanned = wp.clone(sim.model.joint_q).reshape((sim.num_envs, -1))
     targets, m.demo_fraction = demo or ([[sim.layout.home]], 0.0)
     m.demo = wp.array(np.asarray(targets, dtype=np.float32), dtype=float)
     m.stage = wp.array(sim.stage_of_env if demo else np.zeros(sim.num_envs), dtype=int)
     return m
+
+
+def _limits(robot: RobotSpec) -> tuple[np.ndarray, np.ndarray]:
+    """Return velocity and acceleration limits of all driven joints [rad/s, m/s; per s^2], shape [joint] each.
+
+    A finger reaches its speed within FINGER_TIME.
+    """
+    fingers = np.full(2, robot.gripper.finger_speed)
+    velocity = np.concatenate([robot.limits.velocity, fingers])
+    return velocity, np.concatenate([robot.limits.acceleration, fingers / FINGER_TIME])
+
+
+def _action_step(m: kernels.Motion, sim: Simulation) -> torch.Tensor:
+    """Return the change of each joint target in a control step for an action of 1 [rad or m], shape [action]."""
+    arm, fingers = sim.layout.arm_joints, sim.layout.robot_joints - sim.layout.arm_joints
+    if m.limited:
+        return wp.to_torch(m.velocity) * m.dt * sim.config.substeps
+    return torch.tensor([m.step] * arm + [m.finger_step] * fingers, device=sim.device)

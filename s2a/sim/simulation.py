@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import mujoco_warp
 import newton
@@ -14,13 +14,28 @@ import warp as wp
 
 from s2a import robot
 from s2a.errors import InputError
-from s2a.ranges import Count, Positive
+from s2a.ranges import Above, Count, Positive
 from s2a.robot.spec import Gains
 from s2a.sim.layout import Layout, layout
 from s2a.sim.world import JointConfig, SimStage, body_index, build_world
 
 IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
 """Reports that are switched off: reaching the iteration limits is meant, they are set low; capacities stay reported."""
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """What the arm's controller keeps to, as a real one does; joint limits are stiff and the links touch each other then.
+
+    Attributes:
+        velocity: fraction of the robot's velocity limits that an action of 1 asks for, of its fingers too.
+        acceleration: fraction of its acceleration limits with which the commanded velocity changes.
+        window: largest distance of a target from its joint's position [rad, m].
+    """
+
+    velocity: Annotated[float, Above(0.0, 1.0)]
+    acceleration: Annotated[float, Above(0.0, 1.0)]
+    window: Positive
 
 
 @dataclass(frozen=True)
@@ -40,6 +55,7 @@ class SimConfig:
         room: whether the room's colliders are there.
         gains: of the robot's position controller; null: the robot's own.
         gravity_compensation: the robot's weight is carried.
+        limits: what the arm's controller keeps to; null: nothing, and targets move as far as the task's action asks.
         joint: how the target's joint resists.
     """
 
@@ -55,6 +71,7 @@ class SimConfig:
     room: bool
     gains: Gains | None
     gravity_compensation: bool
+    limits: MotionLimits | None
     joint: JointConfig
 
 
@@ -76,6 +93,7 @@ class Simulation:
         joint_qd: joint velocities, torch view of state.joint_qd, shape [world dof].
         body_q: body poses (position, quaternion xyzw), torch view of state.body_q, shape [world body 7].
         joint_target_q: joint targets, torch view of the control's, shape [world dof].
+        before_substep: called before every physics step, and captured with it.
         after_substep: called after every physics step, and captured with it: the solver forgets contacts and overflows in the
             next.
     """
@@ -116,6 +134,7 @@ class Simulation:
         self.joint_qd = wp.to_torch(self.state.joint_qd).view(num_envs, -1)
         self.body_q = wp.to_torch(self.state.body_q).view(num_envs, -1, 7)
         self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(num_envs, -1)
+        self.before_substep: Callable[[], None] = lambda: None
         self.after_substep: Callable[[], None] = lambda: None
 
     def body(self, name: str) -> int:
@@ -132,11 +151,13 @@ class Simulation:
             gains=config.gains,
             gravity_compensation=config.gravity_compensation,
             room=config.room,
+            realistic=config.limits is not None,
         )
 
     def step(self) -> None:
         """Advance all worlds by one control step (`substeps` physics steps)."""
         for _ in range(self.config.substeps):
+            self.before_substep()
             self.solver.step(self.state, self.before, self.control, None, self.config.dt)
             self.state, self.before = self.before, self.state
             self.after_substep()

@@ -105,6 +105,7 @@ def build_world(
     gains: Gains | None = None,
     gravity_compensation: bool = True,
     room: bool = True,
+    realistic: bool = False,
 ) -> newton.ModelBuilder:
     """Return a builder of one world.
 
@@ -115,7 +116,8 @@ def build_world(
         robot: the robot, or None for a world without it.
         gains: of its position controller; None: its own.
         gravity_compensation: its weight is carried.
-        room: whether the room's colliders are loaded.
+        room: load the room's colliders.
+        realistic: make the robot's joint limits stiff; see add_robot for the rest.
     """
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
@@ -124,7 +126,9 @@ def build_world(
     builder.default_shape_cfg.mu = 1.0
     if robot is not None:
         base = wp.transform(*stage.base[:3], *stage.base[3:])
-        add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation)
+        add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation, realistic=realistic)
+        for robot_dof in range(len(robot.joints) if realistic else 0):
+            stiffen(builder, robot_dof, dt)
     ignore = [] if room else ["/scene/static"]
     builder.add_usd(str(stage.path), ignore_paths=ignore, load_visual_shapes=False)
     dof = builder.joint_qd_start[joint_index(builder, stage.target)]

@@ -136,7 +136,7 @@ class VecEnv:
         }
         names = (
             "action",
-            "velocity",
+
             "observation",
             "step",
             "uncounted",

@@ -61,7 +61,9 @@ def open_to(env: VecEnv, opening: float | torch.Tensor, feel: Callable[[], objec
 def contacts(env: VecEnv) -> dict[str, torch.Tensor]:
     """Return tensors that share the memory of the contacts that the task reads."""
     found = env.task.handles.p.contacts
-    return {name: wp.to_torch(getattr(found, name)) for name in ("normal", "on_region", "off_region", "other_links", "pull")}
+    return {
+        name: wp.to_torch(getattr(found, name)) for name in ("normal", "on_region", "off_region", "other_links", "pull")
+    }
 
 
 def counts(env: VecEnv) -> dict[str, float]:

@@ -32,10 +32,11 @@ def write_cabinet(
     grasp: tuple[float, float, float] = tuple(HANDLE),
     base: tuple[float, float, float] = (HANDLE[0] + 0.55, 0.0, 0.0),
     beside: Sequence[Mesh] = (),
+    joint: Joint | None = None,
 ) -> Path:
     """Write a cabinet of the reference task's size with one drawer and a bar handle (two posts, a gap of 24 mm).
 
-    `beside` are convex pieces of the room beside floor and wall.
+    `beside` are convex pieces of the room beside floor and wall; `joint` moves the drawer instead of its slide.
     """
     carcass = [box((0.0, y, 0.4), (0.305, 0.0095, 0.381)) for y in (-0.3715, 0.3715)]
     carcass += [box((-0.2955, 0.0, 0.4), (0.0095, 0.36, 0.381)), box((0.0, 0.0, 0.795), (0.305, 0.381, 0.007))]
@@ -47,7 +48,7 @@ def write_cabinet(
         name="test",
         carcass=_body("cabinet_1", carcass, 60.0, (120, 90, 60)),
         target=_body("drawer_2", [bar, *posts, front], 5.32, (200, 20, 20)),
-        joint=Joint("prismatic", (1.0, 0.0, 0.0), tuple(HANDLE), (0.0, TRAVEL)),
+        joint=joint or Joint("prismatic", (1.0, 0.0, 0.0), tuple(HANDLE), (0.0, TRAVEL)),
         # z into the cabinet (-x), y up, x = y cross z = -y of the world.
         grasp=Grasp(grasp, (0.5, -0.5, -0.5, 0.5), (0.168, 0.0238, 0.0142), bar),
         static_visual=merge(floor),

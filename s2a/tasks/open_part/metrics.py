@@ -79,7 +79,7 @@ def attribute(joint_q: wp.array2d(dtype=float), h: OpenPart):
     world = wp.tid()
     now = joint_q[world, h.p.bodies.coord] * h.p.part[world].lever
     before = h.progress[world, Progress.largest]
-    if not (now > before):
+    if not (now > before and wp.isfinite(now)):  # an infinite opening would stay in the recent episodes' mean for ever
         return
     success = h.limits[world, Limit.success]
     gain = wp.min(now, success) - wp.max(before, START * success)

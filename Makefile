@@ -48,7 +48,7 @@ $(INSTALLED): requirements.lock pyproject.toml
 lock:
 	rm -rf build/lock
 	$(PYTHON) -m venv build/lock
-	build/lock/bin/pip install --quiet --editable '.[dev]'
+	build/lock/bin/pip install --quiet --editable '.[all,dev]'
 	sed -n '/^#/p' requirements.lock > build/new.lock
 	build/lock/bin/pip freeze --all --exclude-editable | sed '/^pip==/d; s/+cpu$$//' >> build/new.lock
 	mv build/new.lock requirements.lock

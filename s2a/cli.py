@@ -24,11 +24,11 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
-from s2a import config, usage
+from s2a import config, extras, usage
 from s2a.errors import InputError, NotPassed
 from s2a.progress import Chatter
 
-VERBS = {
+COMMANDS = {
     "sample": "furnish a virtual room and scan it: writes an annotated scan",
     "export": "turn an annotated scan into two flavours of USD, descriptive and geometric",
     "insert": "put objects into a room where they belong, as a layer over its stage",
@@ -69,12 +69,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(verb: str, values: dict[str, Any]) -> None:
     """Run a verb with composed values and print what it says of its work; a NotPassed is printed, and goes on."""
-    module = importlib.import_module(f"s2a.commands.{verb}")
+    module = _module(verb)
     settings = config.load(module.Config, values)
     _refuse_replacing_input(settings)
     start = time.perf_counter()
     verdict: NotPassed | None = None
-    with contextlib.redirect_stdout(Chatter()):
+    with contextlib.redirect_stdout(Chatter()), extras.required():
         try:
             summary = module.run(settings)
         except NotPassed as no:
@@ -121,6 +121,16 @@ def sweep(verb: str, overrides: Sequence[str]) -> None:
         _overview(verb, folder)
 
 
+def _module(command: str) -> Any:
+    """Import a command.
+
+    Raises:
+        InputError: it needs an extra that is not installed.
+    """
+    with extras.required():
+        return importlib.import_module(f"s2a.commands.{command}")
+
+
 def _refuse_replacing_input(settings: Any) -> None:
     """Raise an InputError where `out` is a file that another key names."""
     paths = {name: value for name, value in vars(settings).items() if isinstance(value, Path)}
@@ -138,7 +148,7 @@ def _sweep_folder(overrides: Sequence[str]) -> Path:
 
 def _overview(verb: str, folder: Path) -> None:
     """Print what a verb says of all jobs of a sweep together, if it does."""
-    module = importlib.import_module(f"s2a.commands.{verb}")
+    module = _module(verb)
     if hasattr(module, "overview") and (said := module.overview(folder)):
         print(said)
 
@@ -152,11 +162,11 @@ def _dispatch(arguments: list[str]) -> int:
     if "--version" in flags:
         print(version("s2a"))
     elif not verb:
-        print(usage.general(VERBS), end="")
-    elif verb not in VERBS:
-        raise InputError(f"verb {verb!r} is unknown{config.nearest(verb, VERBS)}")
+        print(usage.general(COMMANDS), end="")
+    elif verb not in COMMANDS:
+        raise InputError(f"verb {verb!r} is unknown{config.nearest(verb, COMMANDS)}")
     elif "--help" in flags or "-h" in flags:
-        print(usage.verb(verb, VERBS[verb], importlib.import_module(f"s2a.commands.{verb}").Config))
+        print(usage.verb(verb, COMMANDS[verb], _module(verb).Config))
     elif "--multirun" in flags or "-m" in flags:
         sweep(verb, overrides)
     else:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 import torch
-from scipy.stats import binomtest
 
 from s2a.env.vec_env import OpenDrawerEnv
 from s2a.progress import track
@@ -61,6 +60,8 @@ def evaluate(env: OpenDrawerEnv, policy: Policy, watch: Callable[[], None] = lam
 
 def rate(hits: float, episodes: float) -> dict[str, float]:
     """Return how many of the episodes were hits, as a share with its Wilson 95 % interval (of whole numbers)."""
+    from scipy.stats import binomtest  # 0.9 s to import, which no start of a training should pay
+
     low, high = binomtest(round(hits), round(episodes)).proportion_ci(0.95, method="wilson")
     return {"rate": hits / episodes, "low": float(low), "high": float(high)}
 

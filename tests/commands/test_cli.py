@@ -91,7 +91,7 @@ def test_bad_input_is_one_line_that_names_it_and_the_remedy(
 def test_without_a_verb_every_verb_is_explained(capsys: pytest.CaptureFixture[str]):
     assert cli.main([]) == 0
     text = capsys.readouterr().out
-    assert [verb for verb in cli.VERBS if f"  {verb} " not in text] == []
+    assert [verb for verb in cli.COMMANDS if f"  {verb} " not in text] == []
 
 
 def test_help_of_a_verb_tells_each_key_its_value_and_meaning(capsys: pytest.CaptureFixture[str]):

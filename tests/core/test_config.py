@@ -12,7 +12,7 @@ from typing import Any, Literal
 import pytest
 
 from s2a import config, usage
-from s2a.cli import VERBS
+from s2a.cli import COMMANDS
 from s2a.errors import InputError
 
 
@@ -111,7 +111,7 @@ def test_the_meaning_of_every_key_comes_from_the_docstrings_nested_ones_too():
     assert meanings["lamp.power"] == "of the bulb [W], when it is on."
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", COMMANDS)
 def test_every_verb_composes_loads_and_documents_each_of_its_keys(verb: str):
     cls = importlib.import_module(f"s2a.commands.{verb}").Config
     values = config.compose(verb)
@@ -121,7 +121,7 @@ def test_every_verb_composes_loads_and_documents_each_of_its_keys(verb: str):
     assert [key for key in config.keys(values) if not usage.meaning_of(key, meanings)] == []
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", COMMANDS)
 def test_the_examples_in_the_help_of_every_verb_are_understood(verb: str):
     calls = [line.partition(f"s2a {verb} ")[2] for line in usage.examples(verb) if f"s2a {verb} " in line]
     cls = importlib.import_module(f"s2a.commands.{verb}").Config
@@ -135,7 +135,7 @@ def test_the_help_shows_values_as_they_are_typed_and_every_choice():
     assert usage.meaning_of("weights.left", meanings) == "of the walls."
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", COMMANDS)
 def test_every_option_of_every_group_composes(verb: str):
     cls = importlib.import_module(f"s2a.commands.{verb}").Config
     required = [f"{k}=given" for k, value in config.leaves(config.compose(verb)) if value == config.REQUIRED]
@@ -145,7 +145,7 @@ def test_every_option_of_every_group_composes(verb: str):
             config.load(cls, config.compose(verb, [*required, f"{group}={name}"]))
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", COMMANDS)
 def test_no_key_shares_its_name_with_a_folder_because_hydra_would_look_for_the_value_there(verb: str):
     groups = [line.split("=")[0].strip() for line in usage.options(verb)[1:]]
     folders = {path.name for path in config.folder().iterdir() if path.is_dir()} - set(groups)

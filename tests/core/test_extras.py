@@ -17,7 +17,11 @@ from s2a.errors import InputError
 ROOT = Path(__file__).parents[2]
 BLOCK = """
 import sys
-sys.modules |= dict.fromkeys({blocked!r})  # None: an import fails as if the module were not installed
+from importlib.machinery import PathFinder
+find = PathFinder.find_spec
+PathFinder.find_spec = lambda name, *rest: None if name.partition(".")[0] in {blocked!r} else find(name, *rest)
+"""
+RUN = """
 from s2a.cli import main
 sys.exit(main(sys.argv[1:]))
 """
@@ -25,7 +29,7 @@ EVERYTHING = sorted(name for modules in extras.MODULES.values() for name in modu
 
 
 def s2a(blocked: list[str], *arguments: str) -> subprocess.CompletedProcess[str]:
-    code = BLOCK.format(blocked=blocked)
+    code = BLOCK.format(blocked=blocked) + RUN
     return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, cwd=ROOT)
 
 
@@ -68,6 +72,14 @@ def test_training_without_torch_names_the_learning_extra() -> None:
     failed = s2a(list(extras.MODULES["learn"]), "train", "stage=a.usd", "out=b")
     assert failed.returncode == 2
     assert "pip install 's2a[learn]'" in failed.stderr
+
+
+def test_the_simulation_extra_alone_serves_the_scene_commands() -> None:
+    blocked = [*extras.MODULES["learn"], *extras.MODULES["llm"]]
+    imports = "".join(
+        f"import s2a.commands.{name}\n" for name in ("sample", "zoo", "insert", "prepare", "certify", "view")
+    )
+    subprocess.run([sys.executable, "-c", BLOCK.format(blocked=blocked) + imports], check=True, cwd=ROOT)
 
 
 def test_modules_that_belong_to_no_extra_stay_a_bug() -> None:

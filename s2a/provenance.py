@@ -1,4 +1,4 @@
-"""Where a number came from: code, versions, machine."""
+"""Provenance of a result: commit, package versions, device."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _version(name: str) -> str:
 def _commit() -> str | None:
     """Return the commit of the checkout that the package runs from, not of one that merely surrounds an installed copy.
 
-    Where there is none, it is what S2A_COMMIT says: whoever copies the code to a machine without git knows it.
+    Without one it is S2A_COMMIT, which can be set where the code was copied to a machine without git.
     """
     folder, other = Path(__file__).resolve().parent, os.environ.get("S2A_COMMIT")
 

@@ -16,7 +16,7 @@ from s2a.insert.pipeline import Watch
 from s2a.insert.place.candidates import Spot
 from s2a.insert.place.supports import nearby
 from s2a.llm.usage_log import Record
-from s2a.ranges import AtLeast, Count, Share
+from s2a.ranges import AtLeast, Count, Fraction
 from s2a.scene import Mesh, Scene
 
 FOOT = 0.03
@@ -37,7 +37,7 @@ class PiecesConfig:
         vertices: largest number a piece.
     """
 
-    full: Share
+    full: Fraction
     slices: Count
     vertices: Annotated[int, AtLeast(4)]
 

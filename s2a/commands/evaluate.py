@@ -15,7 +15,7 @@ from s2a.commands.trained import read_world
 from s2a.env.vec_env import OpenDrawerEnv
 from s2a.errors import InputError
 from s2a.evaluate import Policy, baseline, evaluate, warn_of_trouble
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.planner.motion import Planner, PlannerConfig
 from s2a.provenance import provenance
 from s2a.ranges import Count, CountFromZero
@@ -123,7 +123,7 @@ def run(config: Config) -> str:
     _refuse_contradictions(config)
     world = read_world(config.checkpoint, config.task) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
-    with aside(config.out) as out:
+    with atomic_write(config.out) as out:
         sim = simulation(config.stage, sim_config, config.worlds, config.device)
         env = OpenDrawerEnv(sim, task, config.reward, config.seed)
         policy = _policy(config, env)

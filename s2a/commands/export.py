@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2a import scan
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.usd import descriptive, geometric
 
 
@@ -27,7 +27,7 @@ def run(config: Config) -> str:
     """Read the scan, write both flavours, and return what was written."""
     scene = scan.read(config.scan)
     words, shapes = config.out / "descriptive.usda", config.out / "geometric.usd"
-    with aside(words) as words_aside, aside(shapes) as shapes_aside:
+    with atomic_write(words) as words_aside, atomic_write(shapes) as shapes_aside:
         descriptive.write(scene, words_aside)
         geometric.write(scene, shapes_aside)
     vertices = sum(len(part.mesh.vertices) for part in scene.parts.values())

@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from s2a.certify.drop_test import SettleConfig
 from s2a.commands.drop import PiecesConfig, drop
-from s2a.errors import InputError, NotPassed
-from s2a.geometry.camera_pose import LookConfig, frame
+from s2a.errors import CheckFailed, InputError
+from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
 from s2a.geometry.ransac import RansacConfig
 from s2a.geometry.regions import RegionConfig
-from s2a.geometry.render import draw, write
+from s2a.geometry.render import render, write_png
 from s2a.insert import overlay
 from s2a.insert.objects import ObjectConfig
 from s2a.insert.pipeline import InsertConfig, Inserted, Room, Thing, insert
@@ -27,7 +27,7 @@ from s2a.insert.place.supports import SurfaceConfig
 from s2a.llm.ask import Model
 from s2a.llm.client import LlmConfig, choose, kind_of
 from s2a.llm.usage_log import Ledger, Record
-from s2a.outputs import aside, refuse_loss, refuse_other_picture
+from s2a.outputs import atomic_write, refuse_loss, require_png
 from s2a.progress import track
 from s2a.ranges import Count, CountFromZero
 from s2a.sandbox.geometry_free import skeleton
@@ -71,7 +71,7 @@ class Config:
         prompt: a wish in words, such as "put it next to the keyboard", or null.
         out: folder that receives insert.usda (open it instead of the stage; delete it and nothing was inserted), objects/,
             descriptive.usda and insert.json.
-        picture: the PNG file to write, of the first object in its place, or null.
+        image: PNG file to write, an image of the first object in its place, or null.
         record: a file to which the answers of the model are added, for llm=replay; null for none.
         surface: "regions" grows bounded surfaces; "ransac" is the baseline, one plane, and needs pose=paper.
         pose: "search" looks for the best place; "paper" is the baseline, random offsets until nothing collides.
@@ -82,7 +82,7 @@ class Config:
         placement: where an object goes.
         confinement: what a script may do.
         pieces: convex pieces that stand for an object while it is watched.
-        look: how the picture is taken.
+        camera: intrinsics and framing of the image.
     """
 
     stage: Path
@@ -91,7 +91,7 @@ class Config:
     objects: Path | None
     prompt: str | None
     out: Path
-    picture: Path | None
+    image: Path | None
     record: Path | None
     surface: Literal["regions", "ransac"]
     pose: Literal["search", "paper"]
@@ -102,7 +102,7 @@ class Config:
     placement: PlacementConfig
     confinement: ConfinementConfig
     pieces: PiecesConfig
-    look: LookConfig
+    camera: OrbitCamera
 
 
 def run(config: Config) -> str:
@@ -112,8 +112,8 @@ def run(config: Config) -> str:
         InputError: nothing could be inserted, or the picture is no PNG file; nothing is written.
         NotPassed: some of several could not; the others are written.
     """
-    if config.picture:
-        refuse_other_picture(config.picture)
+    if config.image:
+        require_png(config.image)
     things, model = _things(config), choose(config.llm, config.record)
     room = open_room(config)
     # Before a model is asked, whose answers may be paid for.
@@ -137,13 +137,13 @@ def into(room: Room, things: list[Thing], model: Model, config: Config) -> str:
             raise InputError(record["problem"])
     if not found:
         raise InputError(f"none of {len(things)} objects could be inserted; the first: {records[0]['problem']}")
-    with aside(config.out, earlier=RECORD) as out:
+    with atomic_write(config.out, earlier=RECORD) as out:
         _write(found, records, room, config, out)
-    if config.picture:
-        _draw(found[0], room, config.look, config.picture)
+    if config.image:
+        _draw(found[0], room, config.camera, config.image)
     said = _summary(found, records, config)
     if len(found) < len(things):
-        raise NotPassed(said)
+        raise CheckFailed(said)
     return said
 
 
@@ -211,12 +211,12 @@ def _write(found: list[Inserted], records: list[Record], room: Room, config: Con
     (out / RECORD).write_text(json.dumps({**about, "objects": records}, indent=1) + "\n")
 
 
-def _draw(inserted: Inserted, room: Room, look: LookConfig, path: Path) -> None:
+def _draw(inserted: Inserted, room: Room, camera: OrbitCamera, path: Path) -> None:
     """Draw an object in its place, from its front."""
     front = Rotation.from_quat(inserted.spot.pose.quaternion).apply([1.0, 0.0, 0.0])
-    view = frame(inserted.part.mesh.vertices, front, look)
-    with aside(path) as out:
-        write(draw([part.mesh for part in room.scene.parts.values()], view, look), out)
+    view = framing_pose(inserted.part.mesh.vertices, front, camera)
+    with atomic_write(path) as out:
+        write_png(render([part.mesh for part in room.scene.parts.values()], view, camera), out)
 
 
 def _summary(found: list[Inserted], records: list[Record], config: Config) -> str:

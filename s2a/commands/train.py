@@ -13,10 +13,10 @@ from s2a.commands.trained import write_world
 from s2a.env.vec_env import OpenDrawerEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_trouble
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.planner.motion import PlannerConfig, grasping_motion
 from s2a.provenance import provenance
-from s2a.ranges import Count, CountFromZero, Share
+from s2a.ranges import Count, CountFromZero, Fraction
 from s2a.rl import ppo, processes, run_folder
 from s2a.rl.checkpoint import load_model
 from s2a.rl.config import PpoConfig
@@ -59,7 +59,7 @@ class Config:
     task: OpenDrawerConfig
     reward: RewardWeights
     policy: PpoConfig
-    starts_ahead: Share
+    starts_ahead: Fraction
     plan: PlannerConfig
 
 
@@ -115,7 +115,7 @@ def _report(config: Config, env: OpenDrawerEnv, metrics: dict[str, Any]) -> str:
     warn_of_trouble(metrics, env)
     metrics["recent"] = _rates(metrics["recent"])
     metrics |= {"seed": config.seed, "worlds": config.worlds, "processes": processes.count(), "reward": config.reward}
-    with aside(config.out / METRICS) as out:
+    with atomic_write(config.out / METRICS) as out:
         out.write_text(json.dumps(metrics | provenance(env.sim.device), indent=1))
     last = metrics["curve"][-1] if metrics["curve"] else {}
     said = ", ".join(f"{name} {value:.3g}" for name, value in last.items()) or "no episode has ended yet"

@@ -15,7 +15,7 @@ from s2a.geometry.mesh_ops import keep
 from s2a.geometry.occupancy import Grid, columns
 from s2a.geometry.planes import Plane, plane_axes
 from s2a.geometry.support_planes import LevelConfig, horizontal_levels, upright_planes
-from s2a.ranges import Count, CountFromZero, NotNegative, Positive, Share
+from s2a.ranges import Count, CountFromZero, Fraction, NotNegative, Positive
 from s2a.scene import Mesh
 
 Kind = Literal["horizontal", "vertical", "inside"]
@@ -51,7 +51,7 @@ class RegionConfig:
     free: NotNegative
     reach: Positive
     lift: NotNegative
-    cover: Share
+    cover: Fraction
     wall: NotNegative
 
 

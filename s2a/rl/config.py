@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from s2a.ranges import Count, NotEmpty, NotNegative, Positive, Share
+from s2a.ranges import Count, Fraction, NotEmpty, NotNegative, Positive
 
 BROKEN = (
     "the policy is no number any more; go on from the last checkpoint (resume=true), or train anew with a smaller "
@@ -49,8 +49,8 @@ class PpoConfig:
     mini_batches: Count
     learning_rate: Positive
     desired_kl: Positive
-    gamma: Share
-    lam: Share
+    gamma: Fraction
+    lam: Fraction
     clip: Positive
     clip_value: bool
     reward_scale: Positive

@@ -19,7 +19,7 @@ from tensordict import TensorDict
 
 from s2a.env.vec_env import OpenDrawerEnv
 from s2a.errors import InputError
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.progress import track
 from s2a.rl import processes, run_folder
 from s2a.rl.config import BROKEN, PpoConfig, rsl_rl_settings
@@ -143,7 +143,7 @@ class Runner(OnPolicyRunner):
         if not all(bool(p.isfinite().all()) for group in self.alg.optimizer.param_groups for p in group["params"]):
             raise InputError(BROKEN)
         counted = dict(zip(COUNTS, self.env.counted.tolist(), strict=True))
-        with aside(Path(path)) as out:
+        with atomic_write(Path(path)) as out:
             super().save(str(out), {"seconds": self.seconds, "counted": counted})
 
     def resume(self, checkpoint: Path) -> None:

@@ -62,7 +62,7 @@ def test_a_command_without_its_extra_names_the_pip_command(command: str) -> None
 
 def test_an_image_without_the_simulation_extra_names_the_pip_command(tmp_path: Path) -> None:
     scan = tiny_scan.write(tmp_path / "scan")
-    failed = s2a(EVERYTHING, "view", f"path={scan}", f"picture={tmp_path / 'image.png'}")
+    failed = s2a(EVERYTHING, "view", f"path={scan}", f"image={tmp_path / 'image.png'}")
     assert failed.returncode == 2
     assert "pip install 's2a[sim]'" in failed.stderr
     assert not (tmp_path / "image.png").exists()

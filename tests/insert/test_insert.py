@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a import cli, config
 from s2a.commands import insert as verb
-from s2a.errors import InputError, NotPassed
+from s2a.errors import CheckFailed, InputError
 from s2a.geometry.mesh_ops import merge
 from s2a.geometry.penetration import crossing
 from s2a.insert import author, describe, prompts, scale
@@ -132,7 +132,7 @@ def test_a_wish_comes_before_habit(folder, tmp_path):
 def test_several_objects_keep_out_of_each_other_and_what_fails_is_told(folder, tmp_path):
     entries = [{"object": "mug.obj", "label": "coffee mug"}] * 2 + [{"object": "no.obj", "label": "vase"}]
     (folder / "list.yaml").write_text(yaml.safe_dump([*entries, {"object": "book.obj", "label": "novel"}]))
-    with pytest.raises(NotPassed, match=r"3 of 4 objects[\s\S]*not 'vase': .*no such file"):
+    with pytest.raises(CheckFailed, match=r"3 of 4 objects[\s\S]*not 'vase': .*no such file"):
         verb.run(settings(folder, tmp_path / "out", objects=folder / "list.yaml"))
     parts = geometric.read(tmp_path / "out/insert.usda").parts
     added = [parts[i].mesh for i in parts if i not in scene().parts]

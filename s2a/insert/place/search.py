@@ -16,7 +16,7 @@ from s2a.geometry.mesh_ops import sample
 from s2a.geometry.occupancy import Grid, columns
 from s2a.geometry.regions import Region
 from s2a.insert.place.swept_volumes import Opening, fill
-from s2a.ranges import Count, NotNegative, Numbers, Positive, Share
+from s2a.ranges import Count, Fraction, NotNegative, Numbers, Positive
 from s2a.scene import Mesh
 
 
@@ -44,7 +44,7 @@ class SearchConfig:
     layers: Count
     touch: NotNegative
     samples: Count
-    supported: Share
+    supported: Fraction
     margin: NotNegative
     enough: Positive
     places: Count

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from s2a.ranges import AtLeast, NotNegative, Positive, Share
+from s2a.ranges import AtLeast, Fraction, NotNegative, Positive
 from s2a.sim.franka import JOINTS
 
 OBSERVATIONS = 2 * JOINTS + 5
@@ -106,10 +106,10 @@ class OpenDrawerConfig:
     end_opening: Positive
     success_opening: Positive
     wide_opening: Positive
-    static_share: Share
+    static_share: Fraction
     static_speed: NotNegative
-    full_share: Share
-    trouble_share: Share
+    full_share: Fraction
+    trouble_share: Fraction
     full_travel: Positive
     touch_distance: NotNegative
     touch_force: NotNegative

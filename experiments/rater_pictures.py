@@ -14,10 +14,11 @@ from s2a import config
 from s2a.geometry.mesh_ops import merge
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera
 from s2a.geometry.render import render
-from s2a.insert.pipeline import Inserted, Room
+from s2a.insert.pipeline import Inserted
+from s2a.insert.room_state import RoomState
 
 
-def rater_pictures(room: Room, name: str, done: dict[str, Inserted | None], folder: Path) -> None:
+def rater_pictures(room: RoomState, name: str, done: dict[str, Inserted | None], folder: Path) -> None:
     """Draw before and after, wide and close, for each method under a letter of its own."""
     folder.mkdir(parents=True, exist_ok=True)
     key_file = folder / "key.json"
@@ -42,7 +43,7 @@ def _camera_pose(inserted: Inserted, distance: float) -> CameraPose:
     """Return a look at an object from the room, a little from above and to the side [m]."""
     bounds = inserted.part.mesh.bounds
     middle, size = bounds.mean(axis=0), float(np.linalg.norm(np.ptp(bounds, axis=0)))
-    x, y, z, w = inserted.spot.pose.quaternion
+    x, y, z, w = inserted.candidate.pose.quaternion
     front = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + z * w)])
     angle = np.arctan2(front[1], front[0]) + 0.5
     away = np.array([np.cos(angle), np.sin(angle), 0.55])

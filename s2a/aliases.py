@@ -8,6 +8,15 @@ RENAMED = {
     "picture": "image",
     "look": "camera",
     "see_through": "backface_culling",
+    "confinement": "sandbox",
+    "mechanisms": "layers",
+    "needs": "required_guarantees",
+    "pieces": "hulls",
+    "full": "min_fill_fraction",
+    "vertices": "max_vertices",
+    "settle": "drop_test",
+    "longest": "max_tokens",
+    "bytes": "max_response_bytes",
 }
 """Old name of one segment of a dotted key -> its present name."""
 

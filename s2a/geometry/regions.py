@@ -67,8 +67,8 @@ class Region:
         support: which cells carry, shape [row column].
         clearances: room along the normal over each cell [m], 0 where something stands, at most the configured reach,
             shape [row column].
-        walled: share of the border at which the target rises: about 1 in a basin or a tray, 0 on a table.
-        smallest_room: clearance from which a cell counts as free [m].
+        rim_fraction: fraction of the border at which the target rises: about 1 in a basin or a tray, 0 on a table.
+        min_clearance: clearance from which a cell counts as free [m].
     """
 
     kind: Kind
@@ -77,8 +77,8 @@ class Region:
     cell: float
     support: np.ndarray
     clearances: np.ndarray
-    walled: float
-    smallest_room: float
+    rim_fraction: float
+    min_clearance: float
 
     @property
     def normal(self) -> np.ndarray:
@@ -103,7 +103,7 @@ class Region:
     @cached_property
     def free(self) -> np.ndarray:
         """Which cells carry and have room, shape [row column]."""
-        return self.support & (self.clearances >= self.smallest_room)
+        return self.support & (self.clearances >= self.min_clearance)
 
     @property
     def free_area(self) -> float:
@@ -215,8 +215,8 @@ def _measured(support: np.ndarray, grid: Grid, own: Above, whole: Above, config:
     border = solid & ~ndimage.binary_erosion(solid)
     raised = (above > config.wall / 3) & (above < 2 * config.wall) & ~ndimage.binary_erosion(solid)
     distance = ndimage.distance_transform_edt(~raised) * grid.cell
-    walled = float(np.mean(distance[border] < config.wall)) if raised.any() else 0.0
-    return _cropped(Region(kind, grid.axes, grid.origin, grid.cell, support, clearances, walled, config.free))
+    rim_fraction = float(np.mean(distance[border] < config.wall)) if raised.any() else 0.0
+    return _cropped(Region(kind, grid.axes, grid.origin, grid.cell, support, clearances, rim_fraction, config.free))
 
 
 def _cropped(region: Region) -> Region:

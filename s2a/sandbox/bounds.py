@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from s2a.ranges import Count, Positive
 from s2a.sandbox.constants import Values
 from s2a.sandbox.operations import GROWING, WRAPPING
-from s2a.sandbox.violation import Refusal
+from s2a.sandbox.violation import PolicyViolation
 
 LOOPS_IN_LOOPS, NESTING, FUNCTIONS = 3, 60, 20
 
@@ -41,18 +41,20 @@ def refuse_entangled(tree: ast.Module, values: Values) -> None:
     for _ in range(NESTING):
         level = [child for node in level for child in ast.iter_child_nodes(node)]
     if level:
-        raise Refusal(
+        raise PolicyViolation(
             "allowlist", "it is nested too deeply; use shorter expressions", getattr(level[0], "lineno", None)
         )
     if len(values.functions) > FUNCTIONS:
-        raise Refusal("allowlist", f"it has {len(values.functions)} functions; at most {FUNCTIONS}")
+        raise PolicyViolation("allowlist", f"it has {len(values.functions)} functions; at most {FUNCTIONS}")
     for function in values.functions.values():
         for node in ast.walk(function):
             if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
                 continue
             callee = node.func.id
             if callee in values.functions and values.functions[callee].lineno >= function.lineno:
-                raise Refusal("allowlist", f"{callee} is called before it is defined, or by itself", node.lineno)
+                raise PolicyViolation(
+                    "allowlist", f"{callee} is called before it is defined, or by itself", node.lineno
+                )
 
 
 def growth(node: ast.AST, values: Values) -> str | None:

@@ -23,8 +23,8 @@ import s2a
 from s2a.errors import InputError
 from s2a.ranges import Count, Positive
 from s2a.sandbox.policy import AllowConfig
-from s2a.sandbox.violation import Refusal
-from s2a.sandbox.worker import OFFERS
+from s2a.sandbox.violation import PolicyViolation
+from s2a.sandbox.worker import GUARANTEES
 
 START = "import sys; sys.path[:0] = sys.argv[2:]; from s2a.sandbox.worker import main; main(int(sys.argv[1]))"
 STAGE = "scene.usda"
@@ -32,7 +32,7 @@ STAGE = "scene.usda"
 
 
 @dataclass(frozen=True)
-class ConfinementConfig:
+class SandboxConfig:
     """What a script may say and use.
 
     Attributes:
@@ -41,7 +41,7 @@ class ConfinementConfig:
         memory: address space for the script [MiB].
         disk: size of its scratch folder, and of a file [MiB].
         allow: what its text may hold.
-        mechanisms: which locks to try.
+        layers: sandbox layers to try.
         needs: what must be kept from an untrusted script, or it is not run; what a lock keeps away is in
             `s2a.sandbox.worker.OFFERS`. Less than all three is a risk to take only for scripts that somebody has read.
     """
@@ -51,12 +51,12 @@ class ConfinementConfig:
     memory: Count
     disk: Count
     allow: AllowConfig
-    mechanisms: tuple[Literal["namespaces", "landlock", "seccomp"], ...]
-    needs: tuple[Literal["files", "network", "processes"], ...]
+    layers: tuple[Literal["namespaces", "landlock", "seccomp"], ...]
+    required_guarantees: tuple[Literal["files", "network", "processes"], ...]
 
 
 @dataclass(frozen=True)
-class Confined:
+class SandboxResult:
     """What came of a confined run.
 
     Attributes:
@@ -70,22 +70,22 @@ class Confined:
     seconds: float
 
 
-class Cell:
+class Sandbox:
     """A place for scripts: each runs on a stage in a process of its own, the first in one that was started ahead.
 
     To import USD and to lock itself in takes a process 0.3 s, which it may as well take while a place is sought.
 
     Attributes:
-        skeleton: text of the stage, which a script finds as `scene.usda` in its current folder.
+        geometry_free_text: USD text of the stage, which a script finds as `scene.usda` in its current folder.
         config: limits and locks.
         trusted: run scripts although the system lacks locks.
     """
 
-    def __init__(self, skeleton: str, config: ConfinementConfig, trusted: bool) -> None:
-        self.skeleton, self.config, self.trusted = skeleton, config, trusted
+    def __init__(self, geometry_free_text: str, config: SandboxConfig, trusted: bool) -> None:
+        self.geometry_free_text, self.config, self.trusted = geometry_free_text, config, trusted
         self._ahead: _Process | None = None
 
-    def __enter__(self) -> Cell:
+    def __enter__(self) -> Sandbox:
         """Start a process for the first script."""
         self._ahead = _Process(self)
         return self
@@ -95,7 +95,7 @@ class Cell:
         if self._ahead is not None:
             self._ahead.end()
 
-    def run(self, script: str, names: dict[str, str]) -> Confined:
+    def run(self, script: str, names: dict[str, str]) -> SandboxResult:
         """Run a script.
 
         Args:
@@ -103,7 +103,7 @@ class Cell:
             names: texts that the script finds in variables of these names.
 
         Raises:
-            Refusal: the script failed, or used more than it may.
+            PolicyViolation: the script failed, or used more than it may.
             InputError: the system cannot confine an untrusted script.
         """
         process, self._ahead = self._ahead or _Process(self), None
@@ -111,10 +111,10 @@ class Cell:
         try:
             code, reports = process.run(json.dumps({"script": script, "names": names}), self.config.seconds)
             seconds = time.perf_counter() - start
-            active, error = _judge(code, reports, self.config, self.trusted)
+            active, error = _verdict(code, reports, self.config, self.trusted)
             if error:
                 raise error
-            return Confined(process.saved(), active, seconds)
+            return SandboxResult(process.saved(), active, seconds)
         finally:
             process.end()
 
@@ -122,8 +122,8 @@ class Cell:
 class _Process:
     """A process that locks itself in and waits for its script."""
 
-    def __init__(self, cell: Cell) -> None:
-        config, self._open = cell.config, ExitStack()
+    def __init__(self, sandbox: Sandbox) -> None:
+        config, self._open = sandbox.config, ExitStack()
         scratch = self._open.enter_context(tempfile.TemporaryDirectory(prefix="s2a."))
         self._out = self._open.enter_context(tempfile.TemporaryFile())
         reader, writer = os.pipe()
@@ -132,9 +132,9 @@ class _Process:
             "report": writer,
             "scratch": scratch,
             "stage": STAGE,
-            "skeleton": cell.skeleton,
-            "mechanisms": config.mechanisms,
-            "needs": () if cell.trusted else config.needs,
+            "stage_text": sandbox.geometry_free_text,
+            "layers": config.layers,
+            "required_guarantees": () if sandbox.trusted else config.required_guarantees,
             "cpu_seconds": config.cpu_seconds,
             "memory": config.memory,
             "disk": config.disk,
@@ -179,37 +179,41 @@ class _Process:
         self._open.close()
 
 
-def _judge(
-    code: int | None, reports: list[str], config: ConfinementConfig, trusted: bool
+def _verdict(
+    code: int | None, reports: list[str], config: SandboxConfig, trusted: bool
 ) -> tuple[tuple[str, ...], Exception | None]:
     """Return the locks that held, and what to raise if the script did not end well."""
     if not reports:
         reason = (
             f"ended with {code} before it could start" if code is not None else f"did not start in {config.seconds} s"
         )
-        return (), InputError(f"the process that confines scripts {reason}; try again, or raise confinement.seconds")
+        return (), InputError(f"the process that confines scripts {reason}; try again, or raise sandbox.seconds")
     active = tuple(json.loads(reports[0])["active"])
-    missing = [what for what in config.needs if what not in {w for lock in active for w in OFFERS[lock]}]
+    missing = [
+        what for what in config.required_guarantees if what not in {w for lock in active for w in GUARANTEES[lock]}
+    ]
     if missing and not trusted:
         return active, InputError(
             f"this system cannot keep {', '.join(missing)} from a script (locks that hold: {', '.join(active) or 'none'}); "
-            f"use llm=rules, or give confinement.needs=[] if you trust the scripts' author"
+            f"use llm=rules, or give sandbox.required_guarantees=[] if you trust the scripts' author"
         )
     if code is None:
-        return active, Refusal("process", f"it ran longer than {config.seconds:g} s")
+        return active, PolicyViolation("process", f"it ran longer than {config.seconds:g} s")
     if code or len(reports) < 2:
-        return active, Refusal("process", f"its process was ended ({code}): too much time, memory or disk, or a crash")
+        return active, PolicyViolation(
+            "process", f"its process was ended ({code}): too much time, memory or disk, or a crash"
+        )
     return active, _failure(reports[1])
 
 
-def _failure(report: str) -> Refusal | None:
+def _failure(report: str) -> PolicyViolation | None:
     """Return what the script's process says went wrong with it; hardly to be trusted, so cut and cleaned."""
     try:
         said = json.loads(report)
         line, reason = said.get("line"), said.get("reason")
     except (ValueError, AttributeError):
-        return Refusal("process", "its report cannot be read")
+        return PolicyViolation("process", "its report cannot be read")
     if reason is None:
         return None
     clean = "".join(letter if letter.isprintable() else " " for letter in str(reason)[:300])
-    return Refusal("process", clean, line if isinstance(line, int) else None)
+    return PolicyViolation("process", clean, line if isinstance(line, int) else None)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from s2a.sandbox.bounds import AllowConfig, growth, refuse_entangled, repetition
 from s2a.sandbox.constants import WIDTH, Values
 from s2a.sandbox.operations import BUILTINS, DOTTED, FILES, FORMS, METADATA, METHODS, MODULES, PROPERTIES, STORES
-from s2a.sandbox.violation import Refusal
+from s2a.sandbox.violation import PolicyViolation
 
 HIDDEN = re.compile(r"__|(?<![A-Za-z0-9])_(?=[A-Za-z])")
 """A text that spells a name which begins with an underscore."""
@@ -48,16 +48,16 @@ def check(text: str, stage: str, reference: str, config: AllowConfig) -> None:
         config: bounds.
 
     Raises:
-        Refusal: with the line and the reason.
+        PolicyViolation: with the line and the reason.
     """
     tree = _parse(text, config)
     try:
         found = _findings(tree, stage, reference, config)
     except RecursionError as error:
-        raise Refusal("allowlist", "it is too entangled; use fewer names") from error
+        raise PolicyViolation("allowlist", "it is too entangled; use fewer names") from error
     if found:
         line, _, reason = min(found)
-        raise Refusal("allowlist", reason, line)
+        raise PolicyViolation("allowlist", reason, line)
 
 
 def _findings(tree: ast.Module, stage: str, reference: str, config: AllowConfig) -> list[tuple[int, int, str]]:
@@ -88,7 +88,7 @@ def _lines(tree: ast.Module) -> Iterator[tuple[int, ast.AST]]:
 def _parse(text: str, config: AllowConfig) -> ast.Module:
     """Return the syntax tree, without the one dunder that every script may have: `if __name__ == "__main__":`."""
     if len(text) > config.length:
-        raise Refusal("allowlist", f"it is {len(text)} characters long; at most {config.length}")
+        raise PolicyViolation("allowlist", f"it is {len(text)} characters long; at most {config.length}")
     try:
         tree = ast.parse(text)
         for node in tree.body:
@@ -96,7 +96,7 @@ def _parse(text: str, config: AllowConfig) -> ast.Module:
                 node.test = ast.copy_location(ast.Constant(True), node.test)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = error.lineno if isinstance(error, SyntaxError) else None
-        raise Refusal("allowlist", f"it is not Python: {str(error)[:100]}", line) from error
+        raise PolicyViolation("allowlist", f"it is not Python: {str(error)[:100]}", line) from error
     return tree
 
 

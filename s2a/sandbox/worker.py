@@ -18,7 +18,7 @@ from s2a.sandbox import layers, seccomp
 
 NAME = "<script>"
 """What tracebacks call the script."""
-OFFERS = {
+GUARANTEES = {
     "namespaces": ("files", "network"),
     "landlock": ("files",),
     "seccomp": ("network", "processes"),
@@ -36,8 +36,8 @@ def main(descriptor: int) -> None:
     report = int(job["report"])
     active = lock(job)
     _tell(report, {"active": active})
-    kept = {what for name in active for what in OFFERS[name]}
-    if set(job["needs"]) <= kept:
+    kept = {what for name in active for what in GUARANTEES[name]}
+    if set(job["required_guarantees"]) <= kept:
         task = json.load(sys.stdin)
         error = execute(task["script"], task["names"])
         _tell(report, error)
@@ -49,16 +49,16 @@ def main(descriptor: int) -> None:
 def lock(job: dict[str, Any]) -> list[str]:
     """Go to the scratch folder, write the stage there, and lock the process in; return the locks that hold."""
     active: list[str] = []
-    wanted = job["mechanisms"]
-    if "namespaces" in wanted and _holds(lambda: layers.leave(Path(job["scratch"]), job["disk"])):
+    wanted = job["layers"]
+    if "namespaces" in wanted and _holds(lambda: layers.enter_namespaces(Path(job["scratch"]), job["disk"])):
         active.append("namespaces")
     here = Path(job["scratch"], "here")  # not the root itself: USD writes no file into a folder without a name
     here.mkdir()
     os.chdir(here)
-    Path(job["stage"]).write_text(job["skeleton"])
-    _rehearse()
+    Path(job["stage"]).write_text(job["stage_text"])
+    _preload()
     layers.limit(job["cpu_seconds"], job["memory"], job["disk"])
-    if active and not _holds(layers.shut):
+    if active and not _holds(layers.drop_privileges):
         active.clear()
     if "landlock" in wanted and _holds(layers.landlock):
         active.append("landlock")
@@ -78,7 +78,7 @@ def execute(script: str, names: dict[str, str]) -> dict[str, Any]:
     return {}
 
 
-def _rehearse() -> None:
+def _preload() -> None:
     """Import what a script may import, and use it once: what is loaded late would be denied its files."""
     os.environ["PXR_WORK_THREAD_LIMIT"] = "1"
     import unicodedata  # noqa: F401  (Python's parser asks for it when a name is not ASCII)

@@ -67,7 +67,7 @@ IMPOSSIBLE = {
         ("retries", "-1", "0 or more"),
         ("llm.timeout", "0.0", "a number above 0"),
         ("confinement.seconds", "0.0", "a number above 0"),
-        ("placement.settle.step", "0.0", "a number above 0"),
+        ("placement.drop_test.step", "0.0", "a number above 0"),
         ("placement.pose.search.turns", "[]", "a list of one or more"),
         ("placement.regions.cell", "0.0", "a number above 0"),
         ("pieces.full", "85.0", "a number from 0 to 1"),

@@ -19,7 +19,6 @@ from typing import Literal
 
 import pxr
 
-import s2a
 from s2a.errors import InputError
 from s2a.ranges import Count, Positive
 from s2a.sandbox.policy import AllowConfig
@@ -139,7 +138,7 @@ class _Process:
             "memory": config.memory,
             "disk": config.disk,
         }
-        folders = (str(Path(s2a.__file__).parents[1]), str(Path(pxr.__file__).parents[1]))
+        folders = (str(Path(__file__).parents[2]), str(Path(pxr.__file__).parents[1]))
         # A file, for a pipe holds less than a skeleton.
         with tempfile.TemporaryFile() as file:
             file.write(json.dumps(job).encode())

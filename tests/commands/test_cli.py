@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 import tiny_scan
 
-from s2a import cli
-from s2a.commands import export
+from s2a import api, cli
 
 
 @pytest.fixture
@@ -131,7 +130,7 @@ def test_a_bug_is_one_line_and_the_earlier_output_stays(
         path.write_text("half")
         raise RuntimeError("a wheel\ncame off")
 
-    monkeypatch.setattr(export.geometric, "write", fail)
+    monkeypatch.setattr(api.geometric, "write", fail)
     assert "RuntimeError: a wheel came off; this is a bug" in refused(capsys, arguments, code=1)
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
@@ -156,7 +155,7 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(
     def interrupt(scene: object, path: Path) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(export.descriptive, "write", interrupt)
+    monkeypatch.setattr(api.descriptive, "write", interrupt)
     refused(capsys, ["export", f"scan={scan}", f"out={tmp_path / 'usd'}"], code=130)
     assert [path.name for path in tmp_path.iterdir()] == ["scan"]
 

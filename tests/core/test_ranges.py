@@ -66,11 +66,11 @@ IMPOSSIBLE = {
         ("plans", "0", "1 or more"),
         ("retries", "-1", "0 or more"),
         ("llm.timeout", "0.0", "a number above 0"),
-        ("confinement.seconds", "0.0", "a number above 0"),
+        ("sandbox.seconds", "0.0", "a number above 0"),
         ("placement.drop_test.step", "0.0", "a number above 0"),
         ("placement.pose.search.turns", "[]", "a list of one or more"),
         ("placement.regions.cell", "0.0", "a number above 0"),
-        ("pieces.full", "85.0", "a number from 0 to 1"),
+        ("hulls.min_fill_fraction", "85.0", "a number from 0 to 1"),
     ],
     "zoo": [("seed", "-1", "0 or more")],
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 import tiny_scan
 
 import s2a
+from s2a import cli
 from s2a.errors import InputError
 
 
@@ -52,3 +54,19 @@ def test_bad_input_is_an_input_error(tmp_path: Path) -> None:
         s2a.prepare(tmp_path / "nowhere.usd", "drawer_7", out=tmp_path / "sim.usd")
     with pytest.raises(InputError, match="did you mean: retries"):
         s2a.insert(tmp_path / "x.usd", "a.obj", "mug", out=tmp_path / "out", overrides=["retrie=3"])
+
+
+def test_the_scene_snippet_of_the_readme_runs(
+    office_scan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (Path(__file__).parents[2] / "README.md").read_text()
+    snippet = next(block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "load_scene" in block)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "demo").mkdir()
+    (tmp_path / "demo" / "scan").symlink_to(office_scan)
+    assert cli.main(["zoo", "out=demo/zoo"]) == 0
+    exec(snippet, {})
+    lines = capsys.readouterr().out.splitlines()
+    assert any("'drawer_7'" in line for line in lines)
+    assert lines[-1] == "True"
+    assert (tmp_path / "demo" / "insert" / "insert.usda").is_file()

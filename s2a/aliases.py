@@ -17,12 +17,51 @@ RENAMED = {
     "settle": "drop_test",
     "longest": "max_tokens",
     "bytes": "max_response_bytes",
+    "level.lean": "max_tilt",
+    "level.rounds": "smoothing_rounds",
+    "level.slope": "max_slope",
+    "level.bin": "bin_height",
+    "level.smallest": "min_area",
+    "level.count": "max_planes",
+    "regions.cells": "max_cells",
+    "regions.smallest": "min_area",
+    "regions.upright": "min_vertical_area",
+    "regions.free": "min_clearance",
+    "regions.reach": "search_height",
+    "regions.lift": "noise_height",
+    "regions.cover": "cover_fraction",
+    "regions.wall": "rim_distance",
+    "ransac.tries": "iterations",
+    "ransac.lean": "max_tilt",
+    "search.touch": "contact_height",
+    "search.supported": "min_supported_fraction",
+    "search.enough": "max_useful_clearance",
+    "search.places": "max_placements",
+    "search.room": "clearance_weight",
+    "search.front": "facing_weight",
+    "search.near": "neighbour_weight",
+    "search.back": "backing_weight",
+    "search.nearness": "neighbour_distance",
+    "paper.tries": "attempts",
+    "pose.apart": "min_spacing",
+    "pose.back": "back_gap",
+    "pose.gap": "contact_gap",
+    "pose.lift": "lowering_height",
+    "pose.slack": "swept_volume_tolerance",
+    "allow.length": "max_length",
+    "allow.text": "max_text",
+    "allow.number": "max_number",
+    "allow.items": "max_items",
+    "allow.repeats": "max_repeats",
 }
-"""Old name of one segment of a dotted key -> its present name."""
+"""Old name of a segment of a dotted key, or of a segment with its parent -> its present name."""
 
 
 def current(key: str, known: Collection[str]) -> str | None:
-    """Return the present name of a dotted key that had another one, if it is among the known keys or their groups; else None."""
-    renamed = ".".join(RENAMED.get(segment, segment) for segment in key.split("."))
+    """Return the present name of a renamed dotted key, if it is among the known keys or their groups; else None."""
+    old = key.split(".")
+    parents = ["", *old]
+    new = [RENAMED.get(f"{parent}.{name}", RENAMED.get(name, name)) for parent, name in zip(parents, old, strict=False)]
+    renamed = ".".join(new)
     exists = any(name == renamed or name.startswith(f"{renamed}.") for name in known)
     return renamed if renamed != key and exists else None

@@ -29,10 +29,10 @@ Shape = tuple[np.ndarray, np.ndarray, np.ndarray | None]
 
 @dataclass(frozen=True)
 class ObjectConfig:
-    """How objects are read.
+    """Reading of object files.
 
     Attributes:
-        faces: what has more is decimated to this many.
+        faces: meshes with more faces are decimated to this number.
         aggressiveness: of the decimation.
     """
 

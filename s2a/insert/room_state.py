@@ -83,7 +83,7 @@ class RoomState:
 
 def _over(mesh: Mesh, regions: list[Region], config: RegionConfig) -> bool:
     """Whether a thing may take some of the room over regions."""
-    return any(_meets(mesh, region, config.reach) for region in regions)
+    return any(_meets(mesh, region, config.search_height) for region in regions)
 
 
 def _meets(mesh: Mesh, region: Region, reach: float) -> bool:

@@ -22,17 +22,16 @@ class LlmConfig:
     """The language model.
 
     Attributes:
-        kind: "chat" asks a model over the network, "replay" answers from a recording, "rules" from a table and needs no
-            model; "auto" is chat where OPENAI_API_KEY is set, and rules elsewhere.
-        model: name of the model, as the endpoint calls it. Key and address come from OPENAI_API_KEY and OPENAI_BASE_URL.
+        kind: "chat" queries a model over the network, "replay" answers from a recording, "rules" is the rule-based fallback;
+            "auto" is chat where OPENAI_API_KEY is set, and rules elsewhere.
+        model: name of the model at the endpoint. Key and address come from OPENAI_API_KEY and OPENAI_BASE_URL.
         timeout: for one answer [s].
-        attempts: tries again after a broken connection, an overload or an error of the server; the wait between them
-            doubles from half a second.
-        temperature: 0 for the likeliest answer.
+        attempts: retries after a broken connection, an overload or a server error; the wait doubles from half a second.
+        temperature: sampling temperature; 0 for the likeliest answer.
         max_tokens: of an answer.
         max_response_bytes: of a response; a longer one is an error.
-        prices: US dollars for a million tokens of the request and of the answer.
-        answers: the recording to answer from, for replay.
+        prices: US dollars per million tokens of the request and of the answer.
+        answers: the recording, for replay.
     """
 
     kind: Literal["auto", "chat", "replay", "rules"]

@@ -1,4 +1,4 @@
-"""Run a script that nobody has read in a process that can do nothing but edit one small file.
+"""Run an untrusted script in a process that can only edit one small file.
 
 The process has an isolated interpreter, an empty environment, no network, no other process, little memory and time, and
 a scratch folder as its only files, by whatever the system offers: user, mount and network namespaces, Landlock, seccomp.
@@ -32,17 +32,17 @@ STAGE = "scene.usda"
 
 @dataclass(frozen=True)
 class SandboxConfig:
-    """What a script may say and use.
+    """Limits of scripts.
 
     Attributes:
-        seconds: until the process is ended, from when it is given the script [s].
-        cpu_seconds: of one core for the script alone [s].
-        memory: address space for the script [MiB].
-        disk: size of its scratch folder, and of a file [MiB].
-        allow: what its text may hold.
-        layers: sandbox layers to try.
-        needs: what must be kept from an untrusted script, or it is not run; what a lock keeps away is in
-            `s2a.sandbox.worker.OFFERS`. Less than all three is a risk to take only for scripts that somebody has read.
+        seconds: wall time of the process, from when it receives the script [s].
+        cpu_seconds: CPU time of the script [s].
+        memory: address space of the script [MiB].
+        disk: size of its scratch folder and of a file [MiB].
+        allow: bounds on its text.
+        layers: sandbox layers to enable.
+        required_guarantees: guarantees without which an untrusted script does not run; `s2a.sandbox.worker.GUARANTEES` lists
+            what each layer guarantees. Require less than all three only for scripts that somebody has read.
     """
 
     seconds: Positive
@@ -56,12 +56,12 @@ class SandboxConfig:
 
 @dataclass(frozen=True)
 class SandboxResult:
-    """What came of a confined run.
+    """Result of a sandboxed run.
 
     Attributes:
-        saved: the stage as the process handed it back: whatever the script made it say.
-        active: the locks that held, from a report sent before the script began.
-        seconds: from when the process was given the script to its end [s].
+        saved: the stage as the process returned it; untrusted.
+        active: sandbox layers that were active, reported before the script began.
+        seconds: from when the process received the script to its end [s].
     """
 
     saved: bytes
@@ -70,14 +70,14 @@ class SandboxResult:
 
 
 class Sandbox:
-    """A place for scripts: each runs on a stage in a process of its own, the first in one that was started ahead.
+    """Runs scripts on a geometry-free stage, each in a process of its own; the first process is started ahead.
 
-    To import USD and to lock itself in takes a process 0.3 s, which it may as well take while a place is sought.
+    Importing USD and enabling the layers takes 0.3 s, which overlaps with the search for a pose.
 
     Attributes:
         geometry_free_text: USD text of the stage, which a script finds as `scene.usda` in its current folder.
-        config: limits and locks.
-        trusted: run scripts although the system lacks locks.
+        config: limits and sandbox layers.
+        trusted: Run scripts on systems that lack the required guarantees.
     """
 
     def __init__(self, geometry_free_text: str, config: SandboxConfig, trusted: bool) -> None:
@@ -90,7 +90,7 @@ class Sandbox:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End a process that waits for a script."""
+        """End a process that still waits for a script."""
         if self._ahead is not None:
             self._ahead.end()
 
@@ -119,7 +119,7 @@ class Sandbox:
 
 
 class _Process:
-    """A process that locks itself in and waits for its script."""
+    """A process that enables its sandbox layers and waits for its script."""
 
     def __init__(self, sandbox: Sandbox) -> None:
         config, self._open = sandbox.config, ExitStack()
@@ -170,7 +170,7 @@ class _Process:
         return self._out.read()
 
     def end(self) -> None:
-        """Leave nothing of it."""
+        """Kill the process and delete its files."""
         self._process.kill()
         self._process.wait()
         if self._process.stdin:
@@ -181,7 +181,7 @@ class _Process:
 def _verdict(
     code: int | None, reports: list[str], config: SandboxConfig, trusted: bool
 ) -> tuple[tuple[str, ...], Exception | None]:
-    """Return the locks that held, and what to raise if the script did not end well."""
+    """Return the active layers, and the exception to raise if the script failed."""
     if not reports:
         reason = (
             f"ended with {code} before it could start" if code is not None else f"did not start in {config.seconds} s"
@@ -193,7 +193,7 @@ def _verdict(
     ]
     if missing and not trusted:
         return active, InputError(
-            f"this system cannot keep {', '.join(missing)} from a script (locks that hold: {', '.join(active) or 'none'}); "
+            f"this system cannot keep {', '.join(missing)} from a script (active sandbox layers: {', '.join(active) or 'none'}); "
             f"use llm=rules, or give sandbox.required_guarantees=[] if you trust the scripts' author"
         )
     if code is None:
@@ -206,7 +206,7 @@ def _verdict(
 
 
 def _failure(report: str) -> PolicyViolation | None:
-    """Return what the script's process says went wrong with it; hardly to be trusted, so cut and cleaned."""
+    """Return the violation that the script's process reports; untrusted, so shortened and cleaned."""
     try:
         said = json.loads(report)
         line, reason = said.get("line"), said.get("reason")

@@ -63,7 +63,7 @@ def test_a_wished_neighbour_draws_an_object_near() -> None:
     check(table(), cup, near)
     assert near.position[0] < away.position[0]
     # The crate ends at x = 0.4; room beyond what is enough would not make the place better.
-    assert near.moved(cup).bounds[0, 0] - 0.4 < POSE.search.enough + 2 * REGIONS.cell
+    assert near.moved(cup).bounds[0, 0] - 0.4 < POSE.search.max_useful_clearance + 2 * REGIONS.cell
 
 
 def test_the_same_question_has_the_same_answer() -> None:

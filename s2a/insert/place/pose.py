@@ -29,29 +29,29 @@ Relation = Literal["on", "in", "against", "hanging"]
 
 @dataclass(frozen=True)
 class PoseConfig:
-    """How poses are found.
+    """Search for poses.
 
     Attributes:
-        pose: "search" looks for the best place; "paper" shifts the object at random until nothing collides.
-        search: the coarse search.
+        pose: "search" ranks all placements on a grid; "paper" shifts the object at random until nothing collides.
+        search: the grid search.
         paper: the baseline.
-        attempts: candidates tested exactly before giving up.
-        apart: distance of one candidate from those that failed, as a share of the object's radius.
-        back: left between a back and what it is against [m].
-        gap: left between the object and what it touches [m].
-        lift: objects are lowered from this far above the region [m].
-        slack: how far an object may reach into the way of a part, whose annotated surface is noisy [m].
+        attempts: candidates that are tested exactly.
+        min_spacing: smallest distance of a candidate from those that failed, as a fraction of the object's radius.
+        back_gap: gap between the object's back and what it is against [m].
+        contact_gap: gap between the object and what it touches [m].
+        lowering_height: height above the region from which the object is lowered [m].
+        swept_volume_tolerance: how far the object may reach into a swept volume, whose surface is noisy [m].
     """
 
     pose: Literal["search", "paper"]
     search: SearchConfig
     paper: PaperConfig
     attempts: Count
-    apart: NotNegative
-    back: NotNegative
-    gap: NotNegative
-    lift: NotNegative
-    slack: NotNegative
+    min_spacing: NotNegative
+    back_gap: NotNegative
+    contact_gap: NotNegative
+    lowering_height: NotNegative
+    swept_volume_tolerance: NotNegative
 
 
 def place(
@@ -91,7 +91,7 @@ def place(
     if not found:
         raise NoRoom(_why(region, object))
     stopped: list[str] = []
-    apart = max(2.0, config.apart * radius / region.cell)
+    apart = max(2.0, config.min_spacing * radius / region.cell)
     for number, one in enumerate(_spread(found, apart, config.attempts), start=1):
         pose, reason = _tried(scene, object, region, one, base, volumes, relation, config, number)
         if pose is not None:
@@ -138,26 +138,26 @@ def _tried(scene, object, region, one: GridCandidate, base, volumes, relation, c
     toward = -region.normal if region.kind == "vertical" else np.array([0.0, 0.0, -1.0])
     turn = _turn(region, base, one.turn)
     lowest = float((object.vertices @ turn.T @ -toward).min())
-    start = region.points(one.place[None])[0] + (lowest - config.lift) * toward
+    start = region.points(one.place[None])[0] + (lowest - config.lowering_height) * toward
     quaternion = tuple(Rotation.from_matrix(turn).as_quat().tolist())
     pose = Pose(tuple(start.tolist()), quaternion, one.room, number)
-    reach = 0.1 if relation == "against" else 2 * config.lift
+    reach = 0.1 if relation == "against" else 2 * config.lowering_height
     local = nearby(scene, *_grown(pose.moved(object).bounds, reach + 0.01))
-    lowered = moved_into_contact(pose, object, local, toward, 2 * config.lift, config.gap)
+    lowered = moved_into_contact(pose, object, local, toward, 2 * config.lowering_height, config.contact_gap)
     if lowered is None:
         return None, "carry nothing"
     pose = lowered
     if relation == "against":
         back = turn @ np.array([-1.0, 0.0, 0.0])
-        pose = moved_into_contact(pose, object, local, back, reach, config.back) or pose
+        pose = moved_into_contact(pose, object, local, back, reach, config.back_gap) or pose
     for _ in range(4):
         pose = pose.rounded()
         moved = pose.moved(object)
-        reason = placement_conflict(scene, moved, local, volumes, config.slack)
+        reason = placement_conflict(scene, moved, local, volumes, config.swept_volume_tolerance)
         if reason != "collide":
             break
         # Between two edges the way may be shorter than from any point that was asked.
-        pose = replace(pose, position=tuple((np.array(pose.position) - config.gap * toward).tolist()))
+        pose = replace(pose, position=tuple((np.array(pose.position) - config.contact_gap * toward).tolist()))
     return (None, reason) if reason else (pose, None)
 
 

@@ -22,48 +22,48 @@ from s2a.scene import Mesh
 
 @dataclass(frozen=True)
 class SearchConfig:
-    """How the grid is searched.
+    """Search on the occupancy grid.
 
     Attributes:
-        turns: yaws tried, against the direction that things on the region face [deg].
-        layers: number of layers between the region and the object's top.
-        touch: what is lower than this belongs to the support, or stands on it [m].
-        samples: points that stand for the object's surface.
-        supported: share of the touching cells that must carry.
-        margin: room kept around the object [m].
-        enough: room beyond this makes a place no better [m].
-        places: places a turn that are ranked.
-        room: weight of the room around the object.
-        front: weight of facing the right way.
-        near: weight of being near a wished neighbour.
-        back: weight of a back that is against something, where that is wanted.
-        nearness: distance over which nearness fades [m].
+        turns: yaws to test, relative to the facing direction of the region [deg].
+        layers: number of occupancy layers between the region and the top of the object.
+        contact_height: points lower than this above the lowest one touch the support [m].
+        samples: points sampled on the object's surface.
+        min_supported_fraction: smallest fraction of the touching cells that must be supported.
+        margin: clearance kept around the object [m].
+        max_useful_clearance: clearance beyond this does not improve a placement [m].
+        max_placements: placements ranked per yaw.
+        clearance_weight: weight of the clearance around the object.
+        facing_weight: weight of the facing direction.
+        neighbour_weight: weight of the distance to the requested neighbour.
+        backing_weight: weight of a back that is against something, for relation "against".
+        neighbour_distance: distance over which the neighbour's weight decays [m].
     """
 
     turns: Numbers
     layers: Count
-    touch: NotNegative
+    contact_height: NotNegative
     samples: Count
-    supported: Fraction
+    min_supported_fraction: Fraction
     margin: NotNegative
-    enough: Positive
-    places: Count
-    room: float
-    front: float
-    near: float
-    back: float
-    nearness: Positive
+    max_useful_clearance: Positive
+    max_placements: Count
+    clearance_weight: float
+    facing_weight: float
+    neighbour_weight: float
+    backing_weight: float
+    neighbour_distance: Positive
 
 
 @dataclass(frozen=True)
 class GridCandidate:
-    """A place for the object.
+    """A placement on the grid.
 
     Attributes:
         score: the higher, the better.
-        turn: yaw against the facing direction [rad].
-        place: of the object's origin on the grid, in cells, shape [2].
-        room: distance from the nearest thing or edge [m].
+        turn: yaw relative to the facing direction [rad].
+        place: cell of the object's origin, shape [2].
+        room: distance from the nearest obstacle or edge [m].
     """
 
     score: float
@@ -74,11 +74,11 @@ class GridCandidate:
 
 @dataclass(frozen=True)
 class Preferences:
-    """What makes a place better.
+    """Preferences among placements.
 
     Attributes:
-        against: whether the object's back wants to be against something.
-        near: points of the neighbour it wants to be near [m], shape [point 3], or None.
+        against: Prefer placements with the object's back against something.
+        near: points of the requested neighbour [m], shape [point 3], or None.
     """
 
     against: bool
@@ -87,11 +87,11 @@ class Preferences:
 
 @dataclass(frozen=True)
 class OccupancyGrid:
-    """The padded grid over a region.
+    """The padded occupancy grid over a region.
 
     Attributes:
-        pad: cells added on each side.
-        carries: cells that carry and have room, shape [row column].
+        pad: cells added on each side of the region.
+        carries: supported cells with clearance, shape [row column].
         layers: occupied cells by layer, shape [layer row column].
         edges: heights of the layers' borders above the region [m], shape [layer + 1].
     """
@@ -113,12 +113,12 @@ def occupancy_grid(
     """Return the grid for an object of a radius and height [m] among obstacles and the ways of doors and drawers."""
     pad = int(np.ceil(radius / region.cell)) + 2
     carries = np.pad(region.free, pad)
-    edges = np.linspace(config.touch, max(height, 2 * config.touch), config.layers + 1)
+    edges = np.linspace(config.contact_height, max(height, 2 * config.contact_height), config.layers + 1)
     origin = region.points(np.array([[-pad, -pad]]))[0]
     raster = Grid(region.axes, origin, region.cell, carries.shape, edges[0], edges[-1], config.layers)
     layers, _ = columns(obstacles, raster)
     for volume in volumes:
-        fill(layers, edges, region, pad, volume, config.touch)
+        fill(layers, edges, region, pad, volume, config.contact_height)
     grow = max(1, round(config.margin / region.cell))
     return OccupancyGrid(
         pad, carries, np.stack([ndimage.binary_dilation(layer, iterations=grow) for layer in layers]), edges
@@ -153,18 +153,21 @@ def grid_candidates(
         prints = _prints(local, region.cell, grid, config)
         possible = _possible(spectra, prints, shape, grid.carries.shape, config)
         places = np.argwhere(possible)
-        places = places[:: max(1, len(places) // config.places)]
+        places = places[:: max(1, len(places) // config.max_placements)]
         if not len(places):
             continue
         whole = _distinct(np.concatenate(prints))
         free = _lowest(room, places, whole)
-        score = config.room * np.minimum(free, config.enough) / config.enough + config.near * nearness[tuple(places.T)]
+        score = (
+            config.clearance_weight * np.minimum(free, config.max_useful_clearance) / config.max_useful_clearance
+            + config.neighbour_weight * nearness[tuple(places.T)]
+        )
         if preferences.against:
-            score = score * 0.2 + config.back * _back(walls, places, local, region, base, turn)
-            score -= 0.01 * config.front * abs(turn)
+            score = score * 0.2 + config.backing_weight * _back(walls, places, local, region, base, turn)
+            score -= 0.01 * config.facing_weight * abs(turn)
         else:
-            score += config.front * np.cos(turn)
-        best = np.argsort(-score, kind="stable")[: config.places // 4]
+            score += config.facing_weight * np.cos(turn)
+        best = np.argsort(-score, kind="stable")[: config.max_placements // 4]
         found += [GridCandidate(float(score[i]), float(turn), places[i] - grid.pad + 0.5, float(free[i])) for i in best]
     return sorted(found, key=lambda one: -one.score)
 
@@ -172,7 +175,7 @@ def grid_candidates(
 def _prints(local: np.ndarray, cell: float, grid: OccupancyGrid, config: SearchConfig) -> list[np.ndarray]:
     """Return the cells of an object, relative to its origin: those it stands on, then those of each layer, [cell 2] each."""
     # The touching points of a noisy or curved bottom lie within `touch` of the lowest one.
-    picked = [local[:, 2] < config.touch]
+    picked = [local[:, 2] < config.contact_height]
     picked += [
         (local[:, 2] >= low) & (local[:, 2] <= high) for low, high in zip(grid.edges, grid.edges[1:], strict=False)
     ]
@@ -201,7 +204,7 @@ def _possible(
     turned = np.conj(fft.rfft2(kernels))
     hanging = fft.irfft2(spectra[0] * turned[0], fast)[: shape[0], : shape[1]]
     hits = fft.irfft2((spectra[1:] * turned[1:]).sum(axis=0), fast)[: shape[0], : shape[1]]
-    possible = (hits < 0.5) & (hanging < (1.0 - config.supported) * len(prints[0]) + 0.5)
+    possible = (hits < 0.5) & (hanging < (1.0 - config.min_supported_fraction) * len(prints[0]) + 0.5)
     cells = np.concatenate(prints)
     low, high = np.maximum(0, -cells.min(axis=0)), np.minimum(shape, shape - cells.max(axis=0))
     inner = np.zeros_like(possible)
@@ -233,7 +236,7 @@ def _nearness(grid: OccupancyGrid, region: Region, preferences: Preferences, con
     cells = np.unique(np.clip(cells, 0, np.array(grid.carries.shape) - 1), axis=0)
     away = np.ones(grid.carries.shape, bool)
     away[tuple(cells.T)] = False
-    return np.exp(-ndimage.distance_transform_edt(away) * region.cell / config.nearness)
+    return np.exp(-ndimage.distance_transform_edt(away) * region.cell / config.neighbour_distance)
 
 
 def _back(

@@ -25,7 +25,7 @@ from multirun import Row, options, sweep
 from outcome import percent, trained, write
 from pxr import Gf, Usd
 
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results/reward_ablation.json"
@@ -124,7 +124,7 @@ def make_others(scan: Path | None, targets: list[str], stages: Path) -> None:
 
 def move_grasp(stage: Path, target: str, shift: tuple[float, float, float], out: Path) -> None:
     """Copy a sim.usd with its grasp point moved along the axes of its grasp frame [m]; the grasp region stays."""
-    with aside(out) as copy:
+    with atomic_write(out) as copy:
         shutil.copy(stage, copy)
         opened = Usd.Stage.Open(str(copy))
         site = opened.GetPrimAtPath(f"/scene/{target}/grasp")

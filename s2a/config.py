@@ -2,7 +2,7 @@
 
 The tree `conf/` holds every value once and mirrors the package; a frozen dataclass without defaults, beside the code
 that uses it, holds the names, types, units and meaning. `load` joins the two: a key that is missing, unknown or of
-another type is an error, and so is a value outside of the bounds that the type carries (`s2a.ranges`).
+another type is an error, and so is a value outside the bounds of its type (`s2a.ranges`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from hydra.errors import HydraException, MissingConfigException, OverrideParseEx
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from s2a import ranges
+from s2a import aliases, ranges
 from s2a.errors import InputError
 
 T = TypeVar("T")
@@ -50,7 +50,7 @@ class Described:
 
 
 REQUIRED = "???"
-"""What a YAML file says for a value that has no default."""
+"""Placeholder of a value without a default in a YAML file."""
 
 
 def folder() -> Path:
@@ -80,7 +80,7 @@ def plain(config: Any, resolve: bool = True) -> dict[str, Any]:
 
     Args:
         config: the DictConfig.
-        resolve: whether to replace interpolations by their values.
+        resolve: Replace interpolations by their values.
     """
     return dict(OmegaConf.to_container(config, resolve=resolve))  # type: ignore[arg-type]
 
@@ -106,8 +106,7 @@ def load(cls: type[T], values: Mapping[str, Any]) -> T:
         raise InputError(f"key {error.field_path!r} is missing; give +{error.field_path}=...") from error
     except dacite.UnexpectedDataError as error:
         name = sorted(error.keys)[0]
-        others = [key for key in keys(values) if name not in key.split(".")]
-        raise InputError(f"key {name!r} is unknown{nearest(name, others)}") from error
+        raise InputError(_unknown(name, [key for key in keys(values) if name not in key.split(".")])) from error
     ranges.check(cls, loaded)
     return loaded
 
@@ -154,10 +153,10 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def explain(error: Exception, known: Iterable[str]) -> str:
-    """Say in one line what Hydra or OmegaConf found wrong with the overrides.
+    """Turn an error of Hydra or OmegaConf about the overrides into one line.
 
     Args:
-        error: what they raised.
+        error: their exception.
         known: the keys that can be overridden.
     """
     text = str(error)
@@ -167,13 +166,19 @@ def explain(error: Exception, known: Iterable[str]) -> str:
         group, _, option = str(error.missing_cfg_file).rpartition("/")
         return f"key {group!r} is {option!r}{nearest(option, error.options)}"
     if found := re.search(r"Could not override '([^']+)'|Key '([^']+)' is not in struct", text):
-        name = found[1] or found[2]
-        return f"key {name!r} is unknown{nearest(name, known)}"
+        return _unknown(found[1] or found[2], list(known))
     if found := re.search(r"Missing mandatory value: (\S+)", text):
         return f"key {found[1]!r} has no value; give {found[1]}=..."
     if found := re.search(r"Ambiguous value for argument '([^']+)'", text):
         return f"{found[1]!r} gives several values; write key=[a,b] for a list, or add -m to run once with each"
     return " ".join(text.split())
+
+
+def _unknown(name: str, known: list[str]) -> str:
+    """Return the message about a key that does not exist: its present name, if it has been renamed, or the closest ones."""
+    if renamed := aliases.current(name, known):
+        return f"key {name!r} is now {renamed!r}"
+    return f"key {name!r} is unknown{nearest(name, known)}"
 
 
 def expected(kind: Any) -> str:
@@ -194,12 +199,12 @@ def expected(kind: Any) -> str:
 
 
 def _given(values: Mapping[str, Any], error: dacite.WrongTypeError) -> Any:
-    """Return the value that an error is about as it was given; dacite fills up a list that is too short."""
+    """Return the offending value as the user gave it; dacite pads a list that is too short."""
     return dict(leaves(values)).get(str(error.field_path), error.value)
 
 
 def _tuples(value: Any) -> Any:
-    """Copy nested values with every list as a tuple: what a frozen dataclass holds cannot be changed."""
+    """Copy nested values with every list as a tuple, for frozen dataclasses."""
     if isinstance(value, Mapping):
         return {key: _tuples(inner) for key, inner in value.items()}
     return tuple(map(_tuples, value)) if isinstance(value, (list, tuple)) else value
@@ -220,6 +225,6 @@ def _path(value: Any) -> Any:
 
 
 def _refuse_bool(value: Any, kind: type) -> None:
-    """Raise for true and false, which Python takes for numbers."""
+    """Raise for true and false, which are numbers in Python."""
     if isinstance(value, bool):
         raise dacite.WrongTypeError(kind, value)

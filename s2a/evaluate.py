@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 import torch
-from scipy.stats import binomtest
 
 from s2a.env.kernels import ERRORS
 from s2a.env.vec_env import VecEnv
@@ -66,6 +65,8 @@ def summary(env: VecEnv, column: Mapping[str, torch.Tensor]) -> dict[str, Any]:
 
 def rate(hits: float, episodes: float) -> dict[str, float]:
     """Return how many of the episodes were hits, as a share with its Wilson 95 % interval (of whole numbers)."""
+    from scipy.stats import binomtest  # 0.9 s to import, which no start of a training should pay
+
     low, high = binomtest(round(hits), round(episodes)).proportion_ci(0.95, method="wilson")
     return {"rate": hits / episodes, "low": float(low), "high": float(high)}
 

@@ -1,4 +1,4 @@
-"""What the command line tells about itself, taken from the configuration's own documentation."""
+"""Help texts of the command line, generated from the documentation of the configuration classes."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from typing import Any, get_args, get_origin, get_type_hints
 from s2a import config
 
 GENERAL = """\
-usage: s2a <verb> key=value ...
+usage: s2a <command> key=value ...
 
-{verbs}
+{commands}
 
-s2a <verb> --help    the verb's keys, their values and meaning
--m, --multirun       run once with each of the values in key=a,b; each run's `out` lies below its own folder
---debug              show the traceback of an error
---version            show the version
+s2a <command> --help   keys of the command, their defaults and meaning
+-m, --multirun         run once per value of key=a,b; each run writes `out` below its own folder
+--debug                show the traceback of an error
+--version              show the version
 """
 
 
-def general(verbs: Mapping[str, str]) -> str:
+def general(commands: Mapping[str, str]) -> str:
     """Return the help text of the whole command."""
-    return GENERAL.format(verbs="\n".join(f"  {verb:10}{meaning}" for verb, meaning in verbs.items()))
+    return GENERAL.format(commands="\n".join(f"  {command:10}{meaning}" for command, meaning in commands.items()))
 
 
-def verb(name: str, meaning: str, cls: type) -> str:
-    """Return the help text of one verb: examples, then every key with its value in the YAML tree and its meaning."""
+def command(name: str, meaning: str, cls: type) -> str:
+    """Return the help text of one command: examples, then every key with its default and its meaning."""
     values = sorted(config.leaves(config.compose(name)), key=lambda leaf: "." in leaf[0])
     meanings = attributes(cls) | _chosen(cls, config.compose(name))
     lines = [f"s2a {name} key=value ...: {meaning}", *examples(name), ""]
@@ -51,7 +51,7 @@ def _chosen(cls: type, values: Mapping[str, Any]) -> dict[str, str]:
 
 
 def examples(name: str) -> list[str]:
-    """Return the comment at the head of a verb's YAML, which shows how the verb is called."""
+    """Return the comment at the head of a command's YAML, which shows example calls."""
     lines = (config.folder() / f"{name}.yaml").read_text().splitlines()
     return [line.removeprefix("#").rstrip() for line in takewhile(lambda line: line.startswith("#"), lines)]
 
@@ -66,9 +66,9 @@ def typed(value: Any) -> str:
 
 
 def options(name: str) -> list[str]:
-    """List the alternatives of the groups that a verb's configuration takes from sub-folders: those that have the same keys.
+    """List the options of the config groups that a command composes from sub-folders: those with the same keys.
 
-    Verbs share some groups, of which each takes its own: `policy` holds what trains and what plans.
+    Commands share some groups: `policy` holds options of training and of planning.
     """
     text = (config.folder() / f"{name}.yaml").read_text()
     groups = re.findall(r"^\s*- (?:override )?/?([\w/]+)(?:@\w+)?: ", text, flags=re.MULTILINE)
@@ -83,7 +83,7 @@ def options(name: str) -> list[str]:
 
 
 def meaning_of(key: str, meanings: Mapping[str, str]) -> str:
-    """Find the meaning of a dotted key; one inside a dictionary has it under `*`, or has that of the whole dictionary."""
+    """Return the meaning of a dotted key; entries of a dictionary share one under `*`, or that of the whole dictionary."""
     names = key.split(".")
     inside = (".".join([*names[:i], "*", *names[i + 1 :]]) for i in range(1, len(names)))
     return next((meanings[name] for name in (key, *inside, ".".join(names[:-1])) if name in meanings), "")

@@ -26,7 +26,7 @@ from s2a import config, scan
 from s2a.certify import report
 from s2a.certify.check_suite import CertifyConfig, certify, fingerprint
 from s2a.errors import InputError
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.prepare import PrepareConfig, prepare
 from s2a.progress import track
 from s2a.provenance import provenance
@@ -47,7 +47,7 @@ def main() -> None:
         for result in track(pool.map(_part, parts), "certifying", len(parts)):
             found.append(result)
             whole = {"detail": asked.detail, "prepare": asked.prepare, "styles": rates(found), "parts": found}
-            with aside(asked.out) as out:
+            with atomic_write(asked.out) as out:
                 out.write_text(json.dumps(whole | provenance("cpu"), indent=1))
     Console(width=160).print(_table(rates(found)))
     for part in found:
@@ -76,7 +76,7 @@ def _parts(case: tuple[str, int, argparse.Namespace]) -> list[tuple[str, int, st
     folder = _folder(room, seed, asked)
     if not (folder / "scan/truth/truth.json").exists():
         keys = [f"room={room}", f"seed={seed}", f"detail={asked.detail}", f"out={folder / 'scan'}"]
-        with aside(folder / "scan", earlier="truth/truth.json") as out:
+        with atomic_write(folder / "scan", earlier="truth/truth.json") as out:
             sample(config.load(SampleConfig, config.compose("sample", keys)), out)
     return [(room, seed, target) for target in _scene(folder).movable]
 
@@ -103,14 +103,14 @@ def _certified(folder: Path, target: str, asked: argparse.Namespace) -> dict[str
     try:
         if not stage.exists():
             values = config.compose("prepare", [f"prepare={asked.prepare}", "stage=x", f"target={target}", "out=y"])
-            with aside(stage) as out:
+            with atomic_write(stage) as out:
                 sim_stage.write(prepare(_scene(folder), target, config.load(PrepareConfig, values["prepare"])), out)
     except InputError as error:
         return {"passed": False, "graspable": None, "failed": [f"not prepared: {error}"]}
     settings = config.load(CertifyConfig, config.compose("certify", ["stage=x", "out=y"])["certify"])
     done = report.kept(record, fingerprint(stage), dataclasses.asdict(settings), provenance("cpu"))
     done = done or certify(stage, settings)
-    with aside(record) as out:
+    with atomic_write(record) as out:
         out.write_text(report.to_json(done))
     by_name = {check.name: check for check in done.checks}
     numbers = {

@@ -22,8 +22,8 @@ from s2a.commands.evaluate import Config
 from s2a.commands.train import simulation
 from s2a.env.vec_env import OpenDrawerEnv
 from s2a.evaluate import evaluate
-from s2a.geometry.camera_pose import LookConfig, frame
-from s2a.geometry.render import draw, painted, write
+from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
+from s2a.geometry.render import painted, render, write_png
 from s2a.planner.motion import Planner
 from s2a.robot.model import JOINTS, add_robot
 from s2a.robot.spec import RobotSpec
@@ -43,15 +43,15 @@ PAINT = 0.85
 def main(demo: Path, out: Path) -> None:
     """Draw both halves side by side."""
     settings = config.load(Config, config.compose("evaluate", [f"stage={demo / 'sim.usd'}", "out=-", "worlds=1"]))
-    look = config.load(LookConfig, config.compose("view")["look"])
-    halves = [above(visible(demo / "scan"), replace(look, **ROOM)), _robot(settings, replace(look, **ROBOT))]
+    camera = config.load(OrbitCamera, config.compose("view")["camera"])
+    halves = [above(visible(demo / "scan"), replace(camera, **ROOM)), _robot(settings, replace(camera, **ROBOT))]
     white = np.full((SIZE["height"], GAP, 3), 255, dtype=np.uint8)
     out.parent.mkdir(parents=True, exist_ok=True)
-    write(np.concatenate([halves[0], white, halves[1]], axis=1), out)
+    write_png(np.concatenate([halves[0], white, halves[1]], axis=1), out)
     print(f"{out}: {out.stat().st_size / 1000:.0f} kB")
 
 
-def _robot(settings: Config, look: LookConfig) -> np.ndarray:
+def _robot(settings: Config, camera: OrbitCamera) -> np.ndarray:
     """Draw the planner's robot where the part stands open widest."""
     poses, stage = _widest(settings)
     surfaces = dict(visible(settings.stage).surfaces)
@@ -60,7 +60,7 @@ def _robot(settings: Config, look: LookConfig) -> np.ndarray:
     posed += [_moved(mesh, poses[name]) for name, mesh in _links(robot.load(stage.robot))]
     points = np.concatenate([mesh.vertices for mesh in posed])
     out_of_furniture = -Rotation.from_quat(stage.grasp[3:]).as_matrix()[:, 2]
-    return draw([room, *posed], frame(points, out_of_furniture, look), look)
+    return render([room, *posed], framing_pose(points, out_of_furniture, camera), camera)
 
 
 def _widest(settings: Config) -> tuple[dict[str, np.ndarray], SimStage]:

@@ -13,7 +13,7 @@ from s2a.certify.contents import Contents
 from s2a.geometry.handles.finger_gap import share_inside
 from s2a.geometry.mesh_ops import keep, merge, sample
 from s2a.geometry.mesh_query import RayMesh, first_hits, ray_mesh
-from s2a.ranges import Share
+from s2a.ranges import Fraction
 from s2a.scene import Mesh
 from s2a.usd.stage import read_mesh
 from s2a.usd.visuals import visible
@@ -45,8 +45,8 @@ class GapConfig:
         filled: largest share of the room free in the scan that colliders may fill.
     """
 
-    free: Share
-    filled: Share
+    free: Fraction
+    filled: Fraction
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdPhysics
 
-from s2a.geometry.camera_pose import LookConfig, View, frame, front_of
-from s2a.geometry.render import draw, painted
+from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
+from s2a.geometry.render import painted, render
 from s2a.scene import Mesh
 from s2a.usd.stage import ROOT, open_stage, read_attribute, read_mesh
 from s2a.usd.visuals import Visible, visible
@@ -23,13 +23,13 @@ OTHERS = (120, 150, 190)
 """Colour of all other pieces."""
 
 
-def pictures(path: Path, target: str, look: LookConfig) -> dict[str, np.ndarray]:
+def pictures(path: Path, target: str, camera: OrbitCamera) -> dict[str, np.ndarray]:
     """Return images [row column 3] of a sim.usd, by their captions; none where there is nothing to see of the target.
 
     Args:
         path: the stage.
         target: id of the moving part.
-        look: how the pictures are taken.
+        camera: intrinsics and framing of the images.
     """
     scene = visible(path)
     middle = scene.surfaces.get(target)
@@ -38,20 +38,20 @@ def pictures(path: Path, target: str, look: LookConfig) -> dict[str, np.ndarray]
     stage = open_stage(path)  # a prim lives no longer than its stage
     body = stage.GetPrimAtPath(f"{ROOT}/{target}")
     moving, others = _pieces(scene, body)
-    view = _view(middle, middle, look)
+    view = _camera_pose(middle, middle, camera)
     seen, hard = list(scene.surfaces.values()), [*moving, *others]
-    near = _view(read_mesh(body.GetChild("region")), middle, replace(look, margin=NEAR))
+    near = _camera_pose(read_mesh(body.GetChild("region")), middle, replace(camera, margin=NEAR))
     return {
-        "the scan": draw(seen, view, look),
-        "what collides; orange moves": draw(hard, view, look),
-        "what collides over the scan": _mixed(seen, hard, view, look),
-        "the same at the grasp": _mixed(seen, hard, near, look),
+        "the scan": render(seen, view, camera),
+        "what collides; orange moves": render(hard, view, camera),
+        "what collides over the scan": _mixed(seen, hard, view, camera),
+        "the same at the grasp": _mixed(seen, hard, near, camera),
     }
 
 
-def _mixed(seen: list[Mesh], hard: list[Mesh], view: View, look: LookConfig) -> np.ndarray:
+def _mixed(seen: list[Mesh], hard: list[Mesh], view: CameraPose, camera: OrbitCamera) -> np.ndarray:
     """Return a picture in which two sets of surfaces shine through each other."""
-    return ((draw(seen, view, look).astype(int) + draw(hard, view, look)) // 2).astype(np.uint8)
+    return ((render(seen, view, camera).astype(int) + render(hard, view, camera)) // 2).astype(np.uint8)
 
 
 def _pieces(scene: Visible, body: Usd.Prim) -> tuple[list[Mesh], list[Mesh]]:
@@ -63,7 +63,7 @@ def _pieces(scene: Visible, body: Usd.Prim) -> tuple[list[Mesh], list[Mesh]]:
     return [painted(mesh, color) for mesh, color in zip(moving, itertools.cycle(TARGET), strict=False)], others
 
 
-def _view(shown: Mesh, part: Mesh, look: LookConfig) -> View:
+def _camera_pose(shown: Mesh, part: Mesh, camera: OrbitCamera) -> CameraPose:
     """Return the view of a surface from the front of the part that it belongs to."""
     front = front_of([part])
-    return frame(shown.vertices, np.array([1.0, 0.0, 0.0]) if front is None else front, look)
+    return framing_pose(shown.vertices, np.array([1.0, 0.0, 0.0]) if front is None else front, camera)

@@ -9,9 +9,9 @@ from pathlib import Path
 from s2a.certify import report
 from s2a.certify.check_suite import CertifyConfig, certify, fingerprint
 from s2a.certify.images import pictures
-from s2a.errors import InputError, NotPassed
-from s2a.geometry.camera_pose import LookConfig
-from s2a.outputs import aside, refuse_loss
+from s2a.errors import CheckFailed, InputError
+from s2a.geometry.orbit_camera import OrbitCamera
+from s2a.outputs import atomic_write, refuse_loss
 from s2a.provenance import provenance
 from s2a.usd.files import files
 
@@ -26,13 +26,13 @@ class Config:
         stage: the sim.usd.
         out: the folder to write, with certificate.json and certificate.html; one of the same stage by the same code is kept.
         certify: what is asked, and the bounds.
-        look: how the pictures are taken.
+        camera: intrinsics and framing of the images.
     """
 
     stage: Path
     out: Path
     certify: CertifyConfig
-    look: LookConfig
+    camera: OrbitCamera
 
 
 def run(config: Config) -> str:
@@ -49,7 +49,7 @@ def run(config: Config) -> str:
     certificate = done or _write(config)
     said = report.summary(certificate) + (f"\n  kept from {config.out / RECORD}" if done else f"\n  {config.out}")
     if not certificate.passed:
-        raise NotPassed(said)
+        raise CheckFailed(said)
     return said
 
 
@@ -61,12 +61,12 @@ def overview(folder: Path) -> str:
 
 def _write(config: Config) -> report.Certificate:
     """Certify the stage and write the folder."""
-    with aside(config.out, earlier=RECORD) as out:
+    with atomic_write(config.out, earlier=RECORD) as out:
         certificate = certify(config.stage, config.certify)
         out.mkdir()
         # What is not sound enough to be read safely is not drawn either.
         broken = {"finite", "units", "target", "grasp_and_base"} & {check.name for check in certificate.failed}
-        shown = {} if broken else pictures(config.stage, certificate.target, config.look)
+        shown = {} if broken else pictures(config.stage, certificate.target, config.camera)
         (out / RECORD).write_text(report.to_json(certificate))
         (out / "certificate.html").write_text(report.to_html(certificate, shown))
     return certificate

@@ -13,7 +13,7 @@ from PIL import Image
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import Policy, baseline, evaluate, warn_of_errors
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.planner.motion import Planner, PlannerConfig
 from s2a.provenance import provenance
 from s2a.ranges import Count, CountFromZero
@@ -125,7 +125,7 @@ def run(config: Config) -> str:
     _refuse_contradictions(config)
     world = read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
-    with aside(config.out) as out:
+    with atomic_write(config.out) as out:
         sim = Simulation(read_stage(config.stage, config.part), sim_config, config.num_envs, device_of(config.device))
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env)

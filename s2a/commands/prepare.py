@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2a.errors import InputError
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.target import target_joint
 from s2a.usd import geometric, sim_stage
@@ -51,7 +51,7 @@ def run(config: Config) -> str:
 
 def _write(scene: SimScene, path: Path) -> str:
     """Write a scene and return what is in it."""
-    with aside(path) as out:
+    with atomic_write(path) as out:
         sim_stage.write(scene, out)
     moving, room = len(scene.target.colliders), len(scene.static_colliders)
     lines = [f"{path}: {scene.target.id} on {scene.carcass.id}; {moving} convex pieces, the room {room}"]

@@ -12,7 +12,7 @@ import torch
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.planner.motion import PlannerConfig, grasping_motion
 from s2a.provenance import provenance
 from s2a.ranges import Count, CountFromZero, Fraction
@@ -130,7 +130,7 @@ def _report(config: Config, env: VecEnv, metrics: dict[str, Any]) -> str:
         "reward": config.reward,
     }
     metrics["metrics_version"] = env.task.METRICS_VERSION
-    with aside(config.out / METRICS) as out:
+    with atomic_write(config.out / METRICS) as out:
         out.write_text(json.dumps(metrics | provenance(env.sim.device), indent=1))
     last = metrics["curve"][-1] if metrics["curve"] else {}
     came_to = ", ".join(f"{name} {value:.3g}" for name, value in last.items()) or "no episode has ended yet"

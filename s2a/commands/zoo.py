@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.progress import track
 from s2a.ranges import CountFromZero
 from s2a.synth.zoo import zoo
@@ -36,7 +36,7 @@ def run(config: Config) -> str:
     """Write the objects, the list of them and the truth; return what was written."""
     deal, dirt = np.random.default_rng(config.seed).spawn(2)
     items = download(zoo(), deal)
-    with aside(config.out, earlier=TRUTH) as out:
+    with atomic_write(config.out, earlier=TRUTH) as out:
         (out / "objects").mkdir(parents=True)
         for item in track(items, "objects"):
             WRITERS[item.form][1](out / "objects" / item.file, item.mesh(dirt), UNITS[item.unit], item.up)

@@ -136,7 +136,6 @@ class VecEnv:
         }
         names = (
             "action",
-
             "observation",
             "step",
             "uncounted",

@@ -12,8 +12,8 @@ import numpy as np
 import warp as wp
 from warp import Mesh as RayMesh
 
-from s2a.cores import in_parallel, shares
-from s2a.ranges import NotNegative, Positive, Share
+from s2a.cores import chunks, in_parallel
+from s2a.ranges import Fraction, NotNegative, Positive
 
 BEND = 0.25
 """A cube-map face maps the tangent u in [-1, 1] to u (1 + BEND - BEND u^2): within 20 % of even angular spacing."""
@@ -39,7 +39,7 @@ class NoiseConfig:
     correlated: NotNegative
     correlation: Positive
     registration: NotNegative
-    grazing: Share
+    grazing: Fraction
     blind: NotNegative
 
 
@@ -184,7 +184,7 @@ def cast_panorama(
     def cast(some: slice) -> None:
         wp.launch(_cast, some.stop - some.start, inputs=[*inputs, some.start], outputs=[ranges], device="cpu")
 
-    in_parallel(cast, shares(len(ranges)))
+    in_parallel(cast, chunks(len(ranges)))
     return ranges.numpy()
 
 
@@ -220,7 +220,7 @@ def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tu
         inputs = [mesh.id, wp.array(asked[some], dtype=wp.vec3, device="cpu", copy=False), reach]
         wp.launch(_nearest, dim=len(asked[some]), inputs=inputs, outputs=outputs, device="cpu")
 
-    in_parallel(ask, shares(len(asked)))
+    in_parallel(ask, chunks(len(asked)))
     return face, gap
 
 

@@ -15,7 +15,7 @@ from s2a.geometry.mesh_ops import keep
 from s2a.geometry.occupancy import Grid, columns
 from s2a.geometry.planes import Plane, plane_axes
 from s2a.geometry.support_planes import LevelConfig, horizontal_levels, upright_planes
-from s2a.ranges import Count, CountFromZero, NotNegative, Positive, Share
+from s2a.ranges import Count, CountFromZero, Fraction, NotNegative, Positive
 from s2a.scene import Mesh
 
 Kind = Literal["horizontal", "vertical", "inside"]
@@ -26,33 +26,33 @@ Above = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class RegionConfig:
-    """How support regions are grown.
+    """Growth of support regions.
 
     Attributes:
-        level: what is flat.
-        cell: width of a cell of the grid on a region [m]; large regions have wider ones.
-        cells: largest number of cells along a side.
+        level: detection of planar patches.
+        cell: cell size of the grid on a region [m]; large regions have larger cells.
+        max_cells: largest number of cells along a side.
         closing: gaps of the scan up to twice as many cells wide are closed.
-        smallest: area below which a region is none [m^2].
-        upright: area below which an upright region is none [m^2].
-        free: room above a cell below which something stands on it [m].
-        reach: what is higher above a region does not count [m].
-        lift: what is lower above the plane belongs to it [m]: the noise of the scan.
-        cover: share of a region below its own object that makes it an inside.
-        wall: the target rises within this distance of a walled border, to no more than twice as high above it [m].
+        min_area: smallest area of a horizontal region [m^2].
+        min_vertical_area: smallest area of a vertical region [m^2].
+        min_clearance: clearance above a cell below which it is occupied [m].
+        search_height: clearance is measured up to this height above a region [m].
+        noise_height: surfaces less far above the plane belong to it: scan noise [m].
+        cover_fraction: fraction of a region below its own object from which its kind is "inside".
+        rim_distance: a border cell has a rim if the target rises within this distance, to at most twice this height [m].
     """
 
     level: LevelConfig
     cell: Positive
-    cells: Count
+    max_cells: Count
     closing: CountFromZero
-    smallest: NotNegative
-    upright: NotNegative
-    free: NotNegative
-    reach: Positive
-    lift: NotNegative
-    cover: Share
-    wall: NotNegative
+    min_area: NotNegative
+    min_vertical_area: NotNegative
+    min_clearance: NotNegative
+    search_height: Positive
+    noise_height: NotNegative
+    cover_fraction: Fraction
+    rim_distance: NotNegative
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +67,8 @@ class Region:
         support: which cells carry, shape [row column].
         clearances: room along the normal over each cell [m], 0 where something stands, at most the configured reach,
             shape [row column].
-        walled: share of the border at which the target rises: about 1 in a basin or a tray, 0 on a table.
-        smallest_room: clearance from which a cell counts as free [m].
+        rim_fraction: fraction of the border at which the target rises: about 1 in a basin or a tray, 0 on a table.
+        min_clearance: clearance from which a cell counts as free [m].
     """
 
     kind: Kind
@@ -77,8 +77,8 @@ class Region:
     cell: float
     support: np.ndarray
     clearances: np.ndarray
-    walled: float
-    smallest_room: float
+    rim_fraction: float
+    min_clearance: float
 
     @property
     def normal(self) -> np.ndarray:
@@ -103,7 +103,7 @@ class Region:
     @cached_property
     def free(self) -> np.ndarray:
         """Which cells carry and have room, shape [row column]."""
-        return self.support & (self.clearances >= self.smallest_room)
+        return self.support & (self.clearances >= self.min_clearance)
 
     @property
     def free_area(self) -> float:
@@ -155,11 +155,11 @@ def support_regions(
     found: list[Region] = []
     if set(kinds) != {"vertical"}:
         planes = horizontal_levels(mesh, config.level)
-        some = [region for plane in planes for region in _split(mesh, plane, config.smallest, around, config)]
+        some = [region for plane in planes for region in _split(mesh, plane, config.min_area, around, config)]
         found += sorted((region for region in some if region.kind in kinds), key=lambda region: -region.area)
     if "vertical" in kinds:
         planes = upright_planes(mesh, config.level)
-        some = [region for plane in planes for region in _split(mesh, plane, config.upright, around, config)]
+        some = [region for plane in planes for region in _split(mesh, plane, config.min_vertical_area, around, config)]
         found += sorted(some, key=lambda region: -region.area)
     return found
 
@@ -169,9 +169,9 @@ def _split(mesh: Mesh, plane: Plane, smallest: float, around: Sequence[Mesh], co
     part = keep(Mesh(mesh.vertices, mesh.faces), plane.faces)
     axes = plane_axes(plane.normal, part.vertices[:: max(1, len(part.vertices) // 20000)].astype(np.float64))
     flat = part.vertices @ axes[:, :2]
-    cell = max(config.cell, float(np.ptp(flat, axis=0).max()) / config.cells)
+    cell = max(config.cell, float(np.ptp(flat, axis=0).max()) / config.max_cells)
     # A margin, so that the walls around a region are on its grid too.
-    margin = config.closing + 1 + int(np.ceil(config.wall / cell))
+    margin = config.closing + 1 + int(np.ceil(config.rim_distance / cell))
     low = flat.min(axis=0) - margin * cell
     rows, columns_ = (np.ceil((flat.max(axis=0) - low) / cell).astype(int) + margin + 1).tolist()
     origin = axes[:, :2] @ low + plane.normal * plane.offset
@@ -190,8 +190,8 @@ def _split(mesh: Mesh, plane: Plane, smallest: float, around: Sequence[Mesh], co
 
 def _above(meshes: Sequence[Mesh], grid: Grid, config: RegionConfig) -> Above:
     """Return what is above each cell of a grid."""
-    _, (down, up) = columns(meshes, replace(grid, bottom=config.lift, top=config.reach))
-    return np.minimum(np.minimum(down, up), config.reach), up < down
+    _, (down, up) = columns(meshes, replace(grid, bottom=config.noise_height, top=config.search_height))
+    return np.minimum(np.minimum(down, up), config.search_height), up < down
 
 
 def _measured(support: np.ndarray, grid: Grid, own: Above, whole: Above, config: RegionConfig) -> Region:
@@ -205,18 +205,20 @@ def _measured(support: np.ndarray, grid: Grid, own: Above, whole: Above, config:
         config: what makes an inside.
     """
     (above, _), (room, behind) = own, whole
-    kind: Kind = "horizontal" if np.mean(above[support] < config.reach) < config.cover else "inside"
+    kind: Kind = "horizontal" if np.mean(above[support] < config.search_height) < config.cover_fraction else "inside"
     if abs(grid.axes[2, 2]) < 0.5:
         kind = "vertical"
     # From behind: another thing stands here, or the target's own next board, whose underside was not scanned, is above.
-    standing = behind & (room < above - config.lift)
+    standing = behind & (room < above - config.noise_height)
     clearances = np.where(support & ~standing, room, 0.0)
     solid = ndimage.binary_fill_holes(support)
     border = solid & ~ndimage.binary_erosion(solid)
-    raised = (above > config.wall / 3) & (above < 2 * config.wall) & ~ndimage.binary_erosion(solid)
+    raised = (above > config.rim_distance / 3) & (above < 2 * config.rim_distance) & ~ndimage.binary_erosion(solid)
     distance = ndimage.distance_transform_edt(~raised) * grid.cell
-    walled = float(np.mean(distance[border] < config.wall)) if raised.any() else 0.0
-    return _cropped(Region(kind, grid.axes, grid.origin, grid.cell, support, clearances, walled, config.free))
+    rim_fraction = float(np.mean(distance[border] < config.rim_distance)) if raised.any() else 0.0
+    return _cropped(
+        Region(kind, grid.axes, grid.origin, grid.cell, support, clearances, rim_fraction, config.min_clearance)
+    )
 
 
 def _cropped(region: Region) -> Region:

@@ -9,11 +9,11 @@ from typing import Any
 from s2a.insert import prompts
 from s2a.insert.place.fit import Pose
 from s2a.insert.placement import Placement
-from s2a.insert.script import Outcome, run_in
-from s2a.llm.ask import Complaint, Model, Request, ask
-from s2a.llm.usage_log import Ledger
-from s2a.sandbox.jail import Cell
-from s2a.sandbox.violation import Refusal
+from s2a.insert.script import ScriptResult, run_sandboxed
+from s2a.llm.ask import Model, Request, ValidationFeedback, ask
+from s2a.llm.usage_log import UsageLog
+from s2a.sandbox.jail import Sandbox
+from s2a.sandbox.violation import PolicyViolation
 from s2a.scan.labels import part_id
 from s2a.scene import Scene
 
@@ -31,14 +31,14 @@ def placement(scene: Scene, label: str, pose: Pose, scale: float) -> Placement:
     return Placement(name, label, f"objects/{name}.usdc", (x, y, z), (qx, qy, qz, qw), float(scale))
 
 
-def author(model: Model, cell: Cell, planned: Placement, ledger: Ledger, said: dict[str, Any]) -> Outcome:
+def author(model: Model, sandbox: Sandbox, planned: Placement, usage: UsageLog, said: dict[str, Any]) -> ScriptResult:
     """Ask for a script and run it confined; a refusal goes back to the model once.
 
     Args:
-        model: who is asked.
-        cell: where the script runs.
+        model: the language model.
+        sandbox: where the script runs.
         planned: what the script is to add.
-        ledger: where the answers are noted.
+        usage: log of the answers, appended to.
         said: receives the refusals, the script, the locks that held and the seconds they took, for the record.
 
     Raises:
@@ -54,18 +54,18 @@ def author(model: Model, cell: Cell, planned: Placement, ledger: Ledger, said: d
     }
     refusals: list[str] = said.setdefault("refusals", [])
 
-    def accept(text: str) -> Outcome:
+    def accept(text: str) -> ScriptResult:
         try:
-            return run_in(cell, bare(text), planned)
-        except Refusal as refusal:
-            refusals.append(str(refusal))
-            raise Complaint(f"{refusal}. Write the script again, whole.") from refusal
+            return run_sandboxed(sandbox, bare(text), planned)
+        except PolicyViolation as violation:
+            refusals.append(str(violation))
+            raise ValidationFeedback(f"{violation}. Write the script again, whole.") from violation
 
     request = Request("script", prompts.SCRIPT, (("user", prompts.script_question(planned)),), None, facts)
-    outcome = ask(model, request, accept, 1, ledger)
-    said |= {name: value for name, value in outcome.record.items() if name != "seconds"}
-    said["confined_seconds"] = outcome.record["seconds"]
-    return outcome
+    result = ask(model, request, accept, 1, usage)
+    said |= {name: value for name, value in result.record.items() if name != "seconds"}
+    said["confined_seconds"] = result.record["seconds"]
+    return result
 
 
 def bare(text: str) -> str:

@@ -53,13 +53,13 @@ def describe(scene: Scene, supports: Supports) -> list[dict[str, Any]]:
 
 def text(lines: list[dict[str, Any]]) -> str:
     """Return a description as a model reads it: furniture with its doors, then small things by what they stand on."""
-    told = [_told(line, lines) for line in lines if "size" in line]
+    described = [_model_line(line, lines) for line in lines if "size" in line]
     small: dict[str | None, list[str]] = {}
     for line in lines:
         if "size" not in line and "opens" not in line:
             small.setdefault(line.get("on"), []).append(line["id"])
-    told += [{**({"on": on} if on else {}), "things": ids} for on, ids in small.items()]
-    return "\n".join(json.dumps(line, separators=(",", ":"), ensure_ascii=False) for line in told)
+    described += [{**({"on": on} if on else {}), "things": ids} for on, ids in small.items()]
+    return "\n".join(json.dumps(line, separators=(",", ":"), ensure_ascii=False) for line in described)
 
 
 def shown(scene: Scene) -> list[str]:
@@ -83,7 +83,7 @@ def circle(region: Region) -> float:
 
 def support(region: Region) -> dict[str, Any]:
     """Return what there is to know of a support."""
-    kind = "basin" if region.walled > BASIN and region.kind == "horizontal" else region.kind
+    kind = "basin" if region.rim_fraction > BASIN and region.kind == "horizontal" else region.kind
     return {
         "kind": kind,
         "height": round(region.height, CENTIMETRES) + 0.0,
@@ -104,7 +104,7 @@ def looks_up(mesh: Mesh) -> bool:
     return bool(mesh.face_areas[normals(mesh)[:, 2] > LEVEL].sum() > 0.1 * WORTH)
 
 
-def surroundings(scene: Scene, supports: Supports, choice: Choice, count: int) -> dict[str, Any]:
+def context_of(scene: Scene, supports: Supports, choice: Choice, count: int) -> dict[str, Any]:
     """Return the support that a plan means, and the things nearest to it, one of a kind and none longer than a metre."""
     regions, meant = supports.get(choice.target, []), choice.height
     if meant is not None:
@@ -151,14 +151,14 @@ def _line(scene: Scene, part_id: str, supports: Supports) -> dict[str, Any]:
     return line
 
 
-def _told(line: dict[str, Any], lines: list[dict[str, Any]]) -> dict[str, Any]:
+def _model_line(line: dict[str, Any], lines: list[dict[str, Any]]) -> dict[str, Any]:
     """Return a line as a model reads it: without what its id says, its supports as plain lists, with its doors and drawers."""
     id_says = line["id"].rpartition("_")[0].replace("_", " ")
-    told = {key: value for key, value in line.items() if key != "label" or value != id_says}
+    described = {key: value for key, value in line.items() if key != "label" or value != id_says}
     if "supports" in line:
-        told["supports"] = [list(values.values()) for values in line["supports"]]
+        described["supports"] = [list(values.values()) for values in line["supports"]]
     opens = {other["id"]: other["opens"] for other in lines if "opens" in other and other.get("part_of") == line["id"]}
-    return told | ({"opens": opens} if opens else {})
+    return described | ({"opens": opens} if opens else {})
 
 
 def _carrier(scene: Scene, part_id: str, box: Box, supports: Supports) -> str | None:

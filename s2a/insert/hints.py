@@ -49,7 +49,7 @@ SAME = {
 
 
 @dataclass(frozen=True)
-class Wish:
+class PlacementHint:
     """What a wish comes to.
 
     Attributes:
@@ -61,24 +61,24 @@ class Wish:
     choices: list[dict[str, Any]]
 
 
-def read_wish(wish: str, room: list[dict[str, Any]]) -> Wish:
+def parse_hint(hint: str, room: list[dict[str, Any]]) -> PlacementHint:
     """Return what a wish comes to in a room, whose lines `s2a.insert.describe` wrote."""
-    words = " ".join(re.sub(r"[^a-z0-9_ ]", " ", wish.lower()).split())
+    words = " ".join(re.sub(r"[^a-z0-9_ ]", " ", hint.lower()).split())
     if not words:
-        return Wish(None, [])
+        return PlacementHint(None, [])
     near = _named(words, NEAR, room)
     for word, relation in CARRIED.items():
         carrier = _named(words, (word,), room)
         if carrier:
-            return Wish(None if near is None else near["id"], _places(carrier, relation))
+            return PlacementHint(None if near is None else near["id"], _places(carrier, relation))
     if near is None:
-        return Wish(None, [])
+        return PlacementHint(None, [])
     carrier = near.get("on")
     below = [line for line in room if line["id"] == carrier or (not carrier and line["label"] == "floor")]
-    return Wish(near["id"], _places(below[0], "on") if below else [])
+    return PlacementHint(near["id"], _places(below[0], "on") if below else [])
 
 
-def same_thing(label: str, noun: str) -> bool:
+def is_kind_of(label: str, noun: str) -> bool:
     """Whether a part's label says that it is such a thing: "office desk" is a desk."""
     label = label.lower().replace("_", " ")
     return any(label == name or label.endswith(f" {name}") for name in (noun, *SAME.get(noun, ())))

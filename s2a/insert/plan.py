@@ -9,8 +9,8 @@ from typing import Any, Literal
 from s2a.config import nearest
 from s2a.insert import prompts
 from s2a.insert.axes import AXES, sideways
-from s2a.llm.ask import Complaint, Model, Request, ask, parse
-from s2a.llm.usage_log import Ledger
+from s2a.llm.ask import Model, Request, ValidationFeedback, ask, parse
+from s2a.llm.usage_log import UsageLog
 from s2a.scene import Scene
 
 CHOICES = 3
@@ -59,24 +59,39 @@ class Plan:
         return self.choices[0].relation == "hanging"
 
 
+@dataclass(frozen=True)
+class FailedPlan:
+    """A plan without room.
+
+    Attributes:
+        plan: the plan.
+        reason: what was in the way; goes back to the model.
+        unstable: Set where the object tilted, drifted or fell at a free candidate pose.
+    """
+
+    plan: Plan
+    reason: str
+    unstable: bool
+
+
 def plan(
     model: Model,
     scene: Scene,
     facts: dict[str, Any],
     room: str,
     retries: int,
-    ledger: Ledger,
-    failed: tuple[Plan, str] | None = None,
+    usage: UsageLog,
+    failed: FailedPlan | None = None,
 ) -> Plan:
     """Ask a model where an object belongs.
 
     Args:
-        model: who is asked.
+        model: the language model.
         scene: the room.
         facts: label, size in the file, feet, wish of the object, and the room's lines.
         room: the room's description.
         retries: answers that may be refused: ids that are not there go back with the list of those that are.
-        ledger: where the answers are noted.
+        usage: log of the answers, appended to.
         failed: an earlier plan, and why there is no room in its places.
 
     Raises:
@@ -84,29 +99,29 @@ def plan(
     """
     request = Request("plan", prompts.PLAN, (("user", prompts.plan_question(facts, room)),), prompts.PLAN_SCHEMA, facts)
     if failed:
-        tried = [(choice.target, choice.height) for choice in failed[0].choices]
-        request = replace(request, facts={**facts, "tried": tried, "tried_up": failed[0].up, "reason": failed[1]})
-        request = request.after(
-            json.dumps(asdict(failed[0])), f"{failed[1]}. Think of other places, or of another up axis."
+        tried = [(choice.target, choice.height) for choice in failed.plan.choices]
+        known = {**facts, "tried": tried, "tried_up": failed.plan.up, "unstable": failed.unstable}
+        request = replace(request, facts=known).with_feedback(
+            json.dumps(asdict(failed.plan)), f"{failed.reason}. Think of other places, or of another up axis."
         )
-    return ask(model, request, lambda text: checked(parse(text, Plan), scene), retries, ledger)
+    return ask(model, request, lambda text: checked(parse(text, Plan), scene), retries, usage)
 
 
 def checked(answer: Plan, scene: Scene) -> Plan:
     """Return a plan that the room allows.
 
     Raises:
-        Complaint: what is wrong with it.
+        ValidationFeedback: what is wrong with it, for the model.
     """
     _check_axes(answer)
     if not 1 <= len(answer.choices) <= CHOICES:
-        raise Complaint(f"{len(answer.choices)} choices were given; give one to {CHOICES}, the best first.")
+        raise ValidationFeedback(f"{len(answer.choices)} choices were given; give one to {CHOICES}, the best first.")
     for part_id in (*(choice.target for choice in answer.choices), answer.near):
         if part_id is not None and part_id not in scene.parts:
-            raise Complaint(_unknown(part_id, scene))
+            raise ValidationFeedback(_unknown(part_id, scene))
     for choice in answer.choices:
         if (choice.relation == "hanging") != (choice.surface == "vertical"):
-            raise Complaint(
+            raise ValidationFeedback(
                 f"relation {choice.relation!r} does not go with surface {choice.surface!r}: what hangs, hangs on a vertical "
                 f"surface; what is on, in or against something needs a horizontal or an inside one."
             )
@@ -116,9 +131,9 @@ def checked(answer: Plan, scene: Scene) -> Plan:
 def _check_axes(answer: Plan) -> None:
     for name, axis in (("up", answer.up), ("front", answer.front)):
         if axis not in AXES:
-            raise Complaint(f"{name} is {axis!r}; possible: {', '.join(AXES)}.")
+            raise ValidationFeedback(f"{name} is {axis!r}; possible: {', '.join(AXES)}.")
     if answer.front not in sideways(answer.up):
-        raise Complaint(
+        raise ValidationFeedback(
             f"front {answer.front!r} lies along up {answer.up!r}; possible: {', '.join(sideways(answer.up))}."
         )
 

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 from s2a.insert import prompts
 from s2a.insert.placement import SCALE
-from s2a.llm.ask import Complaint, Model, Request, ask, parse
-from s2a.llm.usage_log import Ledger
+from s2a.llm.ask import Model, Request, ValidationFeedback, ask, parse
+from s2a.llm.usage_log import UsageLog
 
 Range = tuple[float, float]
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
@@ -44,7 +44,7 @@ class Size:
 
 
 @dataclass(frozen=True)
-class Fit:
+class ScaleFit:
     """What makes an object as large as it is.
 
     Attributes:
@@ -56,14 +56,14 @@ class Fit:
     method: str
 
 
-def size(model: Model, facts: dict[str, Any], retries: int, ledger: Ledger) -> Size:
+def size(model: Model, facts: dict[str, Any], retries: int, usage: UsageLog) -> Size:
     """Ask a model how large an object is.
 
     Args:
-        model: who is asked.
+        model: the language model.
         facts: label, sides in the file, its height, the unit that the file states, the support and the neighbours.
         retries: answers that may be refused.
-        ledger: where the answers are noted.
+        usage: log of the answers, appended to.
 
     Raises:
         InputError: no answer could be used.
@@ -76,29 +76,29 @@ def size(model: Model, facts: dict[str, Any], retries: int, ledger: Ledger) -> S
         doubt = doubts(answer, facts)
         if doubt and text not in doubted and not doubted:
             doubted.add(text)  # said twice, it is meant
-            raise Complaint(f"{doubt} Is the size in metres, and right? Answer again; repeat it if it is.")
+            raise ValidationFeedback(f"{doubt} Is the size in metres, and right? Answer again; repeat it if it is.")
         return answer
 
-    return ask(model, request, accept, retries, ledger)
+    return ask(model, request, accept, retries, usage)
 
 
 def checked(answer: Size) -> Size:
     """Return a size that a thing in a room can have.
 
     Raises:
-        Complaint: what is wrong with it.
+        ValidationFeedback: what is wrong with it, for the model.
     """
     for name, (low, high) in (("height", answer.height), ("longest", answer.longest)):
         if not (math.isfinite(low) and math.isfinite(high) and SMALLEST <= low <= high <= LARGEST):
-            raise Complaint(
+            raise ValidationFeedback(
                 f"{name} is {low:g} to {high:g}; give least and largest in metres, from {SMALLEST:g} to {LARGEST:g}."
             )
         if high > WIDEST[name] * low:
-            raise Complaint(f"{name} {low:g} to {high:g} m says too little; give the usual range.")
+            raise ValidationFeedback(f"{name} {low:g} to {high:g} m says too little; give the usual range.")
     if answer.height[0] > answer.longest[1] * 1.01:
-        raise Complaint("The height is more than the longest side, which cannot be.")
+        raise ValidationFeedback("The height is more than the longest side, which cannot be.")
     if not answer.noun.strip() or len(answer.noun) > 60:
-        raise Complaint("noun is empty or too long; give one plain English noun.")
+        raise ValidationFeedback("noun is empty or too long; give one plain English noun.")
     return answer
 
 
@@ -110,15 +110,15 @@ def doubts(answer: Size, facts: dict[str, Any]) -> str:
         return f"The support leaves {room:g} m of height, and the object would be {answer.height[0]:g} m high at least."
     if answer.longest[0] > 1.5 * wide:
         return f"The support is {wide:g} m long, and the object would be {answer.longest[0]:g} m long at least."
-    for thing in facts.get("neighbours", ()):
-        if thing["label"].lower() == answer.noun.lower():
-            other = max(thing["size"])
-            if not answer.longest[0] / 3 < other < answer.longest[1] * 3:
-                return f"A {thing['label']} in this room is {other:g} m long."
+    for neighbour in facts.get("neighbours", ()):
+        if neighbour["label"].lower() == answer.noun.lower():
+            length = max(neighbour["size"])
+            if not answer.longest[0] / 3 < length < answer.longest[1] * 3:
+                return f"A {neighbour['label']} in this room is {length:g} m long."
     return ""
 
 
-def fit(answer: Size, height: float, longest: float, stated: float | None) -> Fit:
+def fit_scale(answer: Size, height: float, longest: float, stated: float | None) -> ScaleFit:
     """Return the scale that makes an object as large as a model says.
 
     Meshes come in metres, centimetres, millimetres, inches or feet, or in a unit of their own. A unit that puts height and
@@ -139,8 +139,8 @@ def fit(answer: Size, height: float, longest: float, stated: float | None) -> Fi
         if fitting:
             own = [name for name in fitting if units[name] == stated]
             name = own[0] if own else min(fitting, key=far.__getitem__)
-            return Fit(_short(units[name]), f"unit {name}")
-    return Fit(_short(_middle(answer, height, longest)), "range")
+            return ScaleFit(_short(units[name]), f"unit {name}")
+    return ScaleFit(_short(_middle(answer, height, longest)), "range")
 
 
 def _short(scale: float) -> float:

@@ -9,7 +9,7 @@ from pxr import Sdf
 
 from s2a.insert.placement import Placement
 from s2a.sandbox.diff import TAXONOMY, compare
-from s2a.sandbox.jail import STAGE, Cell
+from s2a.sandbox.jail import STAGE, Sandbox
 from s2a.sandbox.policy import check
 
 TEMPLATE = """\
@@ -30,7 +30,7 @@ stage.Save()
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ScriptResult:
     """What came of a script.
 
     Attributes:
@@ -42,25 +42,25 @@ class Outcome:
     record: dict[str, Any]
 
 
-def run_in(cell: Cell, text: str, plan: Placement) -> Outcome:
+def run_sandboxed(sandbox: Sandbox, text: str, plan: Placement) -> ScriptResult:
     """Check a script, run it confined on a skeleton, and compare what it saved with the plan.
 
     The script finds the stage as `scene.usda` in its current folder, and as `STAGE` and `OBJECT` that name and the path of
     the object's file.
 
     Args:
-        cell: where it runs, with the skeleton.
+        sandbox: where it runs, with the geometry-free stage.
         text: Python.
         plan: what it is to add.
 
     Raises:
-        Refusal: it is not allowed, failed, or made something else; the stage is untouched.
+        PolicyViolation: it is not allowed, failed, or made something else; the stage is untouched.
         InputError: the system cannot confine an untrusted script.
     """
-    check(text, STAGE, plan.reference, cell.config.allow)
-    run = cell.run(text, {"STAGE": STAGE, "OBJECT": plan.reference})
-    layer = compare(run.saved, cell.skeleton, plan)
-    return Outcome(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
+    check(text, STAGE, plan.reference, sandbox.config.allow)
+    run = sandbox.run(text, {"STAGE": STAGE, "OBJECT": plan.reference})
+    layer = compare(run.saved, sandbox.geometry_free_text, plan)
+    return ScriptResult(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
 
 
 def write_script(plan: Placement) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeVar
 import dacite
 
 from s2a.errors import InputError
-from s2a.llm.usage_log import Ledger
+from s2a.llm.usage_log import UsageLog
 
 T = TypeVar("T")
 Step = Literal["plan", "scale", "script"]
@@ -37,9 +37,9 @@ class Request:
     schema: Mapping[str, Any] | None
     facts: Mapping[str, Any]
 
-    def after(self, answer: str, complaint: str) -> Request:
+    def with_feedback(self, answer: str, feedback: str) -> Request:
         """Return the question again, after an answer and what is wrong with it."""
-        more: tuple[Message, Message] = (("assistant", answer[:QUOTED] or "(nothing)"), ("user", complaint))
+        more: tuple[Message, Message] = (("assistant", answer[:QUOTED] or "(nothing)"), ("user", feedback))
         return replace(self, messages=(*self.messages, *more))
 
 
@@ -67,19 +67,19 @@ class Answer:
 Model = Callable[[Request], Answer]
 
 
-class Complaint(Exception):
+class ValidationFeedback(Exception):
     """An answer cannot be used; the message is for the model."""
 
 
-def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int, ledger: Ledger) -> T:
+def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int, usage: UsageLog) -> T:
     """Return what an answer says.
 
     Args:
-        model: who is asked.
+        model: the language model.
         request: what.
-        accept: reads an answer; raises a Complaint that goes back to the model.
+        accept: reads an answer; raises ValidationFeedback that goes back to the model.
         retries: how often it may.
-        ledger: where the answers are noted.
+        usage: log of the answers, appended to.
 
     Raises:
         InputError: no answer could be used.
@@ -88,11 +88,11 @@ def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int
         answer = model(request)
         try:
             accepted = accept(answer.text)
-        except Complaint as complaint:
-            ledger.note(request.step, answer, str(complaint))
-            said, request = str(complaint), request.after(answer.text, str(complaint))
+        except ValidationFeedback as feedback:
+            usage.note(request.step, answer, str(feedback))
+            said, request = str(feedback), request.with_feedback(answer.text, str(feedback))
         else:
-            ledger.note(request.step, answer)
+            usage.note(request.step, answer)
             return accepted
     raise InputError(
         f"model {answer.model!r} gave no usable answer to step {request.step!r} in {retries + 1} tries; the last one: "
@@ -104,17 +104,19 @@ def parse(text: str, kind: type[T]) -> T:
     """Return the JSON object in an answer as a dataclass; words around it are ignored.
 
     Raises:
-        Complaint: there is none, or a key is missing or of another type.
+        ValidationFeedback: there is none, or a key is missing or of another type.
     """
     try:
         values = json.loads(text[text.index("{") : text.rindex("}") + 1])
     except (ValueError, RecursionError) as error:
-        raise Complaint(f"That is not one JSON object ({error}). Answer with the JSON object alone.") from error
+        raise ValidationFeedback(
+            f"That is not one JSON object ({error}). Answer with the JSON object alone."
+        ) from error
     rules = dacite.Config(cast=[tuple], type_hooks={float: _number})
     try:
         return dacite.from_dict(kind, values, rules)
     except (dacite.DaciteError, TypeError, ValueError) as error:
-        raise Complaint(
+        raise ValidationFeedback(
             f"The JSON does not fit the schema: {str(error)[:300]}. Answer with all keys as asked."
         ) from error
 

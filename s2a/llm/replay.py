@@ -12,7 +12,7 @@ from typing import Any
 
 from s2a.errors import InputError
 from s2a.llm.ask import Answer, Model, Request
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 
 EXACT = re.compile(r"(?<![\w.])-?\d+\.\d{4,}(?![\w.])")
 """Numbers of a pose in the question for a script. In a recording a slot stands for each, because the same question may be asked
@@ -31,7 +31,7 @@ def recorder(model: Model, path: Path) -> Model:
         said = model(request)
         about = {"step": request.step, "prompt": _hash(request.system), "about": _about(request), "gist": gist(request)}
         tokens = {"prompt_tokens": said.prompt_tokens, "completion_tokens": said.completion_tokens}
-        with lock, aside(path) as room:
+        with lock, atomic_write(path) as room:
             kept[key(request)] = {**about, "model": said.model, **tokens, "answer": _slotted(said.text, request)}
             room.write_text(json.dumps(dict(sorted(kept.items())), indent=1, ensure_ascii=False) + "\n")
         return said

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from s2a.insert.axes import AXES, sideways
-from s2a.insert.hints import read_wish, same_thing
+from s2a.insert.hints import is_kind_of, parse_hint
 from s2a.insert.placement import Placement
 from s2a.insert.scale import FLAT, Range
 from s2a.insert.script import write_script
@@ -127,14 +127,14 @@ def _size(facts: Any, entry: Entry | None) -> dict[str, Any]:
 def _plan(facts: Any, entry: Entry | None) -> dict[str, Any]:
     """Return the answer to where a thing belongs."""
     up = _up(facts, entry)
-    wish = read_wish(facts.get("wish") or "", facts["room"])
-    choices = wish.choices or _choices(facts["room"], entry.places if entry else (), _breadth(facts, entry, up))
+    hint = parse_hint(facts.get("wish") or "", facts["room"])
+    choices = hint.choices or _choices(facts["room"], entry.places if entry else (), _breadth(facts, entry, up))
     if up == facts.get("tried_up", up):
         choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
     front = {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
     if choices and choices[0]["relation"] == "hanging":
         up, front = _flat(facts)
-    return {"up": up, "front": front, "near": wish.near, "choices": choices[:3]}
+    return {"up": up, "front": front, "near": hint.near, "choices": choices[:3]}
 
 
 def _breadth(facts: Any, entry: Entry | None, up: str) -> float:
@@ -150,7 +150,7 @@ def _choices(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], br
     for some in (places, tuple((how, where) for how, _, where in (place.partition(" ") for place in ANYWHERE))):
         own: list[dict[str, Any]] = []
         for how, where in some:
-            lines = [line for line in room if same_thing(line["label"], where)]
+            lines = [line for line in room if is_kind_of(line["label"], where)]
             options = [option for line in lines for option in _options(line, how, room)]
             options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
             own += [option for option in options[:1] if option not in own + found]
@@ -198,8 +198,8 @@ def _up(facts: Any, entry: Entry | None) -> str:
         habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.3 if axis == facts["up"] else 0.0)
         return (min(1.0, facts["feet"].get(axis, 0.0) / FIRM) + mouth) * misfit**2 + habit
 
-    if re.search(r"it (?:tilts|drifts|falls)", facts.get("reason", "")):
-        # It fell over: what it stands on most firmly is left.
+    if facts.get("unstable"):
+        # It did not stay: take the other axis on which it stands most firmly.
         return max((axis for axis in AXES if axis != facts["tried_up"]), key=lambda axis: facts["feet"].get(axis, 0.0))
     return max(AXES, key=merit)
 
@@ -212,8 +212,8 @@ def _flat(facts: Any) -> tuple[str, str]:
     """Return the up axis and the front of a thing that hangs: it looks along its thinnest side."""
     sides = dict(zip("xyz", facts["sides"], strict=True))
     thin = min(sides, key=sides.__getitem__)
-    ways = [axis for axis in ("+z", "+y", "+x") if axis[1] != thin]
-    up = facts["up"] if facts["up"] in ways else ways[0]
+    axes = [axis for axis in ("+z", "+y", "+x") if axis[1] != thin]
+    up = facts["up"] if facts["up"] in axes else axes[0]
     return up, {"x": "+x", "y": "-y", "z": "+z"}[thin]
 
 

@@ -21,7 +21,7 @@ PER_TOKEN = 3.5
 
 
 @dataclass
-class Ledger:
+class UsageLog:
     """Every answer of a model, with its tokens and its price.
 
     Attributes:

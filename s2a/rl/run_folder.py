@@ -17,7 +17,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from s2a.config import leaves
 from s2a.errors import InputError
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 
 SETTINGS = "settings.json"
 STARTS = "starts.json"
@@ -68,7 +68,7 @@ def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, objec
             f"{stage} has changed since {out} was begun; resume with what it was, or train into another folder"
         )
     every = [*earlier, {"iteration": iteration, "stage_sha256": content, **about}]
-    with aside(out / STARTS) as new:
+    with atomic_write(out / STARTS) as new:
         new.write_text(json.dumps(every, indent=1))
     return every
 

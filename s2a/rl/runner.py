@@ -12,7 +12,7 @@ import torch
 from rsl_rl.runners import OnPolicyRunner
 
 from s2a.errors import InputError
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.rl import processes
 from s2a.rl.adapter import RslRlEnv
 from s2a.rl.config import BROKEN
@@ -59,10 +59,10 @@ class Runner(OnPolicyRunner):
         better = math.isfinite(score) and not score <= self.best
         self.best = score if better else self.best
         run = {"seconds": self.seconds, "best": self.best, "score": score, "log": self.logger.state_dict()}
-        with aside(Path(path)) as out:
+        with atomic_write(Path(path)) as out:
             super().save(str(out), run | {"run": self.env.state_dict()})
         if better:
-            with aside(Path(path).with_name(BEST)) as out:
+            with atomic_write(Path(path).with_name(BEST)) as out:
                 shutil.copyfile(path, out)
 
     def load(

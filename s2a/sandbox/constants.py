@@ -11,7 +11,7 @@ import re
 from typing import Any
 
 from s2a.sandbox.names import Names
-from s2a.sandbox.violation import Refusal
+from s2a.sandbox.violation import PolicyViolation
 
 Known = list[Any] | None
 """All values that an expression can have; None where they do not follow from the text."""
@@ -44,11 +44,11 @@ class Values:
         """Return all values that an expression can have, or None.
 
         Raises:
-            Refusal: the script is too entangled to tell in reasonable time.
+            PolicyViolation: the script is too entangled to tell in reasonable time.
         """
         self._steps += 1
         if self._steps > MOST_STEPS:
-            raise Refusal("allowlist", "its texts are too entangled; write them out")
+            raise PolicyViolation("allowlist", "its texts are too entangled; write them out")
         found = self._of(node)
         return None if found is None or len(found) > MOST_VALUES else found
 

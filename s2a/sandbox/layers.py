@@ -55,7 +55,7 @@ def limit(cpu_seconds: float, memory: int, disk: int) -> None:
         resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), (bound, bound))
 
 
-def leave(scratch: Path, disk: int) -> None:
+def enter_namespaces(scratch: Path, disk: int) -> None:
     """Move this process into namespaces of its own: no network, and a scratch folder in memory that nobody else sees.
 
     Must be called while the process has one thread.
@@ -75,7 +75,7 @@ def leave(scratch: Path, disk: int) -> None:
     _call("mount", b"none", bytes(scratch), b"tmpfs", ctypes.c_ulong(MS_NOSUID | MS_NODEV | MS_NOEXEC), options)
 
 
-def shut() -> None:
+def drop_privileges() -> None:
     """Make the folder above the current one all there is, and give up the right to change that; only after `leave`."""
     _call("chroot", b"..")
     header, none = struct.pack("<Ii", CAPABILITY_VERSION, 0), bytes(24)

@@ -7,7 +7,7 @@ from typing import Literal
 from s2a.errors import InputError
 
 
-class Refusal(InputError):
+class PolicyViolation(InputError):
     """A script was refused, or failed; the stage is untouched.
 
     Attributes:

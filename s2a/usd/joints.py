@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
-from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
 from s2a.scene import Joint, Scene
@@ -23,6 +22,9 @@ SITE_RADIUS = 0.01
 RIGID = 1e-4
 """Largest departure of a matrix from a rotation: single precision and rounded digits, but no scale that is meant."""
 
+EPSILON = 1e-14
+"""An axis this close to -X (by its cosine) is -X itself."""
+
 Types = Sdf.ValueTypeNames
 KINDS = {"PhysicsPrismaticJoint": "prismatic", "PhysicsRevoluteJoint": "revolute"}
 
@@ -32,8 +34,12 @@ def frame(axis: Sequence[float]) -> Gf.Quatf:
 
     Not `Gf.Rotation(x, axis)`: that takes directions less than 4.5e-4 rad apart for the same.
     """
-    x, y, z, w = Rotation.align_vectors([axis], [[1.0, 0.0, 0.0]])[0].as_quat()
-    return Gf.Quatf(w, x, y, z)
+    x, y, z = axis
+    if x < -1.0 + EPSILON:  # half a turn, about z as well as about any other axis across X
+        return Gf.Quatf(0.0, 0.0, 0.0, 1.0)
+    # (1 + cos, sin * turning axis) is the half-angle quaternion before normalization; sin * turning axis = X x axis.
+    w, i, j, k = np.array([1.0 + x, 0.0, -z, y]) / math.hypot(1.0 + x, y, z)
+    return Gf.Quatf(w, i, j, k)
 
 
 def write_joint(stage: Usd.Stage, path: str, joint: Joint, parent: str, child: str) -> UsdPhysics.Joint:

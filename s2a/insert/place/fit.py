@@ -12,7 +12,7 @@ from s2a.geometry.line_of_sight import sight
 from s2a.geometry.mesh_ops import sample
 from s2a.geometry.mesh_query import RayMesh, ray_mesh
 from s2a.geometry.penetration import crossing, depth, inside
-from s2a.insert.place.swept_volumes import Opening, blocked
+from s2a.insert.place.swept_volumes import SweptVolume, intersects
 from s2a.insert.placement import ORIENTATION, POSITION
 from s2a.scene import Mesh, Scene, Vec3
 
@@ -21,7 +21,16 @@ DEEP = 0.0005
 
 
 class NoRoom(InputError):
-    """No pose was found; the message says what stood in the way."""
+    """No pose was found.
+
+    Attributes:
+        summary: what was in the way, candidate by candidate; goes back to the model.
+        unstable: Set where a candidate pose was free, but the object tilted, drifted or fell there.
+    """
+
+    def __init__(self, summary: str, *, unstable: bool = False, remedy: str = "") -> None:
+        self.summary, self.unstable = summary, unstable
+        super().__init__(summary + remedy)
 
 
 @dataclass(frozen=True)
@@ -57,14 +66,14 @@ class Pose:
         return Mesh(turned + self.position, object.faces, object.colors)
 
 
-def in_the_way(scene: Scene, moved: Mesh, local: Mesh, ways: list[Opening], slack: float) -> str | None:
+def placement_conflict(scene: Scene, moved: Mesh, local: Mesh, volumes: list[SweptVolume], slack: float) -> str | None:
     """Return what is wrong with an object at its place, or None.
 
     Args:
         scene: the room.
         moved: the object in the scene.
         local: the scene's triangles around it.
-        ways: what drawers and doors pass through.
+        volumes: swept volumes of drawers and doors.
         slack: how far it may reach into that [m].
     """
     if crossing(moved, local) is not None:
@@ -74,14 +83,16 @@ def in_the_way(scene: Scene, moved: Mesh, local: Mesh, ways: list[Opening], slac
         if len(part.mesh.faces) and inside(part.mesh, points).any():
             return f"are within {part_id!r}"
     surface = np.concatenate([moved.vertices, sample(moved, 1000, seed=0)])
-    for way in ways:
-        if blocked(way, surface, slack):
-            return f"keep {way.part!r} from opening"
+    for volume in volumes:
+        if intersects(volume, surface, slack):
+            return f"keep {volume.part!r} from opening"
     # What was scanned from one side only has no faces there, and encloses nothing; small things may be enclosed themselves.
     return "enclose something else, or are in what was scanned in part" if depth(moved, local) > DEEP else None
 
 
-def pushed(pose: Pose, object: Mesh, local: Mesh, toward: np.ndarray, reach: float, gap: float) -> Pose | None:
+def moved_into_contact(
+    pose: Pose, object: Mesh, local: Mesh, toward: np.ndarray, reach: float, gap: float
+) -> Pose | None:
     """Return a pose moved along a direction until the object almost touches; None if there is nothing within reach.
 
     Rays run from the object's points to the surroundings, and back from their vertices to the object: between two meshes
@@ -93,10 +104,10 @@ def pushed(pose: Pose, object: Mesh, local: Mesh, toward: np.ndarray, reach: flo
     points = np.concatenate([moved.vertices, sample(moved, 2000, seed=0)])
     there, _ = sight(rays(local), points, toward, reach)
     back, _ = sight(rays(moved), local.vertices, -toward, reach)
-    way = float(min(there.min(), back.min()))
-    if way >= reach:
+    distance = float(min(there.min(), back.min()))
+    if distance >= reach:
         return None
-    position = np.array(pose.position) + (way - gap) * toward
+    position = np.array(pose.position) + (distance - gap) * toward
     return replace(pose, position=tuple(position.tolist()))
 
 

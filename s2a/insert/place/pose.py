@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 from s2a.errors import InputError
 from s2a.geometry.regions import Region
 from s2a.insert.place.baseline import PaperConfig
-from s2a.insert.place.fit import NoRoom, Pose, in_the_way, pushed
-from s2a.insert.place.search import Candidate, SearchConfig, Wish, board, candidates
+from s2a.insert.place.fit import NoRoom, Pose, moved_into_contact, placement_conflict
+from s2a.insert.place.search import GridCandidate, Preferences, SearchConfig, grid_candidates, occupancy_grid
 from s2a.insert.place.supports import facing, nearby, target_mesh
-from s2a.insert.place.swept_volumes import Opening, reaching
+from s2a.insert.place.swept_volumes import SweptVolume, reaching_into
 from s2a.ranges import Count, NotNegative
 from s2a.scene import Mesh, Scene
 
@@ -29,29 +29,29 @@ Relation = Literal["on", "in", "against", "hanging"]
 
 @dataclass(frozen=True)
 class PoseConfig:
-    """How poses are found.
+    """Search for poses.
 
     Attributes:
-        pose: "search" looks for the best place; "paper" shifts the object at random until nothing collides.
-        search: the coarse search.
+        pose: "search" ranks all placements on a grid; "paper" shifts the object at random until nothing collides.
+        search: the grid search.
         paper: the baseline.
-        attempts: candidates tested exactly before giving up.
-        apart: distance of one candidate from those that failed, as a share of the object's radius.
-        back: left between a back and what it is against [m].
-        gap: left between the object and what it touches [m].
-        lift: objects are lowered from this far above the region [m].
-        slack: how far an object may reach into the way of a part, whose annotated surface is noisy [m].
+        attempts: candidates that are tested exactly.
+        min_spacing: smallest distance of a candidate from those that failed, as a fraction of the object's radius.
+        back_gap: gap between the object's back and what it is against [m].
+        contact_gap: gap between the object and what it touches [m].
+        lowering_height: height above the region from which the object is lowered [m].
+        swept_volume_tolerance: how far the object may reach into a swept volume, whose surface is noisy [m].
     """
 
     pose: Literal["search", "paper"]
     search: SearchConfig
     paper: PaperConfig
     attempts: Count
-    apart: NotNegative
-    back: NotNegative
-    gap: NotNegative
-    lift: NotNegative
-    slack: NotNegative
+    min_spacing: NotNegative
+    back_gap: NotNegative
+    contact_gap: NotNegative
+    lowering_height: NotNegative
+    swept_volume_tolerance: NotNegative
 
 
 def place(
@@ -61,7 +61,7 @@ def place(
     relation: Relation,
     config: PoseConfig,
     target: str,
-    ways: list[Opening],
+    volumes: list[SweptVolume],
     near: str | None = None,
 ) -> Pose:
     """Return the best pose of an object on a region.
@@ -73,7 +73,7 @@ def place(
         relation: "on" or "in" stands, "against" stands with its back to something, "hanging" hangs on an upright region.
         config: how it is found.
         target: id of the part that the region belongs to.
-        ways: of the room's drawers and doors, which are kept free.
+        volumes: swept volumes of the room's drawers and doors, kept free.
         near: id of a part that it should be near, if it can.
 
     Raises:
@@ -84,16 +84,16 @@ def place(
         raise InputError(f"relation {relation!r} on a region of kind {region.kind!r}; only hanging goes with vertical")
     base, radius, height = _frame(scene, object, region, target)
     low, high = _box(region, radius, height)
-    ways = reaching(ways, low, high, scene, target)
-    grid = board(region, radius, height, [part.mesh for part in scene.parts.values()], ways, config.search)
-    wish = Wish(relation == "against", None if near is None else target_mesh(scene, near).vertices)
-    found = candidates(grid, region, object, base, wish, config.search)
+    volumes = reaching_into(volumes, low, high, scene, target)
+    grid = occupancy_grid(region, radius, height, [part.mesh for part in scene.parts.values()], volumes, config.search)
+    preferences = Preferences(relation == "against", None if near is None else target_mesh(scene, near).vertices)
+    found = grid_candidates(grid, region, object, base, preferences, config.search)
     if not found:
         raise NoRoom(_why(region, object))
     stopped: list[str] = []
-    apart = max(2.0, config.apart * radius / region.cell)
+    apart = max(2.0, config.min_spacing * radius / region.cell)
     for number, one in enumerate(_spread(found, apart, config.attempts), start=1):
-        pose, reason = _tried(scene, object, region, one, base, ways, relation, config, number)
+        pose, reason = _tried(scene, object, region, one, base, volumes, relation, config, number)
         if pose is not None:
             return pose
         stopped.append(reason)
@@ -121,7 +121,7 @@ def _box(region: Region, radius: float, height: float) -> tuple[np.ndarray, np.n
     return corners.min(axis=0) - radius - 0.05, corners.max(axis=0) + radius + 0.05
 
 
-def _spread(found: list[Candidate], apart: float, count: int) -> Iterator[Candidate]:
+def _spread(found: list[GridCandidate], apart: float, count: int) -> Iterator[GridCandidate]:
     """Yield candidates best first, none nearer than some cells to one before it: what failed there, fails beside it too."""
     left, places = found, np.array([one.place for one in found])
     for _ in range(count):
@@ -133,31 +133,31 @@ def _spread(found: list[Candidate], apart: float, count: int) -> Iterator[Candid
         left, places = [one for one, stays in zip(left, far, strict=True) if stays], places[far]
 
 
-def _tried(scene, object, region, one: Candidate, base, ways, relation, config, number):  # type: ignore[no-untyped-def]
+def _tried(scene, object, region, one: GridCandidate, base, volumes, relation, config, number):  # type: ignore[no-untyped-def]
     """Return the exact pose of a candidate and None, or None and what stands in its way."""
     toward = -region.normal if region.kind == "vertical" else np.array([0.0, 0.0, -1.0])
     turn = _turn(region, base, one.turn)
     lowest = float((object.vertices @ turn.T @ -toward).min())
-    start = region.points(one.place[None])[0] + (lowest - config.lift) * toward
+    start = region.points(one.place[None])[0] + (lowest - config.lowering_height) * toward
     quaternion = tuple(Rotation.from_matrix(turn).as_quat().tolist())
     pose = Pose(tuple(start.tolist()), quaternion, one.room, number)
-    reach = 0.1 if relation == "against" else 2 * config.lift
+    reach = 0.1 if relation == "against" else 2 * config.lowering_height
     local = nearby(scene, *_grown(pose.moved(object).bounds, reach + 0.01))
-    lowered = pushed(pose, object, local, toward, 2 * config.lift, config.gap)
+    lowered = moved_into_contact(pose, object, local, toward, 2 * config.lowering_height, config.contact_gap)
     if lowered is None:
         return None, "carry nothing"
     pose = lowered
     if relation == "against":
         back = turn @ np.array([-1.0, 0.0, 0.0])
-        pose = pushed(pose, object, local, back, reach, config.back) or pose
+        pose = moved_into_contact(pose, object, local, back, reach, config.back_gap) or pose
     for _ in range(4):
         pose = pose.rounded()
         moved = pose.moved(object)
-        reason = in_the_way(scene, moved, local, ways, config.slack)
+        reason = placement_conflict(scene, moved, local, volumes, config.swept_volume_tolerance)
         if reason != "collide":
             break
         # Between two edges the way may be shorter than from any point that was asked.
-        pose = replace(pose, position=tuple((np.array(pose.position) - config.gap * toward).tolist()))
+        pose = replace(pose, position=tuple((np.array(pose.position) - config.contact_gap * toward).tolist()))
     return (None, reason) if reason else (pose, None)
 
 

@@ -32,7 +32,7 @@ SIDEWAYS = 8
 """Directions in which a hollow must have walls, but for one."""
 
 
-def feet(mesh: Mesh) -> dict[str, float]:
+def tilt_margins(mesh: Mesh) -> dict[str, float]:
     """Return for each axis, "+x" to "-z", how far a thing that stands with about that axis up tilts before it falls.
 
     As a share of a right angle: 0 does not stand at all, a cube has 0.5, a thin plate almost 1. Weight is where the surface is.
@@ -50,14 +50,16 @@ def feet(mesh: Mesh) -> dict[str, float]:
     return found
 
 
-def rest(mesh: Mesh, axis: np.ndarray) -> np.ndarray:
+def settled_axis(mesh: Mesh, axis: np.ndarray) -> np.ndarray:
     """Return what is up when a thing that is put down with an axis up [3] has come to rest, unit, shape [3].
 
     That is the face of its hull nearest to level on which it stays, not more than 15 deg off; the axis itself if there is none.
     """
     points, middle = _weighed(mesh)
-    ways = [axis, *[-down for down in sorted(_near(_faces(points), axis), key=lambda down: down @ axis)]]
-    return next((way for way in ways if _tilt(points, middle, way, EXACT) >= 0.5 * STEADY), axis)
+    directions = [axis, *[-down for down in sorted(_near(_faces(points), axis), key=lambda down: down @ axis)]]
+    return next(
+        (direction for direction in directions if _tilt(points, middle, direction, EXACT) >= 0.5 * STEADY), axis
+    )
 
 
 def _weighed(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -71,16 +73,16 @@ def _near(downs: np.ndarray, axis: np.ndarray) -> np.ndarray:
     return downs[-downs @ axis > ASKEW][:TRIED]
 
 
-def hollows(mesh: Mesh) -> dict[str, float]:
+def concavities(mesh: Mesh) -> dict[str, float]:
     """Return for each axis, "+x" to "-z", which share of the outline seen from that end is a hollow with walls around.
 
     A cup has 0.7 at its mouth and 0 elsewhere; between the legs of a table turned over there is none.
     """
     asked = rays(mesh)
-    return {name: round(_hollow(mesh, asked, axis), 1) for name, axis in AXES.items()}
+    return {name: round(_concavity(mesh, asked, axis), 1) for name, axis in AXES.items()}
 
 
-def slices(mesh: Mesh) -> dict[str, list[float]]:
+def cross_sections(mesh: Mesh) -> dict[str, list[float]]:
     """Return for "x", "y" and "z" which share of the box's cross-section each slice of a thing spans, from - to +.
 
     A bottle along y has about [0.8, 0.8, 0.8, 0.4, 0.1]: what a slice spans is the convex hull of its surface.
@@ -126,7 +128,7 @@ def _tilt(points: np.ndarray, middle: np.ndarray, up: np.ndarray, within: float)
     return max(0.0, float(np.arctan2(edge, middle @ up - height.min()) / (np.pi / 2)))
 
 
-def _hollow(mesh: Mesh, asked: RayMesh, axis: np.ndarray) -> float:
+def _concavity(mesh: Mesh, asked: RayMesh, axis: np.ndarray) -> float:
     """Return which share of the outline seen from one end is a hollow with walls around."""
     low, high = mesh.bounds.astype(np.float64)
     up = int(np.abs(axis).argmax())

@@ -106,18 +106,18 @@ def facing(scene: Scene, target: str, region: Region) -> np.ndarray:
     if region.kind == "vertical":
         return region.normal
     level = region.axes[:, :2].T * (1.0, 1.0, 0.0)
-    ways = np.concatenate([level, -level])
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    directions = np.concatenate([level, -level])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     start = region.center + min(0.1, 0.5 * region.clearance) * region.normal
     # The rays are level: they can meet what their height crosses, and nothing else of the target.
     reach = np.array([FAR, FAR, 0.001])
     mesh = nearby(scene, start - reach, start + reach, (target, *scene.descendants(target)))
     sees = np.full(4, FAR)
     if len(mesh.faces):
-        sees, _ = sight(ray_mesh(mesh.vertices, mesh.faces), np.tile(start, (4, 1)), ways, FAR)
+        sees, _ = sight(ray_mesh(mesh.vertices, mesh.faces), np.tile(start, (4, 1)), directions, FAR)
     inward = _middle(scene) - region.center
     inward /= max(float(np.linalg.norm(inward[:2])), 1e-9)
-    return ways[np.argmax(2.0 * (sees >= sees.max() - 0.05) + ways @ (inward * (1.0, 1.0, 0.0)))]
+    return directions[np.argmax(2.0 * (sees >= sees.max() - 0.05) + directions @ (inward * (1.0, 1.0, 0.0)))]
 
 
 def _middle(scene: Scene) -> np.ndarray:

@@ -19,7 +19,7 @@ from s2a.geometry.mesh_ops import keep, merge
 from s2a.geometry.mesh_query import first_hits, ray_mesh
 from s2a.geometry.sweep import grown
 from s2a.prepare.mass import MassConfig, known_mass
-from s2a.ranges import AtLeast, Count, NotNegative, Positive, Share
+from s2a.ranges import AtLeast, Count, Fraction, NotNegative, Positive
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import Collider, Mass, SimBody
 
@@ -49,7 +49,7 @@ class LooseConfig:
     """
 
     near: Positive
-    crumb: Share
+    crumb: Fraction
     pieces: Count
     resolution: Count
     max_vertices: Annotated[int, AtLeast(4)]

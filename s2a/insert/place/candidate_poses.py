@@ -17,7 +17,7 @@ from s2a.insert.place.fit import NoRoom, Pose
 from s2a.insert.place.pose import PoseConfig, place
 from s2a.insert.place.supports import SurfaceConfig, target_plane, target_regions
 from s2a.insert.plan import Choice, Plan
-from s2a.insert.room import Room
+from s2a.insert.room_state import RoomState
 from s2a.scene import Mesh, Scene
 
 TRIED = 4
@@ -27,7 +27,7 @@ MEANT = 0.04
 
 
 @dataclass(frozen=True)
-class Spot:
+class CandidatePose:
     """A place for an object.
 
     Attributes:
@@ -45,9 +45,9 @@ class Spot:
     surface: dict[str, Any]
 
 
-def spots(
-    room: Room, object: Mesh, plan: Plan, surface: SurfaceConfig, pose: PoseConfig, reasons: list[str]
-) -> Iterator[Spot]:
+def candidate_poses(
+    room: RoomState, object: Mesh, plan: Plan, surface: SurfaceConfig, pose: PoseConfig, reasons: list[str]
+) -> Iterator[CandidatePose]:
     """Yield the spots of a plan, the best first.
 
     Args:
@@ -77,14 +77,14 @@ def spots(
 
 
 def _on_regions(
-    room: Room,
+    room: RoomState,
     object: Mesh,
     plan: Plan,
     choice: Choice,
     surface: SurfaceConfig,
     pose: PoseConfig,
     reasons: list[str],
-) -> Iterator[Spot]:
+) -> Iterator[CandidatePose]:
     """Yield the spots on the regions of a choice; a table under a lamp may count as an inside, too."""
     scene, target = room.scene, choice.target
     upright = choice.surface == "vertical"
@@ -99,24 +99,24 @@ def _on_regions(
                 plane = Plane(region.normal, float(region.normal @ region.center), np.arange(len(points)))
                 yield _on_plane(scene, object, plane, points, choice, pose, "regions")
                 continue
-            where = place(scene, object, region, choice.relation, pose, target, room.ways, plan.near)
-            yield Spot(target, choice, region.normal, where, _told(region, choice))
+            where = place(scene, object, region, choice.relation, pose, target, room.volumes, plan.near)
+            yield CandidatePose(target, choice, region.normal, where, _model_line(region, choice))
         except NoRoom as error:
             reasons.append(f"{choice.relation} {target}: {error}")
 
 
 def _on_plane(
     scene: Scene, object: Mesh, plane: Plane, points: np.ndarray, choice: Choice, pose: PoseConfig, method: str
-) -> Spot:
+) -> CandidatePose:
     """Return the baseline's spot on a plane with its points [point 3]."""
     found = place_paper(scene, object, plane, points, pose.paper)
-    told = {
+    described = {
         "method": method,
         "target": choice.target,
         "height": round(float(points[:, 2].mean()), 4),
         "points": len(points),
     }
-    return Spot(choice.target, choice, plane.normal, found, told)
+    return CandidatePose(choice.target, choice, plane.normal, found, described)
 
 
 def _ordered(regions: list[Region], choice: Choice) -> list[Region]:
@@ -126,7 +126,7 @@ def _ordered(regions: list[Region], choice: Choice) -> list[Region]:
     """
 
     def within(region: Region) -> bool:
-        return region.kind == "inside" or region.walled > BASIN
+        return region.kind == "inside" or region.rim_fraction > BASIN
 
     def merit(region: Region) -> tuple[bool, bool, float]:
         meant = choice.height is not None and abs(region.height - choice.height) < MEANT
@@ -138,7 +138,7 @@ def _ordered(regions: list[Region], choice: Choice) -> list[Region]:
     return sorted(fitting or regions, key=merit, reverse=True)
 
 
-def _told(region: Region, choice: Choice) -> dict[str, Any]:
+def _model_line(region: Region, choice: Choice) -> dict[str, Any]:
     """Return what the record says of a region."""
     numbers = {
         "height": region.height,
@@ -152,5 +152,5 @@ def _told(region: Region, choice: Choice) -> dict[str, Any]:
         "target": choice.target,
         "kind": region.kind,
         **rounded,
-        "walled": round(region.walled, 2),
+        "walled": round(region.rim_fraction, 2),
     }

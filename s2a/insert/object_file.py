@@ -14,7 +14,7 @@ from s2a.errors import InputError
 from s2a.geometry.mesh_ops import GREY
 from s2a.geometry.simplify import decimate
 from s2a.insert.axes import AXES
-from s2a.insert.place.stable_pose import rest
+from s2a.insert.place.stable_pose import settled_axis
 from s2a.ranges import Count, Positive
 from s2a.scene import Mesh
 from s2a.usd.stage import reading
@@ -29,10 +29,10 @@ Shape = tuple[np.ndarray, np.ndarray, np.ndarray | None]
 
 @dataclass(frozen=True)
 class ObjectConfig:
-    """How objects are read.
+    """Reading of object files.
 
     Attributes:
-        faces: what has more is decimated to this many.
+        faces: meshes with more faces are decimated to this number.
         aggressiveness: of the decimation.
     """
 
@@ -96,7 +96,7 @@ def upright(file: ObjectFile, up: str, front: str, scale: float, hangs: bool = F
     """
     z, x = AXES[up], AXES[front]
     if not hangs:
-        z = rest(file.mesh, z)
+        z = settled_axis(file.mesh, z)
         x = (x - x @ z * z) / np.linalg.norm(x - x @ z * z)
     turned = scale * file.mesh.vertices.astype(np.float64) @ np.stack([x, np.cross(z, x), z]).T
     low, high = turned.min(axis=0), turned.max(axis=0)

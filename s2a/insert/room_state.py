@@ -10,25 +10,25 @@ from s2a.geometry.regions import Region, RegionConfig
 from s2a.insert import describe
 from s2a.insert.place.fit import NoRoom
 from s2a.insert.place.supports import SurfaceConfig, target_mesh, target_regions
-from s2a.insert.place.swept_volumes import openings
+from s2a.insert.place.swept_volumes import swept_volumes
 from s2a.scene import Mesh, Scene
 
 if TYPE_CHECKING:
     from s2a.insert.pipeline import Inserted
 
 
-class Room:
+class RoomState:
     """A room that fills up; a copy (`copy.copy`) fills up on its own.
 
     Attributes:
         scene: the room with what was inserted so far.
-        skeleton: text of its stage, without it.
-        ways: of its drawers and doors.
+        geometry_free_text: USD text of its stage without geometry, before any insertion.
+        volumes: swept volumes of its drawers and doors.
     """
 
-    def __init__(self, scene: Scene, skeleton: str, config: SurfaceConfig) -> None:
-        self.scene, self.skeleton, self._config = scene, skeleton, config.regions
-        self.ways = openings(scene)
+    def __init__(self, scene: Scene, geometry_free_text: str, config: SurfaceConfig) -> None:
+        self.scene, self.geometry_free_text, self._config = scene, geometry_free_text, config.regions
+        self.volumes = swept_volumes(scene)
         self._supports = describe.survey(scene, config.regions)
         self._lines = describe.describe(scene, self._supports)
         self._levels = {part_id: regions for part_id, regions in self._supports.items() if regions}
@@ -71,7 +71,7 @@ class Room:
         if not self._unseen:
             return
         for scene, inserted in self._unseen:
-            names = inserted.spot.target, inserted.placement.part_id
+            names = inserted.candidate.target, inserted.placement.part_id
             changed = describe.survey(scene, self._config, names)
             self._supports = self._supports | changed
             mesh, levels = inserted.part.mesh, self._levels.items()
@@ -83,7 +83,7 @@ class Room:
 
 def _over(mesh: Mesh, regions: list[Region], config: RegionConfig) -> bool:
     """Whether a thing may take some of the room over regions."""
-    return any(_meets(mesh, region, config.reach) for region in regions)
+    return any(_meets(mesh, region, config.search_height) for region in regions)
 
 
 def _meets(mesh: Mesh, region: Region, reach: float) -> bool:

@@ -22,6 +22,7 @@ from s2a.ranges import Count, CountFromZero
 from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.export import export
 from s2a.robot.model import JOINTS
+from s2a.robot.spec import RobotSpec
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.simulation import SimConfig
 from s2a.tasks.open_part.config import OpenDrawerConfig, RewardWeights
@@ -43,6 +44,7 @@ class Config:
         worlds: copies of the stage, one episode each.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the start noise.
+        robot: the robot that the stage was prepared for.
         sim: how physics is stepped; a checkpoint brings that of its training.
         task: what the robot has to do; a checkpoint brings that of its training, except how wide, static, full are counted.
         reward: weight of each reward term.
@@ -59,6 +61,7 @@ class Config:
     worlds: Count
     device: str
     seed: CountFromZero
+    robot: RobotSpec
     sim: SimConfig
     task: OpenDrawerConfig
     reward: RewardWeights
@@ -124,7 +127,7 @@ def run(config: Config) -> str:
     world = read_world(config.checkpoint, config.task) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with aside(config.out) as out:
-        sim = simulation(config.stage, sim_config, config.worlds, config.device)
+        sim = simulation(config.stage, config.robot, sim_config, config.worlds, config.device)
         env = OpenDrawerEnv(sim, task, config.reward, config.seed)
         policy = _policy(config, env)
         album = Album(env)

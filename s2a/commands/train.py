@@ -9,6 +9,7 @@ from typing import Any
 
 import torch
 
+from s2a import robot
 from s2a.commands.trained import write_world
 from s2a.env.vec_env import OpenDrawerEnv
 from s2a.errors import InputError
@@ -21,6 +22,7 @@ from s2a.rl import ppo, processes, run_folder
 from s2a.rl.checkpoint import load_model
 from s2a.rl.config import PpoConfig
 from s2a.rl.export import export
+from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
 from s2a.tasks.open_part.config import OpenDrawerConfig, RewardWeights
@@ -40,6 +42,7 @@ class Config:
         worlds: copies of the stage that are stepped together; under torchrun, of each process.
         device: cpu, cuda:0, or auto: a GPU where there is one, and each process of torchrun its own.
         seed: of the start noise and of the network.
+        robot: the robot that the stage was prepared for.
         sim: how physics is stepped.
         task: what the robot has to do.
         reward: weight of each reward term.
@@ -55,6 +58,7 @@ class Config:
     worlds: Count
     device: str
     seed: CountFromZero
+    robot: RobotSpec
     sim: SimConfig
     task: OpenDrawerConfig
     reward: RewardWeights
@@ -69,7 +73,7 @@ def run(config: Config) -> str:
     checkpoint = _start_of(config)
     first = run_folder.iteration(checkpoint) + 1 if checkpoint else 0
     torch.manual_seed(processes.own_seed(config.seed, first))
-    sim = simulation(config.stage, config.sim, config.worlds, processes.own_device(config.device))
+    sim = simulation(config.stage, config.robot, config.sim, config.worlds, processes.own_device(config.device))
     motion = (grasping_motion(sim, config.plan), config.starts_ahead) if config.starts_ahead > 0.0 else None
     env = OpenDrawerEnv(sim, config.task, config.reward, processes.own_seed(config.seed, first), ahead=motion)
     if lead:
@@ -136,14 +140,16 @@ def _rates(recent: dict[str, float]) -> dict[str, Any]:
     return {"episodes": episodes, **{name: rate(recent[name], episodes) for name in names}}
 
 
-def simulation(stage: Path, config: SimConfig, worlds: int, device: str) -> Simulation:
+def simulation(path: Path, spec: RobotSpec, config: SimConfig, worlds: int, device: str) -> Simulation:
     """Return the worlds that a user's keys mean.
 
     Raises:
-        InputError: a device that this machine does not have, or not a sim.usd.
+        InputError: a device that this machine does not have, not a sim.usd, or one for another robot.
     """
     known = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
     chosen = known[:2][-1] if device == "auto" else device
     if chosen not in known:
         raise InputError(f"key 'device' is {device!r}; on this machine one of: auto, {', '.join(known)}")
-    return Simulation(read_stage(stage), config, worlds, chosen)
+    stage = read_stage(path)
+    robot.check_stage(spec, path, stage.robot)
+    return Simulation(stage, config, worlds, chosen)

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from s2a.api import prepare as prepare
     from s2a.vector_env import make as make
 
-_MODULES = dict.fromkeys(("load_scene", "export", "insert", "prepare", "certify"), "s2a.api") | {"make": "s2a.vector_env"}
+_MODULES = dict.fromkeys(("load_scene", "export", "insert", "prepare", "certify"), "s2a.api") | {
+    "make": "s2a.vector_env"
+}
 """Public name -> module that defines it."""
 __all__ = [*_MODULES]  # noqa: PLE0604  (names of lazy attributes)
 

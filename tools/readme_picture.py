@@ -65,7 +65,7 @@ def _robot(settings: Config, camera: OrbitCamera) -> np.ndarray:
 
 def _widest(settings: Config) -> tuple[dict[str, np.ndarray], SimStage]:
     """Let the planner open the part; return the pose [7] of every body by name at the widest opening."""
-    sim = simulation(settings.stage, settings.sim, settings.worlds, settings.device)
+    sim = simulation(settings.stage, settings.robot, settings.sim, settings.worlds, settings.device)
     env = OpenDrawerEnv(sim, settings.task, settings.reward, settings.seed)
     seen = [(-1.0, sim.body_q[0])]
 

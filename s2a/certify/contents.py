@@ -100,3 +100,9 @@ def faces(prim: Usd.Prim) -> np.ndarray:
     if (counts != 3).any() or len(indices) != 3 * len(counts) or (len(indices) and not 0 <= indices.max() < size):
         return np.zeros((0, 3), int)
     return indices.reshape(-1, 3)
+
+
+def robot_name(path: Path) -> str:
+    """Return the name of the robot that a sim.usd was prepared for; InputError as `read`."""
+    held = read(path)
+    return held.stage.GetPrimAtPath(ROOT).GetAttribute("s2a:robot").Get() or "panda"

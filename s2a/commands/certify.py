@@ -6,13 +6,15 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a.certify import report
+from s2a import robot
+from s2a.certify import contents, report
 from s2a.certify.check_suite import CertifyConfig, certify, fingerprint
 from s2a.certify.images import pictures
 from s2a.errors import CheckFailed, InputError
 from s2a.geometry.orbit_camera import OrbitCamera
 from s2a.outputs import atomic_write, refuse_loss
 from s2a.provenance import provenance
+from s2a.robot.spec import RobotSpec
 from s2a.usd.files import files
 
 RECORD = "certificate.json"
@@ -25,12 +27,14 @@ class Config:
     Attributes:
         stage: the sim.usd.
         out: the folder to write, with certificate.json and certificate.html; one of the same stage by the same code is kept.
+        robot: the robot that the stage was prepared for.
         certify: what is asked, and the bounds.
         camera: intrinsics and framing of the images.
     """
 
     stage: Path
     out: Path
+    robot: RobotSpec
     certify: CertifyConfig
     camera: OrbitCamera
 
@@ -44,6 +48,7 @@ def run(config: Config) -> str:
     if not config.stage.is_file():
         raise InputError(f"stage {str(config.stage)!r} does not exist; give a sim.usd, which s2a prepare writes")
     settings = dataclasses.asdict(config.certify)
+    robot.check_stage(config.robot, config.stage, contents.robot_name(config.stage))
     refuse_loss(config.out, RECORD, files(config.stage))
     done = report.kept(config.out / RECORD, fingerprint(config.stage), settings, provenance("cpu"))
     certificate = done or _write(config)

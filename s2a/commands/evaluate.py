@@ -10,6 +10,7 @@ from typing import Literal
 import torch
 from PIL import Image
 
+from s2a import robot
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import Policy, baseline, evaluate, warn_of_errors
@@ -20,6 +21,7 @@ from s2a.ranges import Count, CountFromZero
 from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.export import export
 from s2a.rl.run_world import read_world
+from s2a.robot.spec import RobotSpec
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import read_stage
@@ -40,6 +42,7 @@ class Config:
         num_envs: worlds, one episode each.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the start noise.
+        robot: the robot that the stage was prepared for.
         sim: how physics is stepped; a checkpoint brings that of its training.
         task: what the robot has to do; a checkpoint brings that of its training.
         metrics: what is reported of an episode.
@@ -57,6 +60,7 @@ class Config:
     num_envs: Count
     device: str
     seed: CountFromZero
+    robot: RobotSpec
     sim: SimConfig
     task: MdpSettings
     metrics: MetricSettings
@@ -126,7 +130,9 @@ def run(config: Config) -> str:
     world = read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
-        sim = Simulation(read_stage(config.stage, config.part), sim_config, config.num_envs, device_of(config.device))
+        stage = read_stage(config.stage, config.part)
+        robot.check_stage(config.robot, config.stage, stage.robot)
+        sim = Simulation(stage, sim_config, config.num_envs, device_of(config.device))
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env)
         album = Album(env)

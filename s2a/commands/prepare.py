@@ -9,6 +9,7 @@ from s2a.errors import InputError
 from s2a.outputs import atomic_write
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.target import target_joint
+from s2a.robot.spec import RobotSpec
 from s2a.usd import geometric, sim_stage
 from s2a.usd.sim_scene import Reduction, SimScene
 
@@ -22,6 +23,7 @@ class Config:
         target: id of the part that the robot is to move, such as drawer_7, or several of them: a stage for each.
         free: ids of objects that lie about freely instead of being one with the room, such as [teddy_bear_12].
         out: the sim.usd to write; for several targets a folder, in which each becomes <target>.usd.
+        robot: the robot that is to move it.
         prepare: how the scene is prepared.
     """
 
@@ -29,6 +31,7 @@ class Config:
     target: str | tuple[str, ...]
     free: tuple[str, ...]
     out: Path
+    robot: RobotSpec
     prepare: PrepareConfig
 
 
@@ -42,10 +45,10 @@ def run(config: Config) -> str:
         raise InputError("key 'target' names no part; give target=drawer_7 or target=[drawer_6,drawer_7]")
     scene = geometric.read(config.stage)
     if isinstance(config.target, str):
-        return _write(prepare(scene, config.target, config.prepare, config.free), config.out)
+        return _write(prepare(scene, config.target, config.prepare, config.free, config.robot), config.out)
     for target in config.target:
         target_joint(scene, target)  # one that cannot move is refused before the first is worked on
-    made = ((i, prepare(scene, i, config.prepare, config.free)) for i in config.target)
+    made = ((i, prepare(scene, i, config.prepare, config.free, config.robot)) for i in config.target)
     return "\n".join(_write(one, config.out / f"{i}.usd") for i, one in made)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import torch
 
+from s2a import robot
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
@@ -21,6 +22,7 @@ from s2a.rl.checkpoint import load_model
 from s2a.rl.config import PpoConfig
 from s2a.rl.export import export
 from s2a.rl.run_world import write_world
+from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import read_stage
 from s2a.tasks import MdpSettings, MetricSettings, RewardWeights, make_env
@@ -41,6 +43,7 @@ class Config:
         num_envs: worlds that are stepped together; under torchrun, of each process.
         device: cpu, cuda:0, or auto: a GPU where there is one, and each process of torchrun its own.
         seed: of the start noise and of the network.
+        robot: the robot that the stage was prepared for.
         sim: how physics is stepped.
         task: what the robot has to do.
         metrics: what is reported of an episode.
@@ -59,6 +62,7 @@ class Config:
     num_envs: Count
     device: str
     seed: CountFromZero
+    robot: RobotSpec
     sim: SimConfig
     task: MdpSettings
     metrics: MetricSettings
@@ -76,7 +80,9 @@ def run(config: Config) -> str:
     seed = processes.own_seed(config.seed, first)
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
-    sim = Simulation(read_stage(config.stage, config.part), config.sim, config.num_envs, device)
+    stage = read_stage(config.stage, config.part)
+    robot.check_stage(config.robot, config.stage, stage.robot)
+    sim = Simulation(stage, config.sim, config.num_envs, device)
     demo = None
     if config.demo_reset_fraction > 0.0:
         demo = ([grasping_motion(sim, config.planner)], config.demo_reset_fraction)

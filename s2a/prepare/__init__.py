@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from s2a import robot
 from s2a.articulation import lever_arm
 from s2a.geometry.mesh_ops import merge
 from s2a.geometry.simplify import DecimateConfig, Decimated, decimate_room
@@ -22,6 +23,7 @@ from s2a.prepare.interior import carcass_walls, drawer_box
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
 from s2a.prepare.target import target_joint
 from s2a.ranges import NotNegative
+from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import Collider, Grasp, SimBody, SimScene
 
@@ -60,7 +62,9 @@ class PrepareConfig:
     loose: LooseConfig
 
 
-def prepare(scene: Scene, target: str, config: PrepareConfig, free: Sequence[str] = ()) -> SimScene:
+def prepare(
+    scene: Scene, target: str, config: PrepareConfig, free: Sequence[str] = (), spec: RobotSpec | None = None
+) -> SimScene:
     """Return what a simulator needs to open one part of a room.
 
     The target moves with its descendants against its carcass, whose other fronts are frozen, or against an empty anchor.
@@ -70,22 +74,27 @@ def prepare(scene: Scene, target: str, config: PrepareConfig, free: Sequence[str
         target: id of the part to open.
         config: how.
         free: ids of objects that lie about freely instead of being one with the room.
+        spec: the robot that is to open it; None: robot.DEFAULT.
 
     Raises:
         InputError: the target is unknown, does not move, has limits that no robot can use, or has no surface; an object
             cannot be lifted out.
     """
-    joint, grasp = target_joint(scene, target), find_grasp(scene, target)
+    spec = spec or robot.load(robot.DEFAULT)
+    joint, grasp = target_joint(scene, target), find_grasp(scene, target, spec)
     moving, frozen, room = split(scene, target)
     loose = lift_all(scene, free, target, config.loose)
     room = tuple(i for i in room if not any(i in thing.members for thing in loose))
     spaces = [space for thing in loose for space in thing.space]
     body, handle = _target(scene, target, grasp, config)
     way = sweep(merge([body.visual, *(c.mesh for c in body.colliders)]), joint, config.room.clearance)
-    base = find_base(scene, target, grasp, moving, way, config.base)
-    stand = pedestal(base.position, base.pedestal, config.base.radius)
+    base = find_base(scene, target, grasp, moving, way, config.base, spec)
+    stand = pedestal(base.position, base.pedestal, spec.base.radius)
     looks = _on_stand(decimate_room(scene, room, config.decimate), stand)
-    pieces, trimmed = room_colliders(scene, room, base.position, grasp.point, [*way, *spaces], config.room)
+    keep_free = [*way, *spaces]
+    pieces, trimmed = room_colliders(
+        scene, room, base.position, grasp.point, keep_free, config.room, spec.base.shoulder_height
+    )
     pieces = (*(Collider(PEDESTAL, mesh) for mesh in stand), *(thing.support for thing in loose), *pieces)
     corridor = hand_corridor(handle, grasp, config.carcass)
     walls = carcass_walls(scene, target, frozen) if config.interior else []
@@ -104,6 +113,7 @@ def prepare(scene: Scene, target: str, config: PrepareConfig, free: Sequence[str
         friction=config.friction * lever_arm(joint, np.array(grasp.point)),
         base_reason=base.reason,
         base_free=base.free,
+        robot=spec.name,
         notes=_notes(body, carcass.id, trimmed, clash, len(walls)),
         filtered=clash > CLASH,
         static_parts=looks.parts,

@@ -125,6 +125,7 @@ class SimScene:
         friction: dry friction of the joint [N] or [N m].
         base_reason: why the robot stands there, in words.
         base_free: whether its arm reaches the whole way of the handle from there and touches nothing else.
+        robot: name of the robot that the base pose is for.
         notes: what was changed beyond what was scanned, in sentences.
         filtered: whether target and carcass do not collide, because their pieces overlap somewhere on the target's way.
         static_parts: ids of the room's parts, to which `static_face_part` points.
@@ -145,6 +146,7 @@ class SimScene:
     friction: float = 0.0
     base_reason: str = ""
     base_free: bool = True
+    robot: str = "panda"
     notes: tuple[str, ...] = ()
     filtered: bool = False
     static_parts: tuple[str, ...] = ()

@@ -68,6 +68,7 @@ def _write_root(stage: Usd.Stage, sim_scene: SimScene) -> None:
     write_attribute(root, "baseOrientation", Types.Quatd, Gf.Quatd(w, x, y, z))
     write_attribute(root, "basePose", Types.String, sim_scene.base_reason)
     write_attribute(root, "baseFree", Types.Bool, sim_scene.base_free)
+    write_attribute(root, "robot", Types.String, sim_scene.robot)
     write_attribute(root, "notes", Types.StringArray, list(sim_scene.notes))
     physics = UsdPhysics.Scene.Define(stage, f"{ROOT}/physics")
     physics.CreateGravityDirectionAttr((0.0, 0.0, -1.0))

@@ -17,7 +17,6 @@ from s2a.geometry.planes import find_planes, slabs
 from s2a.geometry.simplify import is_shell
 from s2a.progress import track
 from s2a.ranges import AtLeast, Count, CountFromZero, NotNegative, Positive
-from s2a.robot.panda import SHOULDER
 from s2a.scene import Mesh, Scene, Vec3
 from s2a.usd.sim_scene import Collider
 
@@ -65,7 +64,13 @@ class RoomConfig:
 
 
 def room_colliders(
-    scene: Scene, parts: Sequence[str], base: Vec3, grasp: Vec3, swept: Sequence[Mesh], config: RoomConfig
+    scene: Scene,
+    parts: Sequence[str],
+    base: Vec3,
+    grasp: Vec3,
+    swept: Sequence[Mesh],
+    config: RoomConfig,
+    shoulder_height: float,
 ) -> tuple[tuple[Collider, ...], tuple[str, ...]]:
     """Return convex pieces of the parts near the robot, and the ids of the parts of which something was cut off.
 
@@ -78,14 +83,16 @@ def room_colliders(
         grasp: where it takes hold [m].
         swept: convex pieces that cover the way of the target, and what has to stay free around it.
         config: how many, how fine.
+        shoulder_height: of the robot above its base [m].
     """
     foot, held = np.array(base), np.array(grasp)
+    shoulder = foot + [0.0, 0.0, shoulder_height]
     obstacles = [column(foot + [0, 0, UNEVEN], config.base_radius, config.base_height - UNEVEN), *swept]
-    near = {i: _within_reach(scene.parts[i].mesh, foot, held, config.reach) for i in parts}
+    near = {i: _within_reach(scene.parts[i].mesh, shoulder, held, config.reach) for i in parts}
     near = {i: mesh for i, mesh in near.items() if len(mesh.faces)}
     flat = {i: is_shell(scene.parts[i].label, config.shell_labels) for i in parts}
     # Walls and floor are few boxes, which no clutter may crowd out.
-    order = sorted(near, key=lambda i: (not flat[i], _distance(near[i], foot, held)))
+    order = sorted(near, key=lambda i: (not flat[i], _distance(near[i], shoulder, held)))
     found: list[Collider] = []
     trimmed: list[str] = []
     for i in track(order, "room colliders"):
@@ -127,15 +134,15 @@ def _pieces(mesh: Mesh, is_flat: bool, config: RoomConfig) -> list[Mesh]:
     return [box for group in boxes for box in group]
 
 
-def _within_reach(mesh: Mesh, base: np.ndarray, grasp: np.ndarray, reach: float) -> Mesh:
+def _within_reach(mesh: Mesh, shoulder: np.ndarray, grasp: np.ndarray, reach: float) -> Mesh:
     """Return the faces of a mesh within reach [m] of the shoulder, in plan (floors count), or of the grasp point."""
     middle = centroids(mesh)
-    in_plan = np.linalg.norm(middle[:, :2] - base[:2], axis=1) < reach
-    low = middle[:, 2] < base[2] + SHOULDER + reach
+    in_plan = np.linalg.norm(middle[:, :2] - shoulder[:2], axis=1) < reach
+    low = middle[:, 2] < shoulder[2] + reach
     return keep(mesh, in_plan & low | (np.linalg.norm(middle - grasp, axis=1) < reach))
 
 
-def _distance(mesh: Mesh, base: np.ndarray, grasp: np.ndarray) -> float:
+def _distance(mesh: Mesh, shoulder: np.ndarray, grasp: np.ndarray) -> float:
     """Return how near the box around a mesh comes to the shoulder or the grasp point [m]."""
     low, high = mesh.bounds
-    return min(float(np.linalg.norm(p - np.clip(p, low, high))) for p in (base + [0, 0, SHOULDER], grasp))
+    return min(float(np.linalg.norm(p - np.clip(p, low, high))) for p in (shoulder, grasp))

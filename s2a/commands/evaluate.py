@@ -36,6 +36,7 @@ class Config:
 
     Attributes:
         stage: the sim.usd.
+        part: id of the articulated part; null: the only one of the stage.
         out: the metrics.json to write.
         checkpoint: model_N.pt of a training run, or null: the planner.
         agent: zero (actions of 0) or random (uniform in [-1, 1]) to act instead, as a baseline; or null.
@@ -52,6 +53,7 @@ class Config:
     """
 
     stage: Path
+    part: str | None
     out: Path
     checkpoint: Path | None
     agent: Literal["zero", "random"] | None
@@ -124,7 +126,7 @@ def run(config: Config) -> str:
     world = read_world(config.checkpoint, config.task) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with aside(config.out) as out:
-        sim = simulation(config.stage, sim_config, config.worlds, config.device)
+        sim = simulation(config.stage, sim_config, config.worlds, config.device, config.part)
         env = OpenDrawerEnv(sim, task, config.reward, config.seed)
         policy = _policy(config, env)
         album = Album(env)

@@ -34,6 +34,7 @@ class Config:
 
     Attributes:
         stage: the sim.usd.
+        part: id of the articulated part; null: the only one of the stage.
         out: folder for checkpoints, the TensorBoard log and metrics.json.
         resume: whether to go on from the last checkpoint in `out`, if there is one, with the same settings.
         export: whether to write the last checkpoint as TorchScript and ONNX too.
@@ -49,6 +50,7 @@ class Config:
     """
 
     stage: Path
+    part: str | None
     out: Path
     resume: bool
     export: bool
@@ -69,7 +71,7 @@ def run(config: Config) -> str:
     checkpoint = _start_of(config)
     first = run_folder.iteration(checkpoint) + 1 if checkpoint else 0
     torch.manual_seed(processes.own_seed(config.seed, first))
-    sim = simulation(config.stage, config.sim, config.worlds, processes.own_device(config.device))
+    sim = simulation(config.stage, config.sim, config.worlds, processes.own_device(config.device), config.part)
     motion = (grasping_motion(sim, config.plan), config.starts_ahead) if config.starts_ahead > 0.0 else None
     env = OpenDrawerEnv(sim, config.task, config.reward, processes.own_seed(config.seed, first), ahead=motion)
     if lead:
@@ -136,7 +138,7 @@ def _rates(recent: dict[str, float]) -> dict[str, Any]:
     return {"episodes": episodes, **{name: rate(recent[name], episodes) for name in names}}
 
 
-def simulation(stage: Path, config: SimConfig, worlds: int, device: str) -> Simulation:
+def simulation(stage: Path, config: SimConfig, worlds: int, device: str, part: str | None = None) -> Simulation:
     """Return the worlds that a user's keys mean.
 
     Raises:
@@ -146,4 +148,4 @@ def simulation(stage: Path, config: SimConfig, worlds: int, device: str) -> Simu
     chosen = known[:2][-1] if device == "auto" else device
     if chosen not in known:
         raise InputError(f"key 'device' is {device!r}; on this machine one of: auto, {', '.join(known)}")
-    return Simulation(read_stage(stage), config, worlds, chosen)
+    return Simulation(read_stage(stage, part), config, worlds, chosen)

@@ -9,7 +9,6 @@ import numpy as np
 import torch
 import warp as wp
 from numpy.typing import ArrayLike
-from pxr import Usd, UsdGeom
 
 from s2a.articulation import opening_sign
 from s2a.errors import InputError
@@ -225,11 +224,8 @@ def _constants(sim: Simulation, config: OpenDrawerConfig) -> kernels.Constants:
 
 def _region(stage: SimStage, device: str) -> wp.Mesh:
     """Return the annotated grasp region's surface in the target's body frame (its scene pose at joint zero)."""
-    file = Usd.Stage.Open(str(stage.path))
-    prim = UsdGeom.Mesh(file.GetPrimAtPath(f"/scene/{stage.target}/region"))
-    points = np.array(prim.GetPointsAttr().Get(), dtype=np.float32)
-    faces = np.array(prim.GetFaceVertexIndicesAttr().Get(), dtype=np.int32)
-    return wp.Mesh(wp.array(points, dtype=wp.vec3, device=device), wp.array(faces, dtype=int, device=device))
+    points = wp.array(stage.region.vertices, dtype=wp.vec3, device=device)
+    return wp.Mesh(points, wp.array(stage.region.faces.ravel(), dtype=int, device=device))
 
 
 def _geom_kinds(sim: Simulation) -> list[int]:

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from cabinet import write_cabinet
-from pxr import Usd, UsdGeom, UsdPhysics
+from cabinet import free_cube, write_cabinet
 from settings import load
 
 from s2a.env.vec_env import OpenDrawerEnv
@@ -17,9 +16,9 @@ from s2a.sim.world import read_stage
 from s2a.tasks.open_part.config import COUNTS, OBSERVATIONS, REWARD_TERMS, OpenDrawerConfig
 
 
-def make_env(stage: Path, worlds: int = 2, seed: int = 0, **task: object) -> OpenDrawerEnv:
+def make_env(stage: Path, worlds: int = 2, seed: int = 0, also: tuple[str, ...] = (), **task: object) -> OpenDrawerEnv:
     """Return an environment of the reference's settings, some of the task's changed."""
-    sim = Simulation(read_stage(stage), load(SimConfig, "sim/paper"), worlds)
+    sim = Simulation(read_stage(stage, also=also), load(SimConfig, "sim/paper"), worlds)
     return OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer", **task), load(dict, "reward/paper"), seed)
 
 
@@ -118,21 +117,15 @@ def test_a_reset_touches_no_other_world(stage: Path) -> None:
 
 
 def test_what_lies_free_is_put_back_where_it_was_scanned(tmp_path: Path) -> None:
-    file = Usd.Stage.Open(str(write_cabinet(tmp_path / "sim.usda")))
-    ball = UsdGeom.Sphere.Define(file, "/scene/ball_3")
-    ball.CreateRadiusAttr(0.05)
-    ball.AddTranslateOp().Set((1.0, 2.0, 0.5))
-    for api in (UsdPhysics.RigidBodyAPI, UsdPhysics.CollisionAPI):
-        api.Apply(ball.GetPrim())
-    file.Save()
-    env = make_env(tmp_path / "sim.usda", episode_steps=5)
-    ball_pose = env.sim.body_q[:, env.sim.body("ball_3")]
+    path = write_cabinet(tmp_path / "sim.usda", free=[free_cube("cube_3", (1.0, 2.0, 0.5))])
+    env = make_env(path, also=("cube_3",), episode_steps=5)
+    pose = env.sim.body_q[:, env.sim.body("cube_3")]
     heights = []
     for _ in range(4):  # it falls, until the episode ends in the fourth step
         env.step(torch.zeros(2, 9))
-        heights.append(float(ball_pose[0, 2]))
+        heights.append(float(pose[0, 2]))
     assert 0.499 > heights[0] > heights[1] > heights[2]
-    assert ball_pose.tolist() == [pytest.approx([1.0, 2.0, 0.5, 0.0, 0.0, 0.0, 1.0], abs=1e-6)] * 2
+    assert pose.tolist() == [pytest.approx([1.0, 2.0, 0.5, 0.0, 0.0, 0.0, 1.0], abs=1e-6)] * 2
     assert float(env.sim.joint_qd[:, 10:].abs().max()) == 0.0
 
 

@@ -17,7 +17,7 @@ demo: $(INSTALLED)
 	$(BIN)/s2a zoo out=$(DEMO)/zoo
 	$(BIN)/s2a insert stage=$(DEMO)/geometric.usd object=$(DEMO)/zoo/objects/stapler.usda label=stapler \
 		prompt="put it next to the keyboard" llm=rules out=$(DEMO)/insert image=$(DEMO)/insert.png
-	$(BIN)/s2a prepare stage=$(DEMO)/geometric.usd target=drawer_7 out=$(DEMO)/sim.usd
+	$(BIN)/s2a prepare stage=$(DEMO)/geometric.usd targets=drawer_7 out=$(DEMO)/sim.usd
 	$(BIN)/s2a evaluate stage=$(DEMO)/sim.usd out=$(DEMO)/planner.json pictures=$(DEMO)
 	$(BIN)/s2a train stage=$(DEMO)/sim.usd worlds=16 policy.iterations=3 out=$(DEMO)/ppo
 	$(BIN)/python tools/joint_table.py $(DEMO)/geometric.usd $(DEMO)/scan/truth/truth.usda

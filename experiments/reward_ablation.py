@@ -101,9 +101,9 @@ def make_stages(scan: Path, target: str, stages: Path) -> None:
     if missing and not scanned.is_file():
         _s2a("export", f"scan={scan}", f"out={stages}")
     for name in missing:
-        _s2a("prepare", f"stage={scanned}", f"target={target}", f"prepare={name}", f"out={stages}/{name}.usd")
+        _s2a("prepare", f"stage={scanned}", f"targets={target}", f"prepare={name}", f"out={stages}/{name}.usd")
     if not (stages / "twin.usd").is_file():
-        _s2a("prepare", f"stage={twin}", f"target={target}", f"out={stages}/twin.usd")
+        _s2a("prepare", f"stage={twin}", f"targets={target}", f"out={stages}/twin.usd")
     if not (stages / "moved.usd").is_file():
         move_grasp(stages / "handle.usd", target, SHIFT, stages / "moved.usd")
 
@@ -119,7 +119,7 @@ def make_others(scan: Path | None, targets: list[str], stages: Path) -> None:
                 scan = stages / "second/scan"
                 _s2a("sample", "room=bedroom", f"out={scan}")
             _s2a("export", f"scan={scan}", f"out={second}")
-        _s2a("prepare", f"stage={second}/geometric.usd", f"target={target}", f"out={stages}/{name}.usd")
+        _s2a("prepare", f"stage={second}/geometric.usd", f"targets={target}", f"out={stages}/{name}.usd")
 
 
 def move_grasp(stage: Path, target: str, shift: tuple[float, float, float], out: Path) -> None:

@@ -4,7 +4,7 @@
     s2a.export("demo/scan", out="demo")
     s2a.insert("demo/geometric.usd", "stapler.usda", "stapler", out="demo/insert", hint="next to the keyboard", llm="rules")
     s2a.prepare("demo/geometric.usd", "drawer_7", out="demo/sim.usd")
-    report = s2a.certify("demo/sim.usd")
+    reports = s2a.certify("demo/sim.usd")
 
 Lengths are metres, angles radians, masses kilograms, z is up. `overrides` are `key=value` texts, as on the command line.
 Every function raises `s2a.errors.InputError` for bad input and for an extra that is not installed.
@@ -109,13 +109,13 @@ def insert(
         return insert_all(_load(InsertSettings, "insert", given, [f"llm={llm}", *overrides]))
 
 
-def prepare(stage: File, target: str | Sequence[str], out: File, overrides: Sequence[str] = ()) -> Path:
-    """Write the simulation-ready stage of a jointed part; return its path. Needs `s2a[sim]`.
+def prepare(stage: File, targets: str | Sequence[str], out: File, overrides: Sequence[str] = ()) -> Path:
+    """Write the simulation-ready room of a scene; return its path. Needs `s2a[sim]`.
 
     Args:
         stage: the geometric.usd.
-        target: id of the part that the robot is to move, such as "drawer_7", or several of them.
-        out: the sim.usd to write; a folder for several targets.
+        targets: "all" articulated parts, the id of one, such as "drawer_7", or several of them.
+        out: the sim.usd to write; its visuals are written beside it.
         overrides: other keys of `s2a prepare`, such as "free=[cup_75]".
 
     Raises:
@@ -123,16 +123,17 @@ def prepare(stage: File, target: str | Sequence[str], out: File, overrides: Sequ
     """
     with extras.required():
         command = importlib.import_module("s2a.commands.prepare")
-        targets = target if isinstance(target, str) else tuple(target)
-        command.run(_load(command.Config, "prepare", {"stage": stage, "target": targets, "out": out}, overrides))
+        asked = targets if isinstance(targets, str) else tuple(targets)
+        command.run(_load(command.Config, "prepare", {"stage": stage, "targets": asked, "out": out}, overrides))
     return Path(out)
 
 
-def certify(stage: File, overrides: Sequence[str] = ()) -> Certificate:
-    """Validate a simulation-ready stage and return the report; `.passed` is the verdict. Needs `s2a[sim]`.
+def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ()) -> list[Certificate]:
+    """Validate a simulation-ready room; return a report for each part, whose `.passed` is the verdict. Needs `s2a[sim]`.
 
     Args:
         stage: the sim.usd.
+        part: id of one articulated part; None: all.
         overrides: keys of `s2a certify` below `certify`, such as "certify.physics.dt=0.002".
 
     Raises:
@@ -143,7 +144,7 @@ def certify(stage: File, overrides: Sequence[str] = ()) -> Certificate:
         from s2a.certify.check_suite import certify as run
 
         values = config.compose("certify", list(overrides))["certify"]
-        return run(Path(stage), config.load(CertifyConfig, values))
+        return run(Path(stage), config.load(CertifyConfig, values), part)
 
 
 def _load(cls: type[Any], command: str, given: dict[str, Any], overrides: Sequence[str]) -> Any:

@@ -38,14 +38,25 @@ def recall(kind: str, of: Sequence[Mesh | np.ndarray | str], make: Callable[[], 
         of: all that the result depends on, beside the code.
         make: makes it.
     """
-    path = folder() / kind / f"{key(of)}.npz"
+    found = find(kind, of)
+    if found is None:
+        found = dict(make())
+        keep(kind, of, found)
+    return found
+
+
+def find(kind: str, of: Sequence[Mesh | np.ndarray | str]) -> Arrays | None:
+    """Return an entry of the cache; None where there is none that can be read."""
     try:
-        with np.load(path, allow_pickle=False) as entry:
+        with np.load(_path(kind, of), allow_pickle=False) as entry:
             return dict(entry)
     except UNREADABLE:
-        made = dict(make())
-    _keep(path, made)
-    return made
+        return None
+
+
+def keep(kind: str, of: Sequence[Mesh | np.ndarray | str], made: Mapping[str, np.ndarray]) -> None:
+    """Keep an entry in the cache, if it can be written."""
+    _keep(_path(kind, of), dict(made))
 
 
 def key(of: Sequence[Mesh | np.ndarray | str]) -> str:
@@ -75,6 +86,10 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> list[Mesh]:
     return [Mesh(arrays[v], arrays[f], arrays.get(c)) for v, f, c in names]
 
 
+def _path(kind: str, of: Sequence[Mesh | np.ndarray | str]) -> Path:
+    return folder() / kind / f"{key(of)}.npz"
+
+
 def _keep(path: Path, arrays: Arrays) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -95,6 +110,6 @@ def _code() -> bytes:
     """Return the digest of the modules that make what is kept: other code, other results."""
     package = Path(__file__).parent
     digest = hashlib.blake2b()
-    for path in sorted([*(package / "prepare").rglob("*.py"), *(package / "geometry").rglob("*.py")]):
+    for path in sorted(path for name in ("prepare", "geometry", "robot") for path in (package / name).rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.digest()

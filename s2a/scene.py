@@ -230,8 +230,11 @@ class Scene:
         return tuple(i for i in self.parts if self.body(i) == body_id)
 
     def grasp_parts(self, part_id: str) -> tuple[str, ...]:
-        """Ids of the grasp region of a movable part: its deepest graspable descendants, or itself if it has none."""
-        below = [i for i in self.descendants(part_id) if self.parts[i].graspable]
+        """Ids of the grasp region of a movable part: its deepest graspable descendants, or itself if it has none.
+
+        What is below another jointed part is that one's.
+        """
+        below = [i for i in self.descendants(part_id) if self.parts[i].graspable and self.body(i) == self.body(part_id)]
         if not below:
             return (part_id,)
         deepest = max(self.depth(i) for i in below)

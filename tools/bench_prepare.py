@@ -29,7 +29,7 @@ COLD, WARM, GIGABYTES = 60.0, 10.0, 6.0
 
 def measure(stage: Path, target: str, folder: Path) -> dict[str, float]:
     """Return wall and processor time [s], peak memory [GB] and the machine's load of one command, start and imports included."""
-    arguments = [sys.executable, "-m", "s2a", "prepare", f"stage={stage}", f"target={target}", f"out={folder}/sim.usd"]
+    arguments = [sys.executable, "-m", "s2a", "prepare", f"stage={stage}", f"targets={target}", f"out={folder}/sim.usd"]
     start = time.perf_counter()
     process = subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,18 +19,20 @@ class Contents:
 
     Attributes:
         stage: the open stage.
-        target: the body that `s2a:target` names, or None.
+        part: id of the articulated part that is asked about; empty if the stage has none.
+        target: the prim of that name, or None.
         joint: the one joint that moves it, or None if there is none or several.
-        carcass: the body that it moves against, or None.
+        carrier: the body that it moves against, or None.
         bodies: all rigid bodies.
         joints: all joints.
         meshes: everything with points.
     """
 
     stage: Usd.Stage
+    part: str
     target: Usd.Prim | None
     joint: Usd.Prim | None
-    carcass: Usd.Prim | None
+    carrier: Usd.Prim | None
     bodies: tuple[Usd.Prim, ...]
     joints: tuple[Usd.Prim, ...]
     meshes: tuple[Usd.Prim, ...]
@@ -47,11 +49,15 @@ class Contents:
         return tuple(p for p in self.colliders if p.GetPath().HasPrefix(body.GetPath()))
 
 
-def read(path: Path) -> Contents:
+def read(path: Path, part: str | None = None) -> Contents:
     """Open a sim.usd, as it is on disk now.
 
+    Args:
+        path: the file.
+        part: id of the articulated part to ask about; None: the first one.
+
     Raises:
-        InputError: no such file, not USD, or a stage of another flavour, which no certificate is for.
+        InputError: no such file, not USD, a stage of another flavour, for which there are no certificates, or no such part.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; give a sim.usd, which s2a prepare writes")
@@ -62,20 +68,47 @@ def read(path: Path) -> Contents:
     if not root or root.GetAttribute("s2a:flavour").Get() != FLAVOUR:
         raise InputError(f"{path}: not a simulation-ready stage (no s2a:flavour {FLAVOUR!r}); run s2a prepare")
     prims = tuple(stage.Traverse(Usd.TraverseInstanceProxies()))
-    joints = tuple(prim for prim in prims if prim.IsA(UsdPhysics.Joint))
-    target = stage.GetPrimAtPath(f"{ROOT}/{root.GetAttribute('s2a:target').Get() or '_'}")
-    moving = [prim for prim in joints if target and target.GetPath() in ends(prim)[1]]
-    joint = moving[0] if len(moving) == 1 else None
-    carriers = [stage.GetPrimAtPath(path) for path in ends(joint)[0]] if joint else []
-    return Contents(
+    held = Contents(
         stage=stage,
-        target=target or None,
-        joint=joint,
-        carcass=carriers[0] if len(carriers) == 1 and carriers[0] else None,
+        part="",
+        target=None,
+        joint=None,
+        carrier=None,
         bodies=tuple(prim for prim in prims if prim.HasAPI(UsdPhysics.RigidBodyAPI)),
-        joints=joints,
+        joints=tuple(prim for prim in prims if prim.IsA(UsdPhysics.Joint)),
         meshes=tuple(prim for prim in prims if prim.IsA(UsdGeom.PointBased)),
     )
+    known = parts(held)
+    if part is not None and part not in known:
+        raise InputError(f"part {part!r} is no articulated part of {path}; possible: {', '.join(known) or 'none'}")
+    return about(held, part or next(iter(known), ""))
+
+
+def parts(held: Contents) -> tuple[str, ...]:
+    """Return the ids of all articulated parts: the joints that are not fixed are called like them."""
+    return tuple(prim.GetName() for prim in held.joints if not prim.IsA(UsdPhysics.FixedJoint))
+
+
+def about(held: Contents, part: str) -> Contents:
+    """Return the same contents, asked about another part."""
+    target = held.stage.GetPrimAtPath(f"{ROOT}/{part or '_'}")
+    moving = [prim for prim in held.joints if target and target.GetPath() in ends(prim)[1]]
+    joint = moving[0] if len(moving) == 1 else None
+    carriers = [held.stage.GetPrimAtPath(path) for path in ends(joint)[0]] if joint else []
+    carrier = carriers[0] if len(carriers) == 1 and carriers[0] else None
+    return replace(held, part=part, target=target or None, joint=joint, carrier=carrier)
+
+
+def fixed_carrier(held: Contents) -> Usd.Prim | None:
+    """Return the last of the bodies that carry the part, one the other; None if a joint among them has no body to hang on."""
+    body, seen = held.carrier, set()
+    while body and body.GetPath() not in seen:
+        seen.add(body.GetPath())
+        above = [j for j in held.joints if ends(j)[1] == [body.GetPath()] and ends(j)[0]]
+        if not above:
+            return body
+        body = held.stage.GetPrimAtPath(ends(above[0])[0][0])
+    return None
 
 
 def ends(joint: Usd.Prim) -> tuple[list[str], list[str]]:
@@ -100,9 +133,3 @@ def faces(prim: Usd.Prim) -> np.ndarray:
     if (counts != 3).any() or len(indices) != 3 * len(counts) or (len(indices) and not 0 <= indices.max() < size):
         return np.zeros((0, 3), int)
     return indices.reshape(-1, 3)
-
-
-def robot_name(path: Path) -> str:
-    """Return the name of the robot that a sim.usd was prepared for; InputError as `read`."""
-    held = read(path)
-    return held.stage.GetPrimAtPath(ROOT).GetAttribute("s2a:robot").Get() or "panda"

@@ -7,13 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from pxr import Usd, UsdPhysics
 
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.geometry.render import painted, render
 from s2a.scene import Mesh
-from s2a.usd.stage import ROOT, open_stage, read_attribute, read_mesh
-from s2a.usd.visuals import Visible, visible
+from s2a.usd import sim_stage
+from s2a.usd.visuals import hulls, visible_room
 
 TARGET = ((230, 120, 40), (250, 170, 60), (205, 90, 60), (245, 140, 100))
 """Colours of the moving part's pieces, one after the other."""
@@ -23,24 +22,23 @@ OTHERS = (120, 150, 190)
 """Colour of all other pieces."""
 
 
-def pictures(path: Path, target: str, camera: OrbitCamera) -> dict[str, np.ndarray]:
-    """Return images [row column 3] of a sim.usd, by their captions; none where there is nothing to see of the target.
+def pictures(path: Path, part: str, camera: OrbitCamera) -> dict[str, np.ndarray]:
+    """Return images [row column 3] of a sim.usd, by their captions; none where there is nothing to see of the part.
 
     Args:
         path: the stage.
-        target: id of the moving part.
+        part: id of the articulated part.
         camera: intrinsics and framing of the images.
     """
-    scene = visible(path)
-    middle = scene.surfaces.get(target)
-    if middle is None or not len(middle.faces) or not scene.colliders:
+    room = sim_stage.read(path)
+    body, scene = room.bodies[part], visible_room(room)
+    if not len(body.visual.faces) or not scene.colliders:
         return {}
-    stage = open_stage(path)  # a prim lives no longer than its stage
-    body = stage.GetPrimAtPath(f"{ROOT}/{target}")
-    moving, others = _pieces(scene, body)
-    view = _camera_pose(middle, middle, camera)
+    moving = [painted(c.mesh, color) for c, color in zip(body.colliders, itertools.cycle(TARGET), strict=False)]
+    others = [painted(mesh, OTHERS) for owner, _, mesh in hulls(room) if owner != part]
+    view = _camera_pose(body.visual, body.visual, camera)
     seen, hard = list(scene.surfaces.values()), [*moving, *others]
-    near = _camera_pose(read_mesh(body.GetChild("region")), middle, replace(camera, margin=NEAR))
+    near = _camera_pose(room.articulations[part].grasp.region, body.visual, replace(camera, margin=NEAR))
     return {
         "the scan": render(seen, view, camera),
         "what collides; orange moves": render(hard, view, camera),
@@ -52,15 +50,6 @@ def pictures(path: Path, target: str, camera: OrbitCamera) -> dict[str, np.ndarr
 def _mixed(seen: list[Mesh], hard: list[Mesh], view: CameraPose, camera: OrbitCamera) -> np.ndarray:
     """Return a picture in which two sets of surfaces shine through each other."""
     return ((render(seen, view, camera).astype(int) + render(hard, view, camera)) // 2).astype(np.uint8)
-
-
-def _pieces(scene: Visible, body: Usd.Prim) -> tuple[list[Mesh], list[Mesh]]:
-    """Return the pieces that stand for the parts of a body, and all others, in their colours."""
-    pieces = (prim for prim in Usd.PrimRange(body) if prim.HasAPI(UsdPhysics.CollisionAPI))
-    own = {read_attribute(prim, "part", str, "?") for prim in pieces}
-    moving = [mesh for part, mesh in scene.colliders if part in own]
-    others = [painted(mesh, OTHERS) for part, mesh in scene.colliders if part not in own]
-    return [painted(mesh, color) for mesh, color in zip(moving, itertools.cycle(TARGET), strict=False)], others
 
 
 def _camera_pose(shown: Mesh, part: Mesh, camera: OrbitCamera) -> CameraPose:

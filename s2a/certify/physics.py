@@ -12,11 +12,13 @@ import newton
 import numpy as np
 import warp as wp
 
-from s2a import robot
+from s2a import robot as robots
 from s2a.articulation import opening_sign, pose_at
 from s2a.ranges import Count, Positive
 from s2a.robot.model import add_gripper
+from s2a.sim.freezing import owner
 from s2a.sim.world import JointConfig, build_world, read_stage
+from s2a.usd import sim_stage
 
 PARKED = 50.0
 """[m] How high the hand waits."""
@@ -53,13 +55,24 @@ class World:
         dof: index of its velocity and force.
         fingers: indices of the two fingers' coordinates, shape [2].
         finger_dofs: indices of their velocities and forces, shape [2].
-        carcass: name of the body that the target moves against.
+        carrier: name of the body that the target moves against.
     """
 
-    def __init__(self, path: Path, config: PhysicsConfig) -> None:
-        """Build the model; the first one on a machine compiles kernels for a minute."""
-        self.stage, self.dt = read_stage(path), config.dt
-        self.robot = robot.load(self.stage.robot)
+    def __init__(
+        self, path: Path, config: PhysicsConfig, part: str | None = None, *, free: bool = True, robot: str | None = None
+    ) -> None:
+        """Build the model; the first one on a machine compiles kernels for a minute.
+
+        Args:
+            path: a simulation-ready room.
+            config: how physics is stepped.
+            part: the articulated part that moves; None: the only one.
+            free: The room's free objects move too.
+            robot: name of the robot whose gripper it is; None: one that the part was prepared for.
+        """
+        known = sim_stage.read(path, visuals=False).free if free else ()
+        self.stage, self.dt = read_stage(path, part, robot=robot, also=tuple(known)), config.dt
+        self.robot = robots.load(self.stage.robot)
         gripper = self.robot.gripper
         with tempfile.TemporaryDirectory() as folder, wp.ScopedDevice("cpu"):
             # Neither a spring nor damping: what stays, stays by the dry friction that the stage itself has.
@@ -92,7 +105,7 @@ class World:
         index, fingers = ends.index(self.stage.target), [ends.index(joint) for joint in gripper.joints]
         self.joint, self.dof = int(coordinates[index]), int(dofs[index])
         self.fingers, self.finger_dofs = coordinates[fingers], dofs[fingers]
-        self.carcass = str(self.model.body_label[int(self.model.joint_parent.numpy()[index])]).split("/")[-1]
+        self.carrier = str(self.model.body_label[int(self.model.joint_parent.numpy()[index])]).split("/")[-1]
         label = str(self.model.body_label[bodies.index(gripper.body)])
         self._hand = int(self.mj.body_mocapid[self.mj.body(label.replace("/", "_")).id])
 
@@ -105,9 +118,19 @@ class World:
         return data
 
     def geoms(self, *parts: str) -> list[int]:
-        """Return the colliders below /scene/<part>, or of a link of the hand."""
+        """Return the colliders of a body /scene/<part>, of a link of the hand, or, as "static", of all that is fixed."""
         owners = [label.split("/")[2] if label.startswith("/scene/") else label for label in self.labels]
-        return [i for i, owner in enumerate(owners) if owner in parts]
+        still = [
+            label.startswith("/scene/") and body == 0
+            for label, body in zip(self.labels, self.mj.geom_bodyid, strict=True)
+        ]
+        owners = ["static" if fixed else name for fixed, name in zip(still, owners, strict=True)]
+        return [i for i, name in enumerate(owners) if name in parts]
+
+    def obstacles(self) -> list[int]:
+        """Return the static colliders, but those that the target does not collide with."""
+        filtered = self.stage.room.articulations[self.stage.target].filtered
+        return [i for i in self.geoms("static") if owner(self.labels[i]) not in filtered]
 
     def place_hand(self, data: mujoco.MjData, pose: np.ndarray) -> None:
         """Hold the hand at a pose, 7-vector in the scene."""

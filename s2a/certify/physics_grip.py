@@ -102,7 +102,7 @@ def _first_way(world: World, q: float, depth: float, openings: list[float], conf
 def _obstacle(world: World, q: float, depth: float, opening: float, config: GripConfig) -> tuple[str, float] | None:
     """Return what the open hand meets on its straight way to the grasp, and how deep [m]; None if nothing."""
     hand = world.geoms(world.robot.gripper.body, *world.robot.gripper.links)
-    around = world.geoms(world.stage.target, world.carcass, "static")
+    around = world.geoms(world.stage.target, world.carrier, "static")
     data = world.data(q, opening)
     worst, prim = config.touch, ""
     for short in np.linspace(config.approach, 0.0, 11):

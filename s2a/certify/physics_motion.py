@@ -51,7 +51,7 @@ def motion(world: World, config: MotionConfig) -> list[Check]:
         joint_sweep(world, config),
         penetration(world, "rest_penetration", np.zeros(1), config),
         penetration(world, "sweep_penetration", np.linspace(*world.stage.joint.limits, config.poses), config),
-        carcass_overlap(world),
+        cabinet_overlap(world),
         reload(world),
     ]
 
@@ -118,7 +118,7 @@ def joint_sweep(world: World, config: MotionConfig) -> Check:
 def penetration(world: World, name: str, coordinates: np.ndarray, config: MotionConfig) -> Check:
     """Measure how deep the moving part's colliders are in the room's, at some coordinates of the joint."""
     stage = world.stage
-    moving, room = world.geoms(stage.target), world.geoms("static")
+    moving, room = world.geoms(stage.target), world.obstacles()
     found = [(*world.deepest(world.data(float(q)), moving, room, 0.001), float(q)) for q in coordinates]
     depth, a, b, q = max(found)
     return judge(
@@ -127,15 +127,15 @@ def penetration(world: World, name: str, coordinates: np.ndarray, config: Motion
     )  # fmt: skip
 
 
-def carcass_overlap(world: World) -> Check:
-    """Report how deep the moving part is in its carcass: a joint connects the two, so that simulators let them overlap."""
+def cabinet_overlap(world: World) -> Check:
+    """Report how deep the moving part is in its cabinet: a joint connects the two, so that simulators let them overlap."""
     stage = world.stage
-    moving, still = world.geoms(stage.target), world.geoms(world.carcass)
+    moving, still = world.geoms(stage.target), world.geoms(world.carrier)
     found = [world.deepest(world.data(float(q)), moving, still, 0.001) for q in np.linspace(*stage.joint.limits, 9)]
     depth, a, _ = max(found)
     path = world.labels[a] if depth > 0 else f"/scene/{stage.target}"
     return Check(
-        "carcass_overlap", "reported", max(depth, 0.0), None, "m", path, f"deepest in {world.carcass}; filtered"
+        "cabinet_overlap", "reported", max(depth, 0.0), None, "m", path, f"deepest in {world.carrier}; filtered"
     )
 
 

@@ -9,6 +9,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -24,21 +25,28 @@ figure { display: inline-block; margin: 0 .6em 1em 0 } img { width: 24em; max-wi
 """
 
 
-def to_json(certificate: Certificate) -> str:
-    """Return a certificate as JSON; NaN and infinity, which JSON has not, become null."""
-    return json.dumps(_plain({"passed": certificate.passed, **dataclasses.asdict(certificate)}), indent=1)
+def to_json(certificates: Sequence[Certificate]) -> str:
+    """Return certificates as JSON; NaN and infinity, which JSON has not, become null."""
+    rows = [{"passed": c.passed, **dataclasses.asdict(c)} for c in certificates]
+    return json.dumps(_plain({"passed": all(c.passed for c in certificates), "certificates": rows}), indent=1)
 
 
-def from_json(text: str) -> Certificate:
-    """Read a certificate back; ValueError, KeyError or TypeError if the text is none."""
-    values = json.loads(text)
-    values.pop("passed")
-    checks = tuple(Check(**check) for check in values.pop("checks"))
-    return Certificate(checks=checks, **values)
+def from_json(text: str) -> list[Certificate]:
+    """Read certificates back; ValueError, KeyError or TypeError if the text is none."""
+    return [_certificate(values) for values in json.loads(text)["certificates"]]
 
 
-def kept(path: Path, sha256: str, settings: Mapping[str, object], made: Mapping[str, object]) -> Certificate | None:
-    """Return the certificate in a file if it is of this stage, with these settings and by the code that `made` tells of.
+def _certificate(values: dict[str, Any]) -> Certificate:
+    values = {key: value for key, value in values.items() if key not in ("passed", "checks")} | {
+        "checks": tuple(Check(**check) for check in values["checks"])
+    }
+    return Certificate(**values)
+
+
+def kept(
+    path: Path, sha256: str, settings: Mapping[str, object], made: Mapping[str, object], parts: Sequence[str]
+) -> list[Certificate] | None:
+    """Return the certificates in a file if they are of these parts of this stage, with these settings and by this code.
 
     What changed code found is never kept: its commit says no more than that it was changed.
     """
@@ -48,31 +56,49 @@ def kept(path: Path, sha256: str, settings: Mapping[str, object], made: Mapping[
         earlier = from_json(path.read_text())
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    same = (earlier.sha256, earlier.settings, earlier.provenance) == (sha256, _plain(settings), made)
-    return earlier if same else None
+    same = all((c.sha256, c.settings, c.provenance) == (sha256, _plain(settings), made) for c in earlier)
+    return earlier if same and [c.target for c in earlier] == list(parts) else None
 
 
-def to_html(certificate: Certificate, pictures: Mapping[str, np.ndarray]) -> str:
+def to_html(certificates: Sequence[Certificate], pictures: Mapping[str, Mapping[str, np.ndarray]]) -> str:
     """Return a page that stands alone.
 
     Args:
-        certificate: what to tell.
-        pictures: RGB images [row column 3], uint8, by their captions.
+        certificates: of the parts of one stage.
+        pictures: RGB images [row column 3], uint8, by their captions, of each part.
     """
-    verdict = "passed" if certificate.passed else f"failed: {', '.join(c.name for c in certificate.failed)}"
-    title = html.escape(f"{certificate.target or Path(certificate.stage).name}: {verdict}")
+    names = ", ".join(c.target for c in certificates) or "no articulated part"
+    good = sum(c.passed for c in certificates)
+    title = html.escape(
+        f"{names}: {good} of {len(certificates)} passed" if len(certificates) > 1 else _title(certificates[0])
+    )
+    sections = "".join(_section(c, pictures.get(c.target, {}), len(certificates) > 1) for c in certificates)
+    first = certificates[0]
+    source = html.escape(f"{first.stage}, SHA-256 {first.sha256}; {first.provenance}")
+    overview = f"<pre>{html.escape(table(certificates))}</pre>" if len(certificates) > 1 else ""
+    return (
+        f"<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title><style>{STYLE}</style>"
+        f"<h1>{title}</h1>{overview}{sections}<p><small>{source}</small></p></html>\n"
+    )
+
+
+def _section(certificate: Certificate, pictures: Mapping[str, np.ndarray], titled: bool) -> str:
+    """Return what a page says of one part."""
     figures = "".join(
         f"<figure><img src='{_embedded(image)}' alt=''><figcaption>{html.escape(caption)}</figcaption></figure>"
         for caption, image in pictures.items()
     )
     rows = "".join(_row(check) for check in certificate.checks)
-    source = html.escape(f"{certificate.stage}, SHA-256 {certificate.sha256}; {certificate.provenance}")
+    title = f"<h2>{html.escape(_title(certificate))}</h2>" if titled else ""
     return (
-        f"<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title><style>{STYLE}</style>"
-        f"<h1>{title}</h1><p>{html.escape(grip(certificate))}; {certificate.seconds:.1f} s</p>{figures}"
-        "<table><tr><th>check<th><th>measured<th>bound<th>prim<th>what<th>remedy</tr>"
-        f"{rows}</table><p><small>{source}</small></p></html>\n"
+        f"{title}<p>{html.escape(grip(certificate))}; {certificate.seconds:.1f} s</p>{figures}"
+        f"<table><tr><th>check<th><th>measured<th>bound<th>prim<th>what<th>remedy</tr>{rows}</table>"
     )
+
+
+def _title(certificate: Certificate) -> str:
+    verdict = "passed" if certificate.passed else f"failed: {', '.join(c.name for c in certificate.failed)}"
+    return f"{certificate.target or Path(certificate.stage).name}: {verdict}"
 
 
 def grip(certificate: Certificate) -> str:

@@ -26,14 +26,12 @@ class ShapeConfig:
 
     Attributes:
         dent: how far a point or face of a collider may lie inside of its convex hull [m].
-        target_pieces: most colliders of the moving part.
-        room_pieces: most colliders of the room.
+        target_hulls: most colliders of the part.
         site: how far the grasp site may lie from the middle of the grasp region [m].
     """
 
     dent: NotNegative
-    target_pieces: CountFromZero
-    room_pieces: CountFromZero
+    target_hulls: CountFromZero
     site: NotNegative
 
 
@@ -93,16 +91,17 @@ def dent(vertices: np.ndarray, triangles: np.ndarray) -> float:
 
 
 def collider_count(contents: Contents, config: ShapeConfig) -> Check:
-    """The moving part has colliders, and there are no more than a simulator handles by the thousand."""
-    name, room = "collider_count", contents.stage.GetPrimAtPath(f"{ROOT}/static")
+    """The part has colliders, and there are no more than a simulator handles by the thousand."""
+    room = contents.stage.GetPrimAtPath(f"{ROOT}/static")
     own = len(contents.colliders_of(contents.target)) if contents.target else 0
-    around = len(contents.colliders_of(room)) if room else 0
     problems = []
-    if not 1 <= own <= config.target_pieces:
-        problems.append((f"{ROOT}/*", f"{own} colliders on the moving part, possible: 1 to {config.target_pieces}"))
-    if around > config.room_pieces:
-        problems.append((f"{ROOT}/static", f"{around} colliders in the room, possible: {config.room_pieces} or fewer"))
-    return decide(name, problems, PREPARE, f"{own} on the moving part, {around} in the room")
+    if not 1 <= own <= config.target_hulls:
+        text = f"{own} colliders on the part, possible: 1 to {config.target_hulls}"
+        problems.append((f"{ROOT}/{contents.part}", text))
+    around = len(contents.colliders_of(room)) if room else 0
+    return decide(
+        "collider_count", problems, PREPARE, f"{own} on the part; {around} in the room, of which a world loads some"
+    )
 
 
 def grasp_and_base(contents: Contents, config: ShapeConfig) -> Check:
@@ -116,10 +115,13 @@ def grasp_and_base(contents: Contents, config: ShapeConfig) -> Check:
         problems.append((f"{contents.target.GetPath()}/grasp", "no grasp site with s2a:size, three doubles"))
     if not region or not len(faces(region)):
         problems.append((f"{contents.target.GetPath()}/region", "no annotated surface to take hold of"))
-    root = contents.stage.GetPrimAtPath(ROOT)
-    for key, kind in (("basePosition", Gf.Vec3d), ("baseOrientation", Gf.Quatd)):
-        if not isinstance(root.GetAttribute(f"s2a:{key}").Get(), kind):
-            problems.append((ROOT, f"no s2a:{key}, a {kind.__name__}, says where the robot stands"))
+    bases = contents.target.GetChild("bases")
+    if not bases or not bases.GetChildren():
+        problems.append((str(contents.target.GetPath()), "no base pose says where a robot stands"))
+    for base in bases.GetChildren() if bases else []:
+        ops = {op.GetOpName() for op in UsdGeom.Xformable(base).GetOrderedXformOps()}
+        if not {"xformOp:translate", "xformOp:orient"} <= ops:
+            problems.append((str(base.GetPath()), "the base pose lacks a translation or an orientation"))
     return decide(name, problems, PREPARE, prim=f"{contents.target.GetPath()}/grasp")
 
 
@@ -139,7 +141,7 @@ def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
     )  # fmt: skip
 
 
-RULES: tuple[Callable[[Contents, ShapeConfig], Check], ...] = (
-    finite, collision, convex, collider_count, grasp_and_base, grasp_site,
-)  # fmt: skip
-"""Every rule about surfaces."""
+ROOM_RULES: tuple[Callable[[Contents, ShapeConfig], Check], ...] = (finite, collision, convex)
+"""Rules about all surfaces of the room."""
+PART_RULES: tuple[Callable[[Contents, ShapeConfig], Check], ...] = (collider_count, grasp_and_base, grasp_site)
+"""Rules about the surfaces of one articulated part."""

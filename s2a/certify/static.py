@@ -10,7 +10,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from s2a import limits
 from s2a.certify.check import Check, decide, judge
-from s2a.certify.contents import Contents, ends
+from s2a.certify.contents import Contents, ends, fixed_carrier
 from s2a.usd.joints import KINDS
 from s2a.usd.stage import ROOT
 from s2a.usd.validate import broken_rules
@@ -19,6 +19,8 @@ EXACT = 1e-6
 """Largest difference of an exact value and its float32 copy [m or 1]."""
 INWARDS = 0.5
 """Cosine between sliding and pushing at the grasp above which a part opens into its furniture."""
+NEAR_CENTER = 0.05
+"""[m] A free body's frame may be so far from its centre of mass; at 5 m a stapler's motion becomes NaN."""
 PREPARE = "run s2a prepare again"
 
 
@@ -39,65 +41,75 @@ def units(contents: Contents) -> Check:
 
 
 def self_contained(contents: Contents) -> Check:
-    """Nothing of the stage lies in another file, is instanced or loaded later."""
+    """Nothing of the stage lies in another file, but the visuals in one beside it; nothing is instanced."""
     stage, problems = contents.stage, []
     for prim in stage.TraverseAll():
         if prim.IsInstance() or prim.IsPrototype():
             problems.append((str(prim.GetPath()), "an instance"))
-        if prim.HasAuthoredReferences() or prim.HasAuthoredPayloads() or prim.HasAuthoredInherits():
-            problems.append((str(prim.GetPath()), "a reference or payload"))
+        own = [spec for spec in prim.GetPrimStack() if spec.layer == stage.GetRootLayer()]
+        if prim.HasAuthoredReferences() or prim.HasAuthoredInherits():
+            problems.append((str(prim.GetPath()), "a reference"))
+        payloads = [arc.assetPath for spec in own for arc in spec.payloadList.GetAddedOrExplicitItems()]
+        if payloads and (prim.GetName() != "visual" or any("/" in path.removeprefix("./") for path in payloads)):
+            problems.append(
+                (str(prim.GetPath()), f"a payload, {payloads[0]!r}, that is no visual in a file beside this one")
+            )
     _, _, missing = UsdUtils.ComputeAllDependencies(stage.GetRootLayer().identifier)
     problems += [(ROOT, f"the file {name!r} cannot be found") for name in missing]
-    return decide("self_contained", problems, "flatten the stage into one file", "one file, nothing instanced")
+    remedy = "flatten the stage, or put the file of its visuals beside it"
+    return decide("self_contained", problems, remedy, "one file and its visuals, nothing instanced")
 
 
 def target(contents: Contents) -> Check:
-    """Exactly one body is the target, and the root prim names it."""
-    stage = contents.stage
-    name = stage.GetDefaultPrim().GetAttribute("s2a:target").Get() if stage.GetDefaultPrim() else None
-    marked = [prim for prim in stage.Traverse() if prim.GetName() != ROOT[1:] and prim.GetAttribute("s2a:target").Get()]
-    problems = []
+    """The part that the joint is called like is a rigid body."""
+    name, problems = contents.part, []
     if not name:
-        problems.append((ROOT, "no s2a:target names the part that moves"))
+        problems.append((f"{ROOT}/joints", "no joint moves anything"))
     elif not contents.target or not contents.target.HasAPI(UsdPhysics.RigidBodyAPI):
-        problems.append((f"{ROOT}/{name}", f"s2a:target names {name!r}, which is no rigid body of the stage"))
-    if [str(prim.GetPath()) for prim in marked] != [f"{ROOT}/{name}"]:
-        extra = [prim for prim in marked if prim.GetName() != name]
-        where = str(extra[0].GetPath()) if extra else f"{ROOT}/{name}"
-        problems.append((where, f"{len(marked)} bodies are marked with s2a:target, not {name!r} alone"))
-    return decide("target", problems, PREPARE, f"{name!r} is the target", f"{ROOT}/{name}")
+        problems.append((f"{ROOT}/{name}", f"the joint {name!r} is called like no rigid body of the stage"))
+    elif contents.joint and contents.joint.GetName() != name:
+        problems.append((str(contents.joint.GetPath()), f"the joint that moves {name!r} is called otherwise"))
+    return decide("target", problems, PREPARE, f"{name!r} moves", f"{ROOT}/{name}")
 
 
 def bodies(contents: Contents) -> Check:
-    """Bodies are siblings at the identity; each hangs on a joint, or lies about and has colliders to lie on."""
+    """Bodies are siblings; what hangs on a joint stands at the identity, what is free at its centre of mass."""
     problems = []
     moved = {path for joint in contents.joints for path in ends(joint)[1]}
     for body in contents.bodies:
         path, matrix = body.GetPath(), UsdGeom.Xformable(body).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
+        turn = np.array(matrix)[:3, :3]
         if path.GetParentPath() != ROOT:
             problems.append((str(path), "a body below another prim than the scene; bodies are siblings"))
         if path not in moved and not contents.colliders_of(body):
             problems.append((str(path), "no joint holds the body and it has no colliders: it falls through everything"))
-        if not Gf.IsClose(matrix, Gf.Matrix4d(1.0), EXACT):
-            mirrored = " and mirrors it" if matrix.GetDeterminant() < 0 else ""
-            problems.append((str(path), f"a transform moves the body away from its joint's frame{mirrored}"))
-    return decide("bodies", problems, PREPARE, f"{len(contents.bodies)} bodies, siblings at the identity")
+        if not (np.abs(turn @ turn.T - np.eye(3)).max() <= EXACT and matrix.GetDeterminant() > 0):
+            problems.append((str(path), "a transform of the body scales, shears or mirrors"))
+        elif path in moved and not Gf.IsClose(matrix, Gf.Matrix4d(1.0), EXACT):
+            problems.append((str(path), "a transform moves the body away from its joint's frame"))
+        center = UsdPhysics.MassAPI(body).GetCenterOfMassAttr().Get()
+        if path not in moved and center is not None and not np.linalg.norm(center) <= NEAR_CENTER:
+            problems.append(
+                (str(path), f"its frame is {np.linalg.norm(center):.2f} m off its centre of mass: it diverges")
+            )
+    return decide("bodies", problems, PREPARE, f"{len(contents.bodies)} bodies, siblings, each in its frame")
 
 
 def root_joint(contents: Contents) -> Check:
-    """The carcass is fixed to the world and is the root of the articulation."""
+    """What carries the part is fixed to the world and is the root of the articulation."""
     problems = []
     roots = [prim for prim in contents.stage.Traverse() if prim.HasAPI(UsdPhysics.ArticulationRootAPI)]
-    if contents.carcass is None:
-        problems.append((_path(contents.joint), "the target's joint has no body to move against"))
+    carrier = fixed_carrier(contents)
+    if carrier is None:
+        problems.append((_path(contents.joint), "the part's joint has no body to move against"))
     else:
-        here = contents.carcass.GetPath()
+        here = carrier.GetPath()
         fixed = [j for j in contents.joints if j.IsA(UsdPhysics.FixedJoint) and ends(j) == ([], [here])]
         if len(fixed) != 1:
-            problems.append((str(here), f"{len(fixed)} fixed joints hold the carcass in the world, not one"))
+            problems.append((str(here), f"{len(fixed)} fixed joints hold what carries the part in the world, not one"))
         if not {p.GetPath() for p in roots} & {here, *(j.GetPath() for j in fixed)}:
             problems.append((str(here), "no articulation root: Newton would leave the joint outside of articulations"))
-    return decide("root_joint", problems, "fix the carcass to the world and apply PhysicsArticulationRootAPI to it")
+    return decide("root_joint", problems, "fix the cabinet to the world and apply PhysicsArticulationRootAPI to it")
 
 
 def target_joint(contents: Contents) -> Check:
@@ -212,10 +224,12 @@ def usd(contents: Contents) -> Check:
     return decide("usd", problems, "see the rule's name in OpenUSD's documentation", "all validators of usd-core")
 
 
-RULES: tuple[Callable[[Contents], Check], ...] = (
-    units, self_contained, target, bodies, root_joint, target_joint, joint_limits, joint_frames, opens_outwards, mass, usd,
+ROOM_RULES: tuple[Callable[[Contents], Check], ...] = (units, self_contained, bodies, mass, usd)
+"""Rules about the whole room."""
+PART_RULES: tuple[Callable[[Contents], Check], ...] = (
+    target, root_joint, target_joint, joint_limits, joint_frames, opens_outwards,
 )  # fmt: skip
-"""Every rule, in the order in which a defect is best understood."""
+"""Rules about one articulated part, in the order in which a defect is best understood."""
 
 
 def _turns(joint: UsdPhysics.Joint) -> tuple[Gf.Quatf, Gf.Quatf]:

@@ -34,7 +34,7 @@ class Config:
 
     Attributes:
         stage: the sim.usd.
-        part: id of the part to move; null: the stage's only one.
+        part: id of the articulated part; null: the only one of the stage.
         out: the metrics.json to write.
         checkpoint: model_N.pt of a training run, or null: the planner.
         agent: zero (actions of 0) or random (uniform in [-1, 1]) to act instead, as a baseline; or null.
@@ -130,8 +130,8 @@ def run(config: Config) -> str:
     world = read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
-        stage = read_stage(config.stage, config.part)
-        robot.check_stage(config.robot, config.stage, stage.robot)
+        stage = read_stage(config.stage, config.part, robot=config.robot.name)
+        robot.check_unchanged(config.robot)
         sim = Simulation(stage, sim_config, config.num_envs, device_of(config.device))
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env)

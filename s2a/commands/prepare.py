@@ -1,17 +1,17 @@
-"""geometric.usd and a jointed part -> sim.usd."""
+"""geometric.usd -> sim.usd: a simulation-ready room."""
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
-from s2a.prepare import PrepareConfig, prepare
-from s2a.prepare.target import target_joint
+from s2a.prepare import ALL, PrepareConfig, prepare
 from s2a.robot.spec import RobotSpec
 from s2a.usd import geometric, sim_stage
-from s2a.usd.sim_scene import Reduction, SimScene
+from s2a.usd.sim_scene import Articulation, Reduction, SimRoom
 
 
 @dataclass(frozen=True)
@@ -20,15 +20,15 @@ class Config:
 
     Attributes:
         stage: the geometric.usd.
-        target: id of the part that the robot is to move, such as drawer_7, or several of them: a stage for each.
+        targets: articulated parts that a robot can move: all, the id of one such as drawer_7, or several; all others are frozen.
         free: ids of objects that lie about freely instead of being one with the room, such as [teddy_bear_12].
-        out: the sim.usd to write; for several targets a folder, in which each becomes <target>.usd.
-        robot: the robot that is to move it.
+        out: the sim.usd to write; its visuals are written beside it.
+        robot: the robot that is to move them.
         prepare: how the scene is prepared.
     """
 
     stage: Path
-    target: str | tuple[str, ...]
+    targets: str | tuple[str, ...]
     free: tuple[str, ...]
     out: Path
     robot: RobotSpec
@@ -36,38 +36,58 @@ class Config:
 
 
 def run(config: Config) -> str:
-    """Read the stage, prepare every target, write its sim.usd, and return what is in it.
+    """Read the stage, prepare its parts, write the room, and return what is in it.
 
     Raises:
-        InputError: no target is named, or one is not in the stage or does not move.
+        InputError: a part is not in the stage or does not move; an object cannot be taken out of the room.
     """
-    if not config.target:
-        raise InputError("key 'target' names no part; give target=drawer_7 or target=[drawer_6,drawer_7]")
-    scene = geometric.read(config.stage)
-    if isinstance(config.target, str):
-        return _write(prepare(scene, config.target, config.prepare, config.free, config.robot), config.out)
-    for target in config.target:
-        target_joint(scene, target)  # one that cannot move is refused before the first is worked on
-    made = ((i, prepare(scene, i, config.prepare, config.free, config.robot)) for i in config.target)
-    return "\n".join(_write(one, config.out / f"{i}.usd") for i, one in made)
+    if not config.targets:
+        raise InputError(
+            f"key 'targets' names no part; give targets={ALL}, targets=drawer_7 or targets=[drawer_6,drawer_7]"
+        )
+    start = time.perf_counter()
+    room = prepare(geometric.read(config.stage), config.targets, config.prepare, config.free, config.robot)
+    visuals = sim_stage.visuals_file(config.out)
+    with atomic_write(visuals) as beside, atomic_write(config.out) as out:
+        sim_stage.write(room, out, beside)
+    sizes = " and ".join(f"{path.stat().st_size / 1e6:.2f} MB" for path in (config.out, visuals))
+    head = f"{config.out}, {visuals.name}: {_count(room)}; {sizes}, {time.perf_counter() - start:.1f} s"
+    return "\n".join([head, *map(_said, room.reductions), *(f"  {note}" for note in room.notes), *_lines(room)])
 
 
-def _write(scene: SimScene, path: Path) -> str:
-    """Write a scene and return what is in it."""
-    with atomic_write(path) as out:
-        sim_stage.write(scene, out)
-    moving, room = len(scene.target.colliders), len(scene.static_colliders)
-    lines = [f"{path}: {scene.target.id} on {scene.carcass.id}; {moving} convex pieces, the room {room}"]
-    lines += [_told(reduction) for reduction in scene.reductions]
-    robot = "robot" if scene.base_free else "warning: no base pose is free; nearest one"
-    lines += [f"  {robot}: {scene.base_reason}", *(f"  {note}" for note in scene.notes)]
-    lines += [
-        f"  {b.id} lies free: {b.mass.mass:.2f} kg ({b.mass.source}), {len(b.colliders)} pieces" for b in scene.free
-    ]
-    return "\n".join(lines)
+def _count(room: SimRoom) -> str:
+    hulls = sum(len(body.colliders) for body in room.bodies.values())
+    return (
+        f"{len(room.articulations)} articulated parts, {len(room.free)} free objects, "
+        f"{hulls} convex hulls of furniture, {len(room.static_colliders)} of the room"
+    )
 
 
-def _told(reduction: Reduction) -> str:
+def _lines(room: SimRoom) -> list[str]:
+    """Return a line for each part and free object, and its notes."""
+    lines = []
+    for part, articulation in room.articulations.items():
+        lines.append(
+            f"  {part} on {articulation.parent}: {len(room.bodies[part].colliders)} hulls; {_stands(articulation)}"
+        )
+        lines += [f"    {note}" for note in articulation.notes]
+    for body in room.free.values():
+        lines.append(f"  {body.id} is free: {body.mass.mass:.2f} kg ({body.mass.source}), {len(body.colliders)} hulls")
+    return lines
+
+
+def _stands(articulation: Articulation) -> str:
+    """Return where robots stand, and whether they are in nothing's way there."""
+    words = (
+        f"{name}: {base.reason}"
+        if base.free
+        else f"warning: no base pose is free for {name}; nearest one: {base.reason}"
+        for name, base in articulation.bases.items()
+    )
+    return "; ".join(words)
+
+
+def _said(reduction: Reduction) -> str:
     """Return what decimation did to a group of surfaces, and whether it kept to what was asked."""
     missed = "" if reduction.reached else f", though {reduction.asked} were asked for"
     return (

@@ -36,7 +36,7 @@ class Config:
 
     Attributes:
         stage: the sim.usd.
-        part: id of the part to move; null: the stage's only one.
+        part: id of the articulated part; null: the only one of the stage.
         out: folder for checkpoints, the TensorBoard log and metrics.json.
         resume: go on from the last checkpoint in `out`, if there is one, with the same settings.
         export: write the last checkpoint as TorchScript and ONNX too.
@@ -80,8 +80,8 @@ def run(config: Config) -> str:
     seed = processes.own_seed(config.seed, first)
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
-    stage = read_stage(config.stage, config.part)
-    robot.check_stage(config.robot, config.stage, stage.robot)
+    stage = read_stage(config.stage, config.part, robot=config.robot.name)
+    robot.check_unchanged(config.robot)
     sim = Simulation(stage, config.sim, config.num_envs, device)
     demo = None
     if config.demo_reset_fraction > 0.0:

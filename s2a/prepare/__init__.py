@@ -1,36 +1,41 @@
-"""Scene -> simulation-ready scene: one part to open, everything else immovable, colliders that a hand can use."""
+"""Scene -> simulation-ready room: every articulated part with the colliders, grasp and base pose that a robot needs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from s2a import robot
 from s2a.articulation import lever_arm
+from s2a.errors import InputError
+from s2a.geometry.convex import column
 from s2a.geometry.mesh_ops import merge
-from s2a.geometry.simplify import DecimateConfig, Decimated, decimate_room
-from s2a.geometry.sweep import deepest, sweep
-from s2a.prepare.base_pose import BaseConfig, find_base
-from s2a.prepare.colliders.cabinet import CarcassConfig, freeze, hand_corridor
-from s2a.prepare.colliders.free import LooseConfig, lift_all
-from s2a.prepare.colliders.room import RoomConfig, pedestal, room_colliders
-from s2a.prepare.colliders.target import ColliderConfig, Handle, find_handle, target_colliders
-from s2a.prepare.grasp import find_grasp
-from s2a.prepare.interior import carcass_walls, drawer_box
+from s2a.geometry.simplify import DecimateConfig, decimate_room
+from s2a.prepare.base_pose import BaseConfig
+from s2a.prepare.colliders.cabinet import CabinetConfig, anchor, cabinet_body
+from s2a.prepare.colliders.free import FreeConfig, FreeObject, free_objects
+from s2a.prepare.colliders.room import RoomConfig, cut_out, part_hulls
+from s2a.prepare.colliders.target import ColliderConfig
+from s2a.prepare.filtering import filtered_pairs
+from s2a.prepare.interior import cabinet_walls
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
-from s2a.prepare.target import target_joint
+from s2a.prepare.part import PartConfig, PartResult, part_results
+from s2a.prepare.target import bodies, parent_body, target_joint
+from s2a.progress import track
 from s2a.ranges import NotNegative
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
-from s2a.usd.sim_scene import Collider, Grasp, SimBody, SimScene
+from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, Grasp, SimBody, SimRoom
 
-PEDESTAL = "pedestal"
-"""Id of what the robot stands on, where that is not the floor."""
-CLASH = 1e-4
-"""[m] Colliders of target and carcass that overlap by less touch at most."""
+_log = logging.getLogger(__name__)
+
+ALL = "all"
+"""Stands for every articulated part of a room."""
+UNEVEN = 0.01
+"""[m] A scanned floor may rise by so much under a robot's base."""
 
 
 @dataclass(frozen=True)
@@ -38,17 +43,17 @@ class PrepareConfig:
     """How a scene is prepared.
 
     Attributes:
-        friction: dry friction of the target's joint as a force at the grasp point [N]; holds a drawer whose annotated axis
-            is not quite level.
-        interior: whether a drawer gets the open box behind its front, and its furniture the back and sides, where a scan
-            cannot show them.
+        friction: dry friction of an articulated part's joint as a force at the grasp point [N]; holds a drawer whose annotated
+            axis is not quite horizontal.
+        interior: Enable the open box behind a drawer's front, and the back and sides of its furniture, where a scan cannot
+            show them.
         base: where the robot may stand.
-        decimate: the immovable room's looks.
-        colliders: the target's convex pieces.
-        carcass: those of the furniture around it.
-        room: those of the immovable room.
-        mass: what the target weighs.
-        loose: objects that are lifted out of the room.
+        decimate: the static room's visual.
+        colliders: the convex hulls of the articulated parts.
+        cabinet: those of the furniture that they belong to.
+        room: those of the static room.
+        mass: what an articulated part weighs.
+        free: objects that are taken out of the room.
     """
 
     friction: NotNegative
@@ -56,114 +61,201 @@ class PrepareConfig:
     base: BaseConfig
     decimate: DecimateConfig
     colliders: ColliderConfig
-    carcass: CarcassConfig
+    cabinet: CabinetConfig
     room: RoomConfig
     mass: MassConfig
-    loose: LooseConfig
+    free: FreeConfig
+
+    def part(self, spec: RobotSpec) -> PartConfig:
+        """Return what one articulated part's share depends on."""
+        return PartConfig(self.interior, self.room.clearance, self.base, self.colliders, self.cabinet, spec)
 
 
 def prepare(
-    scene: Scene, target: str, config: PrepareConfig, free: Sequence[str] = (), spec: RobotSpec | None = None
-) -> SimScene:
-    """Return what a simulator needs to open one part of a room.
-
-    The target moves with its descendants against its carcass, whose other fronts are frozen, or against an empty anchor.
+    scene: Scene,
+    targets: str | Sequence[str],
+    config: PrepareConfig,
+    free: Sequence[str] = (),
+    spec: RobotSpec | None = None,
+) -> SimRoom:
+    """Return what a simulator needs of a room.
 
     Args:
         scene: the room.
-        target: id of the part to open.
+        targets: ids of the parts that move, or "all": every one that can be prepared; the others are left out with a warning.
+            Joints that are not among them are frozen at the scanned pose.
         config: how.
         free: ids of objects that lie about freely instead of being one with the room.
-        spec: the robot that is to open it; None: robot.DEFAULT.
+        spec: the robot that is to move them; None: the Panda.
 
     Raises:
-        InputError: the target is unknown, does not move, has limits that no robot can use, or has no surface; an object
-            cannot be lifted out.
+        InputError: a part that was asked for by its id is unknown, does not move, has limits that no robot can use, or has no
+            surface; nothing can be prepared; an object cannot be taken out.
     """
-    spec = spec or robot.load(robot.DEFAULT)
-    joint, grasp = target_joint(scene, target), find_grasp(scene, target, spec)
-    moving, frozen, room = split(scene, target)
-    loose = lift_all(scene, free, target, config.loose)
-    room = tuple(i for i in room if not any(i in thing.members for thing in loose))
-    spaces = [space for thing in loose for space in thing.space]
-    body, handle = _target(scene, target, grasp, config)
-    way = sweep(merge([body.visual, *(c.mesh for c in body.colliders)]), joint, config.room.clearance)
-    base = find_base(scene, target, grasp, moving, way, config.base, spec)
-    stand = pedestal(base.position, base.pedestal, spec.base.radius)
-    looks = _on_stand(decimate_room(scene, room, config.decimate), stand)
-    keep_free = [*way, *spaces]
-    pieces, trimmed = room_colliders(
-        scene, room, base.position, grasp.point, keep_free, config.room, spec.base.shoulder_height
+    asked = (targets,) if isinstance(targets, str) else tuple(dict.fromkeys(targets))
+    spec = spec or robot.load(DEFAULT_ROBOT)
+    results = (_all_that_can if asked == (ALL,) else _exactly)(scene, asked, config.part(spec))
+    lifted = free_objects(scene, free, tuple(results), config.free)
+    owners = bodies(scene, results)
+    obstacles = _obstacles(scene, results, lifted, config)
+    fixed = _fixed_bodies(scene, results, owners, obstacles, config)
+    moving = {part: _moving_body(scene, result, config) for part, result in results.items()}
+    filtered = filtered_pairs(moving, fixed, {part: result.target.joint for part, result in results.items()})
+    taken = {i for item in lifted for i in item.members}
+    static = [i for i, owner in owners.items() if owner is None and i not in taken]
+    colliders, trimmed = _static_colliders(
+        scene, static, lifted, [o for group in obstacles.values() for o in group], config
     )
-    pieces = (*(Collider(PEDESTAL, mesh) for mesh in stand), *(thing.support for thing in loose), *pieces)
-    corridor = hand_corridor(handle, grasp, config.carcass)
-    walls = carcass_walls(scene, target, frozen) if config.interior else []
-    carcass = _completed(freeze(scene, target, frozen, [corridor, *spaces], config.carcass), walls)
-    clash = deepest([c.mesh for c in body.colliders], [c.mesh for c in carcass.colliders], joint)
-    return SimScene(
+    visual = decimate_room(scene, static, config.decimate)
+    return SimRoom(
         name=scene.name,
-        carcass=carcass,
-        target=body,
-        joint=joint,
-        grasp=grasp,
-        static_visual=looks.mesh,
-        static_colliders=pieces[: config.room.pieces],
-        base_position=base.position,
-        base_orientation=base.orientation,
-        friction=config.friction * lever_arm(joint, np.array(grasp.point)),
-        base_reason=base.reason,
-        base_free=base.free,
-        robot=spec.name,
-        notes=_notes(body, carcass.id, trimmed, clash, len(walls)),
-        filtered=clash > CLASH,
-        static_parts=looks.parts,
-        static_face_part=looks.face_part,
-        reductions=looks.reductions,
-        free=tuple(thing.body for thing in loose),
+        bodies=fixed | moving,
+        articulations={
+            part: _articulation(result, parent_body(scene, part, owners), moving[part], filtered[part], config, spec)
+            for part, result in results.items()
+        },
+        static_visual=visual.mesh,
+        static_colliders=colliders,
+        free={item.body.id: item.body for item in lifted},
+        notes=_notes(fixed, trimmed),
+        static_parts=visual.parts,
+        static_face_part=visual.face_part,
+        reductions=visual.reductions,
     )
 
 
-def _target(scene: Scene, target: str, grasp: Grasp, config: PrepareConfig) -> tuple[SimBody, Handle]:
-    """Return the moving body, with the box behind a drawer's front where it is asked for, and its handle."""
-    moving = (target, *scene.descendants(target))
-    handle, others = find_handle(scene, target, Rotation.from_quat(grasp.orientation).as_matrix())
-    inside = drawer_box(scene, target) if config.interior else []
-    visual = merge([*(scene.parts[i].mesh for i in moving), *inside])
-    colliders = target_colliders(scene, target, handle, others, config.colliders)
-    colliders += tuple(Collider(target, piece) for piece in inside)
-    mass, source = moving_mass(scene, moving, config.mass)
-    completed = sum(len(piece.faces) for piece in inside)
-    return SimBody(target, visual, colliders, box_mass(visual, mass, handle.frame, source), completed), handle
+def _notes(fixed: Mapping[str, SimBody], trimmed: Sequence[str]) -> tuple[str, ...]:
+    """Return in sentences what was done to the room beyond what was scanned."""
+    cut = [f"cut where a part moves or a robot stands: {', '.join(trimmed)}"] if trimmed else []
+    return (
+        *cut,
+        *(f"back and sides of {i} added: they were not scanned" for i, body in fixed.items() if body.completed),
+    )
 
 
-def _on_stand(looks: Decimated, stand: Sequence[Mesh]) -> Decimated:
-    """Return how the room looks with what the robot stands on, if that is not the floor."""
-    if not stand:
-        return looks
-    faces = sum(len(mesh.faces) for mesh in stand)
-    face_part = np.concatenate([looks.face_part, np.full(faces, len(looks.parts), np.int32)])
-    return replace(looks, mesh=merge([looks.mesh, *stand]), parts=(*looks.parts, PEDESTAL), face_part=face_part)
+def _exactly(scene: Scene, parts: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
+    """Return the results of parts that were asked for by their ids."""
+    for part in parts:
+        target_joint(scene, part)  # one that cannot move is refused before the first is worked on
+    results = part_results(scene, _with_members(scene, parts), config)
+    for result in results.values():
+        if isinstance(result, InputError):
+            raise result
+    return {part: result for part, result in results.items() if isinstance(result, PartResult)}
 
 
-def _notes(body: SimBody, carcass: str, trimmed: tuple[str, ...], clash: float, walls: int) -> tuple[str, ...]:
-    """Return in words what was done so that nothing is in the way of the target."""
-    cut = [f"cut where {body.id} moves or the robot stands: {', '.join(trimmed)}"] if trimmed else []
-    apart = f"no contact between {body.id} and {carcass}: their colliders overlap by {1000 * clash:.1f} mm on its way"
-    added = [f"box behind the front of {body.id} added: it was not scanned"] if body.completed else []
-    added += [f"{walls} of back and sides of {carcass} added: they were not scanned"] if walls else []
-    return (*cut, *added, *([apart] if clash > CLASH else []))
+def _all_that_can(scene: Scene, _: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
+    """Return the results of all articulated parts that can be prepared; warn of the others, which are frozen."""
+    parts = scene.movable
+    while True:
+        results = part_results(scene, _with_members(scene, parts), config)
+        refused = {part: result for part, result in results.items() if isinstance(result, InputError)}
+        for part, error in refused.items():
+            _log.warning("%s is left out: %s", part, error)
+        # Without those, what they carried belongs to other bodies.
+        parts = tuple(part for part in parts if part not in refused)
+        if not parts:
+            raise InputError(f"scene {scene.name!r} has no articulated part that can be prepared")
+        if not refused:
+            return {part: result for part, result in results.items() if isinstance(result, PartResult)}
 
 
-def _completed(carcass: SimBody, walls: Sequence[Mesh]) -> SimBody:
-    """Return a carcass with walls that were not scanned."""
-    visual = merge([carcass.visual, *walls])
-    colliders = (*carcass.colliders, *(Collider(carcass.id, wall) for wall in walls))
-    return replace(carcass, visual=visual, colliders=colliders, completed=sum(len(wall.faces) for wall in walls))
+def _with_members(scene: Scene, parts: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
+    """Return articulated parts with the parts of their bodies."""
+    owners = bodies(scene, parts)
+    return [(part, tuple(i for i, owner in owners.items() if owner == part)) for part in parts]
 
 
-def split(scene: Scene, target: str) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Return the ids of what moves with the target, of the rest of its object (root first), and of the room."""
-    moving = (target, *scene.descendants(target))
-    root = scene.root(target)
-    frozen = () if root == target else tuple(i for i in (root, *scene.descendants(root)) if i not in moving)
-    return moving, frozen, tuple(i for i in scene.parts if i not in moving and i not in frozen)
+def _obstacles(
+    scene: Scene, results: Mapping[str, PartResult], lifted: Sequence[FreeObject], config: PrepareConfig
+) -> dict[str, list[Mesh]]:
+    """Return the convex hulls that colliders must leave free, by the object that they are of.
+
+    Of each object with articulated parts: where these move; of the robot (""): where it stands; of each free object its place.
+    """
+    found: dict[str, list[Mesh]] = {"": []}
+    for part, result in results.items():
+        found.setdefault(scene.root(part), []).extend(result.swept)
+        foot, room = np.array(result.base.position) + [0.0, 0.0, UNEVEN], config.room
+        found[""].append(column(foot, room.base_radius, room.base_height - UNEVEN))
+    for item in lifted:
+        found.setdefault(item.body.id, []).extend(item.space)
+    return found
+
+
+def _fixed_bodies(
+    scene: Scene,
+    results: Mapping[str, PartResult],
+    owners: Mapping[str, str | None],
+    obstacles: Mapping[str, Sequence[Mesh]],
+    config: PrepareConfig,
+) -> dict[str, SimBody]:
+    """Return the cabinets and anchors that articulated parts move against.
+
+    A cabinet leaves the gripper its path to each of its own handles, and other objects' parts theirs. Its own parts overlap
+    it, as scans of closed furniture do; a joint's two bodies do not collide.
+    """
+    found = {}
+    for body in dict.fromkeys(scene.root(part) for part in results):
+        own = [result for part, result in results.items() if scene.root(part) == body]
+        members = [i for i, owner in owners.items() if owner == body]
+        if body in results:
+            found[f"{body}_anchor"] = anchor(results[body].target)
+            continue
+        surface = merge([scene.parts[i].mesh for i in members])
+        walls = next(filter(None, (cabinet_walls(surface, r.target) for r in own)), []) if config.interior else []
+        free = [hull for owner, hulls in obstacles.items() if owner != body for hull in hulls]
+        free += [result.corridor for result in own]
+        found[body] = cabinet_body(scene, members, free, walls, config.cabinet)
+    return found
+
+
+def _moving_body(scene: Scene, result: PartResult, config: PrepareConfig) -> SimBody:
+    """Return the body of an articulated part, with the box behind a drawer's front where there is one."""
+    target = result.target
+    visual = merge([*target.surfaces.values(), *result.interior])
+    mass, source = moving_mass(scene, tuple(target.surfaces), config.mass)
+    completed = sum(len(wall.faces) for wall in result.interior)
+    return SimBody(target.id, visual, result.colliders, box_mass(visual, mass, target.frame, source), completed)
+
+
+def _static_colliders(
+    scene: Scene, parts: Sequence[str], lifted: Sequence[FreeObject], obstacles: Sequence[Mesh], config: PrepareConfig
+) -> tuple[tuple[Collider, ...], tuple[str, ...]]:
+    """Return the hulls of the static room, free of obstacles, and the ids of the parts of which something was cut off."""
+    found = []
+    for part in track(parts, "room colliders"):
+        if len(scene.parts[part].mesh.faces):
+            hulls = part_hulls(scene.parts[part], config.room)
+            found += [Collider(part, hull.mesh, hull.structure) for hull in hulls]
+    colliders, trimmed = cut_out(found, obstacles, config.room.min_volume)
+    return (*(item.support for item in lifted), *colliders), trimmed
+
+
+def _articulation(
+    result: PartResult,
+    parent: str,
+    body: SimBody,
+    filtered: Mapping[str, float],
+    config: PrepareConfig,
+    spec: RobotSpec,
+) -> Articulation:
+    """Return how a part moves, where it is grasped, and what was done to it."""
+    target, base = result.target, result.base
+    grasp, region = target.grasp, target.grasp.region
+    notes = [
+        f"no contact between {target.id} and {other}: their colliders overlap by {1000 * depth:.1f} mm on its path"
+        for other, depth in filtered.items()
+    ]
+    notes += [f"box behind the front of {target.id} added: it was not scanned"] if body.completed else []
+    return Articulation(
+        joint=target.joint,
+        parent=parent,
+        grasp=Grasp(grasp.point, grasp.orientation, grasp.size, Mesh(region.vertices, region.faces)),
+        bases={
+            spec.name: Base(base.position, base.orientation, base.reason, base.free, base.pedestal, spec.base.radius)
+        },
+        friction=config.friction * lever_arm(target.joint, target.point),
+        filtered=tuple(filtered),
+        notes=tuple(notes),
+    )

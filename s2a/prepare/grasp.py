@@ -16,7 +16,7 @@ from s2a.prepare.gripper_roll import ROUND, free_roll, free_side, is_round
 from s2a.robot.collision import robot_shape
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene, Vec3
-from s2a.usd.sim_scene import Grasp, Quat
+from s2a.usd.sim_scene import DEFAULT_ROBOT, Grasp, Quat
 
 SLICES = 12
 """Places along a bar at which its thickness is measured."""
@@ -35,7 +35,7 @@ def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None) -> Gras
     """
     point = scene.grasp_point(target)
     region = merge([scene.parts[i].mesh for i in scene.grasp_parts(target)])
-    shape = robot_shape(spec or robot.load(robot.DEFAULT))
+    shape = robot_shape(spec or robot.load(DEFAULT_ROBOT))
     first = _grasp(point, region, -opening_direction(scene.joint(target), point))
     if is_round(first):
         return free_roll(scene, target, first, shape)

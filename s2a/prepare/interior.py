@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from s2a.articulation import open_limit, opening_direction
 from s2a.geometry.convex import box
-from s2a.geometry.mesh_ops import merge, sample
+from s2a.geometry.mesh_ops import sample
 from s2a.prepare.grasp import extents
-from s2a.scene import Mesh, Scene
+from s2a.prepare.target import Target
+from s2a.scene import Mesh
 
 WALL = 0.006
 """[m] Thickness of a drawer box's sides and bottom."""
@@ -32,13 +31,13 @@ CELL = 0.05
 """[m] Grain in which both are counted."""
 
 
-def drawer_box(scene: Scene, target: str) -> list[Mesh]:
+def drawer_box(target: Target) -> list[Mesh]:
     """Return bottom, two sides and back of a drawer's box as convex pieces, at the pose in which it was scanned.
 
-    It is as deep as the joint's range, but ends inside the carcass. None for a part that turns or opens upwards, or whose
+    It is as deep as the joint's range, but ends inside the cabinet. None for a part that turns or opens upwards, or whose
     front was not scanned.
     """
-    joint, front = scene.joint(target), scene.parts[target].mesh
+    joint, front = target.joint, target.front
     inwards = -opening_direction(joint, front.bounds.mean(axis=0))
     if joint.kind != "prismatic" or abs(inwards[2]) > 0.5 or not front.face_areas.any():
         return []
@@ -47,7 +46,7 @@ def drawer_box(scene: Scene, target: str) -> list[Mesh]:
     frame = np.stack([np.cross(up, inwards), up, inwards], axis=1)
     low, high = extents(front, frame)
     start = low[2] + FRONT
-    depth = min(abs(open_limit(joint)), _carcass_end(scene, target, inwards) - WALL - start)
+    depth = min(abs(open_limit(joint)), _cabinet_end(target.cabinet, inwards) - WALL - start)
     width, height = high[0] - low[0] - 2 * INSET, HEIGHT * (high[1] - low[1])
     if depth < SHALLOWEST or min(width, height) < SHALLOWEST / 2:
         return []
@@ -61,26 +60,22 @@ def drawer_box(scene: Scene, target: str) -> list[Mesh]:
     return [box(frame @ (np.array(at) + np.array(size) / 2), frame, np.array(size)) for at, size in walls]
 
 
-def _carcass_end(scene: Scene, target: str, inwards: np.ndarray) -> float:
-    """Return how far inwards the target's furniture was scanned [m]; without limit where it belongs to none."""
-    root = scene.root(target)
-    mesh = scene.parts[root].mesh
-    return float((mesh.vertices @ inwards).max()) if root != target and len(mesh.vertices) else np.inf
+def _cabinet_end(cabinet: Mesh, inwards: np.ndarray) -> float:
+    """Return how far inwards furniture was scanned [m]; without limit where there is none."""
+    return float((cabinet.vertices @ inwards).max()) if len(cabinet.vertices) else np.inf
 
 
-def carcass_walls(scene: Scene, target: str, furniture: Sequence[str]) -> list[Mesh]:
-    """Return the back and the sides of a target's furniture that were not scanned, as convex pieces.
+def cabinet_walls(surface: Mesh, target: Target) -> list[Mesh]:
+    """Return the back and the sides of furniture that were not scanned, as convex hulls.
 
     A wall is added where the scan shows that the furniture ends there, along half of its length or more, and less than half
     of the wall itself. None for furniture that is no plain box, or whose doors open upwards.
 
     Args:
-        scene: the room.
-        target: the part that moves.
-        furniture: ids of the parts of its object, without what moves.
+        surface: of the furniture, without what moves.
+        target: a part of it that moves; it is at the front.
     """
-    surface = merge([scene.parts[i].mesh for i in furniture])
-    inwards = -opening_direction(scene.joint(target), scene.grasp_point(target))
+    inwards = -opening_direction(target.joint, target.point)
     inwards = np.array([*inwards[:2], 0.0])
     if not surface.face_areas.any() or np.linalg.norm(inwards) < 0.7:
         return []

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 from s2a import config
 from s2a.errors import InputError
 from s2a.robot.spec import RobotSpec
-
-DEFAULT = "panda"
-"""Name of the robot of a stage that names none."""
 
 
 def names() -> list[str]:
@@ -30,19 +26,8 @@ def load(name: str) -> RobotSpec:
     return config.load(RobotSpec, config.compose(f"robot/{name}")["robot"])
 
 
-def check_stage(spec: RobotSpec, stage: Path, prepared_for: str) -> None:
-    """Raise InputError unless a stage was prepared for this robot, as its file describes it.
-
-    Args:
-        spec: the robot that the command was given.
-        stage: the sim.usd.
-        prepared_for: name of the robot that the stage's base pose is for.
-    """
-    if spec.name != prepared_for:
-        raise InputError(
-            f"{stage}: prepared for robot {prepared_for!r}, not {spec.name!r}; give robot={prepared_for}, or prepare the "
-            f"part again with robot={spec.name}"
-        )
+def check_unchanged(spec: RobotSpec) -> None:
+    """Raise InputError where a command changed single values of a robot: all that read it must see the same one."""
     if spec != load(spec.name):
         raise InputError(
             f"robot {spec.name!r} differs from conf/robot/{spec.name}.yaml; change it there, not by robot.<key>="

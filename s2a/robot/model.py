@@ -12,11 +12,6 @@ from s2a.errors import InputError
 from s2a.robot import urdf
 from s2a.robot.spec import Gains, RobotSpec
 
-ARM_JOINTS = 7
-"""Arm joints of every robot: the kernels' arrays have a fixed size."""
-JOINTS = 9
-"""Arm and finger joints."""
-
 
 def add_robot(
     builder: newton.ModelBuilder,

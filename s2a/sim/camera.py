@@ -10,15 +10,18 @@ import numpy as np
 import torch
 import warp as wp
 from newton.sensors import SensorCamera
-from pxr import UsdGeom
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
 from s2a.ranges import Above, Count, Positive
 from s2a.robot.model import add_robot
+from s2a.scene import Mesh
 from s2a.sim.camera_pose import viewpoint
-from s2a.sim.world import SimStage, body_index
-from s2a.usd.stage import open_stage, read_mesh
+from s2a.sim.room import add_room, open_physics, pedestal
+from s2a.sim.world import SimStage
+from s2a.usd import sim_stage
+from s2a.usd.sim_scene import in_scene
+from s2a.usd.stage import ROOT
 
 BLOCK = 4
 """Texels along a triangle's edge in the texture."""
@@ -53,7 +56,8 @@ class Camera:
         builder = newton.ModelBuilder()
         newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
         add_robot(builder, robot.load(stage.robot), wp.transform(*stage.base[:3], *stage.base[3:]), visuals=True)
-        builder.add_usd(str(stage.path), load_visual_shapes=False, hide_collision_shapes=True, load_sites=False)
+        file = open_physics(stage.path)
+        add_room(builder, stage.room, file, stage.active, static=False, hide_collision_shapes=True, load_sites=False)
         _add_visuals(builder, stage)
         with wp.ScopedDevice("cpu"):
             self._model = builder.finalize()
@@ -81,22 +85,31 @@ class Camera:
 
 
 def _add_visuals(builder: newton.ModelBuilder, stage: SimStage) -> None:
-    """Add the visible surfaces of the room, the carcass and the target to their bodies; nothing of them collides."""
+    """Add the visible surfaces of the room to the bodies that they move with; nothing of them collides."""
+    room = sim_stage.read(stage.path)
+    moving = {label.split("/")[-1]: i for i, label in enumerate(builder.body_label) if label.startswith(f"{ROOT}/")}
+    still = [room.static_visual, pedestal(stage.base, *stage.pedestal)]
+    for body in (*room.bodies.values(), *room.free.values()):
+        carriers = (body.id, *(room.carriers(body.id) if body.id in room.articulations else ()))
+        index = next((moving[i] for i in carriers if i in moving), -1)
+        points = body.visual.vertices if body.id in moving else in_scene(body, body.visual)
+        _add_visual(builder, index, Mesh(points, body.visual.faces, body.visual.colors))
+    for mesh in filter(None, still):
+        _add_visual(builder, -1, mesh)
+
+
+def _add_visual(builder: newton.ModelBuilder, body: int, mesh: Mesh) -> None:
+    """Add a surface to a body, its colours as a texture; -1 is the world."""
+    if not len(mesh.faces):
+        return
     seen = newton.ModelBuilder.ShapeConfig(density=0.0, has_shape_collision=False, has_particle_collision=False)
-    file = open_stage(stage.path)
-    for prim in file.GetDefaultPrim().GetChildren():
-        visual = prim.GetChild("visual")
-        if visual and visual.IsA(UsdGeom.Mesh):
-            body = -1 if prim.GetName() == "static" else body_index(builder, prim.GetName())
-            mesh = read_mesh(visual)
-            uv, texture = bake(mesh.faces, mesh.colors)
-            points = mesh.vertices[mesh.faces].reshape(-1, 3)
-            surface = newton.Mesh(
-                points, np.arange(len(points)), uvs=uv, texture=texture, compute_inertia=False, is_solid=False
-            )
-            builder.add_shape_mesh(
-                body, mesh=surface, cfg=seen, color=(1.0, 1.0, 1.0)
-            )  # else a palette tints the texture
+    uv, texture = bake(mesh.faces, mesh.colors)
+    points = mesh.vertices[mesh.faces].reshape(-1, 3)
+    surface = newton.Mesh(
+        points, np.arange(len(points)), uvs=uv, texture=texture, compute_inertia=False, is_solid=False
+    )
+    # Without a colour, one of a palette tints the texture.
+    builder.add_shape_mesh(body, mesh=surface, cfg=seen, color=(1.0, 1.0, 1.0))
 
 
 def bake(faces: np.ndarray, colors: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

@@ -6,11 +6,11 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
-from pxr import Usd, UsdGeom
 
 from s2a import robot
 from s2a.sim.world import SimStage
-from s2a.usd.stage import open_stage, read_mesh
+from s2a.usd import sim_stage
+from s2a.usd.sim_scene import in_scene
 
 AROUND = (1.0, -1.0, 0.7, -0.7, 1.3, -1.3, 0.4, -0.4)
 """Shares of the asked azimuth that are tried, in this order at each distance."""
@@ -83,10 +83,8 @@ def _places(
 
 def _surroundings(stage: SimStage) -> np.ndarray:
     """Return the triangles of all that is seen and stands still [m], shape [face 3 3]."""
-    file, found = open_stage(stage.path), [np.zeros((0, 3, 3))]
-    for prim in file.GetDefaultPrim().GetChildren():
-        visual: Usd.Prim = prim.GetChild("visual")
-        if prim.GetName() != stage.target and visual and visual.IsA(UsdGeom.Mesh):
-            mesh = read_mesh(visual)
-            found.append(mesh.vertices[mesh.faces].astype(float))
-    return np.concatenate(found)
+    room, found = sim_stage.read(stage.path), [np.zeros((0, 3, 3))]
+    for body in (*room.bodies.values(), *room.free.values()):
+        if body.id != stage.target:
+            found.append(in_scene(body, body.visual)[body.visual.faces])
+    return np.concatenate([*found, room.static_visual.vertices[room.static_visual.faces].astype(float)])

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import newton
 import newton_usd_schemas  # noqa: F401  registers Newton's USD schemas, which must precede the registry's first use
 import numpy as np
 import warp as wp
-from pxr import Usd, UsdGeom
 
 from s2a.articulation import lever_arm, travel
 from s2a.errors import InputError
@@ -17,8 +17,10 @@ from s2a.ranges import NotNegative
 from s2a.robot.model import add_robot
 from s2a.robot.spec import Gains, RobotSpec
 from s2a.scene import Joint, Mesh
-from s2a.usd.joints import read_joint
-from s2a.usd.stage import open_stage, read_mesh
+from s2a.sim.freezing import kept_bodies
+from s2a.sim.room import add_pedestal, add_room, open_physics, pedestal, workspace
+from s2a.usd import sim_stage
+from s2a.usd.sim_scene import DEFAULT_ROBOT, SimRoom
 
 
 @dataclass(frozen=True)
@@ -36,18 +38,21 @@ class JointConfig:
 
 @dataclass(frozen=True)
 class SimStage:
-    """What sim.usd says beside the physics that Newton reads by itself.
+    """One articulated part of a simulation-ready room, and what a robot needs to know of it.
 
     Attributes:
         path: the file.
-        target: id of the part to manipulate.
+        target: id of the part.
         joint: how it moves, scene frame.
         base: pose of the robot's base, 7-vector, scene frame.
         grasp: pose of the grasp frame at joint zero, 7-vector, scene frame: z into the furniture, y across the grasp
             region's thin side.
         grasp_size: extents of the grasp region along the grasp frame's axes [m], shape [3].
-        region: the annotated grasp region's surface in the part's body frame, its scene pose at joint zero.
+        region: the annotated surface to grasp, in the target's body frame, which at joint zero is the scene's.
+        pedestal: height and radius of the column under the robot's base [m]; no height: it stands on the floor.
         robot: name of the robot that the base pose is for.
+        also: ids of further parts and free objects that move; everything else of the room is frozen at its scanned pose.
+        room: all of the file but its visuals.
     """
 
     path: Path
@@ -57,7 +62,15 @@ class SimStage:
     grasp: np.ndarray
     grasp_size: np.ndarray
     region: Mesh
-    robot: str = "panda"
+    pedestal: tuple[float, float] = (0.0, 0.0)
+    robot: str = DEFAULT_ROBOT
+    also: tuple[str, ...] = ()
+    room: SimRoom = field(kw_only=True, repr=False)
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Ids of all that moves, the target first."""
+        return (self.target, *self.also)
 
     @property
     def lever(self) -> float:
@@ -70,29 +83,42 @@ class SimStage:
         return travel(self.joint, self.grasp[:3])
 
 
-def read_stage(path: Path, part: str | None = None) -> SimStage:
-    """Read what the simulation needs from a sim.usd; InputError if the file is missing or is another kind of stage."""
-    stage = open_stage(path)
-    scene = stage.GetDefaultPrim()
-    target = part or (scene.GetAttribute("s2a:target").Get() if scene else None)
-    joint = stage.GetPrimAtPath(f"/scene/joints/{target}")
-    grasp = stage.GetPrimAtPath(f"/scene/{target}/grasp")
-    if not target or not joint or not grasp:
+def read_stage(path: Path, part: str | None = None, *, robot: str | None = None, also: Sequence[str] = ()) -> SimStage:
+    """Read what a simulation needs to know of one articulated part.
+
+    Args:
+        path: a simulation-ready room.
+        part: id of the part; None: the only one of the room.
+        robot: name of the robot; None: the one that the part was prepared for, the default robot if for several.
+        also: ids of further parts and free objects that move.
+
+    Raises:
+        InputError: no such file, or another kind of stage; no such part, or none is named where the room has several; no
+            base pose for the robot; an id of `also` that cannot move.
+    """
+    room = sim_stage.read(path, visuals=False)
+    target = room.part(part)
+    found = room.articulations[target]
+    kept_bodies(room, (target, *also))
+    robot = robot or (DEFAULT_ROBOT if DEFAULT_ROBOT in found.bases or not found.bases else next(iter(found.bases)))
+    if robot not in found.bases:
+        known = ", ".join(found.bases) or "none"
         raise InputError(
-            f"{path}: not a simulation-ready stage (no s2a:target with a joint and a grasp); run s2a prepare"
+            f"{path}: part {target!r} has no base pose for robot {robot!r}, but for: {known}; run s2a prepare"
         )
-    place = UsdGeom.Xformable(grasp).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
-    rotation = place.ExtractRotationQuat()
-    base = scene.GetAttribute("s2a:baseOrientation").Get()
+    base, grasp = found.bases[robot], found.grasp
     return SimStage(
         path=path,
         target=target,
-        joint=read_joint(joint),
-        base=np.array([*scene.GetAttribute("s2a:basePosition").Get(), *base.GetImaginary(), base.GetReal()]),
-        grasp=np.array([*place.ExtractTranslation(), *rotation.GetImaginary(), rotation.GetReal()]),
-        grasp_size=np.array(grasp.GetAttribute("s2a:size").Get()),
-        region=read_mesh(stage.GetPrimAtPath(f"/scene/{target}/region")),
-        robot=scene.GetAttribute("s2a:robot").Get() or "panda",
+        joint=found.joint,
+        base=np.array([*base.position, *base.orientation]),
+        grasp=np.array([*grasp.point, *grasp.orientation]),
+        grasp_size=np.array(grasp.size),
+        region=grasp.region,
+        pedestal=(base.pedestal, base.radius),
+        robot=robot,
+        also=tuple(also),
+        room=room,
     )
 
 
@@ -126,17 +152,25 @@ def build_world(
     builder.default_shape_cfg.mu = 1.0
     if robot is not None:
         base = wp.transform(*stage.base[:3], *stage.base[3:])
-        add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation, realistic=realistic)
-        for robot_dof in range(len(robot.joints) if realistic else 0):
-            stiffen(builder, robot_dof, dt)
-    ignore = [] if room else ["/scene/static"]
-    builder.add_usd(str(stage.path), ignore_paths=ignore, load_visual_shapes=False)
-    dof = builder.joint_qd_start[joint_index(builder, stage.target)]
-    builder.joint_target_mode[dof] = newton.JointTargetMode.POSITION
-    builder.joint_target_ke[dof] = joint.stiffness
-    builder.joint_target_kd[dof] = joint.damping
-    stiffen(builder, dof, dt)
+        add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation)
+    _add_room(builder, stage, static=room)
+    for part in stage.active:
+        if part in stage.room.articulations:
+            dof = builder.joint_qd_start[joint_index(builder, part)]
+            builder.joint_target_mode[dof] = newton.JointTargetMode.POSITION
+            builder.joint_target_ke[dof] = joint.stiffness
+            builder.joint_target_kd[dof] = joint.damping
+            stiffen(builder, dof, dt)
     return builder
+
+
+def _add_room(builder: newton.ModelBuilder, stage: SimStage, *, static: bool) -> None:
+    """Add what is active of a room, what it hangs on, and the colliders near it."""
+    space = workspace(stage.room, stage.active, stage.base, stage.robot)
+    add_room(builder, stage.room, open_physics(stage.path), stage.active, space=space, static=static)
+    stand = pedestal(stage.base, *stage.pedestal)
+    if static and stand is not None:
+        add_pedestal(builder, stand)
 
 
 def body_index(builder: newton.ModelBuilder, name: str) -> int:

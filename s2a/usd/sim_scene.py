@@ -1,38 +1,44 @@
-"""The vocabulary of the simulation-ready flavour."""
+"""The data of a simulation-ready room: bodies, joints, grasps, base poses, colliders."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
+from s2a.errors import InputError
 from s2a.scene import Joint, Mesh, Vec3
 
 Quat = tuple[float, float, float, float]
+DEFAULT_ROBOT = "panda"
+"""The robot that a base pose is of where none is named."""
 
 
 @dataclass(frozen=True)
 class Collider:
-    """One convex piece.
+    """One convex hull.
 
     Attributes:
         part: id of the part it stands for.
-        mesh: a closed convex mesh in scene coordinates.
+        mesh: a closed convex mesh in the frame of its body: scene coordinates, but for free objects.
+        structure: whether it is of a wall, the floor or the ceiling.
     """
 
     part: str
     mesh: Mesh
+    structure: bool = False
 
 
 @dataclass(frozen=True)
 class Mass:
-    """How a body resists motion.
+    """Mass properties of a body, rounded to float32, the precision of UsdPhysics.
 
     Attributes:
         mass: [kg].
-        center: centre of mass [m], scene coordinates.
+        center: centre of mass in the body's frame [m].
         inertia: principal moments about the centre [kg m^2].
-        axes: orientation of the principal axes in the scene, quaternion xyzw.
+        axes: orientation of the principal axes in the body's frame, quaternion xyzw.
         source: where the mass comes from, such as "annotated".
     """
 
@@ -42,6 +48,11 @@ class Mass:
     axes: Quat = (0.0, 0.0, 0.0, 1.0)
     source: str = ""
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", single(self.mass))
+        for name in ("center", "inertia", "axes"):
+            object.__setattr__(self, name, tuple(map(single, getattr(self, name))))
+
 
 @dataclass(frozen=True)
 class SimBody:
@@ -49,10 +60,14 @@ class SimBody:
 
     Attributes:
         id: id of the part that gives it its name.
-        visual: everything that moves with it, at full resolution; may be empty.
-        colliders: its convex pieces.
+        visual: everything that moves with it, at full resolution, in its own frame; may be empty.
+        colliders: its convex hulls, in its own frame.
         mass: mass, centre, inertia.
-        completed: how many faces at the end of the visual were added, because the scan could not show them.
+        completed: number of faces at the end of the visual that were added, because the scan could not show them.
+        position: origin of its frame in the scene [m]: the scene's origin for what hangs on a joint, the centre of mass for
+            a free object. (Far from its centre of mass, a body's rotation and translation are coupled so strongly that an
+            object of 50 g diverges.)
+        orientation: of that frame, quaternion xyzw.
     """
 
     id: str
@@ -60,14 +75,16 @@ class SimBody:
     colliders: tuple[Collider, ...]
     mass: Mass
     completed: int = 0
+    position: Vec3 = (0.0, 0.0, 0.0)
+    orientation: Quat = (0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class Grasp:
-    """Where and how a parallel gripper takes hold of the moving part.
+    """Where and how a parallel gripper grasps an articulated part.
 
     Attributes:
-        point: mean of the grasp region [m], scene coordinates.
+        point: mean of the grasp region [m], scene coordinates, the part at zero.
         orientation: quaternion xyzw of the grasp frame: z into the furniture, y across the region's thin section
             (fingers close along it), x along the region.
         size: extent of the region along x, y, z of that frame [m].
@@ -78,6 +95,53 @@ class Grasp:
     orientation: Quat
     size: Vec3
     region: Mesh
+
+
+@dataclass(frozen=True)
+class Base:
+    """Where a robot stands to reach a part.
+
+    Attributes:
+        position: of its base [m], scene coordinates.
+        orientation: quaternion xyzw; its x axis points at the furniture.
+        reason: why there, in words.
+        free: whether its arm reaches along the whole path and collides with nothing.
+        pedestal: height of the column under it [m]; 0 on the floor.
+        radius: of that column [m].
+    """
+
+    position: Vec3
+    orientation: Quat
+    reason: str = ""
+    free: bool = True
+    pedestal: float = 0.0
+    radius: float = 0.12
+
+
+@dataclass(frozen=True)
+class Articulation:
+    """How one body moves against another, and how a robot takes hold of it.
+
+    Attributes:
+        joint: axis, origin, limits in scene coordinates.
+        parent: id of the body that it moves against.
+        grasp: where to grasp it.
+        bases: where a robot stands, by the robot's name.
+        friction: dry friction of the joint [N] or [N m], rounded to float32.
+        filtered: ids of the bodies with which it does not collide, because their colliders overlap somewhere on its path.
+        notes: what was changed beyond what was scanned, in sentences.
+    """
+
+    joint: Joint
+    parent: str
+    grasp: Grasp
+    bases: dict[str, Base]
+    friction: float = 0.0
+    filtered: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "friction", single(self.friction))
 
 
 @dataclass(frozen=True)
@@ -109,47 +173,70 @@ class Reduction:
 
 
 @dataclass(frozen=True)
-class SimScene:
+class SimRoom:
     """Everything that a simulation-ready file holds.
 
     Attributes:
         name: the scan's name.
-        carcass: the immovable body that the target moves against.
-        target: the moving body.
-        joint: how it moves.
-        grasp: where to take hold of it.
+        bodies: fixed bodies (cabinets and anchors) and articulated parts by id, parents before children.
+        articulations: how the articulated ones of these move, by the same id.
+        free: objects that lie about freely, by id.
         static_visual: the rest of the room as one decimated mesh.
-        static_colliders: convex pieces of the room within the arm's reach.
-        base_position: where the robot stands [m], scene coordinates.
-        base_orientation: how it is turned, quaternion xyzw; its x axis points at the furniture.
-        friction: dry friction of the joint [N] or [N m].
-        base_reason: why the robot stands there, in words.
-        base_free: whether its arm reaches the whole way of the handle from there and touches nothing else.
-        robot: name of the robot that the base pose is for.
+        static_colliders: its convex hulls.
         notes: what was changed beyond what was scanned, in sentences.
-        filtered: whether target and carcass do not collide, because their pieces overlap somewhere on the target's way.
         static_parts: ids of the room's parts, to which `static_face_part` points.
         static_face_part: index of the part that each face of `static_visual` belongs to, shape [face], int32.
-        reductions: what decimation did to the room's looks.
-        free: objects that lie about freely.
+        reductions: what decimation did to the static visual.
     """
 
     name: str
-    carcass: SimBody
-    target: SimBody
-    joint: Joint
-    grasp: Grasp
+    bodies: dict[str, SimBody]
+    articulations: dict[str, Articulation]
     static_visual: Mesh
     static_colliders: tuple[Collider, ...]
-    base_position: Vec3
-    base_orientation: Quat
-    friction: float = 0.0
-    base_reason: str = ""
-    base_free: bool = True
-    robot: str = "panda"
+    free: dict[str, SimBody] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    filtered: bool = False
     static_parts: tuple[str, ...] = ()
     static_face_part: np.ndarray | None = field(default=None, compare=False)
     reductions: tuple[Reduction, ...] = ()
-    free: tuple[SimBody, ...] = ()
+
+    @cached_property
+    def fixed(self) -> tuple[str, ...]:
+        """Ids of the bodies that are fixed to the world."""
+        return tuple(i for i in self.bodies if i not in self.articulations)
+
+    def carriers(self, part: str) -> tuple[str, ...]:
+        """Return the bodies that carry an articulated part, from its parent to the one that is fixed to the world."""
+        parent = self.articulations[part].parent
+        return (parent, *(self.carriers(parent) if parent in self.articulations else ()))
+
+    def part(self, part: str | None) -> str:
+        """Return the id of an articulated part; None stands for the only one.
+
+        Raises:
+            InputError: there is no such part, or several where none is named; it lists them.
+        """
+        known = ", ".join(self.articulations) or "none"
+        if part is None and len(self.articulations) == 1:
+            return next(iter(self.articulations))
+        if part is None:
+            raise InputError(
+                f"room {self.name!r} has {len(self.articulations)} articulated parts; give part= one of: {known}"
+            )
+        if part not in self.articulations:
+            raise InputError(f"part {part!r} is no articulated part of room {self.name!r}; possible: {known}")
+        return part
+
+
+def single(value: float) -> float:
+    """Return a number rounded to float32."""
+    return float(np.float32(value))
+
+
+def in_scene(body: SimBody, mesh: Mesh) -> np.ndarray:
+    """Return the vertices of a body's visual or collider at the scanned pose [m], shape [vertex 3], scene coordinates."""
+    points, (*v, w) = mesh.vertices.astype(np.float64), body.orientation
+    if v == [0.0, 0.0, 0.0]:
+        return points + body.position
+    turned = points + 2.0 * np.cross(v, np.cross(v, points) + w * points)
+    return turned + body.position

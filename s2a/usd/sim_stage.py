@@ -1,7 +1,14 @@
-"""The simulation-ready flavour: what a simulator needs to open one part of a scanned room, and nothing else.
+"""The simulation-ready flavour: every articulated part and free object of a scanned room, ready for a simulator.
 
-Bodies are siblings whose points lie in scene coordinates; joints alone say what moves against what. Colliders are
-convex pieces, because MuJoCo takes the convex hull of every mesh it is given.
+    /scene/<body>               rigid bodies, siblings: cabinets, articulated parts, free objects
+    /scene/<body>/colliders/*   its convex hulls (MuJoCo takes the convex hull of every mesh that it is given)
+    /scene/<body>/visual        its surface, a payload in a file beside: physics loads without it
+    /scene/<part>/grasp         of an articulated part: grasp frame, `region` its annotated surface, `bases/<robot>` base poses
+    /scene/joints/<body>        what moves, or fixes, a body
+    /scene/static/colliders/*   the rest of the room, `visual` its surface
+
+Points lie in scene coordinates, but those of a free object in a frame at its centre of mass. This module is the only one that
+writes and reads the layout; `s2a.certify.contents` reads what may be damaged.
 """
 
 from __future__ import annotations
@@ -11,87 +18,111 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
+from s2a.scene import Mesh
 from s2a.usd.joints import write_body, write_fixed_joint, write_joint, write_site
-from s2a.usd.sim_scene import Collider, Grasp, Quat, SimBody, SimScene
+from s2a.usd.sim_read import FLAVOUR, open_physics, read
+from s2a.usd.sim_scene import Articulation, Base, Collider, Grasp, Quat, Reduction, SimBody, SimRoom
 from s2a.usd.stage import ROOT, new_stage, save, write_attribute, write_mesh
 
-Types = Sdf.ValueTypeNames
+__all__ = ["FLAVOUR", "GRAVITY", "open_physics", "read", "visuals_file", "write"]
 
-FLAVOUR = "simready"
+Types = Sdf.ValueTypeNames
 
 GRAVITY = 9.81
 """[m/s^2], along -z."""
 FRICTION = 1.0
 """Coulomb coefficient of every collider, as in the reference task (IsaacLab's Franka cabinet)."""
+VISUALS = "/visuals"
+"""Default prim of the file of the visuals; below it one surface for each body, and `static`."""
 
 
-def write(sim_scene: SimScene, path: Path) -> None:
-    """Write a simulation-ready scene to exactly this path.
+def visuals_file(path: Path) -> Path:
+    """Return where the visuals of a simulation-ready file lie: beside it."""
+    return path.with_name(f"{path.stem}_visuals{path.suffix}")
+
+
+def write(room: SimRoom, path: Path, visuals: Path | None = None) -> None:
+    """Write a room to exactly this path, and its visuals to another.
 
     Args:
-        sim_scene: what a simulator needs.
+        room: what a simulator needs.
         path: ends in .usd or .usdc (binary) or .usda (text).
+        visuals: the file of the visuals, which has to end up beside the other; None: `visuals_file(path)`.
 
     Raises:
         InputError: another ending, or a path that cannot be written.
     """
+    visuals = visuals or visuals_file(path)
+    _write_visuals(room, visuals)
     stage = new_stage()
-    _write_root(stage, sim_scene)
+    stage.SetLoadRules(Usd.StageLoadRules.LoadNone())  # else each payload would be looked for while it is authored
+    payload = f"./{visuals.name}"
+    _write_root(stage, room)
     surface = _write_surface(stage)
-    _write_static(stage, sim_scene)
-    _write_colliders(stage, f"{ROOT}/static", sim_scene.static_colliders, surface, by_part=True)
-    carcass, target = f"{ROOT}/{sim_scene.carcass.id}", f"{ROOT}/{sim_scene.target.id}"
-    _write_body(stage, carcass, sim_scene.carcass, surface, root=True, is_target=False)
-    _write_body(stage, target, sim_scene.target, surface, root=False, is_target=True)
-    if sim_scene.filtered:
-        # Simulators that do not leave out a joint's two bodies by themselves need to be told.
-        pairs = UsdPhysics.FilteredPairsAPI.Apply(stage.GetPrimAtPath(target))
-        pairs.CreateFilteredPairsRel().SetTargets([carcass])
-    for body in sim_scene.free:
-        _write_body(stage, f"{ROOT}/{body.id}", body, surface, root=False, is_target=False)
-    _write_grasp(stage, target, sim_scene.grasp)
+    static = UsdGeom.Xform.Define(stage, f"{ROOT}/static").GetPrim()
+    for reduction in room.reductions:
+        _write_reduction(static, reduction)
+    _write_payload(stage, f"{ROOT}/static", payload, room.static_visual)
+    _write_colliders(stage, f"{ROOT}/static", room.static_colliders, surface, by_part=True)
+    for body in (*room.bodies.values(), *room.free.values()):
+        _write_body(stage, body, surface, payload, root=body.id in room.fixed)
     UsdGeom.Scope.Define(stage, f"{ROOT}/joints")
-    write_fixed_joint(stage, f"{ROOT}/joints/{sim_scene.carcass.id}", carcass)
-    joint = write_joint(stage, f"{ROOT}/joints/{sim_scene.target.id}", sim_scene.joint, carcass, target).GetPrim()
-    joint.ApplyAPI("NewtonJointAPI")
-    joint.GetAttribute("newton:friction").Set(sim_scene.friction)
+    for body_id in room.fixed:
+        write_fixed_joint(stage, f"{ROOT}/joints/{body_id}", f"{ROOT}/{body_id}")
+    for part, articulation in room.articulations.items():
+        _write_articulation(stage, part, articulation)
     save(stage, path)
 
 
-def _write_root(stage: Usd.Stage, sim_scene: SimScene) -> None:
+def _write_root(stage: Usd.Stage, room: SimRoom) -> None:
     root = stage.GetDefaultPrim()
     write_attribute(root, "flavour", Types.String, FLAVOUR)
-    write_attribute(root, "name", Types.String, sim_scene.name)
-    write_attribute(root, "target", Types.String, sim_scene.target.id)
-    write_attribute(root, "basePosition", Types.Double3, sim_scene.base_position)
-    x, y, z, w = sim_scene.base_orientation
-    write_attribute(root, "baseOrientation", Types.Quatd, Gf.Quatd(w, x, y, z))
-    write_attribute(root, "basePose", Types.String, sim_scene.base_reason)
-    write_attribute(root, "baseFree", Types.Bool, sim_scene.base_free)
-    write_attribute(root, "robot", Types.String, sim_scene.robot)
-    write_attribute(root, "notes", Types.StringArray, list(sim_scene.notes))
+    write_attribute(root, "name", Types.String, room.name)
+    write_attribute(root, "notes", Types.StringArray, list(room.notes))
     physics = UsdPhysics.Scene.Define(stage, f"{ROOT}/physics")
     physics.CreateGravityDirectionAttr((0.0, 0.0, -1.0))
     physics.CreateGravityMagnitudeAttr(GRAVITY)
 
 
-def _write_static(stage: Usd.Stage, sim_scene: SimScene) -> None:
-    """Write how the room looks, which part each face belongs to, and what decimation did to it."""
-    room = UsdGeom.Xform.Define(stage, f"{ROOT}/static").GetPrim()
-    for reduction in sim_scene.reductions:
-        group = reduction.group
-        write_attribute(room, f"{group}:facesBefore", Types.Int, reduction.before)
-        write_attribute(room, f"{group}:facesAfter", Types.Int, reduction.after)
-        write_attribute(room, f"{group}:facesAsked", Types.Int, reduction.asked)
-        write_attribute(room, f"{group}:errorMean", Types.Double, reduction.mean)
-        write_attribute(room, f"{group}:errorP99", Types.Double, reduction.p99)
-        write_attribute(room, f"{group}:errorMax", Types.Double, reduction.max)
-    visual = write_mesh(stage, f"{ROOT}/static/visual", sim_scene.static_visual)
-    if sim_scene.static_face_part is None or not len(sim_scene.static_face_part):
-        return
-    write_attribute(visual.GetPrim(), "parts", Types.StringArray, list(sim_scene.static_parts))
-    part = UsdGeom.PrimvarsAPI(visual).CreatePrimvar("s2a:part", Types.IntArray, UsdGeom.Tokens.uniform)
-    part.Set(Vt.IntArray.FromNumpy(sim_scene.static_face_part.astype(np.int32)))
+def _write_visuals(room: SimRoom, path: Path) -> None:
+    """Write the file of the visuals: one surface for each body, and the room's with the part of each face."""
+    stage = new_stage()
+    root = UsdGeom.Xform.Define(stage, VISUALS).GetPrim()
+    stage.RemovePrim(ROOT)
+    stage.SetDefaultPrim(root)
+    for body in (*room.bodies.values(), *room.free.values()):
+        if len(body.visual.faces):
+            prim = write_mesh(stage, f"{VISUALS}/{body.id}", body.visual).GetPrim()
+            if body.completed:
+                added = np.arange(len(body.visual.faces)) >= len(body.visual.faces) - body.completed
+                _write_per_face(prim, "completed", added)
+    if len(room.static_visual.faces):
+        prim = write_mesh(stage, f"{VISUALS}/static", room.static_visual).GetPrim()
+        if room.static_face_part is not None and len(room.static_face_part):
+            write_attribute(prim, "parts", Types.StringArray, list(room.static_parts))
+            _write_per_face(prim, "part", room.static_face_part)
+    save(stage, path)
+
+
+def _write_per_face(prim: Usd.Prim, name: str, values: np.ndarray) -> None:
+    """Author the primvar `s2a:<name>`, one number a face."""
+    primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(f"s2a:{name}", Types.IntArray, UsdGeom.Tokens.uniform)
+    primvar.Set(Vt.IntArray.FromNumpy(values.astype(np.int32)))
+
+
+def _write_payload(stage: Usd.Stage, owner: str, file: str, visual: Mesh) -> None:
+    """Define the prim that takes its surface from the file of the visuals; none where there is nothing to see."""
+    if len(visual.faces):
+        prim = stage.DefinePrim(f"{owner}/visual")
+        prim.GetPayloads().AddPayload(file, f"{VISUALS}/{owner.removeprefix(f'{ROOT}/')}")
+
+
+def _write_reduction(prim: Usd.Prim, reduction: Reduction) -> None:
+    """Write what decimation did to one group of surfaces."""
+    for name in ("before", "after", "asked"):
+        write_attribute(prim, f"{reduction.group}:faces{name.capitalize()}", Types.Int, getattr(reduction, name))
+    for name in ("mean", "p99", "max"):
+        write_attribute(prim, f"{reduction.group}:error{name.capitalize()}", Types.Double, getattr(reduction, name))
 
 
 def _write_surface(stage: Usd.Stage) -> UsdShade.Material:
@@ -105,32 +136,31 @@ def _write_surface(stage: Usd.Stage) -> UsdShade.Material:
     return material
 
 
-def _write_body(
-    stage: Usd.Stage, path: str, body: SimBody, surface: UsdShade.Material, *, root: bool, is_target: bool
-) -> None:
-    prim = write_body(stage, path, root=root).GetPrim()
-    if is_target:
-        write_attribute(prim, "target", Types.Int, 1)
+def _write_body(stage: Usd.Stage, body: SimBody, surface: UsdShade.Material, payload: str, *, root: bool) -> None:
+    path = f"{ROOT}/{body.id}"
+    xform = write_body(stage, path, root=root)
+    prim = xform.GetPrim()
+    if body.position != (0.0, 0.0, 0.0):
+        xform.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*body.position))
+    if body.orientation != (0.0, 0.0, 0.0, 1.0):
+        xform.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(_quat(Gf.Quatd, body.orientation))
     if body.mass.source:
         write_attribute(prim, "massSource", Types.String, body.mass.source)
+    if body.completed:
+        write_attribute(prim, "completed", Types.Int, body.completed)
     mass = UsdPhysics.MassAPI.Apply(prim)
     mass.CreateMassAttr(body.mass.mass)
     mass.CreateCenterOfMassAttr(Gf.Vec3f(*body.mass.center))
     mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*body.mass.inertia))
-    mass.CreatePrincipalAxesAttr(_quatf(body.mass.axes))
-    if len(body.visual.faces):
-        visual = write_mesh(stage, f"{path}/visual", body.visual)
-        if body.completed:
-            flag = UsdGeom.PrimvarsAPI(visual).CreatePrimvar("s2a:completed", Types.IntArray, UsdGeom.Tokens.uniform)
-            scanned = len(body.visual.faces) - body.completed
-            flag.Set(Vt.IntArray.FromNumpy((np.arange(len(body.visual.faces)) >= scanned).astype(np.int32)))
+    mass.CreatePrincipalAxesAttr(_quat(Gf.Quatf, body.mass.axes))
+    _write_payload(stage, path, payload, body.visual)
     _write_colliders(stage, path, body.colliders, surface, by_part=False)
 
 
 def _write_colliders(
     stage: Usd.Stage, body: str, colliders: tuple[Collider, ...], surface: UsdShade.Material, *, by_part: bool
 ) -> None:
-    """Write convex pieces below a body; their names count from 00, part by part or altogether."""
+    """Write convex hulls below a body; their names count from 00, part by part or altogether."""
     UsdGeom.Xform.Define(stage, f"{body}/colliders")
     counts: dict[str, int] = {}
     for collider in colliders:
@@ -146,16 +176,47 @@ def _write_colliders(
         binding = UsdShade.MaterialBindingAPI.Apply(prim)
         binding.Bind(surface, UsdShade.Tokens.weakerThanDescendants, "physics")
         write_attribute(prim, "part", Types.String, collider.part)
+        if collider.structure:
+            write_attribute(prim, "structure", Types.Bool, True)
+
+
+def _write_articulation(stage: Usd.Stage, part: str, articulation: Articulation) -> None:
+    """Write joint, grasp, base poses and notes of a part whose body is there."""
+    path, parent = f"{ROOT}/{part}", f"{ROOT}/{articulation.parent}"
+    joint = write_joint(stage, f"{ROOT}/joints/{part}", articulation.joint, parent, path).GetPrim()
+    joint.ApplyAPI("NewtonJointAPI")
+    joint.GetAttribute("newton:friction").Set(articulation.friction)
+    prim = stage.GetPrimAtPath(path)
+    write_attribute(prim, "notes", Types.StringArray, list(articulation.notes))
+    if articulation.filtered:
+        # Simulators that do not leave out a joint's two bodies by themselves need to be told.
+        pairs = UsdPhysics.FilteredPairsAPI.Apply(prim)
+        pairs.CreateFilteredPairsRel().SetTargets([f"{ROOT}/{other}" for other in articulation.filtered])
+    _write_grasp(stage, path, articulation.grasp)
+    UsdGeom.Scope.Define(stage, f"{path}/bases")
+    for robot, base in articulation.bases.items():
+        _write_base(stage, f"{path}/bases/{robot}", robot, base)
 
 
 def _write_grasp(stage: Usd.Stage, body: str, grasp: Grasp) -> None:
     site = write_site(stage, f"{body}/grasp", np.array(grasp.point))
-    site.AddOrientOp(UsdGeom.XformOp.PrecisionFloat).Set(_quatf(grasp.orientation))
+    site.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(_quat(Gf.Quatd, grasp.orientation))
     write_attribute(site.GetPrim(), "size", Types.Double3, grasp.size)
     write_mesh(stage, f"{body}/region", grasp.region, purpose=UsdGeom.Tokens.guide)
 
 
-def _quatf(xyzw: Quat) -> Gf.Quatf:
+def _write_base(stage: Usd.Stage, path: str, robot: str, base: Base) -> None:
+    frame = UsdGeom.Xform.Define(stage, path)
+    frame.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*base.position))
+    frame.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(_quat(Gf.Quatd, base.orientation))
+    write_attribute(frame.GetPrim(), "robot", Types.String, robot)
+    write_attribute(frame.GetPrim(), "reason", Types.String, base.reason)
+    write_attribute(frame.GetPrim(), "free", Types.Bool, base.free)
+    write_attribute(frame.GetPrim(), "pedestal", Types.Double, base.pedestal)
+    write_attribute(frame.GetPrim(), "radius", Types.Double, base.radius)
+
+
+def _quat(kind: type, xyzw: Quat) -> Gf.Quatd | Gf.Quatf:
     """Return USD's quaternion, which takes w first."""
     x, y, z, w = xyzw
-    return Gf.Quatf(w, x, y, z)
+    return kind(w, x, y, z)

@@ -47,8 +47,8 @@ def save(stage: Usd.Stage, path: Path) -> None:
         raise InputError(f"{path}: cannot be written; check that its folder exists, may be written, and has space")
 
 
-def open_stage(path: Path) -> Usd.Stage:
-    """Open a stage of any flavour, as it is on disk now.
+def open_stage(path: Path, *, payloads: bool = True) -> Usd.Stage:
+    """Open a stage of any flavour, as it is on disk now; without `payloads`, what lies in others by way of them is not loaded.
 
     Raises:
         InputError: no such file, not USD, no default prim `/scene`, or not in metres with z up.
@@ -56,7 +56,7 @@ def open_stage(path: Path) -> Usd.Stage:
     if not path.is_file():
         raise InputError(f"{path}: no such file; give a .usd, .usda or .usdc file")
     with reading(path):
-        stage = Usd.Stage.Open(str(path))
+        stage = Usd.Stage.Open(str(path), Usd.Stage.LoadAll if payloads else Usd.Stage.LoadNone)
         # USD keeps a layer for as long as anybody holds it, and hands that out even if the file has been rewritten.
         stage.Reload()
     if stage.GetDefaultPrim().GetPath() != ROOT:
@@ -108,8 +108,12 @@ def write_mesh(stage: Usd.Stage, path: str, mesh: Mesh, *, purpose: str | None =
     return prim
 
 
-def read_mesh(prim: Usd.Prim) -> Mesh:
-    """Read a Mesh or Points prim, in scene coordinates; its transform, if an editor gave it one, is applied.
+def read_mesh(prim: Usd.Prim, frame: Usd.Prim | None = None) -> Mesh:
+    """Read a Mesh or Points prim; its transform, if it has one, is applied.
+
+    Args:
+        prim: the mesh.
+        frame: a prim above it, in whose frame its points are returned; None: in scene coordinates.
 
     Raises:
         InputError: neither a Mesh nor Points, not triangles, or arrays that do not fit each other.
@@ -119,7 +123,7 @@ def read_mesh(prim: Usd.Prim) -> Mesh:
     geometry = UsdGeom.PointBased(prim)
     points = np.asarray(geometry.GetPointsAttr().Get() or [], dtype=np.float32).reshape(-1, 3)
     try:
-        return Mesh(_to_scene(prim, points), _read_faces(prim), _read_colors(geometry))
+        return Mesh(_placed(prim, points, frame), _read_faces(prim), _read_colors(geometry))
     except ValueError as error:
         raise InputError(f"{where(prim)}: {error}; export it again") from error
 
@@ -202,9 +206,12 @@ def _read_faces(prim: Usd.Prim) -> np.ndarray:
     return indices.reshape(-1, 3)
 
 
-def _to_scene(prim: Usd.Prim, points: np.ndarray) -> np.ndarray:
-    """Apply the transform of a prim, if it has one, in float64."""
-    matrix = placement(prim)
+def _placed(prim: Usd.Prim, points: np.ndarray, frame: Usd.Prim | None) -> np.ndarray:
+    """Apply the transform of a prim into a frame above it (None: the scene), if there is one, in float64."""
+    matrix, outer = placement(prim), None if frame is None else placement(frame)
+    if outer is not None:
+        assert matrix is not None
+        matrix = None if np.array_equal(matrix, outer) else matrix @ np.linalg.inv(outer)
     return points if matrix is None else points.astype(np.float64) @ matrix[:3, :3] + matrix[3, :3]
 
 

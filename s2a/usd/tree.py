@@ -89,7 +89,7 @@ def _prim_facts(prim: Usd.Prim) -> Iterator[str]:
     if prim.IsA(UsdGeom.Mesh):
         yield _triangles([prim])
     yield from _physics_facts(prim)
-    if prim.HasAPI("NewtonSiteAPI"):
+    if prim.GetAttribute("xformOp:translate"):
         yield f"at {_numbers(UsdGeom.Xformable(prim).GetLocalTransformation().ExtractTranslation())}"
     joint = _joint(prim)
     if joint is not None:

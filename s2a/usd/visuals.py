@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-
-from pxr import Usd, UsdPhysics
 
 from s2a import scan
 from s2a.errors import InputError
 from s2a.scene import Mesh, Scene
 from s2a.usd import geometric, sim_stage
-from s2a.usd.stage import open_stage, read_attribute, read_mesh, reading
+from s2a.usd.sim_scene import SimRoom, in_scene
+from s2a.usd.stage import open_stage, read_attribute, reading
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def visible(path: Path) -> Visible:
         if flavour == geometric.FLAVOUR:
             return _scene(geometric.read(path))
         if flavour == sim_stage.FLAVOUR:
-            return _simready(stage.GetDefaultPrim())
+            return visible_room(sim_stage.read(path))
     raise InputError(f"{path}: holds no surfaces; give a scan's folder, a geometric or a simulation-ready stage")
 
 
@@ -63,12 +63,21 @@ def _scene(scene: Scene) -> Visible:
     return Visible(scene.name, {i: part.mesh for i, part in scene.parts.items()}, (), scene.movable)
 
 
-def _simready(root: Usd.Prim) -> Visible:
-    visuals = {prim.GetName(): prim.GetChild("visual") for prim in root.GetChildren() if prim.GetChild("visual")}
-    pieces = [prim for prim in Usd.PrimRange(root) if prim.HasAPI(UsdPhysics.CollisionAPI)]
-    return Visible(
-        read_attribute(root, "name", str, ""),
-        {name: read_mesh(prim) for name, prim in visuals.items()},
-        tuple((read_attribute(prim, "part", str, "?"), read_mesh(prim)) for prim in pieces),
-        (read_attribute(root, "target", str, ""),),
-    )
+def visible_room(room: SimRoom) -> Visible:
+    """Return what there is to see in a simulation-ready room."""
+    surfaces = {
+        body.id: Mesh(in_scene(body, body.visual), body.visual.faces, body.visual.colors)
+        for body in (*room.bodies.values(), *room.free.values())
+        if len(body.visual.faces)
+    }
+    colliders = tuple((part, mesh) for _, part, mesh in hulls(room))
+    return Visible(room.name, surfaces | {"static": room.static_visual}, colliders, tuple(room.articulations))
+
+
+def hulls(room: SimRoom) -> Iterator[tuple[str, str, Mesh]]:
+    """Yield the colliders of a simulation-ready room in scene coordinates: their body, their part, the hull."""
+    for body in (*room.bodies.values(), *room.free.values()):
+        for collider in body.colliders:
+            yield body.id, collider.part, Mesh(in_scene(body, collider.mesh), collider.mesh.faces)
+    for collider in room.static_colliders:
+        yield "static", collider.part, collider.mesh

@@ -32,6 +32,7 @@ from s2a.certify.check_suite import CertifyConfig, fingerprint
 from s2a.certify.images import pictures
 from s2a.errors import InputError
 from s2a.geometry.orbit_camera import OrbitCamera
+from s2a.usd import sim_stage
 from s2a.usd.stage import new_stage, save
 
 
@@ -43,7 +44,8 @@ def stage(tmp_path: Path) -> Path:
 def static_checks(path: Path) -> list[Check]:
     held = contents.read(path)
     bounds = load(CertifyConfig, "certify/default").shapes
-    return [rule(held) for rule in static.RULES] + [rule(held, bounds) for rule in shapes.RULES]
+    surfaces = (*shapes.ROOM_RULES, *shapes.PART_RULES)
+    return [rule(held) for rule in (*static.ROOM_RULES, *static.PART_RULES)] + [rule(held, bounds) for rule in surfaces]
 
 
 def test_a_clean_stage_breaks_no_static_rule(stage: Path) -> None:
@@ -84,7 +86,8 @@ def test_the_command_writes_a_record_and_a_page_and_keeps_them(
     assert cli.main(quick(stage, out)) == 0
     assert "PASSED; drawer_2: graspable" in capsys.readouterr().out
     record = json.loads((out / "certificate.json").read_text())
-    assert record["passed"] and {"name", "value", "bound", "prim", "remedy"} <= set(record["checks"][0])
+    (certificate,) = record["certificates"]
+    assert record["passed"] and {"name", "value", "bound", "prim", "remedy"} <= set(certificate["checks"][0])
     page = (out / "certificate.html").read_text()
     assert page.count("<img") == 4 and "finger_closure" in page and "<h1>drawer_2: passed</h1>" in page
     written = (out / "certificate.json").stat().st_mtime_ns
@@ -97,15 +100,16 @@ def test_a_certificate_is_kept_for_the_same_file_settings_and_code_alone(tmp_pat
     code = {"commit": "abc"}
     made = Certificate("sim.usd", "5ca1ab1e", "drawer_2", (Check("mass", "pass", 1.0),), True, settings, 1.0, code)
     path = tmp_path / "certificate.json"
-    assert report.kept(path, "5ca1ab1e", settings, code) is None
-    path.write_text(report.to_json(made))
-    kept = report.kept(path, "5ca1ab1e", settings, code)
-    assert kept is not None and kept.checks == made.checks and kept.passed
-    assert report.kept(path, "0ddba11", settings, code) is None
-    assert report.kept(path, "5ca1ab1e", {**settings, "bound": 0.2}, code) is None
-    assert report.kept(path, "5ca1ab1e", settings, {"commit": "def"}) is None
-    path.write_text(report.to_json(replace(made, provenance={"commit": "abc+"})))
-    assert report.kept(path, "5ca1ab1e", settings, {"commit": "abc+"}) is None
+    assert report.kept(path, "5ca1ab1e", settings, code, ["drawer_2"]) is None
+    path.write_text(report.to_json([made]))
+    kept = report.kept(path, "5ca1ab1e", settings, code, ["drawer_2"])
+    assert kept is not None and kept[0].checks == made.checks and kept[0].passed
+    assert report.kept(path, "0ddba11", settings, code, ["drawer_2"]) is None
+    assert report.kept(path, "5ca1ab1e", {**settings, "bound": 0.2}, code, ["drawer_2"]) is None
+    assert report.kept(path, "5ca1ab1e", settings, {"commit": "def"}, ["drawer_2"]) is None
+    assert report.kept(path, "5ca1ab1e", settings, code, ["drawer_2", "drawer_3"]) is None
+    path.write_text(report.to_json([replace(made, provenance={"commit": "abc+"})]))
+    assert report.kept(path, "5ca1ab1e", settings, {"commit": "abc+"}, ["drawer_2"]) is None
 
 
 def test_a_stage_is_another_when_a_file_below_it_is(stage: Path, tmp_path: Path) -> None:
@@ -113,7 +117,8 @@ def test_a_stage_is_another_when_a_file_below_it_is(stage: Path, tmp_path: Path)
     over.write_text(f"#usda 1.0\n(\n    subLayers = [@{stage}@]\n)\n")
     before = fingerprint(over)
     assert fingerprint(over) == before != fingerprint(stage)
-    assert fingerprint(stage) == hashlib.sha256(stage.read_bytes()).hexdigest()
+    both = stage.read_bytes() + sim_stage.visuals_file(stage).read_bytes()
+    assert fingerprint(stage) == hashlib.sha256(both).hexdigest()
     stage.write_bytes(stage.read_bytes() + b"# another line\n")
     assert fingerprint(over) != before
 

@@ -60,7 +60,7 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
         (["insert", "stage=x.usd", "out=y", "plans=0"], ["'plans'", "0", "1 or more"]),
         (["insert", "stage=x.usd", "out=y", "image=x.jpg"], ["'image'", "'x.jpg'", "image=FILE.png"]),
         (["insert", "stage=x.usd", "out=y", "object=a.obj", "label="], ["object=FILE and label=WORDS"]),
-        (["prepare", "stage=nowhere.usd", "target=drawer_7", "out=y.usd"], ["nowhere.usd"]),
+        (["prepare", "stage=nowhere.usd", "targets=drawer_7", "out=y.usd"], ["nowhere.usd"]),
         (["evaluate", "stage=nowhere.usd", "out=y.json"], ["nowhere.usd"]),
         (["train", "stage=nowhere.usd", "out=y"], ["nowhere.usd"]),
         (["train", "stage=x", "out=y", "device=cuda:99"], ["'device'", "'cuda:99'", "auto, cpu"]),
@@ -71,7 +71,7 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
             ["'policy.mini_batches'", "41", "40 or less"],
         ),
         (["train", "stage=x", f"out={__file__}"], [__file__, "is a file where a folder"]),
-        (["prepare", "stage=x", "target=[]", "out=y.usd"], ["'target'", "names no part"]),
+        (["prepare", "stage=x", "targets=[]", "out=y.usd"], ["'targets'", "names no part"]),
     ],
 )
 def test_bad_input_is_one_line_that_names_it_and_the_remedy(
@@ -188,7 +188,7 @@ def test_an_output_in_an_inputs_place_is_refused(scan: Path, tmp_path: Path, cap
     assert cli.main(["export", f"scan={scan}", f"out={tmp_path}"]) == 0
     stage = tmp_path / "geometric.usd"
     before = stage.read_bytes()
-    for command in (["prepare", "target=drawer_3"], ["evaluate", "agent=zero"]):
+    for command in (["prepare", "targets=drawer_3"], ["evaluate", "agent=zero"]):
         assert cli.main([*command, f"stage={stage}", f"out={tmp_path}/./geometric.usd"]) == 2
         assert "would replace what the key 'stage' names" in capsys.readouterr().err
     assert stage.read_bytes() == before

@@ -29,10 +29,10 @@ IMPOSSIBLE = {
         ("prepare.decimate.shell", "0.0", "a number above 0, up to 1"),
         ("prepare.decimate.other", "1.5", "a number above 0, up to 1"),
         ("prepare.decimate.max_error", "0.0", "a number above 0"),
-        ("prepare.room.pieces", "-1", "0 or more"),
+        ("prepare.room.part_hulls", "0", "1 or more"),
         ("prepare.colliders.max_vertices", "3", "4 or more"),
         ("prepare.mass.priors.drawer", "-3.0", "a number above 0"),
-        ("prepare.loose.crumb", "2.0", "a number from 0 to 1"),
+        ("prepare.free.min_component_area", "2.0", "a number from 0 to 1"),
     ],
     "certify": [
         ("certify.physics.dt", "0.0", "a number above 0"),

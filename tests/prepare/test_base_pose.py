@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cabinet_rooms import box, clean_cabinet_room
+from only_part import base as base_of
 from scanned_drawers import scanned_drawer
 from scipy.spatial.transform import Rotation
 from settings import load
@@ -26,9 +27,10 @@ from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import opening_coordinate, opening_path
 from s2a.scene import Joint, Mesh, Part, Scene
-from s2a.sim.world import read_stage
+from s2a.sim.room import PEDESTAL, pedestal
+from s2a.sim.world import JointConfig, build_world, read_stage
 from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimScene
+from s2a.usd.sim_scene import SimRoom
 
 PANDA = robot.load("panda")
 
@@ -155,27 +157,28 @@ def test_a_part_does_not_open_into_the_base() -> None:
 
 
 @pytest.fixture(scope="module")
-def high_up() -> SimScene:
+def high_up() -> SimRoom:
     """A drawer whose handle is reached from a pedestal alone."""
     settings = load(PrepareConfig, "prepare/handle")
-    carcass, room = (replace(part, resolution=3000) for part in (settings.carcass, settings.room))
-    return prepare(scanned_drawer(height=1.5), "drawer_7", replace(settings, carcass=carcass, room=room))
+    furniture, room = (replace(one, resolution=3000) for one in (settings.cabinet, settings.room))
+    return prepare(scanned_drawer(height=1.5), "drawer_7", replace(settings, cabinet=furniture, room=room))
 
 
-def test_what_the_robot_stands_on_is_seen_and_collides(high_up: SimScene) -> None:
-    (stand,) = [c.mesh for c in high_up.static_colliders if c.part == "pedestal"]
-    foot = np.array(high_up.base_position)
+def test_what_the_robot_stands_on_ends_just_below_its_base(high_up: SimRoom, tmp_path: Path) -> None:
+    sim_stage.write(high_up, tmp_path / "sim.usd")
+    stage = read_stage(tmp_path / "sim.usd")
+    stand, foot = pedestal(stage.base, *stage.pedestal), np.array(base_of(high_up).position)
     assert stand.bounds[0, 2] == pytest.approx(0.0, abs=1e-6)  # the floor
     assert 0.001 < foot[2] - stand.bounds[1, 2] < 0.003
     assert stand.bounds.mean(axis=0)[:2] == pytest.approx(foot[:2], abs=1e-3)
-    seen = np.flatnonzero(np.array(high_up.static_parts) == "pedestal")
-    faces = high_up.static_visual.faces[high_up.static_face_part == seen[0]]
-    assert np.ptp(high_up.static_visual.vertices[faces][..., 2]) == pytest.approx(foot[2] - 0.002, abs=1e-6)
+    builder = build_world(stage, JointConfig(0.0, 0.0), 0.01)
+    assert builder.shape_body[builder.shape_label.index(PEDESTAL)] == -1
 
 
-def test_the_planner_finds_the_joint_paths_that_the_base_search_found(high_up: SimScene, tmp_path: Path) -> None:
+def test_the_planner_finds_the_joint_paths_that_the_base_search_found(high_up: SimRoom, tmp_path: Path) -> None:
     sim_stage.write(high_up, tmp_path / "sim.usd")
-    assert high_up.base_free
+    (articulation,) = high_up.articulations.values()
+    assert base_of(high_up).free
     settings, stage = load(PlannerConfig, "policy/planner"), read_stage(tmp_path / "sim.usd")
     path = _tool_path(stage, settings)
     searched = opening_path(

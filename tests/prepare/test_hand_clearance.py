@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from cabinet_rooms import clean_cabinet_room
+from only_part import cabinet
 from scipy.spatial.transform import Rotation
 from settings import load
 
@@ -93,9 +94,9 @@ def test_furniture_that_bulges_by_millimetres_before_the_front_leaves_the_finger
     point = room.grasp_point("drawer_7")
     rim = Part("rim", box((front - 0.02, -0.3, point[2] + 0.013), (front + 0.004, 0.3, point[2] + 0.05)), "cabinet_3")
     settings = load(PrepareConfig, "prepare/handle")
-    carcass, around = (replace(part, resolution=3000) for part in (settings.carcass, settings.room))
+    furniture, around = (replace(one, resolution=3000) for one in (settings.cabinet, settings.room))
     scene = replace(room, parts={**room.parts, "rim_20": rim})
-    ready = prepare(scene, "drawer_7", replace(settings, carcass=carcass, room=around))
+    ready = prepare(scene, "drawer_7", replace(settings, cabinet=furniture, room=around))
     low, high = [front + 0.0021, -0.009, point[2] + 0.014], [front + 0.02, 0.009, point[2] + 0.029]
     way = np.random.default_rng(0).uniform(low, high, (2000, 3))
-    assert share_inside([collider.mesh for collider in ready.carcass.colliders], way) == 0.0
+    assert share_inside([collider.mesh for collider in cabinet(ready).colliders], way) == 0.0

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from closeness import gap_points, surface_distance
-from scipy.spatial.transform import Rotation
 from settings import load
 
 from s2a.geometry.handles.finger_gap import share_inside
@@ -15,8 +15,10 @@ from s2a.geometry.mesh_ops import merge, sample
 from s2a.prepare import PrepareConfig
 from s2a.prepare.colliders.target import find_handle, target_colliders
 from s2a.prepare.grasp import find_grasp
+from s2a.prepare.target import find_target
 from s2a.scene import Scene
 from s2a.usd import geometric
+from s2a.usd.sim_scene import Grasp
 
 DRAWERS = ("drawer_6", "drawer_7")
 """Those of the cabinet with the dimensions of the reference task."""
@@ -31,9 +33,10 @@ def truth(office_scan: Path) -> Scene:
 def test_the_true_finger_gap_is_free_though_the_scan_closed_part_of_it(
     target: str, office: Scene, truth: Scene
 ) -> None:
-    frame = Rotation.from_quat(find_grasp(office, target).orientation).as_matrix()
-    colliders = target_colliders(office, target, *find_handle(office, target, frame), _settings())
-    space = find_handle(truth, target, frame)[0].space
+    found = find_target(office, target)
+    colliders = target_colliders(found, *find_handle(found), _settings())
+    # The truth is asked about the grasp that was found in the scan.
+    space = find_handle(find_target(truth, target, grasp=_grasped(truth, target, found.grasp)))[0].space
     assert space.behind is not None
     assert space.boxes and share_inside([collider.mesh for collider in colliders], gap_points(space)) <= 0.01
     assert len(colliders) <= 32
@@ -41,8 +44,8 @@ def test_the_true_finger_gap_is_free_though_the_scan_closed_part_of_it(
 
 @pytest.mark.parametrize("target", DRAWERS)
 def test_pieces_are_no_farther_from_the_true_handle_than_the_scan_is(target: str, office: Scene, truth: Scene) -> None:
-    frame = Rotation.from_quat(find_grasp(office, target).orientation).as_matrix()
-    colliders = target_colliders(office, target, *find_handle(office, target, frame), _settings())
+    found = find_target(office, target)
+    colliders = target_colliders(found, *find_handle(found), _settings())
     grasped = office.grasp_parts(target)
     true = merge([truth.parts[i].mesh for i in grasped])
     pieces = [collider.mesh for collider in colliders if collider.part in grasped]
@@ -54,6 +57,12 @@ def test_pieces_are_no_farther_from_the_true_handle_than_the_scan_is(target: str
 @pytest.mark.parametrize("target", DRAWERS)
 def test_the_bar_is_measured_as_thick_as_it_is(target: str, office: Scene) -> None:
     assert find_grasp(office, target).size[1] == pytest.approx(0.0238, abs=0.003)
+
+
+def _grasped(scene: Scene, target: str, grasp: Grasp) -> Grasp:
+    """Return a grasp of the same orientation of another scene's part."""
+    point = tuple(map(float, scene.grasp_point(target)))
+    return replace(grasp, point=point, region=merge([scene.parts[i].mesh for i in scene.grasp_parts(target)]))
 
 
 def _settings():  # noqa: ANN202

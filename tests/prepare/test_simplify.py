@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cabinet_rooms import clean_cabinet_room
+from only_part import moving
 from pxr import Usd, UsdGeom
 from scipy.spatial import cKDTree
 from settings import load
@@ -183,12 +184,14 @@ def test_a_bound_on_the_error_is_kept_with_as_few_faces_as_it_allows() -> None:
 def test_what_the_robot_moves_keeps_every_face_and_the_stage_says_what_the_room_lost(tmp_path: Path) -> None:
     room = clean_cabinet_room()
     settings = load(PrepareConfig, "prepare/handle")
-    coarse = replace(settings, carcass=replace(settings.carcass, resolution=3000))
+    coarse = replace(settings, cabinet=replace(settings.cabinet, resolution=3000))
     scene = prepare(
-        Scene("more", {**room.parts, **ROOM.parts}), "drawer_7", replace(coarse, room=replace(settings.room, pieces=1))
+        Scene("more", {**room.parts, **ROOM.parts}),
+        "drawer_7",
+        replace(coarse, room=replace(settings.room, part_hulls=1)),
     )
-    moving = ("drawer_7", "handle_11")
-    assert len(scene.target.visual.faces) == sum(len(room.parts[i].mesh.faces) for i in moving)
+    members = ("drawer_7", "handle_11")
+    assert len(moving(scene).visual.faces) == sum(len(room.parts[i].mesh.faces) for i in members)
     sim_stage.write(scene, tmp_path / "sim.usda")
     stage = Usd.Stage.Open(str(tmp_path / "sim.usda"))
     static = stage.GetPrimAtPath("/scene/static")

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cabinet_rooms import clean_cabinet_room
+from only_part import moving, part
 from pxr import Usd
 from settings import load
 
@@ -28,7 +29,7 @@ from s2a.prepare.target import target_joint
 from s2a.scene import Joint, Mesh, Part, Scene, Vec3
 from s2a.usd import geometric, sim_stage
 from s2a.usd.joints import write_joint
-from s2a.usd.sim_scene import SimScene
+from s2a.usd.sim_scene import SimRoom
 from s2a.usd.stage import new_stage
 
 SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))
@@ -40,12 +41,12 @@ def cube(x: float, size: float = 0.1) -> Mesh:
 
 def coarse() -> PrepareConfig:
     settings = load(PrepareConfig, "prepare/handle")
-    carcass, room = (replace(part, resolution=3000) for part in (settings.carcass, settings.room))
-    return replace(settings, carcass=carcass, room=room)
+    furniture, room = (replace(one, resolution=3000) for one in (settings.cabinet, settings.room))
+    return replace(settings, cabinet=furniture, room=room)
 
 
 @pytest.fixture(scope="module")
-def prepared() -> SimScene:
+def prepared() -> SimRoom:
     return prepare(clean_cabinet_room(), "drawer_7", coarse())
 
 
@@ -57,7 +58,7 @@ def weigh(part: Part) -> tuple[float, str]:
 
 
 def test_bounds_of_the_mass_that_leave_none_are_refused() -> None:
-    keys = ["prepare.loose.mass.lowest=30", "stage=a", "target=b", "out=c"]
+    keys = ["prepare.free.mass.lowest=30", "stage=a", "targets=b", "out=c"]
     with pytest.raises(InputError, match="'mass.lowest' is 30, more than 'mass.highest', 20; give less"):
         configuration.load(verb.Config, configuration.compose("prepare", keys))
 
@@ -74,9 +75,9 @@ def test_the_label_and_the_annotation_know_better() -> None:
     assert weigh(Part("drawer", cube(0.0, 2.0), mass=3.0)) == (3.0, "annotated")
 
 
-def test_the_centre_of_mass_lies_inside_the_part(prepared: SimScene) -> None:
-    low, high = prepared.target.visual.bounds
-    assert (prepared.target.mass.center > low).all() and (prepared.target.mass.center < high).all()
+def test_the_centre_of_mass_lies_inside_the_part(prepared: SimRoom) -> None:
+    low, high = moving(prepared).visual.bounds
+    assert (moving(prepared).mass.center > low).all() and (moving(prepared).mass.center < high).all()
 
 
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.6, 0.0, 0.8)])
@@ -93,35 +94,37 @@ def test_a_clash_is_found_where_it_is_deepest() -> None:
 
 
 @pytest.mark.parametrize("share", np.linspace(0.0, 1.0, 6))
-def test_no_collider_of_the_room_is_met_on_the_way(share: float, prepared: SimScene) -> None:
-    lower, upper = prepared.joint.limits
+def test_no_collider_of_the_room_is_met_on_the_way(share: float, prepared: SimRoom) -> None:
+    lower, upper = part(prepared).joint.limits
     q = lower + share * (upper - lower)
-    moved = [Mesh(displace(c.mesh.vertices, prepared.joint, q), c.mesh.faces) for c in prepared.target.colliders]
+    moved = [Mesh(displace(c.mesh.vertices, part(prepared).joint, q), c.mesh.faces) for c in moving(prepared).colliders]
     assert max(overlap(a, b.mesh) for a in moved for b in prepared.static_colliders) < 5e-4
 
 
-def test_pieces_that_overlap_on_the_way_are_filtered_and_the_stage_says_so(prepared: SimScene, tmp_path: Path) -> None:
-    for clash in (True, False):
-        sim_stage.write(replace(prepared, filtered=clash, notes=("told",)), tmp_path / "sim.usda")
+def test_what_overlaps_on_the_path_is_filtered_and_the_stage_says_so(prepared: SimRoom, tmp_path: Path) -> None:
+    for others in (("cabinet_3",), ()):
+        changed = replace(part(prepared), filtered=others, notes=("told",))
+        sim_stage.write(replace(prepared, articulations={"drawer_7": changed}), tmp_path / "sim.usda")
         stage = Usd.Stage.Open(str(tmp_path / "sim.usda"))
         stage.Reload()
         pairs = stage.GetPrimAtPath("/scene/drawer_7").GetRelationship("physics:filteredPairs").GetTargets()
-        assert [str(path) for path in pairs] == (["/scene/cabinet_3"] if clash else [])
-        assert list(stage.GetDefaultPrim().GetAttribute("s2a:notes").Get()) == ["told"]
+        assert [str(path) for path in pairs] == [f"/scene/{other}" for other in others]
+        assert list(stage.GetPrimAtPath("/scene/drawer_7").GetAttribute("s2a:notes").Get()) == ["told"]
 
 
-def test_several_targets_become_a_stage_each(tmp_path: Path) -> None:
+def test_several_parts_become_one_room(tmp_path: Path) -> None:
     geometric.write(clean_cabinet_room(), tmp_path / "room.usd")
-    given = [f"stage={tmp_path / 'room.usd'}", "target=[drawer_7,door_5]", f"out={tmp_path / 'sims'}"]
-    given += ["prepare.carcass.resolution=3000", "prepare.room.resolution=3000", "prepare.base.search=false"]
+    given = [f"stage={tmp_path / 'room.usd'}", "targets=[drawer_7,door_5]", f"out={tmp_path / 'sims/sim.usd'}"]
+    given += ["prepare.cabinet.resolution=3000", "prepare.room.resolution=3000", "prepare.base.search=false"]
     told = verb.run(configuration.load(verb.Config, configuration.compose("prepare", given)))
-    assert sorted(path.name for path in (tmp_path / "sims").iterdir()) == ["door_5.usd", "drawer_7.usd"]
-    assert "door_5 on cabinet_3" in told and "robot: 0.55 m before the handle" in told
+    assert sorted(path.name for path in (tmp_path / "sims").iterdir()) == ["sim.usd", "sim_visuals.usd"]
+    assert "door_5 on cabinet_3" in told and "panda: 0.55 m before the handle" in told
+    assert list(sim_stage.read(tmp_path / "sims/sim.usd").articulations) == ["drawer_7", "door_5"]
 
 
 def test_nothing_is_written_where_one_of_several_does_not_move(tmp_path: Path) -> None:
     geometric.write(clean_cabinet_room(), tmp_path / "room.usd")
-    given = [f"stage={tmp_path / 'room.usd'}", "target=[drawer_7,table_4]", f"out={tmp_path / 'sims'}"]
+    given = [f"stage={tmp_path / 'room.usd'}", "targets=[drawer_7,table_4]", f"out={tmp_path / 'sims/sim.usd'}"]
     with pytest.raises(InputError, match="drawer_7, "):
         verb.run(configuration.load(verb.Config, configuration.compose("prepare", given)))
     assert not (tmp_path / "sims").exists()
@@ -152,7 +155,7 @@ LIMITS = [
 def test_a_target_is_refused_for_the_limits_that_no_certificate_allows(kind: str, limits: tuple[float, float]) -> None:
     stage, joint = new_stage(), replace(SLIDE, kind=kind, limits=limits)
     prim = write_joint(stage, "/scene/joint", joint, "/scene/a", "/scene/b").GetPrim()
-    certified = joint_limits(Contents(stage, None, prim, None, (), (), ())).status == "pass"
+    certified = joint_limits(Contents(stage, "", None, prim, None, (), (), ())).status == "pass"
     scene = Scene("one", {"drawer_3": Part("drawer", cube(0.0), motion=joint)})
     if certified:
         assert target_joint(scene, "drawer_3") == joint
@@ -184,10 +187,10 @@ def test_the_way_of_a_part_is_covered_with_the_clearance_all_around(joint: Joint
             assert held.all()
 
 
-def test_what_is_left_of_a_cut_piece_is_kept_unless_it_is_a_crumb() -> None:
+def test_what_is_left_of_a_cut_piece_is_kept_unless_it_is_too_small() -> None:
     wall = box(np.array([0.048, 0.0, 0.0]), np.eye(3), np.full(3, 0.1))  # 2 mm of it lies at x below 0
     space = box(np.array([0.5, 0.0, 0.0]), np.eye(3), np.ones(3))
     left = cut_all(wall, [space])
     assert left is not None and volume(left) < 0.1 * 0.1 * 0.0021
-    assert cut_all(wall, [space], crumb=2.5e-5) is None
-    assert cut_all(cube(0.0, 0.01), [box(np.full(3, 1.0), np.eye(3), np.ones(3))], crumb=1.0) is not None
+    assert cut_all(wall, [space], min_volume=2.5e-5) is None
+    assert cut_all(cube(0.0, 0.01), [box(np.full(3, 1.0), np.eye(3), np.ones(3))], min_volume=1.0) is not None

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import torch
 from cabinet import TRAVEL, write_cabinet
-from pxr import Usd
 from settings import load
 
 from s2a import robot
+from s2a.geometry.mesh_ops import merge
 from s2a.scene import Mesh
 from s2a.sim.camera import BLOCK, Camera, CameraConfig, bake
 from s2a.sim.camera_pose import blocked, viewpoint
 from s2a.sim.world import read_stage
-from s2a.usd.stage import write_mesh
+from s2a.usd import sim_stage
 
 
 def test_the_texture_holds_each_corner_in_its_color() -> None:
@@ -60,9 +60,9 @@ def test_the_camera_goes_where_no_wall_stands_between(tmp_path: Path) -> None:
     side = np.cross(away, [0.0, 0.0, 1.0])
     place = middle + 0.5 * away
     corners = np.array([place - side, place + side, place + [0.0, 0.0, 3.0], place - [0.0, 0.0, 3.0]])
-    file = Usd.Stage.Open(str(stage.path))
-    write_mesh(file, "/scene/wall/visual", Mesh(corners, [[0, 1, 2], [0, 3, 1]]))
-    file.GetRootLayer().Export(str(tmp_path / "walled.usda"))
+    room = sim_stage.read(stage.path)
+    wall = Mesh(corners, [[0, 1, 2], [0, 3, 1]])
+    sim_stage.write(replace(room, static_visual=merge([room.static_visual, wall])), tmp_path / "walled.usda")
     walled = read_stage(tmp_path / "walled.usda")
     found, _ = viewpoint(walled, *asked)
     assert np.linalg.norm(found - free) > 0.3

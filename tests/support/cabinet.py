@@ -11,7 +11,7 @@ import trimesh
 from s2a.geometry.mesh_ops import merge
 from s2a.scene import Joint, Mesh
 from s2a.usd import sim_stage
-from s2a.usd.sim_scene import Collider, Grasp, Mass, SimBody, SimScene
+from s2a.usd.sim_scene import Articulation, Base, Collider, Grasp, Mass, SimBody, SimRoom
 
 HANDLE = np.array([0.351, 0.0, 0.7267])
 """Centre of the drawer's bar [m]; the drawer opens towards +x, the robot stands at x = 0.9."""
@@ -33,10 +33,12 @@ def write_cabinet(
     base: tuple[float, float, float] = (HANDLE[0] + 0.55, 0.0, 0.0),
     beside: Sequence[Mesh] = (),
     joint: Joint | None = None,
+    free: Sequence[SimBody] = (),
 ) -> Path:
     """Write a cabinet of the reference task's size with one drawer and a bar handle (two posts, a gap of 24 mm).
 
-    `beside` are convex pieces of the room beside floor and wall; `joint` moves the drawer instead of its slide.
+    `beside` are convex hulls of the room besides floor and wall, `joint` moves the drawer instead of its slide, `free` are
+    objects that lie about.
     """
     carcass = [box((0.0, y, 0.4), (0.305, 0.0095, 0.381)) for y in (-0.3715, 0.3715)]
     carcass += [box((-0.2955, 0.0, 0.4), (0.0095, 0.36, 0.381)), box((0.0, 0.0, 0.795), (0.305, 0.381, 0.007))]
@@ -44,20 +46,30 @@ def write_cabinet(
     posts = [box((0.3345, y, HANDLE[2]), (0.0115, 0.0175, 0.0119)) for y in (-0.0665, 0.0665)]
     front = box((0.31515, 0.0, 0.7172), (0.0095, 0.3594, 0.0619))
     floor = [box((0.5, 0.0, -0.01), (2.0, 2.0, 0.01)), box((-0.5, 0.0, 1.0), (0.02, 2.0, 1.0)), *beside]
-    scene = SimScene(
+    # z into the cabinet (-x), y up, x = y cross z = -y of the world.
+    grasp_at = Grasp(grasp, (0.5, -0.5, -0.5, 0.5), (0.168, 0.0238, 0.0142), bar)
+    slide = Joint("prismatic", (1.0, 0.0, 0.0), tuple(HANDLE), (0.0, TRAVEL))
+    room = SimRoom(
         name="test",
-        carcass=_body("cabinet_1", carcass, 60.0, (120, 90, 60)),
-        target=_body("drawer_2", [bar, *posts, front], 5.32, (200, 20, 20)),
-        joint=joint or Joint("prismatic", (1.0, 0.0, 0.0), tuple(HANDLE), (0.0, TRAVEL)),
-        # z into the cabinet (-x), y up, x = y cross z = -y of the world.
-        grasp=Grasp(grasp, (0.5, -0.5, -0.5, 0.5), (0.168, 0.0238, 0.0142), bar),
+        bodies={
+            "cabinet_1": _body("cabinet_1", carcass, 60.0, (120, 90, 60)),
+            "drawer_2": _body("drawer_2", [bar, *posts, front], 5.32, (200, 20, 20)),
+        },
+        articulations={
+            "drawer_2": Articulation(joint or slide, "cabinet_1", grasp_at, {"panda": Base(base, (0.0, 0.0, 1.0, 0.0))})
+        },
         static_visual=merge(floor),
         static_colliders=tuple(Collider("room_3", mesh) for mesh in floor),
-        base_position=base,
-        base_orientation=(0.0, 0.0, 1.0, 0.0),
+        free={body.id: body for body in free},
     )
-    sim_stage.write(scene, path)
+    sim_stage.write(room, path)
     return path
+
+
+def free_cube(name: str, position: tuple[float, float, float], side: float = 0.1, mass: float = 0.5) -> SimBody:
+    """Return a cube that is free to move, its frame in its middle."""
+    mesh, moment = box((0.0, 0.0, 0.0), 3 * (side / 2,)), mass * side**2 / 6.0
+    return SimBody(name, mesh, (Collider(name, mesh),), Mass(mass, (0.0, 0.0, 0.0), 3 * (moment,)), position=position)
 
 
 def _body(name: str, meshes: list[Mesh], mass: float, color: tuple[int, int, int]) -> SimBody:

@@ -49,12 +49,14 @@ def stale_anchor(stage: Usd.Stage) -> None:
     UsdPhysics.Joint(stage.GetPrimAtPath(JOINT)).GetBody0Rel().SetTargets([])
 
 
-def duplicate_target(stage: Usd.Stage) -> None:
-    stage.GetPrimAtPath(CARCASS).CreateAttribute("s2a:target", Sdf.ValueTypeNames.Int).Set(1)
+def no_rigid_body(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath(TARGET).RemoveAPI(UsdPhysics.RigidBodyAPI)
 
 
-def unknown_target(stage: Usd.Stage) -> None:
-    attribute(stage, "/scene.s2a:target", "drawer_70")
+def renamed_part(stage: Usd.Stage) -> None:
+    """The joint is called like another part than the one that it moves."""
+    Sdf.CopySpec(stage.GetRootLayer(), JOINT, stage.GetRootLayer(), "/scene/joints/drawer_70")
+    stage.RemovePrim(JOINT)
 
 
 def detached_joint(stage: Usd.Stage) -> None:
@@ -147,7 +149,7 @@ def missing_collision(stage: Usd.Stage) -> None:
 
 
 def nan_point(stage: Usd.Stage) -> None:
-    points = stage.GetAttributeAtPath(f"{TARGET}/visual.points")
+    points = stage.GetAttributeAtPath(f"{BAR}.points")
     points.Set(Vt.Vec3fArray([Gf.Vec3f(math.nan), *list(points.Get())[1:]]))
 
 
@@ -174,11 +176,18 @@ def empty_region(stage: Usd.Stage) -> None:
 
 
 def missing_base(stage: Usd.Stage) -> None:
-    stage.GetDefaultPrim().RemoveProperty("s2a:basePosition")
+    stage.RemovePrim(f"{TARGET}/bases/panda")
 
 
 def missing_base_turn(stage: Usd.Stage) -> None:
-    stage.GetDefaultPrim().RemoveProperty("s2a:baseOrientation")
+    base = UsdGeom.Xformable(stage.GetPrimAtPath(f"{TARGET}/bases/panda"))
+    base.SetXformOpOrder(base.GetOrderedXformOps()[:1])
+
+
+def far_frame(stage: Usd.Stage) -> None:
+    """A free object whose frame is the scene's, 5 m from its centre of mass."""
+    Sdf.CopySpec(stage.GetRootLayer(), TARGET, stage.GetRootLayer(), "/scene/cup_5")
+    attribute(stage, "/scene/cup_5.physics:centerOfMass", Gf.Vec3f(5.0, 0.0, 0.0))
 
 
 def external_reference(stage: Usd.Stage) -> None:
@@ -201,7 +210,7 @@ def no_colliders(stage: Usd.Stage) -> None:
 
 STATIC_DEFECTS = {
     wrong_units: "units", external_reference: "self_contained", payload: "self_contained", instance: "self_contained",
-    duplicate_target: "target", unknown_target: "target", nested_body: "bodies", left_over_anchor: "bodies",
+    no_rigid_body: "target", renamed_part: "target", far_frame: "bodies", nested_body: "bodies", left_over_anchor: "bodies",
     mirrored_body: "bodies",
     missing_root: "root_joint", carcass_not_fixed: "root_joint", stale_anchor: "target_joint",
     detached_joint: "target_joint", second_joint: "target_joint", limits_in_centimetres: "joint_limits",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,24 +10,27 @@ import newton
 import numpy as np
 import pytest
 from cabinet_rooms import clean_cabinet_room
-from pxr import Usd, UsdGeom, UsdPhysics
+from only_part import cabinet, moving
+from pxr import Sdf, Usd, UsdPhysics
 from scanned_drawers import scanned_drawer
+from scipy.spatial.transform import Rotation
 from settings import load
 
+from s2a.errors import InputError
 from s2a.prepare import PrepareConfig, prepare
 from s2a.scene import Part
 from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimScene
+from s2a.usd.sim_scene import SimRoom, in_scene
 from s2a.usd.validate import problems
 
 
 @pytest.fixture(scope="module")
-def scene() -> SimScene:
+def scene() -> SimRoom:
     return prepare(clean_cabinet_room(yaw=0.7), "drawer_7", load(PrepareConfig, "prepare/handle"))
 
 
 @pytest.fixture(scope="module")
-def path(scene: SimScene, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(scene: SimRoom, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = Path(tmp_path_factory.mktemp("simready") / "sim.usd")
     sim_stage.write(scene, path)
     return path
@@ -44,7 +48,7 @@ def test_the_stage_passes_usds_own_rules(path: Path) -> None:
     assert problems(path) == []
 
 
-def test_newton_has_a_fixed_carcass_and_a_target_that_slides(path: Path, scene: SimScene) -> None:
+def test_newton_has_a_fixed_carcass_and_a_target_that_slides(path: Path, scene: SimRoom) -> None:
     builder = newton_builder(path)
     assert builder.body_label == ["/scene/cabinet_3", "/scene/drawer_7"]
     assert builder.joint_label == ["/scene/joints/cabinet_3", "/scene/joints/drawer_7"]
@@ -52,14 +56,14 @@ def test_newton_has_a_fixed_carcass_and_a_target_that_slides(path: Path, scene: 
     assert builder.joint_parent == [-1, 0]
     assert (builder.joint_limit_lower[0], builder.joint_limit_upper[0]) == pytest.approx((0.0, 0.4))
     assert builder.body_mass[1] == pytest.approx(5.3)
-    assert list(builder.body_com[1]) == pytest.approx(scene.target.mass.center, abs=1e-5)
+    assert list(builder.body_com[1]) == pytest.approx(moving(scene).mass.center, abs=1e-5)
     assert builder.joint_friction[0] == pytest.approx(1.5)
 
 
-def test_newton_takes_every_piece_as_a_convex_mesh_with_friction_one(path: Path, scene: SimScene) -> None:
+def test_newton_takes_every_piece_as_a_convex_mesh_with_friction_one(path: Path, scene: SimRoom) -> None:
     builder = newton_builder(path)
     pieces = [i for i, label in enumerate(builder.shape_label) if "/colliders/" in label]
-    expected = len(scene.target.colliders) + len(scene.carcass.colliders) + len(scene.static_colliders)
+    expected = len(moving(scene).colliders) + len(cabinet(scene).colliders) + len(scene.static_colliders)
     assert len(pieces) == expected
     assert {builder.shape_type[i] for i in pieces} == {newton.GeoType.CONVEX_MESH}
     assert {builder.shape_material_mu[i] for i in pieces} == {1.0}
@@ -94,19 +98,38 @@ def test_exact_joint_values_stand_beside_the_float_frames(path: Path) -> None:
     assert tuple(prim.GetAttribute("s2a:limits").Get()) == joint.limits
 
 
-def test_the_stage_says_what_a_simulation_asks(path: Path, scene: SimScene) -> None:
+def test_a_written_room_reads_back_equal(path: Path, scene: SimRoom) -> None:
+    assert sim_stage.read(path) == scene
+    assert np.array_equal(sim_stage.read(path).static_face_part, scene.static_face_part)
+
+
+def test_physics_is_read_without_the_file_of_the_visuals(path: Path, scene: SimRoom, tmp_path: Path) -> None:
+    alone = tmp_path / path.name
+    shutil.copy(path, alone)
+    found = sim_stage.read(alone, visuals=False)
+    assert found.articulations == scene.articulations and found.static_colliders == scene.static_colliders
+    assert not any(len(body.visual.faces) for body in found.bodies.values())
+    assert alone.stat().st_size < 300_000
+    with pytest.raises(InputError, match="visuals are missing"):
+        sim_stage.read(alone)
+
+
+def test_a_free_object_keeps_a_pose_of_its_own(scene: SimRoom, tmp_path: Path) -> None:
+    body = replace(moving(scene), id="cup_20", position=(5.1, -2.3, 0.7), orientation=(0.0, 0.0, 0.6, 0.8), completed=0)
+    room = replace(scene, free={"cup_20": body})
+    sim_stage.write(room, tmp_path / "room.usd")
+    assert sim_stage.read(tmp_path / "room.usd") == room
+    expected = Rotation.from_quat(body.orientation).apply(body.visual.vertices) + body.position
+    assert in_scene(body, body.visual) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_file_of_one_part_as_it_was_written_before_is_refused(path: Path, tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(path))
-    root, target = stage.GetDefaultPrim(), stage.GetPrimAtPath("/scene/drawer_7")
-    assert root.GetAttribute("s2a:target").Get() == "drawer_7"
-    assert tuple(root.GetAttribute("s2a:basePosition").Get()) == scene.base_position
-    assert target.GetAttribute("s2a:target").Get() == 1
-    grasp = UsdGeom.Xformable(stage.GetPrimAtPath("/scene/drawer_7/grasp")).ComputeLocalToWorldTransform(0)
-    assert tuple(grasp.ExtractTranslation()) == pytest.approx(scene.grasp.point)
-    inwards = grasp.TransformDir((0, 0, 1))
-    assert tuple(inwards) == pytest.approx((-np.cos(0.7), -np.sin(0.7), 0.0), abs=1e-6)
-    region = UsdGeom.Mesh(stage.GetPrimAtPath("/scene/drawer_7/region"))
-    assert len(region.GetPointsAttr().Get()) == len(clean_cabinet_room().parts["handle_11"].mesh.vertices)
-    assert not region.GetPrim().HasAPI(UsdPhysics.CollisionAPI)
+    stage.GetDefaultPrim().CreateAttribute("s2a:target", Sdf.ValueTypeNames.String).Set("drawer_7")
+    stage.GetRootLayer().Export(str(tmp_path / "old.usd"))
+    with pytest.raises(InputError, match="older s2a"):
+        sim_stage.read(tmp_path / "old.usd", visuals=False)
+    stage.Reload()
 
 
 def test_every_piece_says_which_part_it_stands_for(path: Path) -> None:

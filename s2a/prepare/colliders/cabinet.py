@@ -1,4 +1,4 @@
-"""The body that the target moves against: its piece of furniture, with all other drawers and doors shut for good."""
+"""Fixed bodies: the furniture that articulated parts move against."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from s2a.articulation import opening_direction
 from s2a.cache import pack, recall, unpack
 from s2a.geometry.convex import box
 from s2a.geometry.decompose import one_hull, vhacd
@@ -16,28 +17,28 @@ from s2a.geometry.handles.panel import slab
 from s2a.geometry.mesh_ops import merge
 from s2a.prepare.colliders.room import cut_all
 from s2a.prepare.colliders.target import Handle
-from s2a.prepare.grasp import opening_direction
 from s2a.prepare.mass import box_mass
+from s2a.prepare.target import Target
 from s2a.ranges import AtLeast, Count, Positive
 from s2a.scene import Joint, Mesh, Scene
-from s2a.usd.sim_scene import Collider, Grasp, Mass, SimBody
+from s2a.usd.sim_scene import Collider, Mass, SimBody
 
 
 @dataclass(frozen=True)
-class CarcassConfig:
-    """How the furniture around the target becomes convex pieces.
+class CabinetConfig:
+    """How furniture with articulated parts becomes convex hulls.
 
     Attributes:
-        pieces: largest number of pieces of the carcass's own surface; each frozen part gets one more.
-        thickness: of a frozen front, inwards from its outer surface [m].
+        hulls: largest number of hulls of the cabinet's own surface; each part that is fixed to it gets one more.
+        thickness: of the front of a frozen drawer or door, inwards from its outer surface [m].
         resolution: voxels of the decomposition.
-        max_vertices: largest number of vertices of a piece.
+        max_vertices: largest number of vertices of a hull.
         mass: [kg]; without effect on a body that is fixed to the world, but a simulator needs a number.
-        corridor: width, height and length [m] of the hand's way to the handle, which no piece may block: along the
+        corridor: width, height and length [m] of the gripper's path to the handle, which no hull may block: along the
             handle, across it, and outwards from where fingers end before the front.
     """
 
-    pieces: Count
+    hulls: Count
     thickness: Positive
     resolution: Count
     max_vertices: Annotated[int, AtLeast(4)]
@@ -45,41 +46,49 @@ class CarcassConfig:
     corridor: tuple[Positive, Positive, Positive]
 
 
-def freeze(scene: Scene, target: str, frozen: Sequence[str], spaces: Sequence[Mesh], config: CarcassConfig) -> SimBody:
-    """Return the immovable body of the target's furniture, or an empty anchor where it belongs to none.
+def anchor(target: Target) -> SimBody:
+    """Return the empty fixed body of an articulated part that belongs to no furniture."""
+    return SimBody(f"{target.id}_anchor", merge([]), (), Mass(1.0, target.joint.origin, (0.01, 0.01, 0.01)))
+
+
+def cabinet_body(
+    scene: Scene, members: Sequence[str], obstacles: Sequence[Mesh], walls: Sequence[Mesh], config: CabinetConfig
+) -> SimBody:
+    """Return the fixed body of a piece of furniture.
 
     Args:
         scene: the room.
-        target: the part that moves.
-        frozen: ids of all other parts of its object, the object first.
-        spaces: convex pieces into which nothing may reach, such as the hand's way to the handle.
+        members: ids of its parts, the object first; a joint among them is frozen.
+        obstacles: convex hulls that none of its own may reach into, such as the gripper's path to a handle.
+        walls: what was not scanned of it.
         config: how fine.
     """
-    if not frozen:
-        return SimBody(f"{target}_anchor", merge([]), (), Mass(1.0, scene.joint(target).origin, (0.01, 0.01, 0.01)))
-    visual = merge([scene.parts[i].mesh for i in frozen])
+    visual = merge([*(scene.parts[i].mesh for i in members), *walls])
     found = []
-    for i in frozen:
-        free = [cut_all(piece, spaces) for piece in _pieces(scene, i, config)]
-        found += [Collider(i, piece) for piece in free if piece is not None]
-    return SimBody(frozen[0], visual, tuple(found), box_mass(visual, config.mass, np.eye(3)))
+    for i in members:
+        free = [cut_all(hull, obstacles) for hull in _hulls(scene, i, config)]
+        found += [Collider(i, hull) for hull in free if hull is not None]
+    found += [Collider(members[0], wall) for wall in walls]
+    completed = sum(len(wall.faces) for wall in walls)
+    scanned = merge([scene.parts[i].mesh for i in members])
+    return SimBody(members[0], visual, tuple(found), box_mass(scanned, config.mass, np.eye(3)), completed)
 
 
-def _pieces(scene: Scene, part: str, config: CarcassConfig) -> list[Mesh]:
-    """Return a flat front as a slab, a carcass as several hulls, anything else as one."""
+def _hulls(scene: Scene, part: str, config: CabinetConfig) -> list[Mesh]:
+    """Return a flat front as a slab, a cabinet as several hulls, anything else as one."""
     mesh, motion = scene.parts[part].mesh, scene.parts[part].motion
     if isinstance(motion, Joint) and len(mesh.faces):
         front = slab(mesh, opening_direction(motion, mesh.bounds.mean(axis=0)), config.thickness)
         if front is not None:
             return [front]
     if scene.parts[part].parent is None:
-        fineness = (config.pieces, config.resolution, config.max_vertices)
-        return unpack(recall("carcass", [mesh, repr(fineness)], lambda: pack(vhacd(mesh, *fineness))))
+        fineness = (config.hulls, config.resolution, config.max_vertices)
+        return unpack(recall("cabinet", [mesh, repr(fineness)], lambda: pack(vhacd(mesh, *fineness))))
     return one_hull(mesh, config.max_vertices)
 
 
-def hand_corridor(handle: Handle, grasp: Grasp, config: CarcassConfig) -> Mesh:
-    """Return the box through which the hand comes to the handle: outwards from where its fingers end before the front."""
-    along = handle.frame.T @ np.array(grasp.point)
+def gripper_corridor(handle: Handle, target: Target, config: CabinetConfig) -> Mesh:
+    """Return the box through which the gripper comes to the handle: outwards from where its fingers end before the front."""
+    along = handle.frame.T @ target.point
     along[2] = handle.front - CLEARANCE - config.corridor[2] / 2
     return box(handle.frame @ along, handle.frame, np.array(config.corridor))

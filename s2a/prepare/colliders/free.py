@@ -1,9 +1,9 @@
-"""Objects lifted out of the merged room: closed, weighed, and set on what carries them, free to move."""
+"""Free objects: taken out of the merged room, closed, weighed, and set on what carries them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -32,25 +32,25 @@ RAYS = 24
 
 
 @dataclass(frozen=True)
-class LooseConfig:
+class FreeConfig:
     """How an object becomes a free body.
 
     Attributes:
-        near: what carries an object is looked for within this distance of its lowest point [m].
-        crumb: share of its surface below which a disconnected piece is left out.
-        pieces: largest number of its convex pieces, beside the foot.
+        search_radius: what carries an object is looked for within this distance of its lowest point [m].
+        min_component_area: fraction of its surface below which a disconnected component is left out.
+        hulls: largest number of its convex hulls, besides the foot; a gripper's contacts grow with them.
         resolution: voxels of their decomposition.
-        max_vertices: largest number of vertices of a piece.
-        foot: thickness of the piece on which it stands [m].
+        max_vertices: largest number of vertices of a hull.
+        foot: thickness of the hull on which it stands [m].
         margin: how far the support's level top reaches beyond it [m].
         thickness: of that top [m].
         clearance: what is cut free around it [m].
         mass: what it weighs.
     """
 
-    near: Positive
-    crumb: Fraction
-    pieces: Count
+    search_radius: Positive
+    min_component_area: Fraction
+    hulls: Count
     resolution: Count
     max_vertices: Annotated[int, AtLeast(4)]
     foot: Positive
@@ -61,106 +61,150 @@ class LooseConfig:
 
 
 @dataclass(frozen=True)
-class Loose:
+class FreeObject:
     """A free object and what it stands on.
 
     Attributes:
-        body: the object.
-        support: the level top under it.
+        body: the object, its frame at its centre of mass.
+        support: the horizontal top under it.
         members: ids of all its parts, which leave the room.
-        space: convex pieces that nothing else may reach into.
+        space: convex hulls that nothing else may reach into, scene coordinates.
+        bounds: lowest and highest corner [m], shape [2 3], scene coordinates.
     """
 
     body: SimBody
     support: Collider
     members: tuple[str, ...]
     space: tuple[Mesh, ...]
+    bounds: np.ndarray
 
 
-def lift_all(scene: Scene, parts: Sequence[str], target: str, config: LooseConfig) -> list[Loose]:
+def free_objects(
+    scene: Scene, parts: Sequence[str], articulated: Sequence[str], config: FreeConfig
+) -> list[FreeObject]:
     """Return objects that were part of the room as free bodies, each once.
 
+    Args:
+        scene: the room.
+        parts: ids of the objects.
+        articulated: ids of the parts that move on joints.
+        config: how.
+
     Raises:
-        InputError: one of them cannot be lifted out (see `lift`), or stands on the target or on another of them.
+        InputError: one of them cannot be taken out (see `free_object`), or stands on one of them or on a part that moves.
     """
-    found = [lift(scene, part, target, config) for part in dict.fromkeys(parts)]
-    moving = {target, *scene.descendants(target), *(i for thing in found for i in thing.members)}
-    for thing in found:
-        below = thing.support.part
+    found = [free_object(scene, part, config) for part in dict.fromkeys(parts)]
+    moving = {i for part in articulated for i in (part, *scene.descendants(part))}
+    moving |= {i for item in found for i in item.members}
+    for item in found:
+        below = item.support.part
         if below in moving:
             raise InputError(
-                f"free={thing.body.id}: it stands on {below!r}, which moves too; leave one of them as it is"
+                f"free={item.body.id}: it stands on {below!r}, which moves too; leave one of them as it is"
             )
-    return found
+    return [replace(item, support=_beside(item, [o for o in found if o is not item])) for item in found]
 
 
-def lift(scene: Scene, part: str, target: str, config: LooseConfig) -> Loose:
+def free_object(scene: Scene, part: str, config: FreeConfig) -> FreeObject:
     """Return an object that was part of the room as a free body.
 
     Raises:
-        InputError: the part is unknown, belongs to the target's furniture or to another object, or something of it moves on
-            a joint; it has no surface; or nothing level carries it.
+        InputError: the part is unknown, or belongs to another object, or something of it moves on a joint; it has no surface;
+            or nothing horizontal carries it.
     """
-    _check(scene, part, target)
+    _check(scene, part)
     members = (part, *scene.descendants(part))
     surface = merge([scene.parts[i].mesh for i in members])
     if not surface.face_areas.any():
-        raise InputError(f"part {part!r} of scene {scene.name!r} has no surface; it cannot be lifted out of the room")
-    surface = largest_pieces(surface, config.crumb)
+        raise InputError(f"part {part!r} of scene {scene.name!r} has no surface; it cannot be taken out of the room")
+    surface = largest_pieces(surface, config.min_component_area)
     below, ground = _support(scene, part, members, surface, config)
-    solid = close(surface, ground, config.near)
+    solid = close(surface, ground, config.search_radius)
 
     mass = _mass(scene, members, solid, config)
 
     def make() -> dict[str, np.ndarray]:
-        return pack(_pieces(solid, ground, config))
+        return pack(_hulls(solid, ground, config))
 
-    pieces = [_foot(solid, ground, mass, config), *unpack(recall("loose", [solid, repr((ground, config))], make))]
-    spaces = [hull(grown(piece.vertices, config.clearance)) for piece in pieces]
+    hulls = [_foot(solid, ground, mass, config), *unpack(recall("free", [solid, repr((ground, config))], make))]
+    spaces = [hull(grown(piece.vertices, config.clearance)) for piece in hulls]
     low, high = solid.bounds
     size = np.array([*(high - low)[:2] + 2 * config.margin, config.thickness])
     top = box(np.array([*(low + high)[:2] / 2, ground - config.thickness / 2]), np.eye(3), size)
-    body = SimBody(part, solid, tuple(Collider(part, piece) for piece in pieces), mass)
-    return Loose(body, Collider(below, top), members, tuple(piece for piece in spaces if piece is not None))
+    body = _body(part, solid, hulls, mass)
+    return FreeObject(body, Collider(below, top), members, tuple(s for s in spaces if s is not None), solid.bounds)
 
 
-def _check(scene: Scene, part: str, target: str) -> None:
-    """Refuse what cannot be lifted out."""
-    chosen = scene.part(part)
-    if scene.root(part) == scene.root(target):
-        raise InputError(f"free={part}: it belongs to {scene.root(target)!r}, whose part {target!r} is the target")
-    if chosen.parent is not None:
-        raise InputError(f"free={part}: it is a part of {scene.root(part)!r}; lift that one out")
+def _body(part: str, solid: Mesh, hulls: Sequence[Mesh], mass: Mass) -> SimBody:
+    """Return the body of a solid in scene coordinates, its frame at the centre of mass."""
+
+    def local(mesh: Mesh) -> Mesh:
+        return Mesh(mesh.vertices.astype(np.float64) - mass.center, mesh.faces, mesh.colors)
+
+    colliders = tuple(Collider(part, local(piece)) for piece in hulls)
+    return SimBody(part, local(solid), colliders, replace(mass, center=(0.0, 0.0, 0.0)), position=mass.center)
+
+
+def _beside(item: FreeObject, others: Sequence[FreeObject]) -> Collider:
+    """Return the support of an object without what of its margin would reach under another object.
+
+    That one stands on a top of its own, which may be a millimetre lower.
+    """
+    (low, high), own = item.support.mesh.bounds.copy(), item.bounds
+    for other in others:
+        near, far = other.bounds
+        if (near >= high).any() or (far <= low).any():
+            continue
+        # So much would have to go at the upper and lower side of each axis, where the other is beyond the object itself.
+        cuts = [(high[k] - near[k], k, near[k]) for k in (0, 1) if near[k] >= own[1][k]]
+        cuts += [(far[k] - low[k], k, far[k]) for k in (0, 1) if far[k] <= own[0][k]]
+        if cuts:
+            _, axis, end = min(cuts)
+            (high if end >= own[1][axis] else low)[axis] = end
+    return Collider(item.support.part, box((low + high) / 2, np.eye(3), high - low))
+
+
+def _check(scene: Scene, part: str) -> None:
+    """Refuse what cannot be taken out."""
+    if scene.part(part).parent is not None:
+        raise InputError(f"free={part}: it is a part of {scene.root(part)!r}; give that one")
     moving = [i for i in (part, *scene.descendants(part)) if i in scene.movable]
     if moving:
         raise InputError(
-            f"free={part}: {moving[0]!r} moves on a joint; only whole objects without joints can be lifted out"
+            f"free={part}: {moving[0]!r} moves on a joint; only whole objects without joints can be taken out of the room"
         )
 
 
-def _support(scene: Scene, part: str, members: Sequence[str], surface: Mesh, config: LooseConfig) -> tuple[str, float]:
+def _support(scene: Scene, part: str, members: Sequence[str], surface: Mesh, config: FreeConfig) -> tuple[str, float]:
     """Return which part carries an object, and the height of its surface there [m].
 
     Rays look down from just above the object's lowest point, under it and close around it: what is right under it was
     seldom scanned.
     """
     low, high = np.quantile(surface.vertices, 0.005, axis=0), surface.bounds[1]
-    x, y = (np.linspace(low[k] - config.near, high[k] + config.near, RAYS) for k in (0, 1))
-    starts = np.stack([*(grid.ravel() for grid in np.meshgrid(x, y)), np.full(RAYS**2, low[2] + config.near)], axis=1)
+    x, y = (np.linspace(low[k] - config.search_radius, high[k] + config.search_radius, RAYS) for k in (0, 1))
+    starts = np.stack(
+        [*(grid.ravel() for grid in np.meshgrid(x, y)), np.full(RAYS**2, low[2] + config.search_radius)], axis=1
+    )
     falls: dict[str, np.ndarray] = {}
     for i in scene.parts:
-        below = _within(scene.parts[i].mesh, starts.min(axis=0) - [0, 0, 2 * config.near], starts.max(axis=0))
+        below = _within(scene.parts[i].mesh, starts.min(axis=0) - [0, 0, 2 * config.search_radius], starts.max(axis=0))
         if i not in members and len(below.faces):
             down = np.tile([0.0, 0.0, -1.0], (len(starts), 1))
             falls[i] = first_hits(ray_mesh(below.vertices, below.faces), starts, down)
-    first = np.min([np.full(len(starts), 2 * config.near), *falls.values()], axis=0)
-    heights = {i: low[2] + config.near - fall[(fall == first) & (fall < 2 * config.near)] for i, fall in falls.items()}
+    first = np.min([np.full(len(starts), 2 * config.search_radius), *falls.values()], axis=0)
+    heights = {
+        i: low[2] + config.search_radius - fall[(fall == first) & (fall < 2 * config.search_radius)]
+        for i, fall in falls.items()
+    }
     # Where its top has holes, one looks through to what is below.
-    tops = {i: height[np.abs(height - low[2]) < config.near / 3] for i, height in heights.items()}
+    tops = {i: height[np.abs(height - low[2]) < config.search_radius / 3] for i, height in heights.items()}
     heights = {i: tops[i] if len(tops[i]) else height for i, height in heights.items()}
     best = max(heights, key=lambda i: len(heights[i]), default="")
     if not best or not len(heights[best]):
-        raise InputError(f"free={part}: nothing level carries it within {100 * config.near:.0f} cm of its lowest point")
+        raise InputError(
+            f"free={part}: nothing level carries it within {100 * config.search_radius:.0f} cm of its lowest point"
+        )
     return best, float(np.median(heights[best]))
 
 
@@ -172,15 +216,15 @@ def _within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
     return keep(mesh, ((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1))
 
 
-def _pieces(solid: Mesh, ground: float, config: LooseConfig) -> list[Mesh]:
-    """Return convex pieces above the ground."""
-    found = vhacd(solid, config.pieces, config.resolution, config.max_vertices)
+def _hulls(solid: Mesh, ground: float, config: FreeConfig) -> list[Mesh]:
+    """Return convex hulls above the ground."""
+    found = vhacd(solid, config.hulls, config.resolution, config.max_vertices)
     cut = [clip(piece, np.array([0.0, 0.0, -1.0]), -ground) for piece in found]
     return [piece for piece in cut if piece is not None]
 
 
-def _foot(solid: Mesh, ground: float, mass: Mass, config: LooseConfig) -> Mesh:
-    """Return the flat piece on which an object stands.
+def _foot(solid: Mesh, ground: float, mass: Mass, config: FreeConfig) -> Mesh:
+    """Return the flat hull on which an object stands.
 
     It stood when it was scanned: where its centre of mass is not above what is known of its underside, the rest of that was
     not seen, and all of the object's outline carries it.
@@ -195,7 +239,7 @@ def _foot(solid: Mesh, ground: float, mass: Mass, config: LooseConfig) -> Mesh:
     return solid if foot is None else foot
 
 
-def _mass(scene: Scene, members: Sequence[str], solid: Mesh, config: LooseConfig) -> Mass:
+def _mass(scene: Scene, members: Sequence[str], solid: Mesh, config: FreeConfig) -> Mass:
     """Return mass, centre and inertia: annotated, else its label's, else its volume's within bounds."""
     shape = trimesh.Trimesh(solid.vertices, solid.faces, process=False)
     closed = hull(solid.vertices)

@@ -16,9 +16,9 @@ from s2a.geometry.handles.finger_gap import FingerSpace, finger_space
 from s2a.geometry.handles.knob import knob_pieces
 from s2a.geometry.handles.panel import front_behind, front_coordinate, part_ways, patch, slab
 from s2a.geometry.handles.sheet import hidden_wall, sheet_opening, shell_pieces
-from s2a.geometry.mesh_ops import merge
+from s2a.prepare.target import Target
 from s2a.ranges import AtLeast, Count, CountFromZero, Positive
-from s2a.scene import Mesh, Scene
+from s2a.scene import Mesh
 from s2a.usd.sim_scene import Collider
 
 SWALLOWED = 2e-4
@@ -71,40 +71,37 @@ class Handle:
     space: FingerSpace
 
 
-def find_handle(scene: Scene, target: str, frame: np.ndarray) -> tuple[Handle, dict[str, Mesh]]:
-    """Return the surroundings of the grasp, and the tidied surface of every other part that moves along, by id."""
-    grasped = scene.grasp_parts(target)
-    region = merge([scene.parts[i].mesh for i in grasped])
-    others = {i: scene.parts[i].mesh for i in (target, *scene.descendants(target)) if i not in grasped}
-    plane = front_behind(others[target], region, frame) if target in others else None
-    point = scene.grasp_point(target)
+def find_handle(target: Target) -> tuple[Handle, dict[str, Mesh]]:
+    """Return the surroundings of the grasp, and the tidied surface of every other part of the body, by id."""
+    region, frame, point = target.grasp.region, target.frame, target.point
+    others = {i: mesh for i, mesh in target.surfaces.items() if i not in target.grasp_parts}
+    plane = front_behind(others[target.id], region, frame) if target.id in others else None
     if plane is None:
         return Handle(frame, region, None, float(point @ frame[:, 2]), FingerSpace(None, ())), others
-    others[target], region = part_ways(others[target], region, frame, plane)
+    others[target.id], region = part_ways(others[target.id], region, frame, plane)
     front = front_coordinate(plane, frame, point)
     return Handle(frame, region, plane, front, finger_space(region, point, frame, front)), others
 
 
 def target_colliders(
-    scene: Scene, target: str, handle: Handle, others: dict[str, Mesh], config: ColliderConfig
+    target: Target, handle: Handle, others: dict[str, Mesh], config: ColliderConfig
 ) -> tuple[Collider, ...]:
-    """Return the convex pieces of a movable part and of all that moves with it."""
+    """Return the convex hulls of an articulated part's body."""
     if config.method != "handle":
-        fused = merge([scene.parts[i].mesh for i in (target, *scene.descendants(target))])
+        fused = target.surface
         pieces = (
             one_hull(fused, config.max_vertices)
             if config.method == "one_hull"
             else coacd_default(fused, config.max_vertices, config.seed)
         )
-        return tuple(Collider(target, piece) for piece in pieces)
+        return tuple(Collider(target.id, piece) for piece in pieces)
     found = []
     for i, mesh in others.items():
-        pieces = _front_pieces(mesh, handle, config) if i == target else _rough_pieces(mesh, config)
+        pieces = _front_pieces(mesh, handle, config) if i == target.id else _rough_pieces(mesh, config)
         found += [Collider(i, piece) for piece in flatten(pieces, handle)]
-    base = scene.parts[scene.grasp_parts(target)[0]].parent
-    ground = _ground(handle, None if base is None or base == target else others.get(base))
-    pieces = _handle_pieces(handle, others.get(target), ground, config)
-    found += [Collider(scene.grasp_parts(target)[0], piece) for piece in free_fingers(pieces, handle.space)]
+    ground = _ground(handle, others.get(target.base_plate or ""))
+    pieces = _handle_pieces(handle, others.get(target.id), ground, config)
+    found += [Collider(target.grasp_parts[0], piece) for piece in free_fingers(pieces, handle.space)]
     return tuple(found)
 
 

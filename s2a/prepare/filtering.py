@@ -1,0 +1,50 @@
+"""Which bodies overlap somewhere on the path of an articulated part, and so must not collide."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from s2a.geometry.sweep import deepest, sweep
+from s2a.scene import Joint, Mesh
+from s2a.usd.sim_scene import SimBody
+
+CLASH = 1e-4
+"""[m] Hulls that overlap by less touch at most."""
+
+
+def filtered_pairs(
+    moving: Mapping[str, SimBody], fixed: Mapping[str, SimBody], joints: Mapping[str, Joint]
+) -> dict[str, dict[str, float]]:
+    """Return, for each articulated part, the bodies that it overlaps on its path, and how deep [m].
+
+    Hulls bulge over what was scanned: of two neighbouring doors one can hit the other's handle, which must not be cut off for
+    that. The other body stands at its scanned pose.
+
+    Args:
+        moving: articulated parts by id.
+        fixed: cabinets and anchors by id.
+        joints: of the articulated parts.
+    """
+    found: dict[str, dict[str, float]] = {part: {} for part in moving}
+    bounds = {i: _bounds([c.mesh for c in body.colliders]) for i, body in {**fixed, **moving}.items()}
+    for part, body in moving.items():
+        hulls = [collider.mesh for collider in body.colliders]
+        reach = _bounds([cover for hull in hulls for cover in sweep(hull, joints[part])])
+        for other, still in {**fixed, **moving}.items():
+            low, high = bounds[other]
+            if other == part or (low > reach[1]).any() or (high < reach[0]).any():
+                continue
+            depth = deepest(hulls, [collider.mesh for collider in still.colliders], joints[part])
+            if depth > CLASH:
+                found[part][other] = depth
+    return found
+
+
+def _bounds(meshes: Sequence[Mesh]) -> np.ndarray:
+    """Return the lowest and highest corner of meshes [m], shape [2 3]; an empty box where there is none."""
+    if not meshes:
+        return np.array([[np.inf] * 3, [-np.inf] * 3])
+    corners = np.array([mesh.bounds for mesh in meshes])
+    return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])

@@ -1,0 +1,188 @@
+"""What one articulated part needs: grasp, colliders, base pose; made for many parts on all processors, and cached."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import logging
+import multiprocessing
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from s2a import cores
+from s2a.cache import Arrays, find, keep, key, pack, unpack
+from s2a.errors import InputError
+from s2a.geometry.mesh_ops import merge
+from s2a.geometry.sweep import sweep
+from s2a.prepare.base_pose import BaseConfig, BasePose, find_base
+from s2a.prepare.colliders.cabinet import CabinetConfig, gripper_corridor
+from s2a.prepare.colliders.target import ColliderConfig, find_handle, target_colliders
+from s2a.prepare.interior import drawer_box
+from s2a.prepare.target import Target, find_target
+from s2a.progress import track
+from s2a.robot.spec import RobotSpec
+from s2a.scene import Mesh, Scene
+from s2a.usd.sim_scene import Collider, Grasp
+
+FEW = 3
+"""So many parts are done sooner than a second process has started."""
+
+
+@dataclass(frozen=True)
+class PartConfig:
+    """All settings on which one part's share depends."""
+
+    interior: bool
+    clearance: float
+    base: BaseConfig
+    colliders: ColliderConfig
+    cabinet: CabinetConfig
+    robot: RobotSpec
+
+
+@dataclass(frozen=True)
+class PartResult:
+    """What was found for one articulated part.
+
+    Attributes:
+        target: the part.
+        colliders: its convex hulls, those of the box behind a drawer's front last.
+        interior: that box, where it was asked for and is not scanned.
+        corridor: the gripper's path to the handle.
+        swept: convex hulls that cover where it moves, and some clearance.
+        base: where the robot stands.
+    """
+
+    target: Target
+    colliders: tuple[Collider, ...]
+    interior: tuple[Mesh, ...]
+    corridor: Mesh
+    swept: tuple[Mesh, ...]
+    base: BasePose
+
+
+Asked = tuple[str, tuple[str, ...]]
+"""An articulated part, and the parts of its body."""
+
+
+def part_results(scene: Scene, asked: Sequence[Asked], config: PartConfig) -> dict[str, PartResult | InputError]:
+    """Return what was found for each part, or why it cannot be prepared.
+
+    Args:
+        scene: the room.
+        asked: articulated parts, each with the parts of its body.
+        config: how.
+    """
+    whole = key([*(part.mesh for part in scene.parts.values()), _facts(scene), repr(config)])
+    keys = {part: [whole, part, repr(members)] for part, members in asked}
+    found: dict[str, PartResult | InputError] = {}
+    missing = []
+    for part, members in asked:
+        entry = find("part", keys[part])
+        if entry is None:
+            missing.append((part, members))
+        else:
+            found[part] = _unpacked(scene, part, members, entry)
+    for (part, members), made in zip(missing, _made(scene, missing, config), strict=True):
+        if isinstance(made, InputError):
+            found[part] = made
+        else:
+            keep("part", keys[part], made)
+            found[part] = _unpacked(scene, part, members, made)
+    return {part: found[part] for part, _ in asked}
+
+
+def _made(scene: Scene, asked: Sequence[Asked], config: PartConfig) -> Iterator[Arrays | InputError]:
+    """Yield the packed result of each part, from as many processes as there are processors."""
+    if len(asked) <= FEW or cores.count() == 1:
+        for part in track(asked, "parts"):
+            yield _try(scene, part, config)
+        return
+    # Processes start afresh: a forked one would share Warp's threads and locks.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(cores.count(), context, _begin, (scene, config)) as pool:
+        yield from track(pool.map(_in_worker, asked), "parts", len(asked))
+
+
+_shared: list[tuple[Scene, PartConfig]] = []
+
+
+def _begin(scene: Scene, config: PartConfig) -> None:
+    """Keep in a worker process what all its tasks share."""
+    logging.disable(logging.WARNING)
+    _shared.append((scene, config))
+
+
+def _in_worker(asked: Asked) -> Arrays | InputError:
+    scene, config = _shared[0]
+    return _try(scene, asked, config)
+
+
+def _try(scene: Scene, asked: Asked, config: PartConfig) -> Arrays | InputError:
+    try:
+        return _packed(_part(find_target(scene, *asked, spec=config.robot), scene, config))
+    except InputError as error:
+        return error
+
+
+def _part(target: Target, scene: Scene, config: PartConfig) -> PartResult:
+    """Return what is found for one part."""
+    handle, others = find_handle(target)
+    interior = tuple(drawer_box(target)) if config.interior else ()
+    colliders = target_colliders(target, handle, others, config.colliders)
+    colliders += tuple(Collider(target.id, wall) for wall in interior)
+    swept = sweep(merge([target.carried, *(c.mesh for c in colliders)]), target.joint, config.clearance)
+    moving = (target.id, *scene.descendants(target.id))
+    base = find_base(scene, target.id, target.grasp, moving, swept, config.base, config.robot)
+    return PartResult(target, colliders, interior, gripper_corridor(handle, target, config.cabinet), tuple(swept), base)
+
+
+def _packed(result: PartResult) -> Arrays:
+    """Return a result as named arrays; what the scene itself holds is left out."""
+    groups = {
+        "colliders": [collider.mesh for collider in result.colliders],
+        "interior": result.interior,
+        "corridor": [result.corridor],
+        "swept": result.swept,
+    }
+    arrays = {f"{name}_{key}": value for name, group in groups.items() for key, value in pack(group).items()}
+    grasp = result.target.grasp
+    facts = {
+        "owners": [collider.part for collider in result.colliders],
+        "grasp": {"point": grasp.point, "orientation": grasp.orientation, "size": grasp.size},
+        "base": dataclasses.asdict(result.base),
+    }
+    return {**arrays, "facts": np.array(json.dumps(facts))}
+
+
+def _unpacked(scene: Scene, part: str, members: tuple[str, ...], arrays: Arrays) -> PartResult:
+    """Return a result from its arrays and the scene."""
+
+    def group(name: str) -> list[Mesh]:
+        return unpack({k.removeprefix(f"{name}_"): v for k, v in arrays.items() if k.startswith(f"{name}_")})
+
+    facts = json.loads(str(arrays["facts"]))
+    grasp, base = ({k: _tuples(v) for k, v in facts[name].items()} for name in ("grasp", "base"))
+    region = merge([scene.parts[i].mesh for i in scene.grasp_parts(part)])
+    return PartResult(
+        target=find_target(scene, part, members, Grasp(**grasp, region=region)),
+        colliders=tuple(Collider(i, mesh) for i, mesh in zip(facts["owners"], group("colliders"), strict=True)),
+        interior=tuple(group("interior")),
+        corridor=group("corridor")[0],
+        swept=tuple(group("swept")),
+        base=BasePose(**base),
+    )
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _facts(scene: Scene) -> str:
+    """Return all of a scene but its surfaces, as a text to tell scenes apart by."""
+    facts: Iterable[object] = ((i, p.label, p.parent, p.motion, p.graspable) for i, p in scene.parts.items())
+    return repr(list(facts))

@@ -10,31 +10,30 @@ import numpy as np
 import pytest
 import torch
 from cabinet import box, write_cabinet
+from part_worlds import make_env
 from settings import load
 
 from s2a import robot
-from s2a.env.vec_env import OpenDrawerEnv
+from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
 from s2a.planner.collision import freest
 from s2a.planner.motion import Planner, PlannerConfig, grasping_motion
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.config import OpenDrawerConfig
 
 
-def make_env(stage_path: Path, base: tuple[float, float, float] | None = None) -> OpenDrawerEnv:
+def planner_env(stage_path: Path, base: tuple[float, float, float] | None = None) -> VecEnv:
     """Return two worlds of a stage, the robot's base moved to `base`."""
     stage = read_stage(stage_path)
     if base:
         stage = replace(stage, base=np.array([*base, 0.0, 0.0, 1.0, 0.0]))
-    sim = Simulation(stage, load(SimConfig, "sim/planner"), 2)
-    return OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer"), load(dict, "reward/paper"), 0)
+    return make_env(stage, 2, sim="sim/planner")
 
 
 def test_the_planner_opens_the_drawer_with_both_fingers_on_the_handle(tmp_path: Path) -> None:
-    env = make_env(write_cabinet(tmp_path / "sim.usda"))
-    result = evaluate(env, Planner(env, load(PlannerConfig, "policy/planner")))
+    env = planner_env(write_cabinet(tmp_path / "sim.usda"))
+    result = evaluate(env, Planner(env, load(PlannerConfig, "planner/default")))
     assert result["success"]["rate"] == result["handle_success"]["rate"] == 1.0
     # The hand moves 0.30 m; what the drawer lacks of that is slip and the arm's lag.
     assert 0.28 < result["opening"]["min"] <= 0.30
@@ -43,7 +42,7 @@ def test_the_planner_opens_the_drawer_with_both_fingers_on_the_handle(tmp_path: 
 def test_the_arm_takes_a_way_on_which_nothing_is_in_its_way(tmp_path: Path) -> None:
     config = load(SimConfig, "sim/planner")
     # So short a motion has all that is asked of it: steps that are small enough to follow.
-    plan = load(PlannerConfig, "policy/planner", approach_time=0.3, close_time=0.05, pull_time=0.8)
+    plan = load(PlannerConfig, "planner/default", approach_time=0.3, close_time=0.05, pull_time=0.8)
     start = np.array(robot.load("panda").start)
     plain = Simulation(read_stage(write_cabinet(tmp_path / "plain.usda")), config, 1)
     first = grasping_motion(plain, plan)
@@ -65,6 +64,6 @@ def _tool(sim: Simulation, q: np.ndarray) -> np.ndarray:
 
 
 def test_a_handle_out_of_reach_is_said_before_anything_moves(tmp_path: Path) -> None:
-    env = make_env(write_cabinet(tmp_path / "sim.usda"), base=(1.6, 0.0, 0.0))
+    env = planner_env(write_cabinet(tmp_path / "sim.usda"), base=(1.6, 0.0, 0.0))
     with pytest.raises(InputError, match="the arm cannot follow part 'drawer_2' from its base at"):
-        Planner(env, load(PlannerConfig, "policy/planner", restarts=4))
+        Planner(env, load(PlannerConfig, "planner/default", restarts=4))

@@ -42,18 +42,19 @@ def keep_settings(values: Mapping[str, Any], out: Path) -> None:
             then = dict(leaves(json.loads(file.read_text())))
         except (OSError, ValueError, AttributeError) as error:
             raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error
-        for key, value in leaves(now):
-            if not _may_change(key, value) and then.get(key) != value:
+        given = dict(leaves(now))
+        for key in given | then:  # what is no longer there counts too: a reward term that is not listed weighs nothing
+            if given.get(key) != then.get(key) and not _may_change(key, given.get(key), then.get(key)):
                 raise InputError(
-                    f"key {key!r} is {value!r}, but {out} was begun with {then.get(key)!r}; "
+                    f"key {key!r} is {given.get(key)!r}, but {out} was begun with {then.get(key)!r}; "
                     "resume with the same settings, or train into another folder"
                 )
     file.write_text(json.dumps(now, indent=1))
 
 
-def _may_change(key: str, value: object) -> bool:
+def _may_change(key: str, now: object, then: object) -> bool:
     """Return whether a key may differ from the run's: FREE ones, what is reported alone, a reward term that weighs nothing."""
-    return key in FREE or key.startswith("metrics.") or (key.startswith("reward.") and value == 0.0)
+    return key in FREE or key.startswith("metrics.") or (key.startswith("reward.") and not now and not then)
 
 
 def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, object]) -> list[dict[str, Any]]:
@@ -74,9 +75,23 @@ def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, objec
 
 
 def starts(out: Path) -> list[dict[str, Any]]:
-    """Return with which code, on which machine and stage a run began and went on; nothing if that was not yet noted."""
+    """Return with which code, on which machine and stage a run began and went on; nothing if that was not yet noted.
+
+    Raises:
+        InputError: the file is damaged.
+    """
     file = out / STARTS
-    return json.loads(file.read_text()) if file.is_file() else []
+    if not file.is_file():
+        return []
+    try:
+        found = json.loads(file.read_text())
+        if [start["stage_sha256"] for start in found]:
+            return found
+        raise ValueError("it is empty")
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise InputError(
+            f"{file}: not what s2a train writes ({error}); delete it, or train into another folder"
+        ) from error
 
 
 def latest(out: Path) -> Path | None:
@@ -84,7 +99,8 @@ def latest(out: Path) -> Path | None:
 
     One that is not whole, as a full disk or a lost machine may leave it, is passed over with a warning.
     """
-    for file in sorted(out.glob("model_*.pt"), key=iteration, reverse=True):
+    numbered = [file for file in out.glob("model_*.pt") if iteration(file) >= 0]
+    for file in sorted(numbered, key=iteration, reverse=True):
         if _whole(file):
             return file
         _log.warning("%s is not whole; going on from an earlier one", file)

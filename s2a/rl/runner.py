@@ -31,7 +31,6 @@ class Runner(OnPolicyRunner):
     env: RslRlEnv
     seconds = 0.0
     best = math.nan
-    _clock: float
 
     def __init__(self, env: RslRlEnv, settings: dict[str, Any], log_dir: str | None, device: str) -> None:
         """Build what learns and what logs."""
@@ -39,6 +38,7 @@ class Runner(OnPolicyRunner):
         place = (self.is_distributed, self.gpu_world_size, self.gpu_global_rank)
         self.logger = LazyLogger(log_dir, self.cfg, env.cfg, env.num_envs, *place, device)
         self._resumed = False
+        self._clock = time.perf_counter()
 
     def learn(self, num_learning_iterations: int, init_at_random_ep_len: bool = False) -> None:
         """Train, and keep the time; worlds that were resumed keep their episode clocks."""

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cabinet import box, write_cabinet
+from part_worlds import make_env
 from settings import load
 
-from s2a.env.vec_env import OpenDrawerEnv
+from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
 from s2a.planner.collision import most_clear
@@ -19,28 +20,26 @@ from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.config import OpenDrawerConfig
 
 
-def make_env(stage_path: Path, base: tuple[float, float, float] | None = None) -> OpenDrawerEnv:
+def planner_env(stage_path: Path, base: tuple[float, float, float] | None = None) -> VecEnv:
     """Return two worlds of a stage, the robot's base moved to `base`."""
     stage = read_stage(stage_path)
     if base:
         stage = replace(stage, base=np.array([*base, 0.0, 0.0, 1.0, 0.0]))
-    sim = Simulation(stage, load(SimConfig, "sim/planner"), 2)
-    return OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer"), load(dict, "reward/paper"), 0)
+    return make_env(stage, 2, sim="sim/planner")
 
 
 def test_the_planner_opens_the_drawer_with_both_fingers_on_the_handle(tmp_path: Path) -> None:
-    env = make_env(write_cabinet(tmp_path / "sim.usda"))
-    result = evaluate(env, Planner(env, load(PlannerConfig, "policy/planner")))
+    env = planner_env(write_cabinet(tmp_path / "sim.usda"))
+    result = evaluate(env, Planner(env, load(PlannerConfig, "planner/default")))
     assert result["success"]["rate"] == result["handle_success"]["rate"] == 1.0
     # The hand moves 0.30 m; what the drawer lacks of that is slip and the arm's lag.
     assert 0.28 < result["opening"]["min"] <= 0.30
 
 
 def test_the_arm_takes_a_path_on_which_nothing_is_in_its_way(tmp_path: Path) -> None:
-    config, settings = load(SimConfig, "sim/planner"), load(PlannerConfig, "policy/planner")
+    config, settings = load(SimConfig, "sim/planner"), load(PlannerConfig, "planner/default")
     plain = Simulation(read_stage(write_cabinet(tmp_path / "plain.usda")), config, 1)
     kin = kinematics(plain.robot)
     paths = joint_paths(kin, plain.stage, _tool_path(plain.stage, settings), settings)
@@ -56,8 +55,8 @@ def test_the_arm_takes_a_path_on_which_nothing_is_in_its_way(tmp_path: Path) -> 
 
 
 def test_targets_keep_the_limits_of_the_robot(tmp_path: Path) -> None:
-    env = make_env(write_cabinet(tmp_path / "sim.usda"))
-    planner = Planner(env, load(PlannerConfig, "policy/planner"))
+    env = planner_env(write_cabinet(tmp_path / "sim.usda"))
+    planner = Planner(env, load(PlannerConfig, "planner/default"))
     sim, limits, targets = env.sim, env.sim.robot.limits, []
     for _ in range(planner.trajectory.reach_steps + len(planner.trajectory.targets)):
         targets.append(sim.joint_target_q[0, :9].numpy().copy())
@@ -70,6 +69,6 @@ def test_targets_keep_the_limits_of_the_robot(tmp_path: Path) -> None:
 
 
 def test_a_handle_out_of_reach_is_said_before_anything_moves(tmp_path: Path) -> None:
-    env = make_env(write_cabinet(tmp_path / "sim.usda"), base=(1.6, 0.0, 0.0))
+    env = planner_env(write_cabinet(tmp_path / "sim.usda"), base=(1.6, 0.0, 0.0))
     with pytest.raises(InputError, match="the arm cannot follow part 'drawer_2' from its base at"):
-        Planner(env, load(PlannerConfig, "policy/planner", ik_seeds=4))
+        Planner(env, load(PlannerConfig, "planner/default", ik_seeds=4))

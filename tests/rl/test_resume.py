@@ -108,33 +108,6 @@ def test_a_checkpoint_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: p
     assert (tmp_path / "model_0.pt").read_bytes() == before
 
 
-def test_other_settings_are_refused_by_name_and_more_iterations_are_not(tmp_path: Path) -> None:
-    values = {"num_envs": 4, "resume": False, "ppo": {"gamma": 0.99, "iterations": 3, "hidden_dims": (16, 8)}}
-    run_folder.keep_settings(values, tmp_path)
-    run_folder.keep_settings(values | {"resume": True, "ppo": values["ppo"] | {"iterations": 9}}, tmp_path)
-    message = "'ppo.gamma' is 0.9, but .* was begun with 0.99"
-    with pytest.raises(InputError, match=message):
-        run_folder.keep_settings(values | {"ppo": values["ppo"] | {"gamma": 0.9}}, tmp_path)
-    (tmp_path / run_folder.SETTINGS).write_text("{")
-    with pytest.raises(InputError, match="settings.json: not what this version"):
-        run_folder.keep_settings(values, tmp_path)
-
-
-def test_a_run_tells_with_what_it_began_and_went_on_and_keeps_to_its_stage(tmp_path: Path) -> None:
-    stage, out = tmp_path / "sim.usd", tmp_path / "run"
-    out.mkdir()
-    stage.write_text("a room")
-    assert run_folder.starts(out) == []
-    run_folder.keep_start(out, 0, stage, {"commit": "abc"})
-    both = run_folder.keep_start(out, 20, stage, {"commit": "def"})
-    assert run_folder.starts(out) == both
-    assert [(start["iteration"], start["commit"]) for start in both] == [(0, "abc"), (20, "def")]
-    stage.write_text("another room")
-    with pytest.raises(InputError, match="sim.usd has changed since .*run was begun; resume with what it was"):
-        run_folder.keep_start(out, 40, stage, {})
-    assert run_folder.starts(out) == both
-
-
 def test_a_run_is_not_begun_over_another_nor_gone_on_when_done(tmp_path: Path) -> None:
     keys = [f"stage={tmp_path / 'sim.usd'}", f"out={tmp_path}", "ppo.iterations=3"]
     (tmp_path / "model_2.pt").touch()
@@ -157,6 +130,36 @@ def test_recent_rates_are_told_once_there_are_episodes() -> None:
     rates = verb._rates({"episodes": 9.7, "success": 8.0, "opening": 2.0}, ("opening",))
     assert set(rates) == {"episodes", "success"} and rates["success"]["rate"] == pytest.approx(8.0 / 9.7)
     assert rates["success"]["low"] == pytest.approx(0.49016, abs=1e-5)  # of 8 of 10
+
+
+def leaves(value: object, name: str = "") -> dict[str, object]:
+    """Return all that a checkpoint holds by its place in it, save the time that the run took."""
+    if isinstance(value, (dict, list, tuple)):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        return {key: leaf for k, inner in items for key, leaf in leaves(inner, f"{name}/{k}").items()}
+    return {} if name == "/infos/seconds" else {name: value}
+
+
+@pytest.mark.parametrize("graph", [False, True])
+def test_a_run_that_goes_on_equals_one_that_was_not_stopped_bit_for_bit(tmp_path: Path, graph: bool) -> None:
+    keys = [f"stage={write_cabinet(tmp_path / 'sim.usda')}", "num_envs=3", "device=cpu", "task.episode_steps=9"]
+    keys += ["ppo.num_steps_per_env=4", "ppo.num_mini_batches=2", "ppo.hidden_dims=[16]", f"ppo.cuda_graph={graph}"]
+
+    def run(out: str, *more: str) -> dict[str, object]:
+        """Train, with random numbers of any state before, and return the last checkpoint."""
+        torch.manual_seed(len(more))
+        verb.run(config.load(verb.Config, config.compose("train", [*keys, f"out={tmp_path / out}", *more])))
+        return leaves(torch.load(run_folder.latest(tmp_path / out), weights_only=True))
+
+    whole = run("whole", "ppo.iterations=6")
+    run("stopped", "ppo.iterations=3")
+    resumed = run("stopped", "ppo.iterations=6", "resume=true")
+    assert whole["/iter"] == 5 and whole.keys() == resumed.keys()
+    tensors = [name for name, value in whole.items() if isinstance(value, torch.Tensor)]
+    assert len(tensors) > 60 and int(whole["/infos/run/counted"][0]) > 0, "episodes have ended on the way"
+    assert [name for name in tensors if not torch.equal(whole[name], resumed[name])] == []
+    others = whole.keys() - set(tensors)
+    assert [name for name in others if repr(whole[name]) != repr(resumed[name])] == []
 
 
 @pytest.mark.slow

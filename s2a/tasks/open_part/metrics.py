@@ -47,10 +47,10 @@ START = wp.constant(0.1)
 
 Limit = columns(("success", "wide", "static", "full"))
 """Columns of the thresholds [m]."""
-Progress = columns(("largest", "gained", "grasped", "both", "any", "off", "body", "stood"))
+Progress = columns(("largest", "gained", "grasped", "both", "any", "off", "body", "stood", "pushed"))
 """What is kept of a running episode: its largest opening [m]; the opening gained [m], in all and while grasped, with both
-fingers on the region, with one or both, with a finger on the part but none on the region, with another link of the robot on
-the part; whether the part ever stood open as `open_75pct_static` demands."""
+fingers on the region, with one or both, with a finger on the part but none on the region, pushed by another link of the
+robot; whether the part ever stood open as `open_75pct_static` demands; whether another link touched the part last."""
 Result = columns(METRICS)
 
 
@@ -77,6 +77,14 @@ def flag(yes: bool):
 def attribute(joint_q: wp.array2d(dtype=float), h: OpenPart):
     """Attribute the opening that a physics step gained to what held the part in it; joint_q is that after the step."""
     world = wp.tid()
+    c, force = h.p.contacts, h.force
+    left, right = c.on_region[world, 0], c.on_region[world, 1]
+    on, off = wp.max(left, right) >= force, wp.max(c.off_region[world, 0], c.off_region[world, 1]) >= force
+    # A light part that is pushed runs ahead of the link and is caught up again: its coasting is the push's.
+    if c.other_links[world] >= force:
+        h.progress[world, Progress.pushed] = 1.0
+    elif on or off:
+        h.progress[world, Progress.pushed] = 0.0
     now = joint_q[world, h.p.bodies.coord] * h.p.part[world].lever
     before = h.progress[world, Progress.largest]
     if not (now > before and wp.isfinite(now)):  # an infinite opening would stay in the recent episodes' mean for ever
@@ -85,15 +93,12 @@ def attribute(joint_q: wp.array2d(dtype=float), h: OpenPart):
     gain = wp.min(now, success) - wp.max(before, START * success)
     h.progress[world, Progress.largest] = now
     if gain > 0.0:
-        c, force = h.p.contacts, h.force
-        left, right = c.on_region[world, 0], c.on_region[world, 1]
-        on, off = wp.max(left, right) >= force, wp.max(c.off_region[world, 0], c.off_region[world, 1]) >= force
         h.progress[world, Progress.gained] += gain
         h.progress[world, Progress.grasped] += gain * flag(is_grasped(h.p, force, 1.0, world))
         h.progress[world, Progress.both] += gain * flag(wp.min(left, right) >= force)
         h.progress[world, Progress.any] += gain * flag(on)
         h.progress[world, Progress.off] += gain * flag(off and not on)
-        h.progress[world, Progress.body] += gain * flag(c.other_links[world] >= force)
+        h.progress[world, Progress.body] += gain * h.progress[world, Progress.pushed]
 
 
 @wp.kernel

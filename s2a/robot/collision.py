@@ -16,6 +16,8 @@ from s2a.scene import Mesh
 
 BULGE = 0.02
 """[m] How far the spheres may stand out of the links; between two links twice as much is no collision."""
+SLACK = 0.005
+"""[m] Accepted penetration of the spheres, which stand out of the links by more."""
 
 Hit = tuple[float, str]
 """Penetration depth [m] (0: no collision), and with what."""

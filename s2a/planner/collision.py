@@ -5,14 +5,12 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from s2a.robot.collision import RobotShape, Surfaces, robot_shape
+from s2a.robot.collision import SLACK, RobotShape, Surfaces, robot_shape
 from s2a.robot.joint_path import straight
 from s2a.robot.tool_path import matrices
 from s2a.scene import Mesh
 from s2a.sim.simulation import Simulation
 
-SLACK = 0.005
-"""[m] Accepted penetration: collision hulls reach a little beyond what was scanned."""
 TRIED = 16
 """Number of joint paths that are checked."""
 

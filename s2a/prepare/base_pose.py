@@ -15,7 +15,7 @@ from s2a.prepare.grasp import floor_height, floor_points, heading
 from s2a.prepare.obstacles import Obstacles
 from s2a.prepare.path_clearance import deepest_collision
 from s2a.ranges import Count, Numbers, Positive
-from s2a.robot.collision import robot_shape
+from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import opening_coordinate, opening_path
@@ -177,7 +177,7 @@ class _Search:
             turned, there = _turned(base, turn, self._shape.kin.shoulder), replace(place, turn=turn)
             near = self._near.with_pedestal(turned[:3, 3], place.pedestal, self._robot.base.radius)
             depth, problem = deepest_collision(near, self._shape, turned, self._poses, paths - turn * first)
-            if depth <= 0.0:
+            if depth <= SLACK:
                 return _chosen(turned, there, _praise(there, tried), True)
             tried.append((depth, problem, turned, there))
         return None

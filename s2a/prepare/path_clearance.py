@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from s2a.prepare.obstacles import Obstacles
-from s2a.robot.collision import Hit, RobotShape
+from s2a.robot.collision import SLACK, Hit, RobotShape
 from s2a.robot.joint_path import HALF_TURN, straight
 
 UNREACHABLE = 10.0
@@ -31,10 +31,10 @@ def deepest_collision(
     if not len(paths):
         return UNREACHABLE, "the arm cannot reach along the whole path"
     depth, owner = _robot(near, shape, base, home[None], moving=True)
-    if depth > 0.0:
+    if depth > SLACK:
         return depth, f"the start pose reaches {1000 * depth:.0f} mm into {owner}"
     depth, owner = _straight(near, shape, base @ shape.kin.tool(home[None])[0], poses[0])
-    if depth > 0.0:
+    if depth > SLACK:
         return depth, f"the gripper on its path reaches {1000 * depth:.0f} mm into {owner}"
     return _along(near, shape, base, paths)
 
@@ -48,7 +48,7 @@ def _along(near: Obstacles, shape: RobotShape, base: np.ndarray, paths: np.ndarr
     best: Hit = (UNREACHABLE, "the arm cannot turn so far")
     for path in paths[np.argsort(distance, kind="stable")][:TRIED]:
         depth, owner = _path_collision(near, shape, base, straight(home, path[0]), path)
-        if depth <= 0.0:
+        if depth <= SLACK:
             return 0.0, ""
         best = min(best, (depth, f"the arm reaches {1000 * depth:.0f} mm into {owner}"))
     return best
@@ -57,10 +57,10 @@ def _along(near: Obstacles, shape: RobotShape, base: np.ndarray, paths: np.ndarr
 def _path_collision(near: Obstacles, shape: RobotShape, base: np.ndarray, reach: np.ndarray, path: np.ndarray) -> Hit:
     """Return the deepest collision on the joint path to the point of approach [pose arm] and on that from there."""
     depth, owner = _robot(near, shape, base, path[1:], moving=False)
-    if depth > 0.0:
+    if depth > SLACK:
         return depth, f"{owner} on its path"
     depth, owner = _robot(near, shape, base, reach, moving=True)
-    if depth > 0.0:
+    if depth > SLACK:
         return depth, f"{owner} on its path to the handle"
     return shape.self_penetration(np.concatenate([reach, path]))
 

@@ -16,6 +16,8 @@ from s2a.scene import Mesh
 
 BULGE = 0.02
 """[m] How far the spheres may stand out of the links; between two links twice as much is no collision."""
+SLACK = 0.005
+"""[m] Accepted penetration of the spheres, which stand out of the links by more."""
 
 Hit = tuple[float, str]
 """Penetration depth [m] (0: no collision), and with what."""
@@ -47,7 +49,8 @@ class RobotShape:
     Attributes:
         kin: the robot's kinematics.
         radii: of all spheres [m], shape [sphere].
-        moving: which spheres an arm joint carries, shape [sphere].
+        moving: which spheres move apart from the base, shape [sphere]: what the first joint carries only turns in the
+            column that the base fills.
         fingers: which belong to the fingers, shape [sphere].
         gripper: centers of the spheres of gripper body and fingers in the tool frame [m], shape [sphere 3].
         gripper_radii: their radii [m], shape [sphere].
@@ -59,7 +62,7 @@ class RobotShape:
         self.kin: Kinematics = kinematics(spec)
         self._link = np.array([self.kin.links.index(link) for link in table[:, 0]])
         self._centers, self.radii = table[:, 1:4].astype(float), table[:, 4].astype(float)
-        self.moving = self.kin.arm_group[self._link] > 0
+        self.moving = self.kin.arm_group[self._link] > 1
         self.fingers = np.isin(table[:, 0], spec.gripper.links)
         held = self.fingers | (table[:, 0] == spec.gripper.body)
         home = np.array([spec.home])

@@ -36,6 +36,7 @@ from s2a.geometry.mesh_ops import centroids, merge, normals, sample, sample_with
 from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 from s2a.prepare.colliders.target import ColliderConfig, Handle, find_handle, target_colliders
 from s2a.prepare.grasp import find_grasp
+from s2a.prepare.target import find_target
 from s2a.provenance import provenance
 from s2a.scene import Mesh, Scene
 from s2a.usd import geometric
@@ -102,9 +103,9 @@ def measure(scanned: Scene, true: Scene, target: str, method: str) -> dict:
     """Return what one method makes of one part."""
     settings = config.load(ColliderConfig, config.compose("prepare", [f"prepare={method}"])["prepare"]["colliders"])
     start = time.process_time()
-    frame = Rotation.from_quat(find_grasp(scanned, target).orientation).as_matrix()
-    handle, others = find_handle(scanned, target, frame)
-    colliders = target_colliders(scanned, target, handle, others, settings)
+    part = find_target(scanned, target)
+    handle, others = find_handle(part)
+    colliders = target_colliders(part, handle, others, settings)
     seconds = time.process_time() - start
     pieces = [collider.mesh for collider in colliders]
     touched, space = touchable(true, target), true_space(true, target)
@@ -114,7 +115,7 @@ def measure(scanned: Scene, true: Scene, target: str, method: str) -> dict:
     distance = surface_distance(pieces, touched)
     asked = _outside(gap_points(space), true, target)
     return {
-        **scan_error(scanned, true, target, frame),
+        **scan_error(scanned, true, target, part.frame),
         "fit_mm": 1e3 * float(surface_distance(pieces, _scanned_points(handle)).mean()),
         "truth_mm": 1e3 * float(distance.mean()),
         "seen_mm": 1e3 * float(distance[seen].mean()) if seen.any() else None,

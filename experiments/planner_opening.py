@@ -81,7 +81,7 @@ def _row(case: tuple[Path, str, str, int, int]) -> dict:
         try:
             ready = prepare(scene, target, settings)
             sim_stage.write(ready, Path(folder) / "sim.usd")
-            return row | {"pieces": len(ready.target.colliders)} | _open(Path(folder) / "sim.usd", worlds, seed)
+            return row | {"pieces": len(ready.bodies[target].colliders)} | _open(Path(folder) / "sim.usd", worlds, seed)
         except InputError as error:
             return row | {"error": str(error).removeprefix(f"{folder}/sim.usd: ")}
 

@@ -15,17 +15,19 @@ goes on.
 from __future__ import annotations
 
 import argparse
-import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from curves import draw
 from multirun import Row, options, sweep
 from outcome import percent, trained, write
-from pxr import Gf, Usd
+from scipy.spatial.transform import Rotation
 
 from s2a.outputs import atomic_write
+from s2a.usd import sim_stage
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results/reward_ablation.json"
@@ -124,14 +126,13 @@ def make_others(scan: Path | None, targets: list[str], stages: Path) -> None:
 
 def move_grasp(stage: Path, target: str, shift: tuple[float, float, float], out: Path) -> None:
     """Copy a sim.usd with its grasp point moved along the axes of its grasp frame [m]; the grasp region stays."""
-    with atomic_write(out) as copy:
-        shutil.copy(stage, copy)
-        opened = Usd.Stage.Open(str(copy))
-        site = opened.GetPrimAtPath(f"/scene/{target}/grasp")
-        turn = Gf.Rotation(Gf.Quatd(site.GetAttribute("xformOp:orient").Get()))
-        place = site.GetAttribute("xformOp:translate")
-        place.Set(type(place.Get())(Gf.Vec3d(place.Get()) + turn.TransformDir(Gf.Vec3d(*shift))))
-        opened.Save()
+    room = sim_stage.read(stage)
+    part = room.articulations[target]
+    turn = Rotation.from_quat(part.grasp.orientation)
+    point = tuple(map(float, np.array(part.grasp.point) + turn.apply(shift)))
+    moved = replace(part, grasp=replace(part.grasp, point=point))
+    with atomic_write(sim_stage.visuals_file(out)) as visuals, atomic_write(out) as copy:
+        sim_stage.write(replace(room, articulations={**room.articulations, target: moved}), copy, visuals)
 
 
 def table(rows: list[Row], runs: list[dict]) -> list[str]:

@@ -43,6 +43,7 @@ def main() -> None:
     """Print a row for every number of worlds, with and without the room's colliders."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stage", type=Path)
+    parser.add_argument("--part", help="articulated part of a room that has several")
     parser.add_argument("--worlds", type=int, nargs="+", default=[4096])
     parser.add_argument(
         "--ppo",
@@ -63,7 +64,9 @@ def main() -> None:
 def bench(args: argparse.Namespace, worlds: int, room: bool) -> dict:
     """Measure one number of worlds."""
     begin = time.perf_counter()
-    sim = Simulation(read_stage(args.stage), replace(_load(SimConfig, "sim/planner"), room=room), worlds, args.device)
+    sim = Simulation(
+        read_stage(args.stage, args.part), replace(_load(SimConfig, "sim/planner"), room=room), worlds, args.device
+    )
     env = OpenDrawerEnv(sim, _load(OpenDrawerConfig, "task/open_drawer"), config.compose("reward/paper")["reward"], 0)
     _sync(args.device)
     row: dict = {"worlds": worlds, "room": room, "build_and_compile_s": time.perf_counter() - begin}

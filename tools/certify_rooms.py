@@ -27,7 +27,8 @@ from s2a.certify import report
 from s2a.certify.check_suite import CertifyConfig, certify, fingerprint
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
-from s2a.prepare import PrepareConfig, prepare
+from s2a.prepare import ALL, PrepareConfig, prepare
+from s2a.prepare.target import find_target
 from s2a.progress import track
 from s2a.provenance import provenance
 from s2a.scene import Scene
@@ -71,14 +72,25 @@ def _folder(room: str, seed: int, asked: argparse.Namespace) -> Path:
 
 
 def _parts(case: tuple[str, int, argparse.Namespace]) -> list[tuple[str, int, str]]:
-    """Scan a room, unless that was done before, and return room, seed and id of each movable part."""
+    """Scan and prepare a room, unless that was done before, and return room, seed and id of each articulated part."""
     room, seed, asked = case
+    logging.disable(logging.WARNING)
     folder = _folder(room, seed, asked)
     if not (folder / "scan/truth/truth.json").exists():
         keys = [f"room={room}", f"seed={seed}", f"detail={asked.detail}", f"out={folder / 'scan'}"]
         with atomic_write(folder / "scan", earlier="truth/truth.json") as out:
             sample(config.load(SampleConfig, config.compose("sample", keys)), out)
-    return [(room, seed, target) for target in _scene(folder).movable]
+    stage = _stage(folder, asked)
+    if not stage.exists():
+        values = config.compose("prepare", [f"prepare={asked.prepare}", "stage=x", "out=y"])
+        ready = prepare(_scene(folder), ALL, config.load(PrepareConfig, values["prepare"]))
+        with aside(sim_stage.visuals_file(stage)) as visuals, aside(stage) as out:
+            sim_stage.write(ready, out, visuals)
+    return [(room, seed, part) for part in _scene(folder).movable]
+
+
+def _stage(folder: Path, asked: argparse.Namespace) -> Path:
+    return folder / f"{asked.prepare}.usd"
 
 
 @functools.lru_cache(maxsize=1)
@@ -97,30 +109,35 @@ def _part(case: tuple[str, int, str, argparse.Namespace]) -> dict[str, Any]:
     return {"room": room, "seed": seed, "target": target, "style": style, **_certified(folder, target, asked)}
 
 
-def _certified(folder: Path, target: str, asked: argparse.Namespace) -> dict[str, Any]:
-    """Prepare and certify one part; what cannot be prepared has not passed."""
-    stage, record = folder / asked.prepare / f"{target}.usd", folder / asked.prepare / f"{target}.json"
-    try:
-        if not stage.exists():
-            values = config.compose("prepare", [f"prepare={asked.prepare}", "stage=x", f"target={target}", "out=y"])
-            with atomic_write(stage) as out:
-                sim_stage.write(prepare(_scene(folder), target, config.load(PrepareConfig, values["prepare"])), out)
-    except InputError as error:
-        return {"passed": False, "graspable": None, "failed": [f"not prepared: {error}"]}
+def _certified(folder: Path, part: str, asked: argparse.Namespace) -> dict[str, Any]:
+    """Certify one part of a prepared room; what could not be prepared has not passed."""
+    stage, record = _stage(folder, asked), folder / asked.prepare / f"{part}.json"
+    if part not in sim_stage.read(stage, visuals=False).articulations:
+        return {"passed": False, "graspable": None, "failed": [f"not prepared: {_reason(folder, part)}"]}
     settings = config.load(CertifyConfig, config.compose("certify", ["stage=x", "out=y"])["certify"])
-    done = report.kept(record, fingerprint(stage), dataclasses.asdict(settings), provenance("cpu"))
-    done = done or certify(stage, settings)
+    asked_of = dataclasses.asdict(settings)
+    done = report.kept(record, fingerprint(stage), asked_of, provenance("cpu"), [part])
+    (certificate,) = done or certify(stage, settings, part)
     with atomic_write(record) as out:
-        out.write_text(report.to_json(done))
-    by_name = {check.name: check for check in done.checks}
+        out.write_text(report.to_json([certificate]))
+    by_name = {check.name: check for check in certificate.checks}
     numbers = {
         name: by_name[name].value for name in ("finger_gap", "finger_closure", "sweep_penetration") if name in by_name
     }
-    failed = [f"{check.name} at {check.prim}: {report.number(check)} {check.message}" for check in done.failed]
+    failed = [f"{check.name} at {check.prim}: {report.number(check)} {check.message}" for check in certificate.failed]
     return {
-        "passed": done.passed, "graspable": done.graspable, "failed": failed, "seconds": done.seconds,
+        "passed": certificate.passed, "graspable": certificate.graspable, "failed": failed, "seconds": certificate.seconds,
         "closure": by_name["finger_closure"].message if "finger_closure" in by_name else "", "values": numbers,
     }  # fmt: skip
+
+
+def _reason(folder: Path, part: str) -> str:
+    """Return why a part cannot be prepared."""
+    try:
+        find_target(_scene(folder), part)
+    except InputError as error:
+        return str(error)
+    return "s2a prepare said why"
 
 
 def _table(styles: dict[str, dict[str, int]]) -> Table:

@@ -2,7 +2,7 @@
 
     python tools/readme_picture.py demo docs/office.png
 
-The first argument is the folder that `make demo` fills; it is read for `scan` and `sim.usd`.
+The first argument is the folder that `make demo` fills; it is read for `scan` and `room.usd`.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ PAINT = 0.85
 
 def main(demo: Path, out: Path) -> None:
     """Draw both halves side by side."""
-    settings = config.load(Config, config.compose("evaluate", [f"stage={demo / 'sim.usd'}", "out=-", "worlds=1"]))
+    settings = config.load(
+        Config, config.compose("evaluate", [f"stage={demo / 'room.usd'}", "part=drawer_7", "out=-", "worlds=1"])
+    )
     camera = config.load(OrbitCamera, config.compose("view")["camera"])
     halves = [above(visible(demo / "scan"), replace(camera, **ROOM)), _robot(settings, replace(camera, **ROBOT))]
     white = np.full((SIZE["height"], GAP, 3), 255, dtype=np.uint8)
@@ -65,7 +67,7 @@ def _robot(settings: Config, camera: OrbitCamera) -> np.ndarray:
 
 def _widest(settings: Config) -> tuple[dict[str, np.ndarray], SimStage]:
     """Let the planner open the part; return the pose [7] of every body by name at the widest opening."""
-    sim = simulation(settings.stage, settings.robot, settings.sim, settings.worlds, settings.device)
+    sim = simulation(settings.stage, settings.sim, settings.worlds, settings.device, settings.part)
     env = OpenDrawerEnv(sim, settings.task, settings.reward, settings.seed)
     seen = [(-1.0, sim.body_q[0])]
 

@@ -106,7 +106,7 @@ def _physics(path: Path, held: Contents, config: CertifyConfig, robot: str | Non
     except (ValueError, RuntimeError, mujoco.FatalError, InputError) as error:
         text = " ".join(str(error).split())[:300]
         return [Check("newton_import", "fail", prim="/scene", message=text, remedy="see what Newton says of it")], None
-    room, attempt = finger_gap.gap(path, held), physics_grip.grip(world, config.grip)
+    room, attempt = finger_gap.gap(path, held, world.robot.gripper), physics_grip.grip(world, config.grip)
     return [*motion(world, config.motion), *_fingers(world.stage.target, room, attempt, config)], attempt.holds
 
 

@@ -9,8 +9,6 @@ import numpy as np
 from pxr import UsdGeom
 from scipy.spatial.transform import Rotation
 
-from s2a import robot
-from s2a.certify import contents
 from s2a.certify.contents import Contents
 from s2a.geometry.handles.finger_gap import share_inside
 from s2a.geometry.mesh_ops import keep, merge, sample
@@ -73,7 +71,7 @@ class Gap:
         return f"{name} was scanned {1000 * depth:.0f} mm deep in the way of the hand's body" if depth > BLOCKED else ""
 
 
-def gap(path: Path, held: Contents) -> Gap:
+def gap(path: Path, held: Contents, gripper: GripperSpec) -> Gap:
     """Ask a sound sim.usd for the room of the fingers beside the grasp region.
 
     A point there is free as scanned if a straight line along the hand's approach reaches it without meeting the scan.
@@ -85,7 +83,6 @@ def gap(path: Path, held: Contents) -> Gap:
     frame = Rotation.from_quat([*quat.GetImaginary(), quat.GetReal()]).as_matrix()
     origin = np.array(pose.ExtractTranslation())
     region = (sample(read_mesh(held.target.GetChild("region")), 20000, seed=0) - origin) @ frame
-    gripper = robot.load(contents.robot_name(path)).gripper
     here = region[np.abs(region[:, 0]) < gripper.finger_box[0] / 2]
     if len(here) < 50:
         return Gap(0.0, float("nan"), float("nan"), gripper.max_opening)

@@ -1,0 +1,199 @@
+"""Worlds of a room: what is active moves, what is not stands still, and the colliders that matter are there."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import newton
+import numpy as np
+import pytest
+import torch
+from cabinet import HANDLE, box, free_cube, write_cabinet
+from nested_room import INNER, LONE, nested_room, quick
+from settings import load
+
+from s2a.errors import InputError
+from s2a.prepare import prepare
+from s2a.sim import nearby
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.world import JointConfig, build_world, read_stage
+from s2a.usd import sim_stage
+from s2a.usd.sim_scene import Base, SimRoom
+
+FREE = JointConfig(0.0, 0.0)
+PARTS = ("drawer_7", "drawer_8", "door_5", "door_6", INNER, LONE)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = Path(tmp_path_factory.mktemp("room") / "room.usd")
+    sim_stage.write(prepare(nested_room(), "all", quick()), path)
+    return path
+
+
+def world(path: Path, part: str, *also: str, static: bool = True) -> newton.ModelBuilder:
+    return build_world(read_stage(path, part, also=also), FREE, 1 / 240, room=static)
+
+
+def ends(labels: list[str]) -> list[str]:
+    return [label.split("/")[-1] for label in labels]
+
+
+def below(builder: newton.ModelBuilder, body: str) -> set[str]:
+    """Return the bodies whose colliders a body of a world has."""
+    index = ends(builder.body_label).index(body)
+    own = [label for label, owner in zip(builder.shape_label, builder.shape_body, strict=True) if owner == index]
+    names = [label.split("/")[2:4] for label in own if "hull_" in label]
+    return {inner.removeprefix("frozen_") if inner.startswith("frozen_") else outer for outer, inner in names}
+
+
+def test_a_room_of_several_parts_asks_which(path: Path) -> None:
+    with pytest.raises(InputError, match=r"6 articulated parts; give part= one of: drawer_7, drawer_8"):
+        read_stage(path)
+    with pytest.raises(InputError, match="'table_4' is no articulated part"):
+        read_stage(path, "table_4")
+    with pytest.raises(InputError, match="'cup_1' neither moves on a joint nor lies free"):
+        read_stage(path, "drawer_7", also=("cup_1",))
+    with pytest.raises(InputError, match="no base pose for robot 'ur5', but for: panda"):
+        read_stage(path, "drawer_7", robot="ur5")
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_every_part_gives_a_world_of_the_same_layout(part: str, path: Path) -> None:
+    builder = world(path, part)
+    carrier = f"{LONE}_anchor" if part == LONE else "cabinet_3"
+    assert ends(builder.body_label) == ends(builder.joint_label) == [carrier, part]
+    assert builder.joint_parent == [-1, 0]
+
+
+def test_what_is_frozen_belongs_to_what_it_hangs_on(path: Path) -> None:
+    drawer = world(path, "drawer_7")
+    assert below(drawer, "drawer_7") == {"drawer_7"}
+    assert below(drawer, "cabinet_3") >= {"cabinet_3", "drawer_8"}
+    # A drawer behind a door goes with the door, and hangs on the cabinet where the door is frozen.
+    assert INNER in below(world(path, "door_5"), "door_5")
+    inner = world(path, INNER)
+    assert "door_5" in below(inner, "cabinet_3") and below(inner, INNER) == {INNER}
+
+
+def test_two_active_parts_move_apart_from_each_other(path: Path) -> None:
+    builder = world(path, "door_5", INNER)
+    assert ends(builder.body_label) == ["cabinet_3", "door_5", INNER]
+    assert builder.joint_parent[ends(builder.joint_label).index(INNER)] == 1
+
+
+def test_nothing_of_the_file_is_lost_where_newton_reads_it_by_itself(path: Path) -> None:
+    builder, room = newton.ModelBuilder(), sim_stage.read(path)
+    newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+    builder.rigid_gap = 0.01
+    builder.add_usd(str(path))
+    assert set(ends(builder.body_label)) == set(room.bodies)
+    assert builder.joint_dof_count == len(room.articulations)
+    hulls = sum(len(body.colliders) for body in room.bodies.values()) + len(room.static_colliders)
+    assert sum("/colliders/" in label for label in builder.shape_label) == hulls
+    model = builder.finalize()
+    solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=True)
+    state, other, control = model.state(), model.state(), model.control()
+    for _ in range(240):
+        solver.step(state, other, control, None, 1.0 / 240.0)
+        state, other = other, state
+    assert np.abs(state.joint_q.numpy()).max() < 1e-3
+
+
+def test_parts_that_overlap_on_the_path_do_not_collide(path: Path) -> None:
+    stage = read_stage(path, "drawer_7")
+    part = replace(stage.room.articulations["drawer_7"], filtered=(LONE,))
+    room = replace(stage.room, articulations={**stage.room.articulations, "drawer_7": part})
+
+    def pairs(of: SimRoom) -> set[tuple[str, str]]:
+        builder = build_world(replace(stage, room=of), FREE, 1 / 240)
+        found = builder.shape_collision_filter_pairs
+        return {tuple(sorted(builder.shape_label[i].split("/")[2] for i in pair)) for pair in found}
+
+    assert (LONE, "drawer_7") in pairs(room) - pairs(stage.room)
+
+
+def crowded(tmp_path: Path, count: int, apart: float) -> Path:
+    """Return a cabinet with so many small boxes between robot and drawer, `apart` [m] from each other."""
+    boxes = [box((HANDLE[0] + 0.3, 0.3, 0.2 + apart * k), 3 * (0.002,)) for k in range(count)]
+    return write_cabinet(tmp_path / "sim.usda", beside=boxes)
+
+
+def static(builder: newton.ModelBuilder) -> list[str]:
+    return [label for label, body in zip(builder.shape_label, builder.shape_body, strict=True) if body == -1]
+
+
+def test_only_so_many_colliders_are_loaded_and_the_rest_is_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = crowded(tmp_path, 80, 0.008)
+    room = sim_stage.read(path)
+    floor, *others = room.static_colliders
+    sim_stage.write(replace(room, static_colliders=(*others, replace(floor, structure=True))), path)
+    with caplog.at_level(logging.WARNING):
+        names = static(world(path, "drawer_2"))
+    assert len(names) == nearby.MAX_STATIC
+    assert "/scene/static/colliders/room_3_81" in names  # clutter does not crowd out the floor
+    assert "17 colliders within the arm's reach are not loaded" in caplog.text and "room_3" in caplog.text
+
+
+def test_the_nearest_to_the_path_are_loaded(tmp_path: Path) -> None:
+    names = static(world(crowded(tmp_path, 80, 0.015), "drawer_2"))
+    numbers = [int(name[-2:]) - 2 for name in names]
+    heights = sorted(0.2 + 0.015 * k for k in numbers if k >= 0)
+    assert heights[0] == pytest.approx(0.2) or heights[-1] == pytest.approx(0.2 + 0.015 * 79)
+    assert min(abs(height - HANDLE[2]) for height in heights) < 0.01
+    assert np.diff(heights).max() == pytest.approx(0.015)  # what is left out is farthest, not here and there
+
+
+def test_what_no_arm_reaches_and_nothing_meets_is_not_loaded_in_silence(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    far, beside = box((HANDLE[0] + 0.55, 3.0, 0.5), 3 * (0.1,)), box((HANDLE[0] + 0.3, 0.3, 0.5), 3 * (0.02,))
+    path = write_cabinet(tmp_path / "sim.usda", beside=[far, beside])
+    with caplog.at_level(logging.INFO, logger="s2a.sim.nearby"):
+        names = static(world(path, "drawer_2"))
+    # Neither the box in the distance nor the wall behind the cabinet.
+    assert [name[-2:] for name in names] == ["00", "03"]
+    assert "2 of 4 static colliders are loaded" in caplog.text
+    assert not any(record.levelno == logging.WARNING for record in caplog.records)
+    assert static(world(path, "drawer_2", static=False)) == []
+
+
+def test_a_robot_on_a_pedestal_stands_on_a_collider(tmp_path: Path) -> None:
+    path = write_cabinet(tmp_path / "sim.usda")
+    room = sim_stage.read(path)
+    raised = {"panda": Base((0.9, 0.0, 0.4), (0.0, 0.0, 1.0, 0.0), pedestal=0.4)}
+    part = replace(room.articulations["drawer_2"], bases=raised)
+    sim_stage.write(replace(room, articulations={"drawer_2": part}), path)
+    assert "/scene/static/colliders/pedestal_00" in static(world(path, "drawer_2"))
+
+
+@pytest.mark.parametrize("use_c", [False, True])
+def test_small_free_objects_stay_where_they_were_scanned(use_c: bool, tmp_path: Path) -> None:
+    # On a shelf of its own, far from the scene's origin; 50 g and 3 cm: NaN where the frame is the scene's.
+    shelf = box((0.6, 0.9, 0.5), (0.2, 0.2, 0.02))
+    cubes = [free_cube(f"cube_{k}", (0.5 + 0.08 * k, 0.9, 0.5355), 0.03, 0.05) for k in range(3)]
+    path = write_cabinet(tmp_path / "sim.usda", beside=[shelf], free=cubes)
+    # A cube is one hull: with one contact a pair of hulls it would stand on a corner.
+    settings = load(SimConfig, "sim/paper", multiccd=True)
+    sim = Simulation(read_stage(path, also=tuple(cube.id for cube in cubes)), settings, 1, with_robot=False)
+    in_c = newton.solvers.SolverMuJoCo(sim.model, use_mujoco_cpu=True, enable_multiccd=True)
+    solver = in_c if use_c else sim.solver
+    start, state, other = sim.body_q[0].clone(), sim.state, sim.before
+    for _ in range(480):
+        solver.step(state, other, sim.control, None, 1 / 240)
+        state, other = other, state
+    end = torch.from_numpy(state.body_q.numpy()).view(start.shape)
+    for cube in cubes:
+        assert float((end - start)[sim.body(cube.id), :3].norm()) < 0.003
+
+
+def test_free_objects_that_are_not_active_are_part_of_the_room(tmp_path: Path) -> None:
+    path = write_cabinet(tmp_path / "sim.usda", free=[free_cube("cube_5", (0.6, 0.3, 0.5))])
+    builder = world(path, "drawer_2")
+    assert "cube_5" not in ends(builder.body_label)
+    label = next(label for label in builder.shape_label if "cube_5" in label)
+    assert list(builder.shape_transform[builder.shape_label.index(label)])[:3] == pytest.approx([0.6, 0.3, 0.5])

@@ -85,7 +85,7 @@ def plain(config: Any, resolve: bool = True) -> dict[str, Any]:
     return dict(OmegaConf.to_container(config, resolve=resolve))  # type: ignore[arg-type]
 
 
-def load(cls: type[T], values: Mapping[str, Any]) -> T:
+def load(cls: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
     """Build a frozen dataclass from plain nested dictionaries: every key known, present, of its type, in its range.
 
     Lists become tuples, strings become paths and integers become floats where the dataclass says so.
@@ -94,20 +94,21 @@ def load(cls: type[T], values: Mapping[str, Any]) -> T:
         InputError: naming the key, the value, and what is possible.
     """
     if missing := [key for key, value in leaves(values) if value == REQUIRED]:
-        raise InputError(f"key {missing[0]!r} has no value; give {missing[0]}=...")
+        raise InputError(f"key {prefix + missing[0]!r} has no value; give {prefix}{missing[0]}=...")
     values = {key: _chosen(cls, key, value, values) for key, value in values.items()}
     rules = dacite.Config(strict=True, type_hooks={float: _float, int: _int, Path: _path})
     try:
         loaded = dacite.from_dict(cls, _tuples(values), rules)
     except dacite.WrongTypeError as error:
-        given = _given(values, error)
-        raise InputError(f"key {error.field_path!r} is {given!r}; expected {expected(error.field_type)}") from error
+        key, given = f"{prefix}{error.field_path}", _given(values, error)
+        raise InputError(f"key {key!r} is {given!r}; expected {expected(error.field_type)}") from error
     except dacite.MissingValueError as error:
-        raise InputError(f"key {error.field_path!r} is missing; give +{error.field_path}=...") from error
+        key = f"{prefix}{error.field_path}"
+        raise InputError(f"key {key!r} is missing; give +{key}=...") from error
     except dacite.UnexpectedDataError as error:
         name = sorted(error.keys)[0]
         raise InputError(_unknown(name, [key for key in keys(values) if name not in key.split(".")])) from error
-    ranges.check(cls, loaded)
+    ranges.check(cls, loaded, prefix.removesuffix("."))
     return loaded
 
 
@@ -121,9 +122,15 @@ def note(cls: type, key: str, kind: type[N]) -> N | None:
 
 
 def _chosen(cls: type, key: str, value: Any, values: Mapping[str, Any]) -> Any:
-    """Return a field's value, loaded where its dataclass depends on the values."""
+    """Return a field's value, loaded where its dataclass depends on the values; InputError for a key that nothing describes."""
+    if not isinstance(value, Mapping):
+        return value
+    if (described := note(cls, key, Described)) and (
+        unknown := set(value).difference(known := described.describe(values))
+    ):
+        raise InputError(_unknown(f"{key}.{min(unknown)}", [f"{key}.{name}" for name in known]))
     found = note(cls, key, Chosen)
-    return load(found.choose(values), value) if found and isinstance(value, Mapping) else value
+    return load(found.choose(values), value, f"{key}.") if found else value
 
 
 def opened(overrides: Sequence[str]) -> list[str]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import inspect
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
 from itertools import takewhile
 from typing import Any, get_args, get_origin, get_type_hints
 
 from s2a import config
+from s2a.errors import InputError
 
 GENERAL = """\
 usage: s2a <command> key=value ...
@@ -36,7 +37,7 @@ def command(name: str, meaning: str, cls: type) -> str:
     lines = [f"s2a {name} key=value ...: {meaning}", *examples(name), ""]
     for key, value in values:
         lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, meanings)}".rstrip())
-    return "\n".join([*lines, *options(name)])
+    return "\n".join([*lines, *options(name, cls)])
 
 
 def _chosen(cls: type, values: Mapping[str, Any]) -> dict[str, str]:
@@ -65,21 +66,29 @@ def typed(value: Any) -> str:
     return json.dumps(value) if value is None or isinstance(value, bool) else f"{value}"
 
 
-def options(name: str) -> list[str]:
-    """List the options of the config groups that a command composes from sub-folders: those with the same keys.
+def options(name: str, cls: type) -> list[str]:
+    """List the options of the config groups that a command composes from sub-folders: of shared groups those that it can load.
 
-    Commands share some groups: `policy` holds options of training and of planning.
+    Args:
+        name: the command.
+        cls: its settings.
     """
     text = (config.folder() / f"{name}.yaml").read_text()
     groups = re.findall(r"^\s*- (?:override )?/?([\w/]+)(?:@\w+)?: ", text, flags=re.MULTILINE)
-    known = set(config.keys(config.compose(name)))
-    found = {}
-    for group in groups:
-        names = sorted(path.stem for path in (config.folder() / group).glob("*.yaml"))
-        found[group] = [
-            other for other in names if set(config.keys(config.compose(name, [f"{group}={other}"]))) == known
-        ]
+    found = {group: sorted(path.stem for path in (config.folder() / group).glob("*.yaml")) for group in groups}
+    required = [f"{key}=given" for key, value in config.leaves(config.compose(name)) if value == config.REQUIRED]
+    for group, names in found.items():
+        found[group] = [each for each in names if _loads(name, cls, [*required, f"{group}={each}"])]
     return ["", *(f"  {group}=...  one of: {', '.join(names)}" for group, names in found.items())] if found else []
+
+
+def _loads(name: str, cls: type, overrides: Sequence[str]) -> bool:
+    """Return whether a command can load its settings with overrides."""
+    try:
+        config.load(cls, config.compose(name, overrides))
+    except InputError:
+        return False
+    return True
 
 
 def meaning_of(key: str, meanings: Mapping[str, str]) -> str:

@@ -121,7 +121,7 @@ class Part:
         mesh: its surface in scene coordinates; may be empty.
         parent: id of the part it belongs to, or None for an object.
         motion: "fixed" to its parent, "free", or its Joint.
-        graspable: whether a hand takes hold of the moving part here.
+        graspable: Annotated as the place where a gripper grasps the moving part.
         mass: [kg] if annotated, else None.
     """
 

@@ -43,14 +43,14 @@ def loops(edges: np.ndarray) -> list[np.ndarray]:
     return found
 
 
-def largest_pieces(mesh: Mesh, share: float) -> Mesh:
-    """Return the connected pieces of a surface that have at least a share of its area."""
+def drop_small_components(mesh: Mesh, min_area_fraction: float) -> Mesh:
+    """Return a surface without the connected components below a fraction of its area."""
     corners = mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]]
     rows, columns = np.concatenate([edge for edge in corners]).T
     links = coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(mesh.vertices),) * 2)
     piece = connected_components(links, directed=False)[1][mesh.faces[:, 0]]
     area = np.bincount(piece, weights=mesh.face_areas)
-    return keep(mesh, area[piece] >= share * area.sum())
+    return keep(mesh, area[piece] >= min_area_fraction * area.sum())
 
 
 def close(mesh: Mesh, ground: float, near: float) -> Mesh:

@@ -32,7 +32,7 @@ def ransac_plane(points: np.ndarray, upright: bool, config: RansacConfig) -> Pla
 
     Args:
         points: shape [point 3], [m].
-        upright: whether an upright plane is wanted instead of a level one.
+        upright: Find a vertical plane instead of a horizontal one.
         config: threshold and number of tries.
 
     Returns:

@@ -64,8 +64,8 @@ def horizontal_levels(mesh: Mesh, config: LevelConfig) -> list[Plane]:
     The most common height is taken first, a slightly sloping plane is fitted to it, and its faces leave the search:
     the basin, the rim and the counter of a sink come one by one.
     """
-    looks_up = smoothed_normals(mesh, UP, config.smoothing_rounds) @ UP > np.cos(config.max_tilt)
-    left = np.flatnonzero(looks_up & (mesh.face_areas > 0))
+    faces_up = smoothed_normals(mesh, UP, config.smoothing_rounds) @ UP > np.cos(config.max_tilt)
+    left = np.flatnonzero(faces_up & (mesh.face_areas > 0))
     middle, areas = centroids(mesh), mesh.face_areas
     found: list[Plane] = []
     while len(found) < config.max_planes and areas[left].sum() > config.min_area:

@@ -99,7 +99,7 @@ def box_of(scene: Scene, part_id: str) -> Box:
     return upright_box(np.concatenate(points))
 
 
-def looks_up(mesh: Mesh) -> bool:
+def faces_up(mesh: Mesh) -> bool:
     """Whether so much of a surface looks upwards that something could stand on it: a quick test before regions are grown."""
     return bool(mesh.face_areas[normals(mesh)[:, 2] > LEVEL].sum() > 0.1 * WORTH)
 
@@ -127,7 +127,7 @@ def context_of(scene: Scene, supports: Supports, choice: Choice, count: int) -> 
 
 def _supports(scene: Scene, part_id: str, config: RegionConfig) -> list[Region]:
     part = scene.parts[part_id]
-    if isinstance(part.motion, Joint) or part.graspable or not looks_up(part.mesh):
+    if isinstance(part.motion, Joint) or part.graspable or not faces_up(part.mesh):
         return []
     return target_regions(scene, part_id, config, ("horizontal", "inside"))
 

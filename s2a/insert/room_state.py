@@ -55,7 +55,7 @@ class RoomState:
         """
         self._survey()
         if target not in self._levels:
-            if not describe.looks_up(target_mesh(self.scene, target)):
+            if not describe.faces_up(target_mesh(self.scene, target)):
                 raise NoRoom("nothing of it looks upwards")
             self._levels[target] = target_regions(self.scene, target, self._config, ("horizontal", "inside"))
         return self._levels[target]

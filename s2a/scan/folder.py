@@ -62,7 +62,7 @@ def find_bare(path: Path) -> BareFiles:
     meshes = _meshes(path)
     if len(meshes) != 1:
         found = ", ".join(file.name for file in meshes[:4]) or "none"
-        raise InputError(f"{path}: one mesh, {MESH}, belongs here (found: {found}); give the folder of one scan")
+        raise InputError(f"{path}: expected one mesh, {MESH} (found: {found}); give the folder of one scan")
     whole = path.resolve()
     name = whole.parent.name if whole.name == "scans" else whole.name
     return BareFiles(name, meshes[0], _segments(path, _folders(path)))

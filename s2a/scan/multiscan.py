@@ -75,7 +75,7 @@ def _find(path: Path) -> _Files:
     found = sorted(path.glob(f"[!.]*{ANNOTATIONS}"))
     if len(found) != 1:
         names = ", ".join(file.name for file in found[:4]) or "none"
-        raise InputError(f"{path}: one <scene>{ANNOTATIONS} belongs here (found: {names}); give the folder of one scan")
+        raise InputError(f"{path}: expected one <scene>{ANNOTATIONS} (found: {names}); give the folder of one scan")
     name = found[0].name.removesuffix(ANNOTATIONS)
     return _Files(name, found[0], path / f"{name}.ply", path / f"{name}.semseg.json")
 

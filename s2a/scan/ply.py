@@ -15,9 +15,9 @@ from s2a.errors import InputError
 
 _log = logging.getLogger(__name__)
 
-_LARGEST_SPAN = 1000.0  # [m]; beyond any room, so another unit or a damaged number
-_LARGE_SPAN = 60.0  # [m]; beyond the rooms that anybody scanned (ten metres), though there are halls
-_FAR = 100.0  # [m]; from here on float32 rounds coordinates by 8 um or more
+_MAX_SPAN = 1000.0  # [m]; beyond any room, so another unit or a damaged number
+_SUSPICIOUS_SPAN = 60.0  # [m]; beyond the rooms that anybody scanned (ten metres), though there are halls
+_FLOAT32_RANGE = 100.0  # [m]; from here on float32 rounds coordinates by 8 um or more
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def read(path: Path, face_numbers: tuple[str, ...] = ()) -> Surface:
     vertices = content["vertices"].astype(np.float64)
     faces = _triangles(path, content["faces"], elements)
     _check_numbers(path, vertices, faces)
-    far = np.abs(vertices).max() > _FAR
+    far = np.abs(vertices).max() > _FLOAT32_RANGE
     origin = vertices.min(axis=0) if far else np.zeros(3)
     colors = _colors(path, content.get("vertex_colors"))
     numbers = {name: _face_numbers(path, elements["face"]["data"], name, len(faces)) for name in face_numbers}
@@ -124,11 +124,11 @@ def _check_numbers(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
             f"{path}: vertex {bad[0]} is {vertices[bad[0]].tolist()}, not finite ({len(bad)} such); download it again"
         )
     span = np.ptp(vertices, axis=0).max()
-    if span > _LARGEST_SPAN:
+    if span > _MAX_SPAN:
         raise InputError(
             f"{path}: vertices span {span:.6g} m; is it in millimetres, or damaged? metres of one room are expected"
         )
-    if span > _LARGE_SPAN:
+    if span > _SUSPICIOUS_SPAN:
         _log.warning("%s: spans %.6g m; is it in centimetres or millimetres? metres are expected", path, span)
     if not 0 <= faces.min() <= faces.max() < len(vertices):
         raise InputError(

@@ -120,7 +120,7 @@ def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xf
     Args:
         stage: where to.
         path: path of the body.
-        root: whether it carries the joints of an articulation, itself on none.
+        root: Mark it as the root of an articulation.
     """
     body = UsdGeom.Xform.Define(stage, path)
     UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())

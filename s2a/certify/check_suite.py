@@ -21,7 +21,7 @@ from s2a.certify.physics_grip import Grip, GripConfig
 from s2a.certify.physics_motion import MotionConfig, motion
 from s2a.certify.shapes import ShapeConfig
 from s2a.provenance import provenance
-from s2a.usd.files import files
+from s2a.usd.layer_files import files
 
 
 @dataclass(frozen=True)

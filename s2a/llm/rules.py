@@ -36,7 +36,7 @@ ANYWHERE = ("on table", "on desk", "on counter", "on shelf", "inside shelf", "on
 
 
 @dataclass(frozen=True)
-class Entry:
+class ObjectKind:
     """A kind of thing.
 
     Attributes:
@@ -55,7 +55,7 @@ class Entry:
 
 
 @cache
-def table() -> tuple[Entry, ...]:
+def table() -> tuple[ObjectKind, ...]:
     """Return what is known of things."""
     with (FOLDER / "rules.csv").open(newline="") as file:
         return tuple(_entry(row) for row in csv.DictReader(file, delimiter=";"))
@@ -77,7 +77,7 @@ def rules(request: Request) -> Answer:
     return Answer(json.dumps(said), "rules")
 
 
-def known(label: str) -> Entry | None:
+def known(label: str) -> ObjectKind | None:
     """Return what the table says of a thing: by its name, a name at the label's end or in it, a brand, or a misspelt name."""
     words = _words(label)
     names = {name: entry for entry in table() for name in entry.names}
@@ -104,10 +104,10 @@ def _words(label: str) -> str:
     return " ".join(re.sub(r"\b(?:v?\d+\w*|lowpoly|low poly|3d|model|free|obj|glb|final|new)\b", " ", words).split())
 
 
-def _entry(row: dict[str, str]) -> Entry:
+def _entry(row: dict[str, str]) -> ObjectKind:
     names = (row["noun"], *filter(None, row["also"].split("|")))
     places = tuple((how, where) for how, _, where in (place.partition(" ") for place in row["places"].split("|")))
-    return Entry(row["noun"], names, _range(row["height_cm"]), _range(row["longest_cm"]), places)
+    return ObjectKind(row["noun"], names, _range(row["height_cm"]), _range(row["longest_cm"]), places)
 
 
 def _range(text: str) -> Range:
@@ -116,7 +116,7 @@ def _range(text: str) -> Range:
     return float(low) / 100, float(high) / 100
 
 
-def _size(facts: Any, entry: Entry | None) -> dict[str, Any]:
+def _size(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
     """Return the answer to how large a thing is."""
     height, longest = (entry.height, entry.longest) if entry else (UNKNOWN_HEIGHT, UNKNOWN_LONGEST)
     reason = "the table says so" if entry else "the table does not know it: something that a hand can hold"
@@ -124,7 +124,7 @@ def _size(facts: Any, entry: Entry | None) -> dict[str, Any]:
     return {"noun": noun, "height": height, "longest": longest, "unit": "unknown", "reason": reason}
 
 
-def _plan(facts: Any, entry: Entry | None) -> dict[str, Any]:
+def _plan(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
     """Return the answer to where a thing belongs."""
     up = _up(facts, entry)
     hint = parse_hint(facts.get("wish") or "", facts["room"])
@@ -137,7 +137,7 @@ def _plan(facts: Any, entry: Entry | None) -> dict[str, Any]:
     return {"up": up, "front": front, "near": hint.near, "choices": choices[:3]}
 
 
-def _breadth(facts: Any, entry: Entry | None, up: str) -> float:
+def _breadth(facts: Any, entry: ObjectKind | None, up: str) -> float:
     """Return about how broad a thing is where it stands [m]: the shorter of its level sides."""
     low, high = entry.longest if entry else UNKNOWN_LONGEST
     level = [side for side, axis in zip(facts["sides"], "xyz", strict=True) if axis != up[1]]
@@ -183,7 +183,7 @@ def _free(support: dict[str, Any]) -> dict[str, float]:
     return {key: support[key] for key in ("free", "circle")}
 
 
-def _up(facts: Any, entry: Entry | None) -> str:
+def _up(facts: Any, entry: ObjectKind | None) -> str:
     """Return the axis on whose far side a thing stands best, if its height is then what the table says of its shape."""
     sides = dict(zip("xyz", facts["sides"], strict=True))
     longest = max(sides.values())

@@ -21,7 +21,7 @@ _FLOAT32_RANGE = 100.0  # [m]; from here on float32 rounds coordinates by 8 um o
 
 
 @dataclass(frozen=True)
-class Surface:
+class ScanMesh:
     """The mesh of a whole scan, vertices and faces in the order of the file, which the annotations count in.
 
     Attributes:
@@ -41,7 +41,7 @@ class Surface:
     face_numbers: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
-def read(path: Path, face_numbers: tuple[str, ...] = ()) -> Surface:
+def read(path: Path, face_numbers: tuple[str, ...] = ()) -> ScanMesh:
     """Read a triangle mesh from a PLY file: ASCII or binary, float or double; properties not asked for are ignored.
 
     A mesh that reaches further than 100 m from zero is moved, in float64, so that its smallest corner becomes zero. One that
@@ -63,7 +63,7 @@ def read(path: Path, face_numbers: tuple[str, ...] = ()) -> Surface:
     origin = vertices.min(axis=0) if far else np.zeros(3)
     colors = _colors(path, content.get("vertex_colors"))
     numbers = {name: _face_numbers(path, elements["face"]["data"], name, len(faces)) for name in face_numbers}
-    return Surface(path, vertices - origin, faces.astype(np.int32), colors, origin, numbers)
+    return ScanMesh(path, vertices - origin, faces.astype(np.int32), colors, origin, numbers)
 
 
 def _load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:

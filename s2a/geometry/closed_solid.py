@@ -1,4 +1,4 @@
-"""Making closed solids of surfaces that were scanned from some sides only."""
+"""Closed solids from partially scanned surfaces."""
 
 from __future__ import annotations
 
@@ -54,15 +54,15 @@ def drop_small_components(mesh: Mesh, min_area_fraction: float) -> Mesh:
 
 
 def close(mesh: Mesh, ground: float, near: float) -> Mesh:
-    """Return a closed solid that stands flat on a level ground.
+    """Return a closed solid that stands flat on horizontal ground.
 
     A border that comes near the ground is led straight down to it all along: it runs around the underside and the sides that
     were not seen. Every other hole is closed by a fan around its middle.
 
     Args:
-        mesh: a surface, faces outwards; what lies lower than the ground is lifted to it.
-        ground: height [m].
-        near: how near to the ground that is [m].
+        mesh: a surface, faces outwards; vertices below the ground are lifted to it.
+        ground: height of the ground [m].
+        near: borders this close to the ground are closed along it [m].
     """
     mesh = weld(mesh)
     points = np.array(mesh.vertices, np.float64)

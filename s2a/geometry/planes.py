@@ -1,4 +1,4 @@
-"""Flat pieces of a surface: finding planes in a noisy mesh, and covering them with few thin boxes."""
+"""Planar patches: detection in a noisy mesh, and covers of few thin boxes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ TILT = 0.8
 
 @dataclass(frozen=True)
 class Plane:
-    """A flat piece of a surface.
+    """A planar patch of a surface.
 
     Attributes:
         normal: unit, out of the solid, shape [3].
         offset: normal.x on the plane [m].
-        faces: indices of the faces that belong to it.
+        faces: indices of its faces.
     """
 
     normal: np.ndarray
@@ -35,9 +35,9 @@ def find_planes(mesh: Mesh, tolerance: float, min_area: float, count: int, seed:
     """Return the largest planes of a surface, largest first.
 
     Args:
-        mesh: a surface whose faces look out of the solid.
-        tolerance: largest distance of a face's middle from its plane [m].
-        min_area: what is smaller is no plane [m^2].
+        mesh: a surface, faces outwards.
+        tolerance: largest distance of a face's centroid from its plane [m].
+        min_area: smallest area of a plane [m^2].
         count: largest number of planes.
         seed: of the random candidates.
     """
@@ -111,7 +111,7 @@ def _best_plane(
     tolerance: float,
     random: np.random.Generator,
 ) -> Plane | None:
-    """Return the plane with the most area among the faces that are left, fitted to them."""
+    """Return the plane with the largest area among the remaining faces, fitted to them."""
     few = left if len(left) < 4000 else random.choice(left, 4000, replace=False)
     seeds = random.choice(left, min(64, len(left)), replace=False, p=areas[left] / areas[left].sum())
     heights = np.abs(middle[few] @ facing[seeds].T - np.einsum("ij,ij->i", middle[seeds], facing[seeds]))

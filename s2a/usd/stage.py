@@ -1,4 +1,4 @@
-"""What every flavour is written and read with: stages, meshes, and attributes of our own (`s2a:<name>`)."""
+"""Common to all flavours: stages, meshes, and attributes in the namespace `s2a:`."""
 
 from __future__ import annotations
 

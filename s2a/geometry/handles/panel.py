@@ -1,4 +1,4 @@
-"""The flat front behind a handle, and which faces belong to the one and to the other."""
+"""The front panel behind a handle, and the border between the two."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from s2a.geometry.planes import fit_plane, min_area_rectangle, plane_axes
 from s2a.scene import Mesh
 
 AROUND = 0.04
-"""[m] How far around the handle its front is looked for."""
+"""[m] Search radius for the panel around the handle."""
 SAMPLES = 40000
-"""Points by which a front is asked."""
+"""Points sampled on a panel."""
 STRAY = 0.004
 """[m] What stands out of the front by more than this, close to the handle, is no front."""
 FLUSH = 0.003

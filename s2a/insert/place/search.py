@@ -13,7 +13,7 @@ import numpy as np
 from scipy import fft, ndimage
 
 from s2a.geometry.mesh_ops import sample
-from s2a.geometry.occupancy import Grid, columns
+from s2a.geometry.occupancy import Grid, occupied_layers
 from s2a.geometry.regions import Region
 from s2a.insert.place.swept_volumes import SweptVolume, fill
 from s2a.ranges import Count, Fraction, NotNegative, Numbers, Positive
@@ -116,7 +116,7 @@ def occupancy_grid(
     edges = np.linspace(config.contact_height, max(height, 2 * config.contact_height), config.layers + 1)
     origin = region.points(np.array([[-pad, -pad]]))[0]
     raster = Grid(region.axes, origin, region.cell, carries.shape, edges[0], edges[-1], config.layers)
-    layers, _ = columns(obstacles, raster)
+    layers, _ = occupied_layers(obstacles, raster)
     for volume in volumes:
         fill(layers, edges, region, pad, volume, config.contact_height)
     grow = max(1, round(config.margin / region.cell))

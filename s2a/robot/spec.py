@@ -1,0 +1,153 @@
+"""What the rest of the package knows of a robot: one arm with a parallel gripper, described by `conf/robot/<name>.yaml`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from s2a.errors import InputError
+from s2a.ranges import NotNegative, Numbers, Positive
+from s2a.scene import Vec3
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Position control of the joints.
+
+    Attributes:
+        arm_stiffness: position gain of the arm joints [N m/rad].
+        arm_damping: velocity gain of the arm joints [N m s/rad].
+        finger_stiffness: position gain of the finger joints [N/m].
+        finger_damping: velocity gain of the finger joints [N s/m].
+        finger_effort: force limit of a finger joint [N].
+        armature: rotor inertia added to every joint [kg m^2 or kg].
+    """
+
+    arm_stiffness: NotNegative
+    arm_damping: NotNegative
+    finger_stiffness: NotNegative
+    finger_damping: NotNegative
+    finger_effort: NotNegative
+    armature: NotNegative
+
+
+@dataclass(frozen=True)
+class GripperSpec:
+    """A parallel gripper.
+
+    Its tool frame has its origin between the pads, z forward (the approach direction), y from the right finger to the left.
+    A finger joint's coordinate is 0 where the pads touch and grows as the finger opens.
+
+    Attributes:
+        joints: finger joints (left, right).
+        links: finger links (left, right).
+        body: link that carries the fingers.
+        max_opening: between the pads, fully open [m].
+        finger_joint_open: finger joint coordinate, fully open [m].
+        finger_joint_home: finger joint coordinate at the start of an episode [m].
+        finger_inset: how far each fingertip is mounted nearer to the middle than in the URDF [m].
+        finger_box: extents of a fingertip along the tool frame's axes [m].
+        tip_ahead: how far the fingertips reach past the tool frame's origin [m].
+        palm_box: extents of the gripper body along the tool frame's axes [m].
+        palm_behind: distance from the gripper body's front to the tool frame's origin [m].
+        finger_speed: maximum speed of each finger [m/s].
+        coupled: one motor drives both fingers.
+    """
+
+    joints: tuple[str, str]
+    links: tuple[str, str]
+    body: str
+    max_opening: Positive
+    finger_joint_open: Positive
+    finger_joint_home: NotNegative
+    finger_inset: NotNegative
+    finger_box: Vec3
+    tip_ahead: NotNegative
+    palm_box: Vec3
+    palm_behind: NotNegative
+    finger_speed: Positive
+    coupled: bool
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """What the arm's motors and their controller allow, per arm joint; position limits are the URDF's.
+
+    Attributes:
+        velocity: [rad/s].
+        acceleration: [rad/s^2].
+        torque: [N m].
+    """
+
+    velocity: Numbers
+    acceleration: Numbers
+    torque: Numbers
+
+
+@dataclass(frozen=True)
+class BaseSpec:
+    """What decides where the robot can stand.
+
+    Attributes:
+        shoulder_height: axis of the first joint that lifts the arm, above the base [m].
+        upper_arm: from there to the far side of the elbow [m].
+        reach: from the shoulder to the gripper body, stretched [m].
+        radius: of the vertical column that foot and shoulder fill [m].
+        distances: horizontal distances from the base to the grasp point to try, in this order [m].
+    """
+
+    shoulder_height: Positive
+    upper_arm: Positive
+    reach: Positive
+    radius: Positive
+    distances: Numbers
+
+
+@dataclass(frozen=True)
+class RobotSpec:
+    """An arm with a parallel gripper.
+
+    Attributes:
+        name: of the robot; its collision spheres are in s2a/robot/<name>/spheres.csv.
+        urdf: path below example-robot-data's folder `robots`.
+        root_link: link that is fixed to the base; of the URDF only what hangs on it is loaded.
+        arm_joints: from the base to the gripper.
+        tool_link: link that carries the tool frame.
+        tool_offset: origin of the tool frame in tool_link [m]; same orientation.
+        gripper: the parallel gripper.
+        home: arm joints at the start of an episode [rad].
+        gains: the robot's own controller.
+        limits: of the arm joints.
+        base: what decides where it can stand.
+    """
+
+    name: str
+    urdf: str
+    root_link: str
+    arm_joints: tuple[str, ...]
+    tool_link: str
+    tool_offset: Vec3
+    gripper: GripperSpec
+    home: tuple[float, ...]
+    gains: Gains
+    limits: JointLimits
+    base: BaseSpec
+
+    def __post_init__(self) -> None:
+        """Raise InputError unless there is one value per arm joint."""
+        lists = {"home": self.home, **{f"limits.{f.name}": getattr(self.limits, f.name) for f in fields(JointLimits)}}
+        for key, values in lists.items():
+            if len(values) != len(self.arm_joints):
+                raise InputError(
+                    f"robot {self.name!r}: {key} has {len(values)} values; give one for each of the "
+                    f"{len(self.arm_joints)} arm joints"
+                )
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All driven joints in the order of a world's coordinates: the arm, then the fingers."""
+        return (*self.arm_joints, *self.gripper.joints)
+
+    @property
+    def start(self) -> tuple[float, ...]:
+        """Coordinates of `joints` at the start of an episode [rad, m]."""
+        return (*self.home, *2 * (self.gripper.finger_joint_home,))

@@ -1,0 +1,35 @@
+"""A robot is one YAML file, loaded strictly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from s2a import robot
+from s2a.errors import InputError
+
+
+@pytest.mark.parametrize("name", robot.names())
+def test_every_robot_is_complete_and_plausible(name: str) -> None:
+    spec = robot.load(name)
+    gripper = spec.gripper
+    assert spec.name == name
+    assert len(spec.start) == len(spec.joints) == len(set(spec.joints))
+    assert gripper.max_opening == pytest.approx(2 * gripper.finger_joint_open)
+    assert 0.0 < gripper.finger_joint_home <= gripper.finger_joint_open
+    assert min(*spec.limits.velocity, *spec.limits.acceleration, *spec.limits.torque) > 0.0
+    assert gripper.palm_behind > 0.0 and max(spec.base.distances) < spec.base.reach
+    assert all(abs(q) < 2 * math.pi for q in spec.home)
+
+
+def test_an_unknown_robot_is_refused_with_the_known_names() -> None:
+    with pytest.raises(InputError, match="robot 'pandas' does not exist; did you mean: panda"):
+        robot.load("pandas")
+
+
+def test_one_value_per_arm_joint_is_demanded() -> None:
+    spec = robot.load("panda")
+    with pytest.raises(InputError, match=r"home has 6 values; give one for each of the 7 arm joints"):
+        replace(spec, home=spec.home[:6])

@@ -94,7 +94,7 @@ def occupied_layers(meshes: Sequence[Mesh], grid: Grid) -> tuple[np.ndarray, np.
         grid: the grid.
 
     Returns:
-        Whether a cell is occupied, shape [layer row column]; and the height of the lowest surface between the grid's bottom
+        Occupied cells, bool, shape [layer row column]; and the height of the lowest surface between the grid's bottom
         and top [m], shape [2 row column], first that of faces that look down, then of faces that look up.
     """
     occupied = wp.zeros((grid.layers, *grid.shape), dtype=wp.uint8, device="cpu")

@@ -27,7 +27,7 @@ class Record:
     where: str
 
     def has(self, key: str) -> bool:
-        """Whether a key is present with a value other than null."""
+        """Return True if a key is present with a value other than null."""
         return self.values.get(key) is not None
 
     def integer(self, key: str) -> int:
@@ -124,6 +124,6 @@ def load(path: Path) -> Record:
 
 
 def _is_finite(value: object) -> bool:
-    """Whether a JSON value is a number and neither NaN nor infinite."""
+    """Return True for a finite JSON number."""
     # Compared rather than asked with math.isfinite, which fails on JSON's arbitrarily large integers.
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max

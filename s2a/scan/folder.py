@@ -41,13 +41,13 @@ class BareFiles:
 
 
 def is_articulate3d(path: Path) -> bool:
-    """Whether a folder holds any of Articulate3D's files; maybe not all."""
+    """Return True if a folder holds any of Articulate3D's files, maybe not all."""
     patterns = ("[!.]*_parts.json", "[!.]*_artic.json", "[!.]*_articulation.json")
     return any(any(folder.glob(pattern)) for folder in _folders(path) for pattern in patterns)
 
 
 def has_mesh(path: Path) -> bool:
-    """Whether a folder holds a mesh, or several."""
+    """Return True if a folder holds one or several meshes."""
     return bool(_meshes(path))
 
 

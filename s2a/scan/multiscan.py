@@ -39,7 +39,7 @@ class _Files:
 
 
 def is_scan(path: Path) -> bool:
-    """Whether a folder holds a MultiScan annotation."""
+    """Return True if a folder holds a MultiScan annotation."""
     return any(path.glob(f"[!.]*{ANNOTATIONS}"))
 
 

@@ -96,7 +96,7 @@ def _triangles(path: Path, faces: np.ndarray, elements: dict[str, Any]) -> np.nd
 
 
 def _all_triangles(data: Any) -> bool:
-    """Whether every vertex list of a binary file has three entries (trimesh reads the first list's length only)."""
+    """Return True if every vertex list of a binary file has three entries (trimesh reads the first list's length only)."""
     if not isinstance(data, np.ndarray):  # an ASCII file, split by trimesh row by row
         return True
     lists = [data[name]["f0"] for name in data.dtype.names or () if name in ("vertex_index", "vertex_indices")]

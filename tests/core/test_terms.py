@@ -171,3 +171,12 @@ def test_the_readme_is_in_the_fields_words() -> None:
 def test_everything_that_is_excused_exists() -> None:
     assert [name for name in (*NOT_YET, *ALLOWED) if not (ROOT / "s2a" / name).exists()] == []
     assert set(KEYS_NOT_YET) <= set(COMMANDS)
+
+
+def test_no_two_modules_define_a_public_class_of_the_same_name() -> None:
+    found: dict[str, list[str]] = {}
+    for path in _sources():
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and node.name != "Config":
+                found.setdefault(node.name, []).append(path.relative_to(ROOT).as_posix())
+    assert {name: paths for name, paths in found.items() if len(paths) > 1} == {}

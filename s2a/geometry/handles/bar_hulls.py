@@ -88,7 +88,7 @@ def _short(runs: list[list[int]], count: int) -> list[tuple[int, int]]:
 
 
 def _is_post(out: np.ndarray, across: np.ndarray, profile: Profile, first: int, last: int) -> bool:
-    """Whether points behind slices first to last - 1, so far `out` of the bar's middle and `across` it [m], are a post."""
+    """Return True if points behind slices first to last - 1, so far `out` of the bar's middle and `across` it [m], are a post."""
     if len(out) < FEW:
         return False
     at_edge = np.quantile(out, 0.9) > 0.35 * profile.thickness

@@ -67,7 +67,7 @@ def sheet_opening(region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, floa
 
 
 def _is_cup(points: np.ndarray) -> bool:
-    """Whether a handle [point 3], long along x, is as short and widens towards its front as a cup does."""
+    """Return True if a handle [point 3], long along x, has the proportions of a cup, which widens towards the front."""
     length, width, _ = np.ptp(np.quantile(points, [0.02, 0.98], axis=0), axis=0)
     middle = points[np.abs(points[:, 0] - np.median(points[:, 0])) < length / 4]
     if not len(middle) or not SHORTEST * width < length < LONGEST * width:

@@ -84,7 +84,7 @@ def _parts(case: tuple[str, int, argparse.Namespace]) -> list[tuple[str, int, st
     if not stage.exists():
         values = config.compose("prepare", [f"prepare={asked.prepare}", "stage=x", "out=y"])
         ready = prepare(_scene(folder), ALL, config.load(PrepareConfig, values["prepare"]))
-        with aside(sim_stage.visuals_file(stage)) as visuals, aside(stage) as out:
+        with atomic_write(sim_stage.visuals_file(stage)) as visuals, atomic_write(stage) as out:
             sim_stage.write(ready, out, visuals)
     return [(room, seed, part) for part in _scene(folder).movable]
 

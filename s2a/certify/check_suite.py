@@ -22,7 +22,7 @@ from s2a.certify.physics_motion import MotionConfig, motion
 from s2a.certify.shapes import ShapeConfig
 from s2a.errors import InputError
 from s2a.provenance import provenance
-from s2a.usd.files import files
+from s2a.usd.layer_files import files
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from s2a.geometry.orbit_camera import OrbitCamera
 from s2a.outputs import atomic_write, refuse_loss
 from s2a.provenance import provenance
 from s2a.robot.spec import RobotSpec
-from s2a.usd.files import files
+from s2a.usd.layer_files import files
 
 RECORD = "certificate.json"
 

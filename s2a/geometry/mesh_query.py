@@ -189,7 +189,7 @@ def cast_panorama(
 
 
 def ray_mesh(vertices: np.ndarray, faces: np.ndarray) -> RayMesh:
-    """Return a mesh that rays and closest-point queries can ask, on the CPU."""
+    """Return a mesh for ray and closest-point queries on the CPU."""
     points = wp.array(np.asarray(vertices, np.float32), dtype=wp.vec3, device="cpu")
     return wp.Mesh(points, wp.array(np.asarray(faces, np.int32).ravel(), dtype=int, device="cpu"))
 
@@ -237,10 +237,10 @@ def _hit(
 
 
 def first_hits(mesh: RayMesh, starts: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Return how far each ray flies until it meets the mesh [m], shape [ray]; inf where it meets nothing.
+    """Return the distance of each ray to the mesh [m], shape [ray]; inf where it misses.
 
     Args:
-        mesh: what is hit, from either side.
+        mesh: the mesh, hit from either side.
         starts: of the rays [m], shape [ray 3].
         directions: unit vectors, shape [ray 3].
     """

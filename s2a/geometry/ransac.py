@@ -1,4 +1,4 @@
-"""The plane that most points of a cloud lie near, by random sampling: the baseline to the grown regions."""
+"""RANSAC for the plane with the most inliers: the baseline to region growth."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class RansacConfig:
 
 
 def ransac_plane(points: np.ndarray, upright: bool, config: RansacConfig) -> Plane | None:
-    """Return the level (or upright) plane with the most inliers, as it was drawn; None if no draw had that direction.
+    """Return the horizontal (or vertical) plane with the most inliers, as it was drawn; None if no draw had that direction.
 
     Args:
         points: shape [point 3], [m].
-        upright: whether an upright plane is wanted instead of a level one.
-        config: threshold and number of tries.
+        upright: Find a vertical plane instead of a horizontal one.
+        config: threshold and number of iterations.
 
     Returns:
         A plane whose `faces` are the indices of its inliers among the points.

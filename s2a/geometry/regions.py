@@ -1,4 +1,4 @@
-"""Support regions: where on a target things can stand, hang or be put inside, with outline, free area and clearance."""
+"""Support regions of a target for standing, hanging or contained objects, with outline, free area and clearance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy import ndimage
 from skimage.measure import approximate_polygon, find_contours
 
 from s2a.geometry.mesh_ops import keep
-from s2a.geometry.occupancy import Grid, columns
+from s2a.geometry.occupancy import Grid, occupied_layers
 from s2a.geometry.planes import Plane, plane_axes
 from s2a.geometry.support_planes import LevelConfig, horizontal_levels, upright_planes
 from s2a.ranges import Count, CountFromZero, Fraction, NotNegative, Positive
@@ -21,7 +21,7 @@ from s2a.scene import Mesh
 Kind = Literal["horizontal", "vertical", "inside"]
 KINDS: tuple[Kind, ...] = ("horizontal", "inside", "vertical")
 Above = tuple[np.ndarray, np.ndarray]
-"""The room above each cell [m], and whether what ends it is seen from behind, shape [row column] each."""
+"""Clearance above each cell [m], and if the surface that bounds it is seen from behind, shape [row column] each."""
 
 
 @dataclass(frozen=True)
@@ -57,18 +57,18 @@ class RegionConfig:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """A bounded flat piece of a target that can carry something.
+    """A bounded planar patch of a target that supports objects.
 
     Attributes:
-        kind: "horizontal", "vertical", or "inside" where the target's own surface is above it (a shelf's compartment).
+        kind: "horizontal", "vertical", or "inside": below another surface of the target (a shelf's compartment).
         axes: rotation whose columns are the directions of the grid's rows and columns and the normal, shape [3 3].
         origin: corner of cell (0, 0) on the plane [m], shape [3].
         cell: width of a cell [m].
-        support: which cells carry, shape [row column].
-        clearances: room along the normal over each cell [m], 0 where something stands, at most the configured reach,
+        support: cells of the region, shape [row column].
+        clearances: clearance along the normal over each cell [m], 0 where occupied, at most the search height,
             shape [row column].
         rim_fraction: fraction of the border at which the target rises: about 1 in a basin or a tray, 0 on a table.
-        min_clearance: clearance from which a cell counts as free [m].
+        min_clearance: clearance from which a cell is free [m].
     """
 
     kind: Kind
@@ -87,32 +87,32 @@ class Region:
 
     @cached_property
     def center(self) -> np.ndarray:
-        """Middle of the cells that carry [m], shape [3]."""
+        """Centre of the cells of the region [m], shape [3]."""
         return self.points(np.argwhere(self.support) + 0.5).mean(axis=0)
 
     @property
     def height(self) -> float:
-        """Height of the middle above the scene's zero [m]."""
+        """Height of the centre above the scene's zero [m]."""
         return float(self.center[2])
 
     @property
     def area(self) -> float:
-        """What carries [m^2]."""
+        """Area of the region [m^2]."""
         return float(self.support.sum() * self.cell**2)
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Which cells carry and have room, shape [row column]."""
+        """Cells of the region with clearance, shape [row column]."""
         return self.support & (self.clearances >= self.min_clearance)
 
     @property
     def free_area(self) -> float:
-        """What carries and has room [m^2]."""
+        """Area with clearance [m^2]."""
         return float(self.free.sum() * self.cell**2)
 
     @property
     def clearance(self) -> float:
-        """Median room over the free cells [m]; 0 if there are none."""
+        """Median clearance over the free cells [m]; 0 if there are none."""
         return float(np.median(self.clearances[self.free])) if self.free.any() else 0.0
 
     @property
@@ -142,13 +142,13 @@ class Region:
 def support_regions(
     mesh: Mesh, config: RegionConfig, around: Sequence[Mesh] = (), kinds: tuple[Kind, ...] = KINDS
 ) -> list[Region]:
-    """Return the regions of a target, largest first, level ones before upright ones.
+    """Return the regions of a target, largest first, horizontal before vertical ones.
 
     Args:
-        mesh: the target's surface in the scene, looking outwards; noise of 1 to 2 mm, holes and open edges are expected.
-        config: how they are grown.
-        around: what else is there and takes room.
-        kinds: the wanted ones; looking for upright ones takes longest.
+        mesh: the target's surface in the scene, faces outwards; noise of 1 to 2 mm, holes and open edges are expected.
+        config: growth of the regions.
+        around: meshes that occupy space above the regions.
+        kinds: kinds to detect; vertical ones take the most time.
     """
     if not len(mesh.faces):
         return []
@@ -176,7 +176,7 @@ def _split(mesh: Mesh, plane: Plane, smallest: float, around: Sequence[Mesh], co
     rows, columns_ = (np.ceil((flat.max(axis=0) - low) / cell).astype(int) + margin + 1).tolist()
     origin = axes[:, :2] @ low + plane.normal * plane.offset
     grid = Grid(axes, origin, cell, (rows, columns_), -1.0, 1.0, 1)
-    taken = columns([part], grid)[0][0]
+    taken = occupied_layers([part], grid)[0][0]
     taken = ndimage.binary_closing(taken, np.ones((2 * config.closing + 1,) * 2))
     labels, count = ndimage.label(taken)
     large = [i for i in range(1, count + 1) if (labels == i).sum() * cell**2 >= smallest]
@@ -189,20 +189,20 @@ def _split(mesh: Mesh, plane: Plane, smallest: float, around: Sequence[Mesh], co
 
 
 def _above(meshes: Sequence[Mesh], grid: Grid, config: RegionConfig) -> Above:
-    """Return what is above each cell of a grid."""
-    _, (down, up) = columns(meshes, replace(grid, bottom=config.noise_height, top=config.search_height))
+    """Return the clearance above each cell of a grid."""
+    _, (down, up) = occupied_layers(meshes, replace(grid, bottom=config.noise_height, top=config.search_height))
     return np.minimum(np.minimum(down, up), config.search_height), up < down
 
 
 def _measured(support: np.ndarray, grid: Grid, own: Above, whole: Above, config: RegionConfig) -> Region:
-    """Return a region with its clearances, its walls and its kind.
+    """Return a region with its clearances, its rim and its kind.
 
     Args:
-        support: which cells of the grid belong to it.
-        grid: of its plane.
-        own: what `_above` says of the target alone.
-        whole: what it says of everything.
-        config: what makes an inside.
+        support: cells of the region.
+        grid: grid on its plane.
+        own: result of `_above` for the target alone.
+        whole: result of `_above` for all meshes.
+        config: thresholds.
     """
     (above, _), (room, behind) = own, whole
     kind: Kind = "horizontal" if np.mean(above[support] < config.search_height) < config.cover_fraction else "inside"

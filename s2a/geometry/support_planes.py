@@ -1,4 +1,4 @@
-"""The flat pieces of a noisy surface on which things can stand or against which they can hang."""
+"""Planar patches of a noisy surface on which objects can stand or hang."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from s2a.scene import Mesh
 
 UP = np.array([0.0, 0.0, 1.0])
 ROUGH = 0.5
-"""Faces whose own normal leans farther than 60° away take no part in the smoothing: edges of a step would soften it."""
+"""Faces whose own normal is tilted by more than 60° are excluded from the smoothing, which would soften the edges of steps."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class LevelConfig:
 
 
 def smoothed_normals(mesh: Mesh, direction: np.ndarray, rounds: int) -> np.ndarray:
-    """Return each face's normal averaged over its neighbours, shape [face 3]; zero where a face looks elsewhere.
+    """Return each face's normal averaged over its neighbours, shape [face 3]; zero for faces with another direction.
 
     Only faces that look roughly along `direction` are averaged, so that a step of the surface keeps its edge.
     """
@@ -59,13 +59,13 @@ def smoothed_normals(mesh: Mesh, direction: np.ndarray, rounds: int) -> np.ndarr
 
 
 def horizontal_levels(mesh: Mesh, config: LevelConfig) -> list[Plane]:
-    """Return the level planes of a surface that look up, in the order in which they stand out.
+    """Return the horizontal planes of a surface that face up, in the order of their detection.
 
     The most common height is taken first, a slightly sloping plane is fitted to it, and its faces leave the search:
     the basin, the rim and the counter of a sink come one by one.
     """
-    looks_up = smoothed_normals(mesh, UP, config.smoothing_rounds) @ UP > np.cos(config.max_tilt)
-    left = np.flatnonzero(looks_up & (mesh.face_areas > 0))
+    faces_up = smoothed_normals(mesh, UP, config.smoothing_rounds) @ UP > np.cos(config.max_tilt)
+    left = np.flatnonzero(faces_up & (mesh.face_areas > 0))
     middle, areas = centroids(mesh), mesh.face_areas
     found: list[Plane] = []
     while len(found) < config.max_planes and areas[left].sum() > config.min_area:
@@ -77,7 +77,7 @@ def horizontal_levels(mesh: Mesh, config: LevelConfig) -> list[Plane]:
 
 
 def upright_planes(mesh: Mesh, config: LevelConfig) -> list[Plane]:
-    """Return the upright planes of a surface, largest first."""
+    """Return the vertical planes of a surface, largest first."""
     upright = np.abs(normals(mesh)[:, 2]) < 0.5
     if not upright.any():
         return []
@@ -105,7 +105,7 @@ def _level(middle: np.ndarray, areas: np.ndarray, config: LevelConfig) -> tuple[
 
 
 def _fit_level(points: np.ndarray, weights: np.ndarray, slope: float) -> tuple[np.ndarray, float]:
-    """Return normal and offset of the almost level plane that fits points best; its slope is limited."""
+    """Return normal and offset of the nearly horizontal plane that fits points best; its slope is limited."""
     center = np.average(points, axis=0, weights=weights)
     flat = points - center
     # A floor of one tilt: what is smaller than a few centimetres gets none, by a pull equal to 2 cm of spread.

@@ -1,4 +1,4 @@
-"""The last step of an insertion: the plan in numbers, and a model's script that carries it out."""
+"""The last step of an insertion: the placement, and a model's script that authors it."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ from s2a.scene import Scene
 
 
 def placement(scene: Scene, label: str, pose: Pose, scale: float) -> Placement:
-    """Return the plan of the script; the id is the label with the number after the highest in the scene."""
+    """Return the placement for the script; the id is the label with the number after the highest in the scene."""
     numbers = [int(tail) for i in scene.parts if (tail := i.rpartition("_")[2]).isdecimal()]
     plain = unicodedata.normalize("NFKD", label.lower()).encode("ascii", "ignore").decode()
-    # Underscores stand alone and never first: what begins with one, a script may not spell (s2a.sandbox.policy).
+    # No leading and no double underscores: the policy forbids scripts to contain such names (s2a.sandbox.policy).
     words = "_".join(re.findall("[a-z0-9]+", plain))[:40].strip("_") or "object"
     name = part_id(words, max(numbers, default=0) + 1).lstrip("_")
     name = name if name[0].isalpha() else f"object_{name}"
-    x, y, z = map(float, pose.position)  # numpy's floats would spell out their type in a script
+    x, y, z = map(float, pose.position)  # the repr of NumPy's floats names their type
     qx, qy, qz, qw = map(float, pose.quaternion)
     return Placement(name, label, f"objects/{name}.usdc", (x, y, z), (qx, qy, qz, qw), float(scale))
 
 
 def author(model: Model, sandbox: Sandbox, planned: Placement, usage: UsageLog, said: dict[str, Any]) -> ScriptResult:
-    """Ask for a script and run it confined; a refusal goes back to the model once.
+    """Ask for a script and run it in the sandbox; a policy violation goes back to the model once.
 
     Args:
         model: the language model.
         sandbox: where the script runs.
-        planned: what the script is to add.
+        planned: the prim that the script is to add.
         usage: log of the answers, appended to.
-        said: receives the refusals, the script, the locks that held and the seconds they took, for the record.
+        said: record of the step; receives the violations, the script, the active sandbox layers and the seconds.
 
     Raises:
-        InputError: the second script was refused too, or the system cannot confine scripts.
+        InputError: the second script was rejected too, or the system cannot confine scripts.
     """
     facts = {
         "id": planned.part_id,
@@ -69,7 +69,7 @@ def author(model: Model, sandbox: Sandbox, planned: Placement, usage: UsageLog, 
 
 
 def bare(text: str) -> str:
-    """Return the script in an answer, without the fence that models put around code and what they say around that."""
+    """Return the script in an answer, without a code fence and the text around it."""
     if "```" not in text:
         return text
     return text.split("```")[1].partition("\n")[2]

@@ -26,7 +26,7 @@ from s2a.outputs import atomic_write, refuse_loss, require_png
 from s2a.progress import track
 from s2a.sandbox.geometry_free import geometry_free_text
 from s2a.usd import descriptive, geometric
-from s2a.usd.files import files
+from s2a.usd.layer_files import files
 
 LAYER, RECORD = "insert.usda", "insert.json"
 

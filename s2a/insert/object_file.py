@@ -92,7 +92,7 @@ def upright(file: ObjectFile, up: str, front: str, scale: float, hangs: bool = F
         up: axis of the file that points up, "+x" to "-z".
         front: axis of the file that the object's front looks along, across `up`.
         scale: metres in a unit of the file, times whatever else makes it as large as it should be.
-        hangs: whether it does not stand at all.
+        hangs: Keep the given axes, without settling on a stable pose.
     """
     z, x = AXES[up], AXES[front]
     if not hangs:

@@ -102,7 +102,7 @@ class InsertContext:
         room: the room; not changed.
         model: language model, recording or rules.
         config: settings.
-        check_stability: whether the object stays at a candidate pose.
+        check_stability: drop test at a candidate pose.
         usage: log of the model's answers, appended to.
         record: results by step, filled also if a step fails.
     """

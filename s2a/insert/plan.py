@@ -1,4 +1,4 @@
-"""Where an object belongs: asked of a model, and checked against the room."""
+"""The plan of an insertion: the model's choice of places, validated against the room."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from s2a.scene import Scene
 
 CHOICES = 3
 LISTED = 200
-"""Ids that a model is shown when it named one that is not there."""
+"""Number of ids listed for a model that named an unknown one."""
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class Choice:
     """A place for an object.
 
     Attributes:
-        target: id of the part that is to carry it.
-        surface: "horizontal", "vertical", or "inside" for what the target's own surface is above: a shelf's compartment.
-        relation: "on" it; "in" a basin, a box or a compartment; "against" a wall behind it; "hanging" on something upright.
-        height: of the support that is meant, above the floor [m]; None where it does not matter.
+        target: id of the carrying part.
+        surface: "horizontal", "vertical", or "inside": below another surface of the target, such as a shelf's compartment.
+        relation: "on" it; "in" a basin, a box or a compartment; "against" a wall behind it; "hanging" on a vertical surface.
+        height: of the support above the floor [m]; None for any.
         reason: in a few words.
     """
 
@@ -39,12 +39,12 @@ class Choice:
 
 @dataclass(frozen=True)
 class Plan:
-    """Where an object belongs, and how it is turned.
+    """Places and orientation of an object.
 
     Attributes:
         up: axis of the file that points up, "+x" to "-z".
-        front: axis of the file that its front looks along.
-        near: id of a part that it should be near, or None.
+        front: axis of the file that its front faces along.
+        near: id of the neighbour, or None.
         choices: the best place first, three at most.
     """
 
@@ -55,7 +55,7 @@ class Plan:
 
     @property
     def hangs(self) -> bool:
-        """Whether it is turned for a wall: then it need not stand."""
+        """True if the first choice hangs: the orientation need not be stable."""
         return self.choices[0].relation == "hanging"
 
 
@@ -83,16 +83,16 @@ def plan(
     usage: UsageLog,
     failed: FailedPlan | None = None,
 ) -> Plan:
-    """Ask a model where an object belongs.
+    """Ask a model for a plan.
 
     Args:
         model: the language model.
         scene: the room.
-        facts: label, size in the file, feet, wish of the object, and the room's lines.
+        facts: label, sides, tilt margins and placement hint of the object, and the room's lines.
         room: the room's description.
-        retries: answers that may be refused: ids that are not there go back with the list of those that are.
+        retries: answers that may be rejected: unknown ids go back with the list of known ones.
         usage: log of the answers, appended to.
-        failed: an earlier plan, and why there is no room in its places.
+        failed: an earlier plan without room.
 
     Raises:
         InputError: no answer could be used.
@@ -108,7 +108,7 @@ def plan(
 
 
 def checked(answer: Plan, scene: Scene) -> Plan:
-    """Return a plan that the room allows.
+    """Return a plan if it fits the room.
 
     Raises:
         ValidationFeedback: what is wrong with it, for the model.
@@ -139,6 +139,6 @@ def _check_axes(answer: Plan) -> None:
 
 
 def _unknown(part_id: str, scene: Scene) -> str:
-    """Return what to tell a model that named a part that is not there."""
+    """Return the feedback on an unknown part."""
     known = list(scene.parts)[:LISTED]
     return f"There is no {part_id[:60]!r} in the room{nearest(part_id, known)}. All ids: {', '.join(known)}."

@@ -1,4 +1,4 @@
-"""A room that fills up: what of it does not depend on the object that is to come is found once."""
+"""The state of a room between insertions: what does not depend on the next object is computed once."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 
 class RoomState:
-    """A room that fills up; a copy (`copy.copy`) fills up on its own.
+    """A room with the objects inserted so far; a copy (`copy.copy`) is independent of the original.
 
     Attributes:
-        scene: the room with what was inserted so far.
+        scene: the room with the objects inserted so far.
         geometry_free_text: USD text of its stage without geometry, before any insertion.
         volumes: swept volumes of its drawers and doors.
     """
@@ -36,7 +36,7 @@ class RoomState:
 
     @property
     def supports(self) -> describe.Supports:
-        """What the room's parts can carry: of what an object was put on, what it leaves."""
+        """Support regions of the room's parts, with what the inserted objects leave free."""
         self._survey()
         return self._supports
 
@@ -47,27 +47,27 @@ class RoomState:
         return self._lines
 
     def levels(self, target: str) -> list[Region]:
-        """Return the level support regions of a part, with the room that everything else leaves now.
+        """Return the horizontal support regions of a part, with what all other parts leave free.
 
         Raises:
-            NoRoom: nothing of it looks upwards.
+            NoRoom: none of its surface faces up.
             InputError: no such part, or one without a surface.
         """
         self._survey()
         if target not in self._levels:
-            if not describe.looks_up(target_mesh(self.scene, target)):
+            if not describe.faces_up(target_mesh(self.scene, target)):
                 raise NoRoom("nothing of it looks upwards")
             self._levels[target] = target_regions(self.scene, target, self._config, ("horizontal", "inside"))
         return self._levels[target]
 
     def add(self, inserted: Inserted) -> None:
-        """Take an object into the room; what that changes is looked at when the next one comes."""
+        """Add an object; the survey is updated when it is needed next."""
         parts = {**self.scene.parts, inserted.placement.part_id: inserted.part}
         self.scene = Scene(self.scene.name, parts, self.scene.origin)
         self._unseen = [*self._unseen, (self.scene, inserted)]
 
     def _survey(self) -> None:
-        """Look at what the last objects changed."""
+        """Update the survey around the last objects."""
         if not self._unseen:
             return
         for scene, inserted in self._unseen:
@@ -82,12 +82,12 @@ class RoomState:
 
 
 def _over(mesh: Mesh, regions: list[Region], config: RegionConfig) -> bool:
-    """Whether a thing may take some of the room over regions."""
+    """Return True if a mesh may occupy space over regions."""
     return any(_meets(mesh, region, config.search_height) for region in regions)
 
 
 def _meets(mesh: Mesh, region: Region, reach: float) -> bool:
-    """Whether the box around a thing meets the box of what is over a region, up to a height [m]."""
+    """Return True if the box around a mesh meets the box over a region, up to a height [m]."""
     rows, columns = region.support.shape
     corners = region.points(np.array([(-1, -1), (rows + 1, -1), (-1, columns + 1), (rows + 1, columns + 1)]))
     corners = np.concatenate([corners, corners + reach * region.normal])

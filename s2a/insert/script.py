@@ -1,4 +1,4 @@
-"""The last word of an insertion: a script adds the planned prim to a skeleton of the stage; nothing else may come of it."""
+"""The script of an insertion: it adds the planned prim to a geometry-free stage; any other change is a violation."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ stage.Save()
 
 @dataclass(frozen=True)
 class ScriptResult:
-    """What came of a script.
+    """Result of a script.
 
     Attributes:
         layer: `/scene` with the new prim, as the script wrote it; `s2a.insert.overlay.write` puts it over a stage.
-        record: plain values for the JSON record: the locks that held, seconds, the script.
+        record: plain values for the JSON record: the active sandbox layers, seconds, the script.
     """
 
     layer: Sdf.Layer
@@ -43,7 +43,7 @@ class ScriptResult:
 
 
 def run_sandboxed(sandbox: Sandbox, text: str, plan: Placement) -> ScriptResult:
-    """Check a script, run it confined on a skeleton, and compare what it saved with the plan.
+    """Check a script, run it in the sandbox, and compare the saved stage with the plan.
 
     The script finds the stage as `scene.usda` in its current folder, and as `STAGE` and `OBJECT` that name and the path of
     the object's file.
@@ -51,10 +51,10 @@ def run_sandboxed(sandbox: Sandbox, text: str, plan: Placement) -> ScriptResult:
     Args:
         sandbox: where it runs, with the geometry-free stage.
         text: Python.
-        plan: what it is to add.
+        plan: the prim that it is to add.
 
     Raises:
-        PolicyViolation: it is not allowed, failed, or made something else; the stage is untouched.
+        PolicyViolation: its text is not allowed, it failed, or its result differs from the plan.
         InputError: the system cannot confine an untrusted script.
     """
     check(text, STAGE, plan.reference, sandbox.config.allow)
@@ -64,7 +64,7 @@ def run_sandboxed(sandbox: Sandbox, text: str, plan: Placement) -> ScriptResult:
 
 
 def write_script(plan: Placement) -> str:
-    """Return the script that a model is asked for: what is run where no model is, and an example for those that are."""
+    """Return the reference script: run without a model, and the example in the prompt."""
     (x, y, z), (qx, qy, qz, qw) = plan.position, plan.orientation
     return TEMPLATE.format(
         stage=STAGE,

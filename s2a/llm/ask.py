@@ -1,4 +1,4 @@
-"""A question to a model, and what happens to an answer that cannot be used: it goes back with what is wrong with it."""
+"""Questions to a model; an unusable answer goes back with validation feedback."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ T = TypeVar("T")
 Step = Literal["plan", "scale", "script"]
 Message = tuple[Literal["user", "assistant"], str]
 QUOTED = 2000
-"""Characters of a refused answer that the model is shown again."""
+"""Characters of a rejected answer that are quoted back to the model."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What a model is asked.
+    """A question to a model.
 
     Attributes:
         step: of the insertion.
-        system: what holds for every question of this step.
-        messages: (role, text), the question first, then refused answers and what was wrong with them.
+        system: system prompt of the step.
+        messages: (role, text), the question first, then rejected answers and the feedback on them.
         schema: JSON schema of the answer; None where the answer is a script.
-        facts: what the question is about, as the text says it: for models that do not read.
+        facts: content of the question as values, for the rule-based fallback.
     """
 
     step: Step
@@ -38,22 +38,22 @@ class Request:
     facts: Mapping[str, Any]
 
     def with_feedback(self, answer: str, feedback: str) -> Request:
-        """Return the question again, after an answer and what is wrong with it."""
+        """Return the question followed by an answer and the feedback on it."""
         more: tuple[Message, Message] = (("assistant", answer[:QUOTED] or "(nothing)"), ("user", feedback))
         return replace(self, messages=(*self.messages, *more))
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What came back.
+    """An answer of a model.
 
     Attributes:
         text: the answer.
-        model: who gave it.
-        seconds: that it took.
+        model: name of the model.
+        seconds: duration.
         prompt_tokens: of the request, as the model counts, or an estimate (`s2a.llm.usage_log.tokens`); 0 without a model.
         completion_tokens: of the answer.
-        note: what else there is to know of it, for the record.
+        note: remark for the record.
     """
 
     text: str
@@ -68,17 +68,17 @@ Model = Callable[[Request], Answer]
 
 
 class ValidationFeedback(Exception):
-    """An answer cannot be used; the message is for the model."""
+    """An answer cannot be used; the message goes back to the model."""
 
 
 def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int, usage: UsageLog) -> T:
-    """Return what an answer says.
+    """Ask until an answer is accepted, and return what it is parsed to.
 
     Args:
         model: the language model.
-        request: what.
-        accept: reads an answer; raises ValidationFeedback that goes back to the model.
-        retries: how often it may.
+        request: the question.
+        accept: parses an answer; raises ValidationFeedback that goes back to the model.
+        retries: answers that may be rejected.
         usage: log of the answers, appended to.
 
     Raises:
@@ -89,10 +89,10 @@ def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int
         try:
             accepted = accept(answer.text)
         except ValidationFeedback as feedback:
-            usage.note(request.step, answer, str(feedback))
+            usage.add(request.step, answer, str(feedback))
             said, request = str(feedback), request.with_feedback(answer.text, str(feedback))
         else:
-            usage.note(request.step, answer)
+            usage.add(request.step, answer)
             return accepted
     raise InputError(
         f"model {answer.model!r} gave no usable answer to step {request.step!r} in {retries + 1} tries; the last one: "
@@ -122,5 +122,5 @@ def parse(text: str, kind: type[T]) -> T:
 
 
 def _number(value: Any) -> Any:
-    """Whole numbers are numbers, too; a model writes 1 for 1.0."""
+    """Accept integers as floats: models write 1 for 1.0."""
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

@@ -1,6 +1,6 @@
-"""How long a script may run and how large a thing it may make, as far as that follows from its text.
+"""Static bounds on the time and the memory of a script.
 
-What does not follow is left to the limits of the process.
+What cannot be bounded statically is left to the limits of the process.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def _loops(node: ast.AST) -> bool:
 
 
 def _is_number(node: ast.expr, values: Values, seen: frozenset[str] = frozenset()) -> bool:
-    """Whether an expression is no text or list, as far as its text tells."""
+    """Return True if an expression is statically known to be a number."""
     known = values.of(node)
     if known is not None:
         return all(isinstance(value, (int, float)) for value in known)
@@ -113,7 +113,7 @@ def _is_number(node: ast.expr, values: Values, seen: frozenset[str] = frozenset(
 
 
 def _bounded(node: ast.expr | tuple | None, values: Values, config: AllowConfig, seen: set[str]) -> bool:
-    """Whether something to run over is short: a literal, a range, the stage's own lists, or several of these side by side."""
+    """Return True for a short iterable: a literal, a range, a list of the stage, or a zip of these."""
     known = values.of(node)
     if known is not None:
         return all(isinstance(value, (tuple, dict, str)) and len(value) <= config.max_repeats for value in known)

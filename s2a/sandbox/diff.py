@@ -1,4 +1,4 @@
-"""Whether what a script saved is the plan and nothing else.
+"""Comparison of the stage that a script saved with the plan.
 
 The bytes come from a process that the script may have bent to its will, so they are bounded before USD parses them, and
 no other file is opened: a layer is read, never a stage composed of what it refers to.
@@ -23,7 +23,7 @@ KINDS = ("component", "subcomponent", "prop", "model")
 NESTING = 32
 """Brackets within brackets; USD's parser calls itself for each, and a stage of ours has 6."""
 TOLERANCE = 1e-6
-"""Of the pose: metres, and shares of the scale."""
+"""Tolerance of the pose: metres, and fractions of the scale."""
 OPERATIONS = r"xformOp:(translate|orient|rotate[XYZ]{1,3}|scale|transform)(:\w+)?"
 NUMBERS = ("float", "double", "half", "float3", "double3", "half3", "quatf", "quatd", "quath", "matrix4d")
 PRIM_FIELDS = ("specifier", "typeName", "references", "apiSchemas", "kind")

@@ -1,4 +1,4 @@
-"""What a script sees of a stage: its prims, their types, transforms and labels, without a single array."""
+"""The geometry-free stage that a script sees: prims, types, transforms and labels, no arrays."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What Linux offers to an unprivileged process that wants to lock itself in: limits, namespaces, Landlock.
+"""Sandbox layers of Linux for an unprivileged process: limits, namespaces, Landlock.
 
-Each lock raises an OSError where the system does not offer it. Constants are those of the kernel's headers.
+Each layer raises an OSError where the system does not offer it. Constants are those of the kernel's headers.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def enter_namespaces(scratch: Path, disk: int) -> None:
 
 
 def drop_privileges() -> None:
-    """Make the folder above the current one all there is, and give up the right to change that; only after `leave`."""
+    """Make the folder above the current one all there is, and give up the right to change that; only after `enter_namespaces`."""
     _call("chroot", b"..")
     header, none = struct.pack("<Ii", CAPABILITY_VERSION, 0), bytes(24)
     _call("capset", header, none)

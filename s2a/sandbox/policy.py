@@ -1,4 +1,4 @@
-"""Whether the text of a script holds only what placing an object takes: an allowlist on the syntax tree.
+"""The policy on the text of a script: an allowlist on its syntax tree.
 
 Everything that is not known to be harmless is refused: statements, operators, names, operations (`s2a.sandbox.operations`) and
 the files they are given. It is the first of three walls, and the one that says which line is wrong and why.

@@ -1,4 +1,4 @@
-"""Upright boxes around points: all that the descriptive flavour says about a part's shape."""
+"""Upright boxes around points: the shape of a part in the descriptive flavour."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from s2a.scene import Vec3
 from s2a.usd.hull import hull
 
 WORTH_TURNING = 0.98
-"""A box is turned only where that shrinks its footprint to this share or less: round things need no direction."""
+"""Largest footprint of a turned box as a fraction of the axis-aligned one: round objects need no direction."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Box:
     Attributes:
         center: [m], scene coordinates.
         size: length of its sides [m]; the third is vertical.
-        yaw: how far its first side is turned from the scene's x axis about z [rad], in -pi/4 to pi/4.
+        yaw: rotation of its first side about z from the scene's x axis [rad], in -pi/4 to pi/4.
     """
 
     center: Vec3

@@ -1,4 +1,4 @@
-"""Joints, bodies and grasp points as UsdPhysics and Newton know them, with the exact values as attributes beside.
+"""Joints, bodies and grasp points in UsdPhysics and Newton's schemas, with the exact values as attributes.
 
 Bodies stand at the identity, so a joint's frame is the same in both bodies: its origin, turned so that X is the axis.
 Where an editor moved a body afterwards, the joint goes with the body that it moves, as that one's surface does.
@@ -120,7 +120,7 @@ def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xf
     Args:
         stage: where to.
         path: path of the body.
-        root: whether it carries the joints of an articulation, itself on none.
+        root: Mark it as the root of an articulation.
     """
     body = UsdGeom.Xform.Define(stage, path)
     UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
@@ -130,7 +130,7 @@ def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xf
 
 
 def site_point(scene: Scene, part_id: str) -> np.ndarray | None:
-    """Return where to take hold of a jointed part [3] (scene coordinates, m); None if no surface is annotated there."""
+    """Return the grasp point of an articulated part [3] (scene coordinates, m); None if no surface is annotated there."""
     if not any(scene.parts[i].mesh.face_areas.any() for i in scene.grasp_parts(part_id)):
         return None
     return scene.grasp_point(part_id)

@@ -135,7 +135,7 @@ def test_a_certificate_never_takes_the_stages_own_place(
 
 def test_only_what_moves_is_painted_orange_wherever_the_rest_stands(stage: Path) -> None:
     def blue() -> int:
-        image = pictures(stage, "drawer_2", load(OrbitCamera, "look/near"))["what collides; orange moves"].astype(int)
+        image = pictures(stage, "drawer_2", load(OrbitCamera, "camera/near"))["what collides; orange moves"].astype(int)
         return int((image[..., 2] > image[..., 0]).sum())
 
     def plate_on_the_bar(edited: Usd.Stage) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -58,6 +59,7 @@ def test_the_wheel_works_away_from_the_checkout_with_its_values(tmp_path: Path):
     (site / "rest.pth").write_text("\n".join(path for path in sys.path if path.endswith("site-packages")))
     code = "import s2a; from s2a import config; print(s2a.__file__); print(config.compose('train')['reward'])"
     python = tmp_path / "venv" / "bin" / "python"
-    output = subprocess.check_output([python, "-c", code], cwd=tmp_path, text=True).splitlines()
+    alone = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    output = subprocess.check_output([python, "-c", code], cwd=tmp_path, text=True, env=alone).splitlines()
     assert output[0].startswith(str(site))
     assert "'opening': 10.0" in output[1]

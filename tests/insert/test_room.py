@@ -12,11 +12,11 @@ from rough_furniture import at, block, sheet, table
 from s2a.config import compose, load
 from s2a.errors import InputError
 from s2a.geometry.convex import halfspaces, hull
+from s2a.geometry.occupancy import distinct_cells
 from s2a.geometry.regions import Region, RegionConfig
 from s2a.insert import describe
 from s2a.insert.pipeline import Inserted
 from s2a.insert.place.fit import NoRoom
-from s2a.insert.place.search import _distinct
 from s2a.insert.place.supports import SurfaceConfig, facing, target_regions, within
 from s2a.insert.place.swept_volumes import SweptVolume, heights_within
 from s2a.insert.room_state import RoomState
@@ -106,8 +106,8 @@ def test_a_line_is_inside_a_way_between_the_heights_that_are_told() -> None:
 
 def test_distinct_cells_come_in_order() -> None:
     cells = np.random.default_rng(0).integers(-5, 9, (300, 2))
-    assert np.array_equal(_distinct(cells), np.unique(cells, axis=0))
-    assert len(_distinct(cells[:0])) == 0
+    assert np.array_equal(distinct_cells(cells), np.unique(cells, axis=0))
+    assert len(distinct_cells(cells[:0])) == 0
 
 
 def test_a_shelf_faces_where_its_own_boards_leave_the_view_open() -> None:

@@ -1,4 +1,4 @@
-"""The places of a plan, one after the other: choice by choice, surface by surface."""
+"""Candidate poses of a plan, one after the other: choice by choice, region by region."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from s2a.insert.room_state import RoomState
 from s2a.scene import Mesh, Scene
 
 TRIED = 4
-"""Regions of a target that are tried."""
+"""Regions tested per target."""
 MEANT = 0.04
-"""A region this near to the height that a plan gives is the one that it means [m]."""
+"""Largest difference between the height in a plan and that of the region it refers to [m]."""
 
 
 @dataclass(frozen=True)
 class CandidatePose:
-    """A place for an object.
+    """A candidate pose of an object.
 
     Attributes:
-        target: id of the part that carries it.
-        choice: the plan's.
-        normal: of the surface, unit, shape [3].
-        pose: where the object is.
-        surface: for the record.
+        target: id of the carrying part.
+        choice: the plan's choice.
+        normal: normal of the surface, unit, shape [3].
+        pose: pose of the object.
+        surface: description of the surface for the record.
     """
 
     target: str
@@ -48,18 +48,18 @@ class CandidatePose:
 def candidate_poses(
     room: RoomState, object: Mesh, plan: Plan, surface: SurfaceConfig, pose: PoseConfig, reasons: list[str]
 ) -> Iterator[CandidatePose]:
-    """Yield the spots of a plan, the best first.
+    """Yield the candidate poses of a plan, the best first.
 
     Args:
-        room: where they are sought.
+        room: the room.
         object: upright, standing on z = 0, front towards +x, in metres.
-        plan: where it belongs.
-        surface: how surfaces are found.
-        pose: how poses are found.
-        reasons: receives why a place was passed over.
+        plan: the plan.
+        surface: detection of surfaces.
+        pose: search for poses.
+        reasons: receives the reason for each rejected region.
 
     Raises:
-        InputError: surfaces and poses that do not go together.
+        InputError: methods that do not go together.
     """
     if surface.surface == "ransac" and pose.pose != "paper":
         raise InputError(
@@ -85,7 +85,7 @@ def _on_regions(
     pose: PoseConfig,
     reasons: list[str],
 ) -> Iterator[CandidatePose]:
-    """Yield the spots on the regions of a choice; a table under a lamp may count as an inside, too."""
+    """Yield the candidate poses on the regions of a choice; a table below a lamp may count as "inside", too."""
     scene, target = room.scene, choice.target
     upright = choice.surface == "vertical"
     found = target_regions(scene, target, surface.regions, ("vertical",)) if upright else room.levels(target)
@@ -108,7 +108,7 @@ def _on_regions(
 def _on_plane(
     scene: Scene, object: Mesh, plane: Plane, points: np.ndarray, choice: Choice, pose: PoseConfig, method: str
 ) -> CandidatePose:
-    """Return the baseline's spot on a plane with its points [point 3]."""
+    """Return the baseline's candidate pose on a plane with its points [point 3]."""
     found = place_paper(scene, object, plane, points, pose.paper)
     described = {
         "method": method,
@@ -120,7 +120,7 @@ def _on_plane(
 
 
 def _ordered(regions: list[Region], choice: Choice) -> list[Region]:
-    """Return regions, those first that a choice means: of its height and kind, with free area.
+    """Return regions in the order in which they match a choice: by height, kind and free area.
 
     What is to be on something does not go into its basin, nor what is to be in it onto its rim, where it has both.
     """
@@ -139,7 +139,7 @@ def _ordered(regions: list[Region], choice: Choice) -> list[Region]:
 
 
 def _model_line(region: Region, choice: Choice) -> dict[str, Any]:
-    """Return what the record says of a region."""
+    """Return the description of a region for the record."""
     numbers = {
         "height": region.height,
         "area": region.area,

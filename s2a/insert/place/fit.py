@@ -1,4 +1,4 @@
-"""Whether an object fits where it is put: exact tests against the triangles of the scene."""
+"""Exact tests of a pose against the triangles of the scene."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
-from s2a.geometry.line_of_sight import sight
+from s2a.geometry.line_of_sight import visible_distance
 from s2a.geometry.mesh_ops import sample
 from s2a.geometry.mesh_query import RayMesh, ray_mesh
 from s2a.geometry.penetration import crossing, depth, inside
@@ -17,7 +17,9 @@ from s2a.insert.placement import ORIENTATION, POSITION
 from s2a.scene import Mesh, Scene, Vec3
 
 DEEP = 0.0005
-"""Depth behind the surface of something from which an object is in it [m]: half of what an insertion may collide."""
+"""Penetration depth from which an object is inside another [m]: half of what an insertion may collide."""
+COLLISION = "collide"
+"""The conflict that a small step back may resolve."""
 
 
 class NoRoom(InputError):
@@ -35,13 +37,13 @@ class NoRoom(InputError):
 
 @dataclass(frozen=True)
 class Pose:
-    """Where an object is.
+    """Pose of an object in the scene.
 
     Attributes:
         position: of the object's origin in the scene [m].
-        quaternion: of its turn, xyzw.
-        clearance: distance from the nearest other thing or the border of the support [m]; 0 where it was not looked for.
-        tried: candidates that were tested exactly.
+        quaternion: its rotation, xyzw.
+        clearance: distance from the nearest obstacle or the border of the support [m]; 0 where it was not computed.
+        tried: number of candidates that were tested exactly.
     """
 
     position: Vec3
@@ -51,11 +53,11 @@ class Pose:
 
     @property
     def yaw(self) -> float:
-        """The turn about z [rad]."""
+        """Rotation about z [rad]."""
         return float(Rotation.from_quat(self.quaternion).as_euler("zyx")[0])
 
     def rounded(self) -> Pose:
-        """Return the pose in as many digits as a script spells out."""
+        """Return the pose rounded to the digits of a script."""
         x, y, z = (round(float(value), POSITION) + 0.0 for value in self.position)
         i, j, k, w = (round(float(value), ORIENTATION) + 0.0 for value in self.quaternion)
         return replace(self, position=(x, y, z), quaternion=(i, j, k, w))
@@ -67,17 +69,17 @@ class Pose:
 
 
 def placement_conflict(scene: Scene, moved: Mesh, local: Mesh, volumes: list[SweptVolume], slack: float) -> str | None:
-    """Return what is wrong with an object at its place, or None.
+    """Return the conflict of an object at a pose, as the end of a sentence about "most" poses, or None.
 
     Args:
         scene: the room.
         moved: the object in the scene.
         local: the scene's triangles around it.
         volumes: swept volumes of drawers and doors.
-        slack: how far it may reach into that [m].
+        slack: how far the object may reach into them [m].
     """
     if crossing(moved, local) is not None:
-        return "collide"
+        return COLLISION
     points = np.concatenate([moved.vertices[:: max(1, len(moved.vertices) // 8)], moved.vertices.mean(axis=0)[None]])
     for part_id, part in scene.parts.items():
         if len(part.mesh.faces) and inside(part.mesh, points).any():
@@ -86,7 +88,7 @@ def placement_conflict(scene: Scene, moved: Mesh, local: Mesh, volumes: list[Swe
     for volume in volumes:
         if intersects(volume, surface, slack):
             return f"keep {volume.part!r} from opening"
-    # What was scanned from one side only has no faces there, and encloses nothing; small things may be enclosed themselves.
+    # Surfaces scanned from one side only enclose nothing, and small objects may be enclosed themselves.
     return "enclose something else, or are in what was scanned in part" if depth(moved, local) > DEEP else None
 
 
@@ -102,8 +104,8 @@ def moved_into_contact(
     if not len(local.faces):
         return None
     points = np.concatenate([moved.vertices, sample(moved, 2000, seed=0)])
-    there, _ = sight(rays(local), points, toward, reach)
-    back, _ = sight(rays(moved), local.vertices, -toward, reach)
+    there, _ = visible_distance(rays(local), points, toward, reach)
+    back, _ = visible_distance(rays(moved), local.vertices, -toward, reach)
     distance = float(min(there.min(), back.min()))
     if distance >= reach:
         return None
@@ -112,5 +114,5 @@ def moved_into_contact(
 
 
 def rays(mesh: Mesh) -> RayMesh:
-    """Return a mesh that rays can ask."""
+    """Return a mesh for ray queries."""
     return ray_mesh(mesh.vertices, mesh.faces)

@@ -1,4 +1,4 @@
-"""Where on a region an object goes, and how it is turned.
+"""The pose of an object on a region.
 
 The object's own frame: upright, standing on z = 0, front towards +x, metres. Places come from a search over the grid of the
 region (`search`); the best are tried in turn: the object is lowered (or pushed against the wall) until it touches, and
@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from s2a.errors import InputError
 from s2a.geometry.regions import Region
 from s2a.insert.place.baseline import PaperConfig
-from s2a.insert.place.fit import NoRoom, Pose, moved_into_contact, placement_conflict
+from s2a.insert.place.fit import COLLISION, NoRoom, Pose, moved_into_contact, placement_conflict
 from s2a.insert.place.search import GridCandidate, Preferences, SearchConfig, grid_candidates, occupancy_grid
 from s2a.insert.place.supports import facing, nearby, target_mesh
 from s2a.insert.place.swept_volumes import SweptVolume, reaching_into
@@ -69,16 +69,16 @@ def place(
     Args:
         scene: the room.
         object: upright, standing on z = 0, front towards +x, in metres.
-        region: one of the target's.
-        relation: "on" or "in" stands, "against" stands with its back to something, "hanging" hangs on an upright region.
-        config: how it is found.
+        region: a support region of the target.
+        relation: "on" or "in" stands, "against" stands with its back to something, "hanging" hangs on a vertical region.
+        config: settings of the search.
         target: id of the part that the region belongs to.
         volumes: swept volumes of the room's drawers and doors, kept free.
-        near: id of a part that it should be near, if it can.
+        near: id of the preferred neighbour, or None.
 
     Raises:
         NoRoom: no pose is free.
-        InputError: a relation that the region cannot have.
+        InputError: a relation that the region does not support.
     """
     if (relation == "hanging") != (region.kind == "vertical"):
         raise InputError(f"relation {relation!r} on a region of kind {region.kind!r}; only hanging goes with vertical")
@@ -90,15 +90,16 @@ def place(
     found = grid_candidates(grid, region, object, base, preferences, config.search)
     if not found:
         raise NoRoom(_why(region, object))
-    stopped: list[str] = []
-    apart = max(2.0, config.min_spacing * radius / region.cell)
-    for number, one in enumerate(_spread(found, apart, config.attempts), start=1):
-        pose, reason = _tried(scene, object, region, one, base, volumes, relation, config, number)
-        if pose is not None:
+    task = _Task(scene, object, region, relation, config, base, volumes)
+    conflicts: list[str] = []
+    spacing = max(2.0, config.min_spacing * radius / region.cell)
+    for number, candidate in enumerate(_spread(found, spacing, config.attempts), start=1):
+        pose, conflict = _refined(task, candidate, number)
+        if conflict is None:
             return pose
-        stopped.append(reason)
-    worst = max(set(stopped), key=stopped.count)
-    raise NoRoom(f"none of {len(stopped)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
+        conflicts.append(conflict)
+    worst = max(set(conflicts), key=conflicts.count)
+    raise NoRoom(f"none of {len(conflicts)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
 
 
 def _frame(scene: Scene, object: Mesh, region: Region, target: str) -> tuple[np.ndarray, float, float]:
@@ -122,7 +123,7 @@ def _box(region: Region, radius: float, height: float) -> tuple[np.ndarray, np.n
 
 
 def _spread(found: list[GridCandidate], apart: float, count: int) -> Iterator[GridCandidate]:
-    """Yield candidates best first, none nearer than some cells to one before it: what failed there, fails beside it too."""
+    """Yield candidates best first, some cells apart from all earlier ones: what failed there fails next to it, too."""
     left, places = found, np.array([one.place for one in found])
     for _ in range(count):
         if not left:
@@ -133,43 +134,61 @@ def _spread(found: list[GridCandidate], apart: float, count: int) -> Iterator[Gr
         left, places = [one for one, stays in zip(left, far, strict=True) if stays], places[far]
 
 
-def _tried(scene, object, region, one: GridCandidate, base, volumes, relation, config, number):  # type: ignore[no-untyped-def]
-    """Return the exact pose of a candidate and None, or None and what stands in its way."""
+@dataclass(frozen=True)
+class _Task:
+    """Inputs of the exact tests, as `place` has them; `base` rotates from the object's frame to the region's."""
+
+    scene: Scene
+    object: Mesh
+    region: Region
+    relation: Relation
+    config: PoseConfig
+    base: np.ndarray
+    volumes: list[SweptVolume]
+
+
+def _refined(task: _Task, candidate: GridCandidate, number: int) -> tuple[Pose, str | None]:
+    """Return the exact pose of a candidate, and the conflict there or None."""
+    scene, object, region, config = task.scene, task.object, task.region, task.config
     toward = -region.normal if region.kind == "vertical" else np.array([0.0, 0.0, -1.0])
-    turn = _turn(region, base, one.turn)
-    lowest = float((object.vertices @ turn.T @ -toward).min())
-    start = region.points(one.place[None])[0] + (lowest - config.lowering_height) * toward
-    quaternion = tuple(Rotation.from_matrix(turn).as_quat().tolist())
-    pose = Pose(tuple(start.tolist()), quaternion, one.room, number)
-    reach = 0.1 if relation == "against" else 2 * config.lowering_height
-    local = nearby(scene, *_grown(pose.moved(object).bounds, reach + 0.01))
-    lowered = moved_into_contact(pose, object, local, toward, 2 * config.lowering_height, config.contact_gap)
-    if lowered is None:
-        return None, "carry nothing"
-    pose = lowered
-    if relation == "against":
+    turn = _turn(region, task.base, candidate.turn)
+    start = _start(task, candidate, turn, toward, number)
+    against = task.relation == "against"
+    reach = 0.1 if against else 2 * config.lowering_height
+    local = nearby(scene, *_grown(start.moved(object).bounds, reach + 0.01))
+    pose = moved_into_contact(start, object, local, toward, 2 * config.lowering_height, config.contact_gap)
+    if pose is None:
+        return start, "carry nothing"
+    if against:
         back = turn @ np.array([-1.0, 0.0, 0.0])
         pose = moved_into_contact(pose, object, local, back, reach, config.back_gap) or pose
     for _ in range(4):
         pose = pose.rounded()
-        moved = pose.moved(object)
-        reason = placement_conflict(scene, moved, local, volumes, config.swept_volume_tolerance)
-        if reason != "collide":
+        conflict = placement_conflict(scene, pose.moved(object), local, task.volumes, config.swept_volume_tolerance)
+        if conflict != COLLISION:
             break
-        # Between two edges the way may be shorter than from any point that was asked.
+        # Between two edges the distance may be shorter than from any point that was queried.
         pose = replace(pose, position=tuple((np.array(pose.position) - config.contact_gap * toward).tolist()))
-    return (None, reason) if reason else (pose, None)
+    return pose, conflict
+
+
+def _start(task: _Task, candidate: GridCandidate, turn: np.ndarray, toward: np.ndarray, number: int) -> Pose:
+    """Return the pose above a candidate from which the object is lowered."""
+    lowest = float((task.object.vertices @ turn.T @ -toward).min())
+    start = task.region.points(candidate.place[None])[0] + (lowest - task.config.lowering_height) * toward
+    quaternion = tuple(Rotation.from_matrix(turn).as_quat().tolist())
+    return Pose(tuple(start.tolist()), quaternion, candidate.room, number)
 
 
 def _turn(region: Region, base: np.ndarray, turn: float) -> np.ndarray:
-    """Return the rotation from the object's frame to the scene's, upright however the region slopes, shape [3 3]."""
+    """Return the rotation from the object's frame to the scene's, upright whatever the slope of the region, shape [3 3]."""
     front = region.axes @ base @ np.array([np.cos(turn), np.sin(turn), 0.0])
     yaw = np.arctan2(front[1], front[0])
     return Rotation.from_euler("z", yaw).as_matrix()
 
 
 def _why(region: Region, object: Mesh) -> str:
-    """Return what keeps an object from every place on a region."""
+    """Return the message for a region without any candidate."""
     size = " x ".join(f"{extent:.2f}" for extent in np.ptp(object.bounds, axis=0))
     room = " x ".join(f"{extent:.2f}" for extent in region.size)
     return (

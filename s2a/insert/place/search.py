@@ -13,7 +13,7 @@ import numpy as np
 from scipy import fft, ndimage
 
 from s2a.geometry.mesh_ops import sample
-from s2a.geometry.occupancy import Grid, columns
+from s2a.geometry.occupancy import Grid, distinct_cells, occupied_layers
 from s2a.geometry.regions import Region
 from s2a.insert.place.swept_volumes import SweptVolume, fill
 from s2a.ranges import Count, Fraction, NotNegative, Numbers, Positive
@@ -116,7 +116,7 @@ def occupancy_grid(
     edges = np.linspace(config.contact_height, max(height, 2 * config.contact_height), config.layers + 1)
     origin = region.points(np.array([[-pad, -pad]]))[0]
     raster = Grid(region.axes, origin, region.cell, carries.shape, edges[0], edges[-1], config.layers)
-    layers, _ = columns(obstacles, raster)
+    layers, _ = occupied_layers(obstacles, raster)
     for volume in volumes:
         fill(layers, edges, region, pad, volume, config.contact_height)
     grow = max(1, round(config.margin / region.cell))
@@ -156,7 +156,7 @@ def grid_candidates(
         places = places[:: max(1, len(places) // config.max_placements)]
         if not len(places):
             continue
-        whole = _distinct(np.concatenate(prints))
+        whole = distinct_cells(np.concatenate(prints))
         free = _lowest(room, places, whole)
         score = (
             config.clearance_weight * np.minimum(free, config.max_useful_clearance) / config.max_useful_clearance
@@ -181,17 +181,7 @@ def _prints(local: np.ndarray, cell: float, grid: OccupancyGrid, config: SearchC
     ]
     picked[1] |= picked[0]
     cells = np.floor(local[:, :2] / cell + 0.5).astype(int)
-    return [_distinct(cells[some]) for some in picked]
-
-
-def _distinct(cells: np.ndarray) -> np.ndarray:
-    """Return cells [cell 2] without those that are there twice, in order: a tenth of the time of sorting them."""
-    if not len(cells):
-        return cells
-    low = cells.min(axis=0)
-    there = np.zeros(cells.max(axis=0) - low + 1, bool)
-    there[tuple((cells - low).T)] = True
-    return np.argwhere(there) + low
+    return [distinct_cells(cells[some]) for some in picked]
 
 
 def _possible(

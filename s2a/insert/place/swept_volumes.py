@@ -1,4 +1,4 @@
-"""The space that drawers and doors need to open."""
+"""Swept volumes of articulations: the space that drawers and doors need to open."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from s2a.scene import Mesh, Scene
 
 @dataclass(frozen=True)
 class SweptVolume:
-    """A convex piece of the way of a part.
+    """A convex piece of the swept volume of a part.
 
     Attributes:
-        part: id of the part that moves.
-        piece: what it passes through.
+        part: id of the moving part.
+        piece: convex hull of one section of its travel.
         planes: the piece's planes (nx, ny, nz, d), inside where n.x + d <= 0 [m], shape [plane 4].
     """
 
@@ -29,7 +29,7 @@ class SweptVolume:
 
 
 def swept_volumes(scene: Scene) -> list[SweptVolume]:
-    """Return the ways of all jointed parts of a scene."""
+    """Return the swept volumes of all articulated parts of a scene."""
     found = []
     for part_id in scene.movable:
         mesh = merge([Mesh(scene.parts[i].mesh.vertices, scene.parts[i].mesh.faces) for i in scene.members(part_id)])
@@ -41,14 +41,14 @@ def swept_volumes(scene: Scene) -> list[SweptVolume]:
 def reaching_into(
     volumes: list[SweptVolume], low: np.ndarray, high: np.ndarray, scene: Scene, carrier: str | None = None
 ) -> list[SweptVolume]:
-    """Return the ways that reach into a box [m].
+    """Return the swept volumes that reach into a box [m].
 
     Args:
         volumes: swept volumes of the scene's parts.
         low: the box's lower corner.
         high: its upper corner.
         scene: the room.
-        carrier: id of the part on which the object will be: what carries it along is not in its way.
+        carrier: id of the part that carries the object; it and its ancestors move along and do not count.
     """
     carriers = _carriers(scene, carrier)
     return [
@@ -61,17 +61,17 @@ def reaching_into(
 
 
 def intersects(volume: SweptVolume, points: np.ndarray, slack: float) -> bool:
-    """Whether any of the points [point 3] is in the way of a part by more than `slack` [m]."""
+    """Return True if any of the points [point 3] is deeper than `slack` [m] in a swept volume."""
     low, high = volume.piece.bounds
     near = points[((points > low) & (points < high)).all(axis=1)]
     return bool((near @ volume.planes[:, :3].T + volume.planes[:, 3] < -slack).all(axis=1).any())
 
 
 def heights_within(volume: SweptVolume, places: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return from where to where [m] along the normal the lines through places [point 3] run inside; empty: first > last."""
+    """Return the interval along the normal [m] in which lines through places [point 3] are inside; empty: first > last."""
     first, last = np.full(len(places), -np.inf), np.full(len(places), np.inf)
     outside = np.zeros(len(places), bool)
-    # Plane by plane: tables of all places and planes do not fit the processor's cache.
+    # Plane by plane: a table of all places and planes does not fit the cache.
     for plane, slope in zip(volume.planes, volume.planes[:, :3] @ normal, strict=True):
         rest = -(places @ plane[:3] + plane[3])
         if slope < -1e-9:
@@ -84,15 +84,15 @@ def heights_within(volume: SweptVolume, places: np.ndarray, normal: np.ndarray) 
 
 
 def fill(layers: np.ndarray, edges: np.ndarray, region: Region, pad: int, volume: SweptVolume, slack: float) -> None:
-    """Mark the cells over a region that a part needs to open, a little less than its hull.
+    """Mark the cells over a region that a swept volume occupies, up to a tolerance.
 
     Args:
         layers: occupied cells by layer, shape [layer row column]; changed.
         edges: heights of the layers' borders above the region [m], shape [layer + 1].
-        region: what the grid is over.
-        pad: cells that the grid has more on each side.
+        region: the region below the grid.
+        pad: cells added on each side of the region.
         volume: swept volume of the part.
-        slack: how much less [m].
+        slack: tolerance [m].
     """
     corners = region.places(volume.piece.vertices.astype(np.float64))[:, :2] + pad
     first = np.clip(np.floor(corners.min(axis=0)).astype(int), 0, layers.shape[1:])

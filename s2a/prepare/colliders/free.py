@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.cache import pack, recall, unpack
 from s2a.errors import InputError
-from s2a.geometry.closed_solid import close, largest_pieces
+from s2a.geometry.closed_solid import close, drop_small_components
 from s2a.geometry.convex import box, clip, contains, hull, volume
 from s2a.geometry.decompose import vhacd
 from s2a.geometry.mesh_ops import keep, merge
@@ -117,7 +117,7 @@ def free_object(scene: Scene, part: str, config: FreeConfig) -> FreeObject:
     surface = merge([scene.parts[i].mesh for i in members])
     if not surface.face_areas.any():
         raise InputError(f"part {part!r} of scene {scene.name!r} has no surface; it cannot be taken out of the room")
-    surface = largest_pieces(surface, config.min_component_area)
+    surface = drop_small_components(surface, config.min_component_area)
     below, ground = _support(scene, part, members, surface, config)
     solid = close(surface, ground, config.search_radius)
 

@@ -60,13 +60,13 @@ def joint(record: Record, angle_unit: float, origin: np.ndarray) -> Joint:
     axis = record.vector("axis")
     length = float(np.linalg.norm(axis))
     if not _SHORTEST_AXIS < length < math.inf:
-        record.refuse("axis", "a direction of length 1 belongs here")
+        record.refuse("axis", "expected a direction of length 1")
     unit = angle_unit if kind == "revolute" else 1.0
     limits = record.number("rangeMin") * unit, record.number("rangeMax") * unit
     if limits[0] > limits[1]:
         record.refuse("rangeMin", f"above rangeMax {record.number('rangeMax')}; swap them")
     if wrong := possible.problems(kind, *limits):
-        text = "%s: %s; s2a prepare will refuse this part: mend rangeMin and rangeMax"
+        text = "%s: %s; s2a prepare will refuse this part: fix rangeMin and rangeMax"
         _log.warning(text, record.where, " and ".join(wrong))
     return Joint(kind, tuple(axis / length), tuple(record.vector("origin") - origin), limits)  # type: ignore[arg-type]
 

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from s2a.errors import InputError
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.ranges import CountFromZero
 from s2a.scene import Joint, Mesh
@@ -16,6 +17,7 @@ from s2a.synth import files
 from s2a.synth.annotate import AnnotationConfig, annotated_joints, face_numbers
 from s2a.synth.appearance import vertex_colors
 from s2a.synth.catalog import Entry, cad, catalog, clean_scene
+from s2a.synth.homes import furnish, stream
 from s2a.synth.room import Room
 from s2a.synth.rooms import ROOMS
 from s2a.synth.scanner import ScannerConfig, scan
@@ -27,7 +29,8 @@ class SampleConfig:
     """One virtual scan.
 
     Attributes:
-        room: kind of room.
+        virtual: which rooms: "classic" (five hand-planned ones, the same bytes ever since) or "varied" (drawn ones).
+        room: kind of room; the first five exist in both.
         seed: what furnishes it and draws all errors; the same seed gives the same files.
         detail: which of the scanners is used.
         out: folder that is written.
@@ -35,7 +38,19 @@ class SampleConfig:
         annotation: the annotator's errors.
     """
 
-    room: Literal["office", "bedroom", "kitchen", "bathroom", "living_room"]
+    virtual: Literal["classic", "varied"]
+    room: Literal[
+        "office",
+        "bedroom",
+        "kitchen",
+        "bathroom",
+        "living_room",
+        "dining_room",
+        "hallway",
+        "laundry",
+        "study",
+        "workshop",
+    ]
     seed: CountFromZero
     detail: Literal["demo", "full"]
     out: Path
@@ -76,8 +91,8 @@ def sample(config: SampleConfig, out: Path) -> None:
 
 def scan_room(config: SampleConfig) -> Scan:
     """Furnish, scan and annotate a room; every step draws from a random stream of its own."""
-    furnish, errors, paint, annotator = np.random.default_rng(config.seed).spawn(4)
-    room = ROOMS[config.room](furnish).turned(float(furnish.uniform(0.0, 2 * np.pi)))
+    furniture, errors, paint, annotator = streams(config)
+    room = furnished(config, furniture).turned(float(furniture.uniform(0.0, 2 * np.pi)))
     entries = catalog(room.pieces)
     surface, owners = cad(entries)
     T_room_scene = rotation((0.0, 0.0, -room.yaw))
@@ -94,9 +109,30 @@ def scan_room(config: SampleConfig) -> Scan:
     return Scan(scan_name(config), room, entries, Mesh(vertices, faces, colors), numbers, joints)
 
 
+def streams(config: SampleConfig) -> list[np.random.Generator]:
+    """Return the random streams of the furniture, the scanner's errors, the colours and the annotator."""
+    classic = config.virtual == "classic"
+    return (np.random.default_rng(config.seed) if classic else stream(config.room, config.seed)).spawn(4)
+
+
+def furnished(config: SampleConfig, rng: np.random.Generator) -> Room:
+    """Return the furnished room, in its own frame.
+
+    Raises:
+        InputError: the classic rooms have none of this kind.
+    """
+    if config.virtual == "varied":
+        return furnish(config.room, rng)
+    if config.room not in ROOMS:
+        known = ", ".join(ROOMS)
+        raise InputError(f"virtual=classic has no room {config.room!r}; known: {known}; virtual=varied has it")
+    return ROOMS[config.room](rng)
+
+
 def scan_name(config: SampleConfig) -> str:
     """Return the ten hexadecimal digits that name a room of a given kind and seed."""
-    return hashlib.sha256(f"{config.room} {config.seed}".encode()).hexdigest()[:10]
+    varied = "" if config.virtual == "classic" else f"{config.virtual} "
+    return hashlib.sha256(f"{varied}{config.room} {config.seed}".encode()).hexdigest()[:10]
 
 
 def write(scan: Scan, config: SampleConfig, out: Path) -> None:

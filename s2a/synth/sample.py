@@ -13,7 +13,7 @@ from s2a.errors import InputError
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.ranges import CountFromZero
 from s2a.scene import Joint, Mesh
-from s2a.synth import files
+from s2a.synth import files, glb
 from s2a.synth.annotate import AnnotationConfig, annotated_joints, face_numbers
 from s2a.synth.appearance import vertex_colors
 from s2a.synth.catalog import Entry, cad, catalog, clean_scene
@@ -21,6 +21,7 @@ from s2a.synth.homes import furnish, stream
 from s2a.synth.room import Room
 from s2a.synth.rooms import ROOMS
 from s2a.synth.scanner import ScannerConfig, scan
+from s2a.synth.sight import sighted, vertex_normals
 from s2a.synth.solids import rotation
 
 
@@ -52,7 +53,7 @@ class SampleConfig:
         "workshop",
     ]
     seed: CountFromZero
-    detail: Literal["demo", "full"]
+    detail: Literal["demo", "full", "rgbd", "phone"]
     out: Path
     scanner: dict[str, ScannerConfig]
     annotation: AnnotationConfig
@@ -69,6 +70,7 @@ class Scan:
         mesh: the scanned surface.
         numbers: the part of each of its faces, shape [face].
         joints: the annotated joints by part number.
+        paint: colours of points near the surface, in the scene, for a texture.
     """
 
     name: str
@@ -77,6 +79,7 @@ class Scan:
     mesh: Mesh
     numbers: np.ndarray
     joints: dict[int, Joint]
+    paint: glb.Paint
 
 
 def sample(config: SampleConfig, out: Path) -> None:
@@ -102,11 +105,23 @@ def scan_room(config: SampleConfig) -> Scan:
     bounds = np.stack([surface.vertices.min(axis=0), surface.vertices.max(axis=0)])
     places = room.scanners[: scanner.poses]
     vertices, faces = scan(mesh, surface.dropout, room.yaw, places, bounds, scanner, errors)
-    inside = vertices @ T_room_scene[:3, :3].T
-    colors = vertex_colors(inside, clean, nearest_faces(mesh, inside)[0], paint)
-    numbers = face_numbers(mesh, owners, inside[faces].mean(axis=1), config.annotation, annotator)
+    inside, cameras = (points @ T_room_scene[:3, :3].T for points in (vertices, places))
+
+    def seen(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return the true points whose colours and parts a camera sees at points of the surface."""
+        return sighted(mesh, points, normals, cameras) if scanner.colors == "camera" else points
+
+    def painted(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        shown = seen(points @ T_room_scene[:3, :3].T, normals @ T_room_scene[:3, :3].T)
+        return vertex_colors(shown, clean, nearest_faces(mesh, shown)[0], paint)
+
+    normals = vertex_normals(inside, faces)
+    shown = seen(inside, normals)
+    colors = vertex_colors(shown, clean, nearest_faces(mesh, shown)[0], paint)
+    centres = seen(inside[faces].mean(axis=1), normals[faces].mean(axis=1))
+    numbers = face_numbers(mesh, owners, centres, config.annotation, annotator)
     joints = annotated_joints(entries, config.annotation, annotator)
-    return Scan(scan_name(config), room, entries, Mesh(vertices, faces, colors), numbers, joints)
+    return Scan(scan_name(config), room, entries, Mesh(vertices, faces, colors), numbers, joints, painted)
 
 
 def streams(config: SampleConfig) -> list[np.random.Generator]:
@@ -142,6 +157,8 @@ def write(scan: Scan, config: SampleConfig, out: Path) -> None:
 
     (out / "truth").mkdir(parents=True, exist_ok=True)
     files.write_ply(out / "mesh_aligned_0.05.ply", scan.mesh)
+    if config.scanner[config.detail].glb:
+        glb.write(out / "scan.glb", scan.mesh.vertices, scan.mesh.faces, scan.paint)
     segments = {"sceneId": scan.name, "segIndices": list(range(len(scan.mesh.vertices)))}
     files.write_json(out / "segments.json", segments)
     labelled = (scan.name, scan.mesh, scan.numbers, scan.entries)

@@ -54,12 +54,15 @@ def kitchen(plan: Plan, colors: Palette) -> None:
     longest = max(side.length for side in plan.room.sides)
     plan.need(
         plan.against(
-            row(rng, look, uniform(rng, (2.2, min(4.2, longest - 0.1))), True), stand=STAND, tries=16, askew=0.3
+            row(rng, look, uniform(rng, (min(2.6, 0.8 * longest), min(4.6, longest - 0.1))), True),
+            stand=STAND,
+            tries=16,
+            askew=0.3,
         )
     )
     fridge = machines.fridge(rng, styles.style(rng, colors, "pantry", "nothing", "cutlery"))
     plan.need(plan.against([fridge], stand=STAND, askew=0.5, gap=0.02, tries=14))
-    if chance(rng, 0.5):
+    if chance(rng, 0.7):
         plan.against(row(rng, look, uniform(rng, (1.0, 2.2)), False), stand=STAND, askew=0.3)
     if chance(rng, 0.4) and plan.room.size[0] * plan.room.size[1] > 14:
         plan.anywhere(units.island(rng, look.sizes, base, uniform(rng, (1.0, 1.8))), stand=STAND, tries=40)
@@ -72,8 +75,8 @@ def kitchen(plan: Plan, colors: Palette) -> None:
     if chance(rng, 0.7):
         plan.against([lids.bin_(rng)], askew=10, gap=0.04)
     common.heater(plan)
-    common.hang(plan, integer(rng, 0, 3))
-    common.floor_things(plan, ("plant", "box", "chair", "basket"), integer(rng, 0, 3))
+    common.hang(plan, integer(rng, 1, 4))
+    common.floor_things(plan, ("plant", "box", "chair", "basket"), integer(rng, 2, 6))
 
 
 def row(rng: np.random.Generator, look: Look, length: float, main: bool) -> list[Piece]:

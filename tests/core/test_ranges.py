@@ -20,7 +20,7 @@ IMPOSSIBLE = {
         ("scanner.full.spacing", "-1.0", "a number above 0"),
         ("scanner.demo.fusion.voxel", "0.0", "a number above 0"),
         ("scanner.demo.thin.keep", "1.5", "a number above 0, up to 1"),
-        ("annotation.border", "-0.1", "0 or more"),
+        ("annotators.careful.border", "-0.1", "0 or more"),
     ],
     "prepare": [
         *(

@@ -9,6 +9,7 @@ import numpy as np
 
 from s2a.articulation import transform
 from s2a.errors import InputError
+from s2a.geometry.mesh_ops import sample
 from s2a.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
 from s2a.scene import Joint
 from s2a.synth.boxes import measured, meet
@@ -25,6 +26,8 @@ AIR = 0.006
 LEVEL = 0.003
 """[m] Within which an object's whole footprint has to find its support."""
 TRIES = 60
+SAMPLES = 1500
+"""Points on an object whose surroundings are asked for: one every centimetre or so."""
 SCANNER_AIR = 0.15
 """[m] A scanner position with less air than this, as before a door that is now open, is left out."""
 
@@ -134,7 +137,7 @@ def _stands(mesh: RayMesh, thing: Surface) -> bool:
 
 def _is_free(mesh: RayMesh, thing: Surface) -> bool:
     """Return whether an object keeps clear of all that stands beside it."""
-    points = np.concatenate([thing.vertices, thing.vertices[thing.faces].mean(axis=1)])
+    points = np.concatenate([thing.vertices, sample(thing.mesh, SAMPLES, seed=0)])
     points = points[points[:, 2] > points[:, 2].min() + 2 * AIR]
     middle = (thing.vertices.min(axis=0) + thing.vertices.max(axis=0)) / 2
     rays = points - middle

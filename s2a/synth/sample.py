@@ -35,7 +35,7 @@ class SampleConfig:
         seed: what furnishes it and draws all errors; the same seed gives the same files.
         detail: which of the scanners is used.
         annotator: whose errors the annotation has.
-        open: coordinates of parts that stand open [m] or [rad], by their ids: the same home scanned again.
+        open: coordinates of parts that stand open [m] or [rad], by their ids: the same home scanned again; None: all closed.
         moved: number of free objects that stand elsewhere than without it.
         out: folder that is written.
         scanner: the scanners by detail.
@@ -58,7 +58,7 @@ class SampleConfig:
     seed: CountFromZero
     detail: Literal["demo", "full", "rgbd", "phone"]
     annotator: Literal["careful", "hasty", "wrong"]
-    open: dict[str, float]
+    open: dict[str, float] | None
     moved: CountFromZero
     out: Path
     scanner: dict[str, ScannerConfig]
@@ -110,7 +110,7 @@ def scan_room(config: SampleConfig) -> Scan:
     room = furnished(config, furniture)
     motions: dict[str, np.ndarray] = {}
     if config.open or config.moved:
-        room, motions = again(room, config.open, config.moved, mover)
+        room, motions = again(room, config.open or {}, config.moved, mover)
     room = room.turned(float(furniture.uniform(0.0, 2 * np.pi)))
     entries = catalog(room.pieces)
     surface, owners = cad(entries)
@@ -155,7 +155,7 @@ def scan_name(config: SampleConfig) -> str:
     words: list[str] = [] if config.virtual == "classic" else [config.virtual]
     words += [config.room, str(config.seed)]
     if config.open or config.moved:
-        words += [json.dumps(config.open, sort_keys=True), str(config.moved)]
+        words += [json.dumps(config.open or {}, sort_keys=True), str(config.moved)]
     return hashlib.sha256(" ".join(words).encode()).hexdigest()[:10]
 
 
@@ -197,7 +197,7 @@ def truth_record(scan: Scan, config: SampleConfig) -> dict[str, Any]:
     if config.annotator != "careful":
         record["annotator"] = {"name": config.annotator, **scan.mistakes}
     if config.open or config.moved:
-        record["again"] = {"open": config.open, "moved": {i: m.tolist() for i, m in in_scene(scan).items()}}
+        record["again"] = {"open": config.open or {}, "moved": {i: m.tolist() for i, m in in_scene(scan).items()}}
     return record
 
 

@@ -16,7 +16,7 @@ from s2a.ranges import Above, AtLeast, Count, NotEmpty, Numbers, Positive, Share
 IMPOSSIBLE = {
     "sample": [
         ("seed", "-1", "0 or more"),
-        ("scanner.demo.poses", "3", "a number from 4 to 6"),
+        ("scanner.demo.poses", "3", "a number from 4 to 24"),
         ("scanner.full.spacing", "-1.0", "a number above 0"),
         ("scanner.demo.fusion.voxel", "0.0", "a number above 0"),
         ("scanner.demo.thin.keep", "1.5", "a number above 0, up to 1"),

@@ -88,7 +88,7 @@ def write(folder: Path, entries: list[Entry], joints: dict[int, Joint]) -> Path:
 )
 def test_movables_types_ranges_and_interactables_are_the_loaders(room: str, seed: int, tmp_path: Path) -> None:
     entries = furnished(room, seed)
-    joints = annotated_joints(entries, load(AnnotationConfig, "synth/annotator/careful"), np.random.default_rng(seed))
+    joints = annotated_joints(entries, load(AnnotationConfig, "synth/careful"), np.random.default_rng(seed))
     folder = write(tmp_path / "scan", entries, joints)
     official = by_the_loader(folder)
     assert by_our_reader(scan.read(folder)) == official

@@ -122,16 +122,20 @@ def desk(rng: np.random.Generator, style: Style, work: str = "desk") -> list[Pie
     else:
         pieces.append(_under(rng, style, (deep, high), side * (wide / 2 - 0.36)))
     seat = objects.office_chair(rng) if work == "desk" else _stool(style)
-    return [*pieces, *_seated(rng, seat, pieces[1:], deep, -side * (wide / 2 - 0.42))]
+    return [*pieces, *_seated(rng, seat, pieces[1:], (deep, -side * (wide / 2 - 0.46)), side)]
 
 
-def _seated(rng: np.random.Generator, seat: Piece, others: list[Piece], deep: float, y: float) -> list[Piece]:
+def _seated(
+    rng: np.random.Generator, seat: Piece, others: list[Piece], place: tuple[float, float], inwards: int
+) -> list[Piece]:
     """Return a seat before a desk where no drawer opens into it; none if there is no such place."""
-    swept = measured(others, 0.0).swept
+    taken = measured(others, 0.0)
     for _ in range(8):
-        x, aside = deep + uniform(rng, (0.02, 0.14)), y + uniform(rng, (-0.08, 0.08))
-        there = seat.moved(at(x, aside, 0, 180 + uniform(rng, (-25, 25))))
-        if not meet(measured([there], 0.0).filled, swept, CLEAR):
+        # Away from the desk's leg.
+        x, y = place[0] + uniform(rng, (0.02, 0.14)), place[1] + inwards * uniform(rng, (0.0, 0.12))
+        there = seat.moved(at(x, y, 0, 180 + uniform(rng, (-25, 25))))
+        boxes = measured([there], 0.0).filled
+        if not meet(boxes, taken.swept, CLEAR) and not meet(boxes, taken.filled, 0.0):
             return [there]
     return []
 

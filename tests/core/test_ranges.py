@@ -16,11 +16,11 @@ from s2a.ranges import Above, AtLeast, Count, Fraction, NotEmpty, Numbers, Posit
 IMPOSSIBLE = {
     "sample": [
         ("seed", "-1", "0 or more"),
-        ("scanner.demo.poses", "3", "a number from 4 to 6"),
+        ("scanner.demo.poses", "3", "a number from 4 to 24"),
         ("scanner.full.spacing", "-1.0", "a number above 0"),
         ("scanner.demo.fusion.voxel", "0.0", "a number above 0"),
         ("scanner.demo.thin.keep", "1.5", "a number above 0, up to 1"),
-        ("annotation.border", "-0.1", "0 or more"),
+        ("annotators.careful.border", "-0.1", "0 or more"),
     ],
     "prepare": [
         *((f"prepare.base.{name}", "[]", "a list of one or more") for name in ("sides", "turns", "pedestals")),

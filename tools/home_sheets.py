@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from s2a.geometry.camera_pose import LookConfig, View, frame
 
 from s2a import config
-from s2a.geometry.camera_pose import LookConfig, View, frame
 from s2a.geometry.render import draw
 from s2a.scene import Mesh
 from s2a.synth.catalog import Entry, catalog

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a.geometry.mesh_query import RayMesh, nearest_faces
-from s2a.ranges import NotNegative, Share
+from s2a.ranges import Fraction, NotNegative
 from s2a.scene import Joint
 from s2a.synth.catalog import Entry
 from s2a.synth.solids import rotation
@@ -30,8 +30,8 @@ class AnnotationConfig:
     axis: NotNegative
     origin: NotNegative
     limits: NotNegative
-    missed: Share
-    reversed: Share
+    missed: Fraction
+    reversed: Fraction
 
 
 def face_numbers(

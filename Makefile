@@ -18,8 +18,8 @@ demo: $(INSTALLED)
 	$(BIN)/s2a insert stage=$(DEMO)/geometric.usd object=$(DEMO)/zoo/objects/stapler.usda label=stapler \
 		prompt="put it next to the keyboard" llm=rules out=$(DEMO)/insert image=$(DEMO)/insert.png
 	$(BIN)/s2a prepare stage=$(DEMO)/geometric.usd targets=drawer_7 out=$(DEMO)/sim.usd
-	$(BIN)/s2a evaluate stage=$(DEMO)/sim.usd out=$(DEMO)/planner.json pictures=$(DEMO)
-	$(BIN)/s2a train stage=$(DEMO)/sim.usd worlds=16 policy.iterations=3 out=$(DEMO)/ppo
+	$(BIN)/s2a evaluate stage=$(DEMO)/sim.usd out=$(DEMO)/planner.json images=$(DEMO)
+	$(BIN)/s2a train stage=$(DEMO)/sim.usd num_envs=16 ppo.iterations=3 out=$(DEMO)/ppo
 	$(BIN)/python tools/joint_table.py $(DEMO)/geometric.usd $(DEMO)/scan/truth/truth.usda
 	@echo "Look at $(DEMO)/insert.png, $(DEMO)/before.png and $(DEMO)/after.png; open $(DEMO)/*.usd* in any USD viewer;"
 	@echo "read them with: $(BIN)/s2a view path=$(DEMO)/sim.usd text=true; and tensorboard --logdir $(DEMO)/ppo"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 RENAMED = {
@@ -100,6 +100,15 @@ METRICS = {
     "final_full": "final_open_95pct",
 }
 """Columns of evaluations; those that say by what the part was held counted steps then, not opening (metrics version 1)."""
+
+
+def curve(columns: Mapping[str, Sequence[float | None]]) -> dict[str, Sequence[float | None]]:
+    """Return a training's curve by its present columns; those of version 1 logged the handle's use as a part of the successes."""
+    found = dict(columns)
+    if used := found.pop("handle_use_of_successes", None):
+        pairs = zip(columns["success"], used, strict=False)
+        found["handle_success"] = [None if rate is None else rate * (part or 0.0) for rate, part in pairs]
+    return found
 
 
 def renamed(values: Mapping[str, Any], table: Mapping[str, str]) -> dict[str, Any]:

@@ -88,7 +88,7 @@ def test_a_part_is_opened_as_far_as_asked_or_nearly_as_far_as_it_goes() -> None:
 def test_joint_paths_follow_the_tool_path_on_one_branch(name: str, joint: Joint, opening: float) -> None:
     kin = kinematics(robot.load(name))
     base = np.diag([-1.0, -1.0, 1.0, 1.0])
-    base[0, 3] = 0.75
+    base[0, 3] = kin.spec.base.distances[0]
     path = opening_path(joint, GRASP, 0.1, opening)
     away = base.copy()
     away[0, 3] += 2.0

@@ -104,7 +104,9 @@ def cabinet(
     for left, right, each in zip(edges[:-1], edges[1:], columns, strict=True):
         inner = (left + style.board * (0.5 + (left == edges[0])), right - style.board * (0.5 + (right == edges[-1])))
         for z, cell, divided in _levels(each, span):
-            inside = Board((style.board, deep), inner, z[0] + style.board, z[1] - z[0] - 2 * style.board)
+            # The lowest board lies within its cell, those between cells half in each.
+            floor = z[0] + style.board * (1.0 if z[0] == span[0] else 0.5)
+            inside = Board((style.board, deep), inner, floor, z[1] - style.board - floor)
             fronts += leaves.close(rng, cell.opening, (left, right), z, depth, style)
             shelves, things = _interior(rng, cell, inside, style)
             boards += shelves

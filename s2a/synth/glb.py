@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-TEXELS = 8
+TEXELS = 6
 """Along each side of the square of two triangles."""
 Y_UP = np.array(((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
 """Rotation from z up to y up: (x, y, z) becomes (x, z, -y)."""

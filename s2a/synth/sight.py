@@ -11,6 +11,8 @@ from s2a.geometry.mesh_query import RayMesh, first_hits
 
 TRIES = 4
 """Nearest cameras that are tried for each point."""
+CHUNK = 100_000
+"""Points that are asked for at once."""
 NEAR = 0.09
 """[m] Farther before or behind a point, what a camera sees is something else."""
 
@@ -24,10 +26,15 @@ def sighted(mesh: RayMesh, points: np.ndarray, normals: np.ndarray, cameras: np.
         normals: of that surface towards free space, shape [point 3].
         cameras: where pictures were taken, in the same frame [m], shape [camera 3].
     """
+    parts = [slice(i, i + CHUNK) for i in range(0, len(points), CHUNK)]
+    return np.concatenate([_sighted(mesh, points[some], normals[some], cameras) for some in parts])
+
+
+def _sighted(mesh: RayMesh, points: np.ndarray, normals: np.ndarray, cameras: np.ndarray) -> np.ndarray:
     found, open_ = points.astype(np.float64).copy(), np.ones(len(points), bool)
-    rays = cameras[None] - points[:, None]
+    rays = cameras[None].astype(np.float32) - points[:, None].astype(np.float32)
     far = np.linalg.norm(rays, axis=2)
-    facing = np.einsum("pci,pi->pc", rays, normals) / far
+    facing = np.einsum("pci,pi->pc", rays, normals.astype(np.float32)) / far
     # Pictures from close by and straight ahead are sharpest.
     order = np.argsort(far / np.clip(facing, 0.05, 1.0), axis=1)[:, :TRIES]
     for rank in range(order.shape[1]):

@@ -14,7 +14,7 @@ from s2a.synth.catalog import cad, catalog, clean_scene
 from s2a.synth.homes import HOMES, home
 from s2a.synth.outline import outline
 from s2a.synth.room import Room
-from s2a.synth.solids import Piece, Surface
+from s2a.synth.solids import Piece, Surface, join
 
 TOUCH = 0.002
 """How deep solids may be in each other [m]: faces that lie on each other, hinges' play, sampling."""
@@ -94,6 +94,19 @@ def borders(surface: Surface) -> int:
     forward, counts = np.unique(codes, return_counts=True)
     others = dict(zip(*np.unique(back, return_counts=True), strict=True))
     return int(sum(others.get(code, 0) != count for code, count in zip(forward.tolist(), counts.tolist(), strict=True)))
+
+
+@pytest.mark.parametrize(("name", "seed"), [FEW[2], FEW[4], FEW[9]])
+def test_nothing_floats(name: str, seed: int) -> None:
+    things = [thing for piece in furnished(name, seed).pieces for thing in (piece, *carried(piece))]
+    surfaces = [whole(thing) for thing in things]
+    boxes = np.stack([(s.vertices.min(axis=0), s.vertices.max(axis=0)) for s in surfaces])
+    for i, (thing, surface) in enumerate(zip(things, surfaces, strict=True)):
+        near = (boxes[:, 0] < boxes[i, 1] + 0.02).all(axis=1) & (boxes[:, 1] > boxes[i, 0] - 0.02).all(axis=1)
+        rest = join(*(surfaces[j] for j in np.flatnonzero(near) if j != i))
+        points = np.concatenate([surface.vertices, surface.vertices[surface.faces].mean(axis=1)])
+        gap = nearest_faces(ray_mesh(rest.vertices, rest.faces), points)[1].min()
+        assert gap < 0.015, f"{thing.name} touches nothing"
 
 
 @few_rooms

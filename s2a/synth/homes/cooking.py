@@ -58,16 +58,19 @@ def kitchen(plan: Plan, colors: Palette) -> None:
             stand=STAND,
             tries=16,
             askew=0.3,
+            gap=0.002,
         )
     )
     fridge = machines.fridge(rng, styles.style(rng, colors, "pantry", "nothing", "cutlery"))
     plan.need(plan.against([fridge], stand=STAND, askew=0.5, gap=0.02, tries=14))
     if chance(rng, 0.7):
-        plan.against(row(rng, look, uniform(rng, (1.0, 2.2)), False), stand=STAND, askew=0.3)
+        plan.against(row(rng, look, uniform(rng, (1.0, 2.2)), False), stand=STAND, askew=0.3, gap=0.002)
     if chance(rng, 0.4) and plan.room.size[0] * plan.room.size[1] > 14:
         plan.anywhere(units.island(rng, look.sizes, base, uniform(rng, (1.0, 1.8))), stand=STAND, tries=40)
     if chance(rng, 0.35):
-        plan.against([units.tall_unit(rng, uniform(rng, (0.4, 0.62)), look.sizes, base)], stand=STAND, askew=0.3)
+        plan.against(
+            [units.tall_unit(rng, uniform(rng, (0.4, 0.62)), look.sizes, base)], stand=STAND, askew=0.3, gap=0.002
+        )
     if chance(rng, 0.5):
         plan.anywhere(beds.dining(rng, styles.style(rng, colors, "dishes", "dishes")), tries=40)
     if chance(rng, 0.4):

@@ -50,7 +50,7 @@ def _seats(plan: Plan, colors: Palette) -> None:
     sofa, width = beds.sofa(rng, colors.cloth)
     count = integer(rng, 0, 3)
     places = (np.arange(count) + 0.5) / max(count, 1) * (width - 0.7) - (width - 0.7) / 2
-    lean = [_pillow(rng).moved(at(0.62, y, 0.455)) for y in places]
+    lean = [_pillow(rng).moved(at(0.62, y, 0.44)) for y in places]
     tables = beds.coffee_table(rng, styles.style(rng, colors, "living", "bedroom", "paper"))
     deep = float(np.ptp(tables[0].surface.vertices[:, 0]))
     before = at(0.9 + uniform(rng, (0.35, 0.45)) + deep / 2, uniform(rng, (-0.15, 0.15)), 0, 0)

@@ -75,6 +75,11 @@ def compose(name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
             raise InputError(explain(error, keys(plain(hydra_compose(name), resolve=False)))) from error
 
 
+def file(name: str) -> dict[str, Any]:
+    """Return the values of one file of the tree, `conf/<name>.yaml`; unlike `compose`, also inside of a Hydra job."""
+    return plain(OmegaConf.load(folder() / f"{name}.yaml"))
+
+
 def plain(config: Any, resolve: bool = True) -> dict[str, Any]:
     """Turn a composed Hydra configuration into nested dictionaries; required values without a value stay `???`.
 

@@ -23,7 +23,7 @@ def load(name: str) -> RobotSpec:
     """
     if name not in names():
         raise InputError(f"robot {name!r} does not exist{config.nearest(name, names())}")
-    return config.load(RobotSpec, config.compose(f"robot/{name}")["robot"])
+    return config.load(RobotSpec, config.file(f"robot/{name}"))
 
 
 def check_unchanged(spec: RobotSpec) -> None:

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 import torch
-from cabinet import write_cabinet
+from cabinet import free_cube, write_cabinet
 from lift_task import LiftTask
 from part_worlds import counts
-from pxr import Usd, UsdGeom, UsdPhysics
 from settings import load
 
 from s2a.env.vec_env import VecEnv
@@ -143,21 +142,16 @@ def test_an_uncounted_episode_is_not_counted_but_its_errors_are_and_the_next_one
 
 
 def test_what_lies_free_is_put_back_where_it_was_scanned(tmp_path: Path) -> None:
-    file = Usd.Stage.Open(str(write_cabinet(tmp_path / "sim.usda")))
-    ball = UsdGeom.Sphere.Define(file, "/scene/ball_3")
-    ball.CreateRadiusAttr(0.05)
-    ball.AddTranslateOp().Set((1.0, 2.0, 0.5))
-    for api in (UsdPhysics.RigidBodyAPI, UsdPhysics.CollisionAPI):
-        api.Apply(ball.GetPrim())
-    file.Save()
-    env = make_env(read_stage(tmp_path / "sim.usda"), episode_steps=5)
-    ball_pose = env.sim.body_q[:, env.sim.body("ball_3")]
+    cube = free_cube("cube_3", (1.0, 2.0, 0.5))
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda", free=[cube]), also=["cube_3"])
+    env = make_env(stage, episode_steps=5)
+    pose = env.sim.body_q[:, env.sim.body("cube_3")]
     heights = []
     for _ in range(4):  # it falls, until the episode ends in the fourth step
         env.step(torch.zeros(2, 9))
-        heights.append(float(ball_pose[0, 2]))
+        heights.append(float(pose[0, 2]))
     assert 0.499 > heights[0] > heights[1] > heights[2]
-    assert ball_pose.tolist() == [pytest.approx([1.0, 2.0, 0.5, 0.0, 0.0, 0.0, 1.0], abs=1e-6)] * 2
+    assert pose.tolist() == [pytest.approx([1.0, 2.0, 0.5, 0.0, 0.0, 0.0, 1.0], abs=1e-6)] * 2
     assert float(env.sim.joint_qd[:, 10:].abs().max()) == 0.0
 
 

@@ -107,10 +107,10 @@ def push_of_the_robot(env: VecEnv) -> torch.Tensor:
     return total
 
 
-def gripping(env: VecEnv, steps: int = 240) -> Planner:
-    """Let the planner bring the hand to the handle and close it: the fingers close at 3.6 s = step 216."""
+def gripping(env: VecEnv, more: int = 9) -> Planner:
+    """Let the planner bring the hand to the handle and close it, and go on for some steps."""
     planner = Planner(env, load(PlannerConfig, "planner/default"))
-    for _ in range(steps):
+    for _ in range(planner.grasp_steps + more):
         env.step(planner(env.observation.clone()))
     return planner
 
@@ -124,7 +124,7 @@ def test_a_grip_is_felt_on_the_region_and_pulls_the_drawer_as_mujoco_says(stage:
     assert found["normal"][:, :, 2].tolist() == [pytest.approx([-23.8, 23.8], rel=0.2)] * 2
     assert float(found["off_region"].abs().max()) == float(found["other_links"].abs().max()) == 0.0
     assert term(env, "grip").tolist() == [1.0, 1.0] and grasped(env) == [1, 1]
-    for _ in range(40):  # it is drawn open
+    for _ in range(80):  # it is drawn open
         env.step(planner(env.observation.clone()))
     pulls, kept, before = [], env.sim.after_substep, env.sim.joint_qd[:, 9].clone()
 
@@ -182,10 +182,10 @@ def raise_region(env: VecEnv) -> None:
 
 
 def test_a_hinge_that_moves_is_held_back_as_mujoco_says(tmp_path_factory: pytest.TempPathFactory) -> None:
-    joint = Joint("revolute", (0.0, 0.0, 1.0), tuple(HANDLE + [0.0, RADIUS, 0.0]), (0.0, 1.2))
+    joint = Joint("revolute", (0.0, 0.0, 1.0), tuple(HANDLE + [0.0, RADIUS, 0.0]), (-0.5, 1.2))
     stage = read_stage(write_cabinet(tmp_path_factory.mktemp("door") / "sim.usda", joint=joint))
     env = make_env(stage, sim="sim/planner")
-    gripping(env, 225)
+    gripping(env, 0)
     env.sim.joint_qd[:, env.sim.layout.part_dof] = torch.tensor([0.3, -0.3])  # the grip stops it
     env.sim.step()
     pull = opening_forces(env).sum(dim=1)

@@ -19,8 +19,7 @@ EXACT = 1e-6
 """Largest difference of an exact value and its float32 copy [m or 1]."""
 INWARDS = 0.5
 """Cosine between sliding and pushing at the grasp above which a part opens into its furniture."""
-NEAR_CENTER = 0.05
-"""[m] A free body's frame may be so far from its centre of mass; at 5 m a stapler's motion becomes NaN."""
+NEAR_CENTER = 0.05  # [m] between a free body's frame and its centre of mass; at 5 m a stapler's motion becomes NaN
 PREPARE = "run s2a prepare again"
 
 
@@ -46,9 +45,9 @@ def self_contained(contents: Contents) -> Check:
     for prim in stage.TraverseAll():
         if prim.IsInstance() or prim.IsPrototype():
             problems.append((str(prim.GetPath()), "an instance"))
-        own = [spec for spec in prim.GetPrimStack() if spec.layer == stage.GetRootLayer()]
         if prim.HasAuthoredReferences() or prim.HasAuthoredInherits():
             problems.append((str(prim.GetPath()), "a reference"))
+        own = (spec for spec in prim.GetPrimStack() if spec.layer == stage.GetRootLayer())
         payloads = [arc.assetPath for spec in own for arc in spec.payloadList.GetAddedOrExplicitItems()]
         if payloads and (prim.GetName() != "visual" or any("/" in path.removeprefix("./") for path in payloads)):
             problems.append(
@@ -56,7 +55,7 @@ def self_contained(contents: Contents) -> Check:
             )
     _, _, missing = UsdUtils.ComputeAllDependencies(stage.GetRootLayer().identifier)
     problems += [(ROOT, f"the file {name!r} cannot be found") for name in missing]
-    remedy = "flatten the stage, or put the file of its visuals beside it"
+    remedy = "flatten the stage, or put its visuals beside it"
     return decide("self_contained", problems, remedy, "one file and its visuals, nothing instanced")
 
 
@@ -149,7 +148,7 @@ def joint_limits(contents: Contents) -> Check:
         problems.append(f"physics limits {physics[0]} to {physics[1]} say other than s2a:limits {low:g} to {high:g}")
     path = str(joint.GetPath())
     remedy = "mend the annotation's range (metres or radians, from the scanned pose) and " + PREPARE
-    return decide(name, [(path, problem) for problem in problems], remedy, f"{low:.3f} to {high:.3f}", path)
+    return decide(name, [(path, text) for text in problems], remedy, f"{low:.3f} to {high:.3f}", path)
 
 
 def joint_frames(contents: Contents) -> Check:

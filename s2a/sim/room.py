@@ -24,6 +24,8 @@ PEDESTAL = f"{ROOT}/static/colliders/pedestal_00"
 """Label of the column under a robot that does not stand on the floor."""
 GAP = 0.002
 """[m] Between a pedestal and the robot's base."""
+OVERLAPPING = -2
+"""Collision group of what must not collide with each other, but with all else."""
 STOPS = 9
 """Coordinates of a joint at which the path of its part is taken."""
 APPROACH = 0.2
@@ -101,18 +103,16 @@ def add_pedestal(builder: newton.ModelBuilder, mesh: Mesh, *, collides: bool = T
 
 
 def _filter(builder: newton.ModelBuilder, room: SimRoom, active: Sequence[str], first: int) -> None:
-    """Switch off contacts between an active part and the bodies that it overlaps on its path, from a shape index on.
+    """Switch off contacts between active parts and the bodies that they overlap on their paths, from a shape index on.
 
-    The file says so of bodies; frozen ones are bodies no longer.
+    By a collision group: the file's pairs are of bodies, which frozen ones are no longer, and filtered pairs with static shapes
+    are dropped in silence where Newton 1.8 cannot express all of a world's pairs as MuJoCo's masks.
     """
-    owners = {s: owner(builder.shape_label[s]) for s in range(first, builder.shape_count)}
-    for part in active:
-        others = room.articulations[part].filtered if part in room.articulations else ()
-        own = [s for s, body in owners.items() if body == part]
-        for other in (s for s, body in owners.items() if body in others):
-            for shape in own:
-                if builder.shape_body[shape] != builder.shape_body[other]:
-                    builder.add_shape_collision_filter_pair(shape, other)
+    parts = [part for part in active if part in room.articulations and room.articulations[part].filtered]
+    overlapping = {*parts, *(other for part in parts for other in room.articulations[part].filtered)}
+    for shape in range(first, builder.shape_count):
+        if owner(builder.shape_label[shape]) in overlapping:
+            builder.shape_collision_group[shape] = OVERLAPPING
 
 
 __all__ = ["PEDESTAL", "add_pedestal", "add_room", "open_physics", "pedestal", "workspace"]

@@ -100,8 +100,16 @@ def test_what_stood_though_most_of_its_underside_was_not_seen_stands_on_its_outl
     half = carton()
     seen = half.vertices[half.faces].mean(axis=1)
     leaning = keep(half, (seen[:, 0] > 0.56) | (seen[:, 2] > 0.74 + 0.12))
-    foot = free_object(room(box_21=Part("box", leaning)), "box_21", settings().free).body.colliders[0].mesh
-    assert np.diff(foot.bounds, axis=0)[0, :2] == pytest.approx(SIZE[:2], abs=0.005)
+    body = free_object(room(box_21=Part("box", leaning)), "box_21", settings().free).body
+    feet = [collider.mesh for collider in body.colliders[:3]]
+    # Any three points of the three feet have the centre of mass, the frame's origin, between them.
+    random = np.random.default_rng(0)
+    for _ in range(100):
+        a, b, c = (random.dirichlet(np.ones(len(foot.vertices))) @ foot.vertices[:, :2] for foot in feet)
+        turns = [float(q[0] * p[1] - q[1] * p[0]) for p, q in ((a, b), (b, c), (c, a))]
+        assert min(turns) > 0 or max(turns) < 0
+    outline = np.ptp(np.concatenate([foot.vertices for foot in feet]), axis=0)[:2]
+    assert (outline > 0.7 * SIZE[:2]).all() and (outline < SIZE[:2] + 0.01).all()
 
 
 def test_it_stays_where_it_is(prepared: SimRoom, tmp_path: Path) -> None:

@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 from s2a.cache import pack, recall, unpack
 from s2a.errors import InputError
 from s2a.geometry.closed_solid import close, drop_small_components
-from s2a.geometry.convex import box, clip, contains, hull, volume
+from s2a.geometry.convex import box, clip, hull, volume
 from s2a.geometry.decompose import vhacd
 from s2a.geometry.mesh_ops import keep, merge
 from s2a.geometry.mesh_query import first_hits, ray_mesh
 from s2a.geometry.sweep import grown
+from s2a.prepare.colliders.feet import split_foot, whole_foot
 from s2a.prepare.mass import MassConfig, known_mass
 from s2a.ranges import AtLeast, Count, Fraction, NotNegative, Positive
 from s2a.scene import Mesh, Scene
@@ -25,8 +26,6 @@ from s2a.usd.sim_scene import Collider, Mass, SimBody
 
 HOLLOW, FULL = 0.1, 1.0
 """Shares of its convex hull that the volume of a sound solid lies between."""
-STABLE = 0.001
-"""[m] How far inside of its foot an object's centre of mass lies at least; less than half the foot's thickness."""
 RAYS = 24
 """Of those that look for a support, along either side of an object."""
 
@@ -38,10 +37,10 @@ class FreeConfig:
     Attributes:
         search_radius: what carries an object is looked for within this distance of its lowest point [m].
         min_component_area: fraction of its surface below which a disconnected component is left out.
-        hulls: largest number of its convex hulls, besides the foot; a gripper's contacts grow with them.
+        hulls: largest number of its convex hulls, besides three feet; a gripper's contacts grow with them.
         resolution: voxels of their decomposition.
         max_vertices: largest number of vertices of a hull.
-        foot: thickness of the hull on which it stands [m].
+        foot: thickness of the feet on which it stands [m].
         margin: how far the support's level top reaches beyond it [m].
         thickness: of that top [m].
         clearance: what is cut free around it [m].
@@ -126,7 +125,9 @@ def free_object(scene: Scene, part: str, config: FreeConfig) -> FreeObject:
     def make() -> dict[str, np.ndarray]:
         return pack(_hulls(solid, ground, config))
 
-    hulls = [_foot(solid, ground, mass, config), *unpack(recall("free", [solid, repr((ground, config))], make))]
+    foot = whole_foot(solid, ground, np.array(mass.center), config.foot, 2 * config.max_vertices)
+    feet = split_foot(foot, np.array(mass.center))
+    hulls = [*feet, *unpack(recall("free", [solid, repr((ground, config))], make))]
     spaces = [hull(grown(piece.vertices, config.clearance)) for piece in hulls]
     low, high = solid.bounds
     size = np.array([*(high - low)[:2] + 2 * config.margin, config.thickness])
@@ -221,22 +222,6 @@ def _hulls(solid: Mesh, ground: float, config: FreeConfig) -> list[Mesh]:
     found = vhacd(solid, config.hulls, config.resolution, config.max_vertices)
     cut = [clip(piece, np.array([0.0, 0.0, -1.0]), -ground) for piece in found]
     return [piece for piece in cut if piece is not None]
-
-
-def _foot(solid: Mesh, ground: float, mass: Mass, config: FreeConfig) -> Mesh:
-    """Return the flat hull on which an object stands.
-
-    It stood when it was scanned: where its centre of mass is not above what is known of its underside, the rest of that was
-    not seen, and all of the object's outline carries it.
-    """
-    points = solid.vertices.astype(np.float64)
-    for sole in (points[points[:, 2] < ground + config.foot], points):
-        flat = np.concatenate([sole * [1, 1, 0] + [0, 0, height] for height in (ground, ground + config.foot)])
-        foot = hull(flat, 2 * config.max_vertices)
-        above = np.array([[*mass.center[:2], ground + config.foot / 2]])
-        if foot is not None and contains(foot, above, -STABLE)[0]:
-            break
-    return solid if foot is None else foot
 
 
 def _mass(scene: Scene, members: Sequence[str], solid: Mesh, config: FreeConfig) -> Mass:

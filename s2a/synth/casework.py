@@ -18,9 +18,6 @@ from s2a.synth.fittings import Opening, Style
 from s2a.synth.furniture import carcass
 from s2a.synth.solids import Piece, Surface, at, box, join
 
-OPEN = ("open", "fixed")
-"""Kinds of cells that nothing opens."""
-
 
 @dataclass(frozen=True)
 class Cell:

@@ -128,6 +128,11 @@ def bottle(rng: np.random.Generator) -> Piece:
     return household.bottle(rng, uniform(rng, (0.14, 0.32)))
 
 
+def soap(rng: np.random.Generator) -> Piece:
+    """Return a soap dispenser."""
+    return household.bottle(rng, uniform(rng, (0.15, 0.2)), "soap dispenser")
+
+
 def shoes(rng: np.random.Generator) -> Piece:
     """Return a pair of shoes."""
     return decor.slippers(rng)
@@ -157,7 +162,7 @@ THEMES: dict[str, tuple[Maker, ...]] = {
     ),
     "pantry": (household.jar, can, bottle, carton, basket),
     "cutlery": (cutlery, case, lambda r: household.plate(uniform(r, (0.08, 0.12)))),
-    "bath": (bottle, towels, toiletries.tissue_box, toiletries.toothbrush_cup, can),
+    "bath": (bottle, soap, towels, toiletries.tissue_box, toiletries.toothbrush_cup, can),
     "toiletries": (case, can, case),
     "linen": (towels, folded, basket),
     "clothes": (folded, folded, carton, shoes),

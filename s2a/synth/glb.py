@@ -89,43 +89,17 @@ def _container(path: Path, corners: np.ndarray, coordinates: np.ndarray, indices
     blocks = [corners.tobytes(), coordinates.tobytes(), indices.tobytes(), image]
     padded = [block + b"\0" * (-len(block) % 4) for block in blocks]
     offsets = np.cumsum([0, *(len(block) for block in padded)])
-    views = [
-        {"buffer": 0, "byteOffset": int(start), "byteLength": len(block)}
-        for start, block in zip(offsets, blocks, strict=False)
-    ]
-    content: dict[str, Any] = {
+    content = {
         "asset": {"version": "2.0", "generator": "s2a sample"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": "scan"}],
-        "meshes": [
-            {"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0, "mode": 4}]}
+        **_look(),
+        "accessors": _accessors(corners, len(coordinates), len(indices)),
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": int(start), "byteLength": len(block)}
+            for start, block in zip(offsets, blocks, strict=False)
         ],
-        "materials": [
-            {
-                "pbrMetallicRoughness": {
-                    "baseColorTexture": {"index": 0},
-                    "metallicFactor": 0.0,
-                    "roughnessFactor": 1.0,
-                },
-                "doubleSided": True,
-            }
-        ],
-        "textures": [{"source": 0}],
-        "images": [{"bufferView": 3, "mimeType": "image/png"}],
-        "accessors": [
-            {
-                "bufferView": 0,
-                "componentType": 5126,
-                "count": len(corners),
-                "type": "VEC3",
-                "min": corners.min(axis=0).tolist(),
-                "max": corners.max(axis=0).tolist(),
-            },
-            {"bufferView": 1, "componentType": 5126, "count": len(coordinates), "type": "VEC2"},
-            {"bufferView": 2, "componentType": 5125, "count": len(indices), "type": "SCALAR"},
-        ],
-        "bufferViews": views,
         "buffers": [{"byteLength": int(offsets[-1])}],
     }
     text = json.dumps(content, separators=(",", ":")).encode()
@@ -135,3 +109,25 @@ def _container(path: Path, corners: np.ndarray, coordinates: np.ndarray, indices
         file.write(struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary)))
         file.write(struct.pack("<I4s", len(text), b"JSON") + text)
         file.write(struct.pack("<I4s", len(binary), b"BIN\0") + binary)
+
+
+def _look() -> dict[str, Any]:
+    """Return the mesh with its material: the image, as dull as paint, from both sides."""
+    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
+    paint = {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    return {
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 2, "material": 0, "mode": 4}]}],
+        "materials": [{"pbrMetallicRoughness": paint, "doubleSided": True}],
+        "textures": [{"source": 0}],
+        "images": [{"bufferView": 3, "mimeType": "image/png"}],
+    }
+
+
+def _accessors(corners: np.ndarray, coordinates: int, indices: int) -> list[dict[str, Any]]:
+    """Return what the first three blocks hold: 5126 are floats, 5125 are unsigned integers."""
+    low, high = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    return [
+        {"bufferView": 0, "componentType": 5126, "count": len(corners), "type": "VEC3", "min": low, "max": high},
+        {"bufferView": 1, "componentType": 5126, "count": coordinates, "type": "VEC2"},
+        {"bufferView": 2, "componentType": 5125, "count": indices, "type": "SCALAR"},
+    ]

@@ -41,8 +41,6 @@ WEIGHTS = {
 """How often each family is drawn; "none" opens by a push."""
 STYLES = {"rail": "bar", "square": "bar"}
 """Style of the families that are bars of another section; every other family is its own style."""
-LONG = ("bar", "rail", "square", "bow", "edge")
-"""Families whose length follows the front."""
 
 
 @dataclass(frozen=True)

@@ -150,6 +150,12 @@ def test_what_cannot_be_opened_is_refused() -> None:
         again(room, {drawer: 3.0}, 0, np.random.default_rng(0))
 
 
+def test_the_classic_rooms_are_five(tmp_path: Path) -> None:
+    settings = config.load(SampleConfig, config.compose("sample", ["room=workshop", f"out={tmp_path}"]))
+    with pytest.raises(InputError, match="virtual=varied has it"):
+        sample(settings, tmp_path)
+
+
 def test_drift_walks_and_loops_close() -> None:
     walk = DriftConfig(step=0.01, turn=0.002, closure=1.0)
     places, turns = drifts(20, walk, np.random.default_rng(0))

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from s2a import config, scan
-from s2a.errors import InputError
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scan import ply
 from s2a.scene import Mesh, Scene
@@ -97,11 +96,6 @@ def test_the_classic_office_is_the_same_byte_for_byte(coarse: Path) -> None:
     files = [path for path in coarse.rglob("*") if path.is_file()]
     found = {str(f.relative_to(coarse)): hashlib.sha256(f.read_bytes()).hexdigest()[:16] for f in files}
     assert found == EARLIER
-
-
-def test_the_classic_rooms_are_five(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="virtual=varied has it"):
-        take(tmp_path / "scan", "room=workshop")
 
 
 def test_another_seed_furnishes_another_room(coarse: Path, tmp_path: Path) -> None:

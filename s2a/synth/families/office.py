@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.synth import clutter, decor, grips, objects
+from s2a.synth import clutter, grips, objects
 from s2a.synth.boxes import CLEAR, measured, meet
 from s2a.synth.casework import Base, Cell, Column, cabinet, column
 from s2a.synth.clutter import Board
@@ -181,6 +181,3 @@ def tool_cabinet(rng: np.random.Generator, style: Style) -> Piece:
     style = replace(steel(rng, style), grip=replace(grip, length=max(grip.length, 0.25)))
     cells = column(1.0, *((r, "drawer") for r in rows))
     return cabinet(rng, "tool cabinet", size, (cells,), style, Base("plinth", 0.08, 0.03, integer(rng, 1, 4)))
-
-
-whiteboard, books = objects.whiteboard, decor.books

@@ -11,7 +11,7 @@ from s2a.synth.draw import chance, integer, pick, uniform
 from s2a.synth.families import openings
 from s2a.synth.floor_plan import Crowded, Plan
 from s2a.synth.room import Hole
-from s2a.synth.solids import Color, Piece, at
+from s2a.synth.solids import Color, Piece, at, box, join
 from s2a.synth.styles import Palette
 
 Holes = dict[int, list[Hole]]
@@ -144,8 +144,32 @@ def _floor_thing(rng: np.random.Generator, kind: str) -> Piece:
         return objects.carton((uniform(rng, (0.25, 0.4)), uniform(rng, (0.3, 0.5)), uniform(rng, (0.2, 0.4))))
     makers = {"bag": objects.bag, "chair": lambda r: objects.chair(), "basket": clutter.basket, "crate": clutter.crate}
     makers |= {"shoes": clutter.shoes, "can": lambda r: objects.trash_can(), "lamp": lambda r: decor.floor_lamp()}
-    makers |= {"tools": clutter.tool_box, "teddy": lambda r: decor.teddy()}
+    makers |= {"tower": _tower, "tools": clutter.tool_box, "teddy": lambda r: decor.teddy()}
     return makers[kind](rng)
+
+
+def _tower(rng: np.random.Generator) -> Piece:
+    """Return a computer on the floor."""
+    x, y, z = uniform(rng, (0.18, 0.24)), uniform(rng, (0.08, 0.11)), uniform(rng, (0.35, 0.5))
+    front = box((x, x + 0.003), (-0.6 * y, 0.6 * y), (0.6 * z, 0.9 * z), (70, 72, 78))
+    return Piece("computer tower", join(box((-x, x), (-y, y), (0, z), (40, 40, 44)), front))
+
+
+def sockets(plan: Plan) -> None:
+    """Place sockets low and switches at the height of a hand on the walls."""
+    rng = plan.rng
+    for _ in range(integer(rng, 2, 5)):
+        half, deep = 0.04 * integer(rng, 1, 2), uniform(rng, (0.008, 0.012))
+        plate = box((0, deep), (-half, half), (-0.04, 0.04), (240, 240, 236))
+        switch = chance(rng, 0.4)
+        inner = box(
+            (deep, deep + 0.004),
+            (-0.7 * half, 0.7 * half),
+            (-0.03, 0.03),
+            (250, 250, 248) if switch else (190, 190, 188),
+        )
+        name, z = ("light switch", 1.05) if switch else ("power socket", 0.3)
+        plan.against([Piece(name, join(plate, inner)).moved(at(0, 0, z))], gap=0.0005, askew=0.0)
 
 
 def heater(plan: Plan) -> None:

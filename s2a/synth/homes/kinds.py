@@ -13,7 +13,7 @@ from s2a.synth.catalog import moves
 from s2a.synth.draw import Range, integer
 from s2a.synth.floor_plan import Crowded, Plan
 from s2a.synth.homes import cooking, living, sleeping, washing, working
-from s2a.synth.homes.common import doors, lamps, windows
+from s2a.synth.homes.common import doors, lamps, sockets, windows
 from s2a.synth.room import Room
 from s2a.synth.styles import Palette
 from s2a.synth.viewpoints import viewpoints
@@ -95,6 +95,7 @@ def _furnished(plan: Plan, kind: Kind) -> Room:
     holes = doors(plan, colors, integer(rng, *kind.doors))
     windows(plan, colors, holes, integer(rng, *kind.windows))
     kind.furnish(plan, colors)
+    sockets(plan)
     lamps(plan)
     paint, ground = outline.paints(rng)
     pieces = sorted([*plan.pieces, *outline.shell(plan.room, holes, paint, ground)], key=lambda p: not moves(p))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from s2a.synth import styles
 from s2a.synth.draw import chance, integer, pick, uniform
 from s2a.synth.families import beds, lids, storage
+from s2a.synth.families.sliding import sliding_wardrobe
 from s2a.synth.floor_plan import Plan
 from s2a.synth.homes import common
 from s2a.synth.solids import at
@@ -25,7 +26,8 @@ def bedroom(plan: Plan, colors: Palette) -> None:
         wide = float(stand.size[1]) / 2
         pieces.append(stand.moved(at(0.0, side * (half + wide + uniform(rng, (0.02, 0.12))))))
     plan.need(plan.against(pieces, stand=0.75, tries=14))
-    wardrobe = storage.wardrobe(rng, styles.style(rng, colors, "clothes", drawers="linen"))
+    family = sliding_wardrobe if chance(rng, 0.35) else storage.wardrobe
+    wardrobe = family(rng, styles.style(rng, colors, "clothes", drawers="linen"))
     plan.need(plan.against([wardrobe], stand=STAND, tries=14))
     more = (
         storage.chest,

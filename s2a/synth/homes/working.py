@@ -36,7 +36,7 @@ def office(plan: Plan, colors: Palette) -> None:
         plan.against([pick(rng, families)(rng, styles.style(rng, colors, "office", "office"))], stand=STAND)
     common.heater(plan)
     common.hang(plan, integer(rng, 2, 6), work=True)
-    common.floor_things(plan, ("plant", "box", "bag", "can", "chair"), integer(rng, 2, 7))
+    common.floor_things(plan, ("plant", "box", "bag", "can", "chair", "tower"), integer(rng, 2, 7))
 
 
 def study(plan: Plan, colors: Palette) -> None:
@@ -60,7 +60,7 @@ def study(plan: Plan, colors: Palette) -> None:
         plan.against([pick(rng, families)(rng, styles.style(rng, colors, "office", "living"))], stand=STAND)
     common.heater(plan)
     common.hang(plan, integer(rng, 2, 6), work=True)
-    common.floor_things(plan, ("plant", "box", "lamp", "can", "bag", "basket"), integer(rng, 1, 6))
+    common.floor_things(plan, ("plant", "box", "lamp", "can", "bag", "basket", "tower"), integer(rng, 1, 6))
     if chance(rng, 0.4):
         common.rug(plan, colors.cloth)
 

@@ -14,6 +14,7 @@ class State:
         joints: number of the robot's joints; the first `arm` of them are the arm's.
         joint_q, joint_qd: coordinates [m or rad] and velocities, shape [world coord].
         body_q: poses, shape [world body].
+        torque: forces of the joints' drives [N m or N], shape [world dof].
         lower, upper: limits of the robot's joints [rad, m], shape [joint].
         target_q: joint targets, shape [world coord].
         target_qd: commanded velocities of the robot's joints [rad/s, m/s], shape [world dof].
@@ -38,6 +39,7 @@ class State:
     joint_q: wp.array2d(dtype=float)
     joint_qd: wp.array2d(dtype=float)
     body_q: wp.array2d(dtype=wp.transform)
+    torque: wp.array2d(dtype=float)
     lower: wp.array(dtype=float)
     upper: wp.array(dtype=float)
     target_q: wp.array2d(dtype=float)
@@ -72,6 +74,7 @@ def allocate(sim: Simulation, observations: int, terms: int, columns: int) -> St
     s.joints, s.arm = sim.layout.robot_joints, sim.layout.arm_joints
     s.joint_q, s.joint_qd = sim.state.joint_q.reshape((n, -1)), sim.state.joint_qd.reshape((n, -1))
     s.body_q, s.target_q = sim.state.body_q.reshape((n, -1)), sim.control.joint_target_q.reshape((n, -1))
+    s.torque = sim.solver.mjw_data.qfrc_actuator
     s.target_qd = sim.control.joint_target_qd.reshape((n, -1))
     s.lower = wp.array(sim.model.joint_limit_lower.numpy()[: s.joints], dtype=float)
     s.upper = wp.array(sim.model.joint_limit_upper.numpy()[: s.joints], dtype=float)

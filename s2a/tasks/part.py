@@ -199,6 +199,7 @@ def is_grasped(h: PartHandles, force: float, sense: float, world: int):
 def clear_touch(h: PartHandles):
     """Forget the forces of the control step before."""
     world = wp.tid()
+    h.contacts.peak[world] = 0.0
     for finger in range(2):
         h.touch[world, finger] = 0.0
 

@@ -14,12 +14,14 @@ class OpenPartConfig(PartMdp):
 
     Attributes:
         close_distance: where the distance term doubles, and within which the closing term counts [m].
+        gentle_force: contact force of the robot that costs nothing yet [N].
         bonus_openings: openings that give a bonus of 1 each [m].
         termination_opening: opening that ends the episode [m]; infinite: never.
         full_travel: shorter travels scale all openings down in proportion [m].
     """
 
     close_distance: NotNegative
+    gentle_force: NotNegative
     bonus_openings: tuple[float, float, float]
     termination_opening: Positive
     full_travel: Positive

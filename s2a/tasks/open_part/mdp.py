@@ -24,6 +24,7 @@ class OpenPart:
         bonus: openings that give a bonus [m].
         termination: opening that ends the episode [m].
         close_distance: [m].
+        gentle_force: [N].
         led: opening (0) and how much of it both fingers led the part by the region (1) [m], shape [world 2].
         progress: of the running episode, see metrics, shape [world column].
         limits: thresholds of the metrics, shape [world limit].
@@ -36,6 +37,7 @@ class OpenPart:
     bonus: wp.vec3
     termination: float
     close_distance: float
+    gentle_force: float
     led: wp.array2d(dtype=float)
     progress: wp.array2d(dtype=float)
     limits: wp.array2d(dtype=float)
@@ -50,6 +52,7 @@ def bind(sim: Simulation, shared: PartHandles, config: OpenPartConfig) -> OpenPa
     h = OpenPart()
     h.p, h.bonus = shared, wp.vec3(*config.bonus_openings)
     h.termination, h.close_distance = config.termination_opening, config.close_distance
+    h.gentle_force = config.gentle_force
     h.scale = wp.array(travel_scale(sim, config.full_travel), dtype=float)
     h.led = wp.zeros((sim.num_envs, 2), dtype=float)
     return h
@@ -140,7 +143,44 @@ def closing(s: State, h: OpenPart, world: int):
     return wp.where(between and tool_distance(f) <= h.close_distance, closed, 0.0)
 
 
-REWARDS = (distance, rotation, opening, finger, bonus, action, grip, grasped_opening, closing)
+@wp.func
+def joint_speed(s: State, h: OpenPart, world: int):
+    """weight of the sum of the squared speeds of the arm's joints [rad^2/s^2]; below 0: a cost."""
+    squares = float(0.0)
+    for i in range(s.arm):
+        squares += s.joint_qd[world, i] * s.joint_qd[world, i]
+    return squares
+
+
+@wp.func
+def torque(s: State, h: OpenPart, world: int):
+    """weight of the sum of the squared torques of the arm's drives [N^2 m^2]; below 0: a cost."""
+    squares = float(0.0)
+    for i in range(s.arm):
+        squares += s.torque[world, i] * s.torque[world, i]
+    return squares
+
+
+@wp.func
+def contact_force(s: State, h: OpenPart, world: int):
+    """weight of how far the robot's largest contact force of the step exceeds task.gentle_force [N]; below 0: a cost."""
+    return wp.max(h.p.contacts.peak[world] - h.gentle_force, 0.0)
+
+
+REWARDS = (
+    distance,
+    rotation,
+    opening,
+    finger,
+    bonus,
+    action,
+    grip,
+    grasped_opening,
+    closing,
+    joint_speed,
+    torque,
+    contact_force,
+)
 
 
 @wp.kernel

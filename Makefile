@@ -16,10 +16,10 @@ demo: $(INSTALLED)
 	$(BIN)/s2a export scan=$(DEMO)/scan out=$(DEMO)
 	$(BIN)/s2a zoo out=$(DEMO)/zoo
 	$(BIN)/s2a insert stage=$(DEMO)/geometric.usd object=$(DEMO)/zoo/objects/stapler.usda label=stapler \
-		prompt="put it next to the keyboard" llm=rules out=$(DEMO)/insert picture=$(DEMO)/insert.png
+		prompt="put it next to the keyboard" llm=rules out=$(DEMO)/insert image=$(DEMO)/insert.png
 	$(BIN)/s2a prepare stage=$(DEMO)/geometric.usd targets=all out=$(DEMO)/room.usd
-	$(BIN)/s2a evaluate stage=$(DEMO)/room.usd part=drawer_7 out=$(DEMO)/planner.json pictures=$(DEMO)
-	$(BIN)/s2a train stage=$(DEMO)/room.usd part=drawer_7 worlds=16 policy.iterations=3 out=$(DEMO)/ppo
+	$(BIN)/s2a evaluate stage=$(DEMO)/room.usd part=drawer_7 out=$(DEMO)/planner.json images=$(DEMO)
+	$(BIN)/s2a train stage=$(DEMO)/room.usd part=drawer_7 num_envs=16 ppo.iterations=3 out=$(DEMO)/ppo
 	$(BIN)/python tools/joint_table.py $(DEMO)/geometric.usd $(DEMO)/scan/truth/truth.usda
 	@echo "Look at $(DEMO)/insert.png, $(DEMO)/before.png and $(DEMO)/after.png; open $(DEMO)/*.usd* in any USD viewer;"
 	@echo "read them with: $(BIN)/s2a view path=$(DEMO)/room.usd text=true; and tensorboard --logdir $(DEMO)/ppo"
@@ -48,7 +48,7 @@ $(INSTALLED): requirements.lock pyproject.toml
 lock:
 	rm -rf build/lock
 	$(PYTHON) -m venv build/lock
-	build/lock/bin/pip install --quiet --editable '.[dev]'
+	build/lock/bin/pip install --quiet --editable '.[all,dev]'
 	sed -n '/^#/p' requirements.lock > build/new.lock
 	build/lock/bin/pip freeze --all --exclude-editable | sed '/^pip==/d; s/+cpu$$//' >> build/new.lock
 	mv build/new.lock requirements.lock

@@ -1,9 +1,9 @@
-"""Draw how runs learned: episodes that opened the drawer, that have it open at their end, that opened it by its handle.
+"""Draw how runs learned: episodes that opened the part, that have it open at their end, that opened it by its handle or a grasp.
 
     python experiments/curves.py RESULTS_JSON PICTURE_PNG
 
-RESULTS_JSON is the file of a table in experiments/results, of which a row is a panel with three lines a seed, or the metrics.json
-of one run, as `s2a train` writes it.
+RESULTS_JSON is the file of a table in experiments/results, of which a row is a panel with a line of each of SHARES a seed, or the
+metrics.json of one run, as `s2a train` writes it.
 """
 
 from __future__ import annotations
@@ -16,10 +16,17 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
-from outcome import by_handle
+from outcome import logged
 
-SHARES = {"opened by 0.20 m": "tab:gray", "open at the end": "tab:orange", "both fingers on the handle": "tab:blue"}
-"""What is drawn, and its colour."""
+from s2a import aliases
+
+SHARES = {
+    "success": ("opened by 0.20 m", "tab:gray"),
+    "final_success": ("open at the end", "tab:orange"),
+    "handle_success": ("both fingers on the handle", "tab:blue"),
+    "grasp_success": ("grasped", "tab:green"),
+}
+"""What is drawn: column, label and colour."""
 COLUMNS = 4
 """Of panels."""
 
@@ -42,14 +49,17 @@ def as_run(metrics: dict[str, Any]) -> dict[str, Any]:
     """Return what metrics.json says of a run in the form of a table's runs."""
     rows = metrics["curve"]
     steps = metrics["env_steps"] / (1 + max(row["iteration"] for row in rows))
-    names = ("success", "final_success", "handle_use_of_successes")
-    curve = {name: [row.get(name) for row in rows] for name in names}
-    about = f"{metrics['worlds']} worlds, seed {metrics['seed']}, {metrics['seconds'] / 60.0:.1f} minutes on {metrics['device']}"
-    return {"about": about, "curve": {"env_steps": [steps * (1 + row["iteration"]) for row in rows], **curve}}
+    curve = {name: [row.get(name) for row in rows] for name in {name: None for row in rows for name in row}}
+    metrics = aliases.renamed(metrics, {"worlds": "num_envs"})
+    about = f"{metrics['num_envs']} worlds, seed {metrics['seed']}, {metrics['seconds'] / 60.0:.1f} minutes on "
+    return {
+        "about": about + metrics["device"],
+        "curve": {**curve, "env_steps": [steps * (1 + row["iteration"]) for row in rows]},
+    }
 
 
 def draw(runs: list[dict[str, Any]], picture: Path) -> None:
-    """Draw the shares of recent training episodes over environment steps: a panel a row, three lines a seed."""
+    """Draw the shares of recent training episodes over environment steps: a panel a row, a line of each of SHARES a seed."""
     rows = list(dict.fromkeys(run["about"] for run in runs))
     columns = min(len(rows), COLUMNS)
     lines = math.ceil(len(rows) / columns)
@@ -64,9 +74,9 @@ def draw(runs: list[dict[str, Any]], picture: Path) -> None:
     )
     for panel, row in zip(panels.flat, rows, strict=False):
         for run in (run for run in runs if run["about"] == row):
-            for (name, colour), values in zip(SHARES.items(), shares(run["curve"]), strict=True):
+            for (label, colour), values in zip(SHARES.values(), shares(run["curve"]), strict=True):
                 millions = [steps / 1e6 for steps in run["curve"]["env_steps"]]
-                panel.plot(millions[: len(values)], values, color=colour, label=name, linewidth=1.2)
+                panel.plot(millions[: len(values)], values, color=colour, label=label, linewidth=1.2)
         panel.set_title(textwrap.fill(row, 40), fontsize="small")
         panel.set(ylim=(-3, 103))
         panel.grid(alpha=0.3)
@@ -75,15 +85,14 @@ def draw(runs: list[dict[str, Any]], picture: Path) -> None:
     figure.supxlabel("environment steps, millions", fontsize="medium")
     figure.supylabel("share of recent episodes [%]", fontsize="medium")
     labels = dict(zip(*panels.flat[0].get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(labels.values(), labels.keys(), loc="outside upper center", ncols=3, frameon=False)
+    figure.legend(labels.values(), labels.keys(), loc="outside upper center", ncols=len(labels), frameon=False)
     figure.savefig(picture, dpi=110)
     plt.close(figure)
 
 
 def shares(curve: dict[str, list[float | None]]) -> list[list[float]]:
     """Return what SHARES names, in percent, point by point; not a number where nothing was logged."""
-    logged = ([math.nan if v is None else v for v in curve.get(name, [])] for name in ("success", "final_success"))
-    return [[100.0 * share for share in values] for values in (*logged, by_handle(curve))]
+    return [[100.0 * share for share in logged(curve, name)] for name in SHARES]
 
 
 if __name__ == "__main__":

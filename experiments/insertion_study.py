@@ -37,19 +37,21 @@ from rater_pictures import rater_pictures
 from scipy.stats import binomtest
 
 from s2a import config
-from s2a.commands import insert as verb
-from s2a.commands.drop import drop
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import sample
 from s2a.geometry.penetration import depth
-from s2a.insert.pipeline import Inserted, Room, Thing, Watch, insert
+from s2a.insert.batch import open_room
+from s2a.insert.pipeline import InsertContext, Inserted, ObjectRequest, StabilityCheck, insert
 from s2a.insert.place.fit import NoRoom
 from s2a.insert.place.supports import nearby
-from s2a.insert.place.swept_volumes import blocked, reaching
+from s2a.insert.place.swept_volumes import intersects, reaching_into
+from s2a.insert.room_state import RoomState
+from s2a.insert.settings import InsertSettings
+from s2a.insert.stability import drop_check
 from s2a.llm.ask import Answer, Model, Request
 from s2a.llm.client import choose
 from s2a.llm.rules import rules
-from s2a.llm.usage_log import Ledger
+from s2a.llm.usage_log import UsageLog
 from s2a.progress import track
 from s2a.provenance import provenance
 from s2a.scene import Mesh
@@ -101,18 +103,18 @@ def main() -> None:
 def _category(category: str, name: str, args: argparse.Namespace) -> list[dict]:
     """Insert the objects of a category by every method; return a line an object and method."""
     stage = _stage(ROOMS[category], args)
-    settings = {method: _settings(stage, category, METHODS[method], args) for method in args.methods}
+    settings = {method: _insert_settings(stage, category, METHODS[method], args) for method in args.methods}
     first = settings[args.methods[0]]
-    room, turn = verb.open_room(first), Lock()
+    room, turn = open_room(first), Lock()
     model = _in_turn(choose(first.llm, first.record), turn)
 
-    def insert_one(entry: tuple[Thing, float | None]) -> list[dict]:
+    def insert_one(entry: tuple[ObjectRequest, float | None]) -> list[dict]:
         with turn:  # what is not waiting for a model is done by one at a time
             return _object(room, *entry, model, settings, args.runs / name, args.pictures)
 
-    things = _things(category, args)
+    requests = _requests(category, args)
     with ThreadPoolExecutor(args.at_once) as pool:
-        found = list(track(pool.map(insert_one, things), category, len(things)))
+        found = list(track(pool.map(insert_one, requests), category, len(requests)))
     return [{"category": category, **row} for rows in found for row in rows]
 
 
@@ -135,53 +137,57 @@ def _own_script(model: Model) -> Model:
 
 
 def _object(
-    room: Room,
-    thing: Thing,
+    room: RoomState,
+    request: ObjectRequest,
     size: float | None,
     model: Model,
-    settings: dict[str, verb.Config],
+    settings: dict[str, InsertSettings],
     out: Path,
     pictures: Path | None,
 ) -> list[dict]:
     """Insert an object by every method; return a line a method. `size` is its true longest side [m], if that is known."""
     rows, done = [], {}
     for method, how in settings.items():
-        row, done[method], record = _one(room, thing, size, model, how, method)
-        rows.append({"object": thing.file.stem, "method": method, **row})
-        path = out / method / f"{thing.file.stem}.json"
+        row, done[method], record = _one(room, request, size, model, how, method)
+        rows.append({"object": request.file.stem, "method": method, **row})
+        path = out / method / f"{request.file.stem}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(record, indent=1) + "\n")
     if pictures:
-        rater_pictures(room, thing.file.stem, done, pictures)
+        rater_pictures(room, request.file.stem, done, pictures)
     return rows
 
 
 def _one(
-    room: Room, thing: Thing, size: float | None, model: Model, settings: verb.Config, method: str
+    room: RoomState, request: ObjectRequest, size: float | None, model: Model, settings: InsertSettings, method: str
 ) -> tuple[dict, Inserted | None, dict]:
     """Insert an object; return what is measured of it, itself, and the record."""
     if method == "paper":
         model = _own_script(model)
-    ledger, record = Ledger(settings.llm.prices), {"object": thing.file.name, "label": thing.label}
-    looker = drop(settings.pieces, settings.placement.settle)
-    # The paper's method does not look whether a thing stays; ours does, and tries the next place.
-    looks = looker if method == "ours" else lambda *_: {"problem": ""}
+    usage, record = UsageLog(settings.llm.prices), {"object": request.file.name, "label": request.label}
+    check = drop_check(settings.hulls, settings.placement.drop_test)
+    # The paper's method does not check stability; ours does, and tries the next candidate.
+    checked = check if method == "ours" else lambda *_: {"problem": ""}
     start, inserted, problem = time.perf_counter(), None, ""
     try:
-        inserted = insert(room, thing, model, verb.settings(settings), looks, ledger, record)
+        inserted = insert(InsertContext(room, model, settings.pipeline, checked, usage, record), request)
     except InputError as error:
         problem = f"{'no place' if isinstance(error, NoRoom) else 'error'}: {str(error)[:300]}"
     said = {"seconds": round(time.perf_counter() - start, 2), "ratio": _ratio(record, size)}
     if inserted is None:
         said |= {"problem": problem, **dict.fromkeys(CHECKS, False)}
     else:
-        said |= _measured(room, inserted, looker)
+        said |= _measured(room, inserted, check)
         said["scale"] = said["ratio"] is None or abs(said["ratio"] - 1.0) <= SCALE
-        said |= {"target": inserted.spot.target, "relation": inserted.spot.choice.relation, "problem": said["fell"]}
+        said |= {
+            "target": inserted.candidate.target,
+            "relation": inserted.candidate.choice.relation,
+            "problem": said["fell"],
+        }
     said["success"] = all(said[check] for check in CHECKS)
-    total = ledger.total()
+    total = usage.total()
     tokens = {key: total[key] for key in ("calls", "prompt_tokens", "completion_tokens")}
-    return said | tokens, inserted, record | {"measured": said, "answers": ledger.entries}
+    return said | tokens, inserted, record | {"measured": said, "answers": usage.entries}
 
 
 def _ratio(record: dict, true: float | None) -> float | None:
@@ -190,17 +196,19 @@ def _ratio(record: dict, true: float | None) -> float | None:
     return round(max(size) / true, 4) if size and true else None
 
 
-def _measured(room: Room, inserted: Inserted, looker: Watch) -> dict:
+def _measured(room: RoomState, inserted: Inserted, check: StabilityCheck) -> dict:
     """Return what holds of an object in its place."""
-    scene, mesh, spot = room.scene, inserted.part.mesh, inserted.spot
+    scene, mesh, candidate = room.scene, inserted.part.mesh, inserted.candidate
     around = nearby(scene, *(mesh.bounds + [[-0.05], [0.05]]))
     deepest = depth(mesh, around)
     surface = np.concatenate([mesh.vertices, sample(mesh, 2000, seed=1)])
-    ways = reaching(room.ways, *mesh.bounds, scene, spot.target)
-    stops = sorted({way.part for way in ways if blocked(way, surface, WAY)})
-    standing = Mesh(np.asarray(mesh.vertices, np.float64) - np.asarray(spot.pose.position), mesh.faces, mesh.colors)
-    still = replace(spot, pose=replace(spot.pose, quaternion=(0.0, 0.0, 0.0, 1.0)))
-    fell = looker(standing, still, scene)
+    volumes = reaching_into(room.volumes, *mesh.bounds, scene, candidate.target)
+    stops = sorted({volume.part for volume in volumes if intersects(volume, surface, WAY)})
+    standing = Mesh(
+        np.asarray(mesh.vertices, np.float64) - np.asarray(candidate.pose.position), mesh.faces, mesh.colors
+    )
+    still = replace(candidate, pose=replace(candidate.pose, quaternion=(0.0, 0.0, 0.0, 1.0)))
+    fell = check(standing, still, scene)
     return {
         "free": deepest <= DEEPEST,
         "stable": not fell["problem"],
@@ -238,27 +246,29 @@ def table(rows: list[dict]) -> str:
     return "\n".join(lines)
 
 
-def _settings(stage: Path, category: str, method: list[str], args: argparse.Namespace) -> verb.Config:
-    """Return the settings of the verb for a method."""
+def _insert_settings(stage: Path, category: str, method: list[str], args: argparse.Namespace) -> InsertSettings:
+    """Return the settings of `s2a insert` for a method."""
     llm = [f"llm={args.llm}"]
     if args.recordings:
         file = args.recordings / f"{category.replace(' ', '_')}.json"
         llm.append(f"record={file}" if args.llm == "chat" else f"llm.answers={file}")
     return config.load(
-        verb.Config, config.compose("insert", [f"stage={stage}", "out=unused", *llm, *method, *args.settings])
+        InsertSettings, config.compose("insert", [f"stage={stage}", "out=unused", *llm, *method, *args.settings])
     )
 
 
-def _things(category: str, args: argparse.Namespace) -> list[tuple[Thing, float | None]]:
+def _requests(category: str, args: argparse.Namespace) -> list[tuple[ObjectRequest, float | None]]:
     """Return the objects of a category, with their true longest sides [m] where these are known."""
     if category == "foreign":
         entries = yaml.safe_load(FOREIGN.read_text())
         files = [Path(str(distribution(entry["package"]).locate_file(entry["file"]))) for entry in entries]
-        return [(Thing(file, entry["label"], ""), entry["size"]) for file, entry in zip(files, entries, strict=True)]
+        return [
+            (ObjectRequest(file, entry["label"], ""), entry["size"]) for file, entry in zip(files, entries, strict=True)
+        ]
     zoo = _zoo(args)
     truth = {entry["object"]: entry for entry in json.loads((zoo / "truth.json").read_text())["objects"].values()}
     entries = [entry for entry in yaml.safe_load((zoo / "list.yaml").read_text()) if entry["category"] == category]
-    return [(Thing(zoo / e["object"], e["label"], ""), max(truth[e["object"]]["size"])) for e in entries]
+    return [(ObjectRequest(zoo / e["object"], e["label"], ""), max(truth[e["object"]]["size"])) for e in entries]
 
 
 def _zoo(args: argparse.Namespace) -> Path:

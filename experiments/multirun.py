@@ -19,16 +19,16 @@ from typing import Any
 from outcome import curve
 from side_by_side import gpu_slots, run
 
-from s2a import config
+from s2a import config, tasks
 from s2a.rl import run_folder
-from s2a.tasks.open_part.config import RESULTS
 
 S2A = (sys.executable, "-m", "s2a")
+TASK = tasks.task("open_part")
 EVALUATION_SEED = 100
 """Plus the training's seed: the start noise of evaluation, which no training has met."""
 SAVE_INTERVAL = 10
 """Iterations between checkpoints: what a cut can cost."""
-NOT_SETTINGS = ("stage", "out", "resume", "export", "device", "plan")
+NOT_SETTINGS = ("stage", "out", "resume", "export", "device", "planner")
 """Keys of `s2a train` that say nothing of the experiment."""
 
 
@@ -39,7 +39,7 @@ class Row:
     Attributes:
         name: of the row, and of its runs' folders.
         stage: file in the folder of stages.
-        overrides: what `s2a train` is told, beside stage, seed, worlds and length.
+        overrides: what `s2a train` is told, beside stage, seed, number of worlds and length.
         seeds: how many are trained, from 0.
         about: what the row is, for the table.
         paper: what the paper reports for it.
@@ -85,7 +85,7 @@ class Job:
             return checkpoint is None
         # Times alone do not tell: in a folder that was copied from another machine all files may be of one second.
         found = json.loads(self.measured.read_text())
-        whole = Path(found["policy"]).name == checkpoint.name and set(RESULTS) <= set(found)
+        whole = Path(found["policy"]).name == checkpoint.name and found.get("metrics_version") == TASK.METRICS_VERSION
         return whole and self.measured.stat().st_mtime >= checkpoint.stat().st_mtime
 
 
@@ -94,7 +94,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--runs", type=Path, required=True, help="folder of the runs")
     parser.add_argument("--only", nargs="+", metavar="ROW", help="train these rows alone")
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--worlds", type=int, default=4096)
+    parser.add_argument("--num-envs", type=int, default=4096)
     parser.add_argument("--env-steps", type=float, default=98.304e6, help="of a run: 1024 worlds x 40 steps x 2400")
     parser.add_argument("--episodes", type=int, default=1024, help="of an evaluation")
     parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="more that every training is told")
@@ -136,20 +136,20 @@ def jobs(rows: Sequence[Row], runs: Path) -> list[Job]:
 
 def told(job: Job, args: argparse.Namespace) -> list[str]:
     """Return what the training is told, beside the stage, the place and the length."""
-    return [*job.row.overrides, f"seed={job.seed}", f"worlds={args.worlds}", *args.set]
+    return [*job.row.overrides, f"seed={job.seed}", f"num_envs={args.num_envs}", *args.set]
 
 
 def iterations(job: Job, args: argparse.Namespace) -> int:
     """Return how many iterations the training is to have."""
     env_steps = job.row.env_steps or args.env_steps
-    return round(env_steps / (args.worlds * config.compose("train", told(job, args))["policy"]["steps"]))
+    return round(env_steps / (args.num_envs * config.compose("train", told(job, args))["ppo"]["num_steps_per_env"]))
 
 
 def training(job: Job, stages: Path, args: argparse.Namespace) -> list[str]:
     """Return the command that trains: the row's multirun with one of its seeds."""
     return [
         *(*S2A, "train", "-m", *told(job, args), f"stage={stages / job.row.stage}", "out=run", "resume=true"),
-        *(f"policy.iterations={iterations(job, args)}", f"policy.save_interval={SAVE_INTERVAL}"),
+        *(f"ppo.iterations={iterations(job, args)}", f"ppo.save_interval={SAVE_INTERVAL}"),
         *(f"hydra.sweep.dir={job.folder.parent}", f"hydra.sweep.subdir={job.folder.name}"),
     ]
 
@@ -157,7 +157,7 @@ def training(job: Job, stages: Path, args: argparse.Namespace) -> list[str]:
 def evaluation(job: Job, stages: Path, episodes: int) -> list[str]:
     """Return the command that evaluates the last checkpoint, one episode a world."""
     return [
-        *(*S2A, "evaluate", f"stage={stages / job.row.stage}", f"worlds={episodes}"),
+        *(*S2A, "evaluate", f"stage={stages / job.row.stage}", f"num_envs={episodes}"),
         *(f"checkpoint={job.checkpoint}", f"seed={EVALUATION_SEED + job.seed}", f"out={job.measured}"),
     ]
 
@@ -172,7 +172,7 @@ def collect(job: Job, iterations: int) -> dict[str, Any] | None:
     found = json.loads(job.measured.read_text())
     trained = run_folder.iteration(Path(found["policy"])) + 1
     settings = json.loads((job.folder / "run" / run_folder.SETTINGS).read_text())
-    steps = settings["worlds"] * settings["policy"]["steps"]
+    steps = settings["num_envs"] * settings["ppo"]["num_steps_per_env"]
     return {
         "row": job.row.name,
         "about": job.row.about,

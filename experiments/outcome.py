@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from s2a import aliases
 from s2a.rl import run_folder
 
+HOLDS = {
+    "grasp_success": "grasped",
+    "handle_success": "both fingers on the handle",
+    "single_finger_success": "one finger on it",
+    "off_handle_success": "fingers off it",
+    "body_success": "another link",
+}
+"""Columns of an evaluation that say what held the part, and their titles in a table."""
 POINTS = 80
 """Of a curve that is kept."""
-CURVES = ("success", "final_success", "handle_use_of_successes", "opening", "reward")
+CURVES = ("success", "final_success", "grasp_success", "handle_success", "opening", "grasped_fraction", "reward")
 
 
 def curve(run: Path, steps: int) -> dict[str, list[float | None]]:
@@ -31,15 +40,15 @@ def curve(run: Path, steps: int) -> dict[str, list[float | None]]:
     return {"env_steps": [(int(row["iteration"]) + 1) * steps for row in kept], **columns}
 
 
-def by_handle(curve: dict[str, list[float | None]]) -> list[float]:
-    """Return the share of recent episodes that opened with both fingers on the handle, point by point; NaN before the first."""
-    opened, use = curve.get("success", []), curve.get("handle_use_of_successes", [])
-    return [math.nan if o is None else o * (part or 0.0) for o, part in zip(opened, use, strict=False)]
+def logged(curve: Mapping[str, Sequence[float | None]], name: str) -> list[float]:
+    """Return a column of a curve, point by point; NaN where nothing was logged, nothing at all if it never was."""
+    return [math.nan if value is None else value for value in aliases.curve(curve).get(name, [])]
 
 
-def half_after(curve: dict[str, list[float | None]]) -> str:
-    """Return after how many million environment steps half of the recent episodes first opened by the handle."""
-    steps = next((n for n, share in zip(curve["env_steps"], by_handle(curve), strict=False) if share >= 0.5), None)
+def half_after(curve: Mapping[str, Sequence[float | None]]) -> str:
+    """Return after how many million environment steps half of the recent episodes opened with both fingers on the handle."""
+    rates = logged(curve, "handle_success")
+    steps = next((n for n, rate in zip(curve["env_steps"], rates, strict=False) if rate >= 0.5), None)
     return "not yet" if steps is None else f"{steps / 1e6:.0f}"
 
 

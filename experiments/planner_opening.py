@@ -1,11 +1,12 @@
 """Does the collider decide whether a hand can use the handle? The planner opens scanned drawers, collider by collider.
 
     python experiments/planner_opening.py STAGE ... [--targets drawer_7 ...] [--colliders handle coacd one_hull]
-        [--worlds 16] [--seed 0] [--processes 1] [--out FILE]
+        [--num-envs 16] [--seed 0] [--processes 1] [--out FILE]
 
 STAGE is a geometric.usd. Every target (without --targets every part that slides) is prepared with each kind of colliders and
 opened by the planner from noisy starts. Renews these rows of experiments/results/planner_opening.json, keeps its others, and
-prints the new ones. "handle" counts the openings with both fingers on the annotated grasp region.
+prints the new ones. "handle" counts the openings with both fingers on the annotated grasp region, "grasp" those in which they
+pinched it all the way.
 """
 
 from __future__ import annotations
@@ -17,17 +18,17 @@ import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from s2a import config
-from s2a.env.vec_env import OpenDrawerEnv
+from s2a import aliases, config
+from s2a.commands.evaluate import Config
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
-from s2a.planner.motion import Planner, PlannerConfig
+from s2a.planner.motion import Planner
 from s2a.prepare import PrepareConfig, prepare
 from s2a.provenance import provenance
 from s2a.scene import Scene
-from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.simulation import Simulation
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.config import OpenDrawerConfig
+from s2a.tasks import make_env
 from s2a.usd import geometric, sim_stage
 
 RESULTS = Path(__file__).parent / "results/planner_opening.json"
@@ -40,19 +41,22 @@ def main() -> None:
     parser.add_argument("stages", nargs="+", type=Path)
     parser.add_argument("--targets", nargs="+")
     parser.add_argument("--colliders", nargs="+", default=COLLIDERS, choices=COLLIDERS)
-    parser.add_argument("--worlds", type=int, default=16)
+    parser.add_argument("--num-envs", type=int, default=16)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
     cases = [
-        (stage, target, colliders, args.worlds, args.seed)
+        (stage, target, colliders, args.num_envs, args.seed)
         for stage in args.stages
         for target in args.targets or _drawers(geometric.read(stage))
         for colliders in args.colliders
     ]
-    rows = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
-    print(f"{'target':26} {'colliders':10} {'pieces':>6} {'success':>8} {'handle':>8} {'opening mean / least [m]':>26}")
+    known = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
+    rows = [aliases.renamed(row, aliases.METRICS) for row in known]
+    print(
+        f"{'target':26} {'colliders':10} {'pieces':>6} {'success':>8} {'handle':>8} {'grasp':>8} {'opening mean / least [m]':>26}"
+    )
     with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn")) as pool:
         for row in pool.map(_row, cases):
             rows = [other for other in rows if _key(other) != _key(row)] + [row]
@@ -73,7 +77,7 @@ def _drawers(scene: Scene) -> list[str]:
 
 def _row(case: tuple[Path, str, str, int, int]) -> dict:
     """Prepare one target with one kind of colliders, and let the planner open it."""
-    stage, target, colliders, worlds, seed = case
+    stage, target, colliders, num_envs, seed = case
     scene = geometric.read(stage)
     settings = config.load(PrepareConfig, config.compose("prepare", [f"prepare={colliders}"])["prepare"])
     row = {"scan": scene.name, "target": target, "colliders": colliders, "pieces": 0}
@@ -81,17 +85,18 @@ def _row(case: tuple[Path, str, str, int, int]) -> dict:
         try:
             ready = prepare(scene, target, settings)
             sim_stage.write(ready, Path(folder) / "sim.usd")
-            return row | {"pieces": len(ready.bodies[target].colliders)} | _open(Path(folder) / "sim.usd", worlds, seed)
+            return (
+                row | {"pieces": len(ready.bodies[target].colliders)} | _open(Path(folder) / "sim.usd", num_envs, seed)
+            )
         except InputError as error:
             return row | {"error": str(error).removeprefix(f"{folder}/sim.usd: ")}
 
 
-def _open(stage: Path, worlds: int, seed: int) -> dict:
+def _open(stage: Path, num_envs: int, seed: int) -> dict:
     """Return what the planner reaches."""
-    values = config.compose("evaluate")
-    sim = Simulation(read_stage(stage), config.load(SimConfig, values["sim"]), worlds)
-    env = OpenDrawerEnv(sim, config.load(OpenDrawerConfig, values["task"]), values["reward"], seed)
-    return evaluate(env, Planner(env, config.load(PlannerConfig, values["policy"])))
+    settings = config.load(Config, config.compose("evaluate", [f"stage={stage}", "out=-"]))
+    env = make_env(Simulation(read_stage(stage), settings.sim, num_envs), settings.task, settings.metrics, {}, seed)
+    return evaluate(env, Planner(env, settings.planner))
 
 
 def _line(row: dict) -> str:
@@ -100,8 +105,8 @@ def _line(row: dict) -> str:
     if "error" in row:
         return f"{start} {row['error']}"
     count, opening = row["episodes"], row["opening"]
-    hits = [f"{round(row[name]['rate'] * count)}/{count}" for name in ("success", "handle_success")]
-    return f"{start} {hits[0]:>8} {hits[1]:>8} {opening['mean']:17.3f} / {opening['min']:.3f}"
+    hits = [f"{round(row[name]['rate'] * count)}/{count}" for name in ("success", "handle_success", "grasp_success")]
+    return f"{start} {hits[0]:>8} {hits[1]:>8} {hits[2]:>8} {opening['mean']:17.3f} / {opening['min']:.3f}"
 
 
 if __name__ == "__main__":

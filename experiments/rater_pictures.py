@@ -11,40 +11,41 @@ import numpy as np
 from PIL import Image
 
 from s2a import config
-from s2a.geometry.camera_pose import LookConfig, View
 from s2a.geometry.mesh_ops import merge
-from s2a.geometry.render import draw
-from s2a.insert.pipeline import Inserted, Room
+from s2a.geometry.orbit_camera import CameraPose, OrbitCamera
+from s2a.geometry.render import render
+from s2a.insert.pipeline import Inserted
+from s2a.insert.room_state import RoomState
 
 
-def rater_pictures(room: Room, name: str, done: dict[str, Inserted | None], folder: Path) -> None:
+def rater_pictures(room: RoomState, name: str, done: dict[str, Inserted | None], folder: Path) -> None:
     """Draw before and after, wide and close, for each method under a letter of its own."""
     folder.mkdir(parents=True, exist_ok=True)
     key_file = folder / "key.json"
     key = json.loads(key_file.read_text()) if key_file.exists() else {}
     letters = ["A", "B"]
     random.Random(name).shuffle(letters)
-    look = config.load(LookConfig, config.compose("view", ["look=near"])["look"])
-    look = replace(look, width=640, height=480, samples=1)  # a thousand pictures, of which each takes a second
+    camera = config.load(OrbitCamera, config.compose("view", ["camera=near"])["camera"])
+    camera = replace(camera, width=640, height=480, samples=1)  # a thousand pictures, of which each takes a second
     for letter, (method, inserted) in zip(letters, sorted(done.items()), strict=False):
         key[f"{name}_{letter}"] = method
         if inserted is None:
             continue
         before = merge([part.mesh for part in room.scene.parts.values()])
         after = merge([before, inserted.part.mesh])
-        views = [_view(inserted, distance) for distance in (3.0, 0.9)]
-        rows = [np.concatenate([draw([mesh], view, look) for view in views], axis=1) for mesh in (before, after)]
+        views = [_camera_pose(inserted, distance) for distance in (3.0, 0.9)]
+        rows = [np.concatenate([render([mesh], view, camera) for view in views], axis=1) for mesh in (before, after)]
         Image.fromarray(np.concatenate(rows, axis=0)).save(folder / f"{name}_{letter}.png")
     key_file.write_text(json.dumps(dict(sorted(key.items())), indent=1) + "\n")
 
 
-def _view(inserted: Inserted, distance: float) -> View:
+def _camera_pose(inserted: Inserted, distance: float) -> CameraPose:
     """Return a look at an object from the room, a little from above and to the side [m]."""
     bounds = inserted.part.mesh.bounds
     middle, size = bounds.mean(axis=0), float(np.linalg.norm(np.ptp(bounds, axis=0)))
-    x, y, z, w = inserted.spot.pose.quaternion
+    x, y, z, w = inserted.candidate.pose.quaternion
     front = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + z * w)])
     angle = np.arctan2(front[1], front[0]) + 0.5
     away = np.array([np.cos(angle), np.sin(angle), 0.55])
     eye = middle + (distance * 0.6 + size) * away / np.linalg.norm(away)
-    return View(tuple(eye), tuple(middle))
+    return CameraPose(tuple(eye), tuple(middle))

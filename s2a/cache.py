@@ -30,7 +30,7 @@ def folder() -> Path:
 def recall(kind: str, of: Sequence[Mesh | np.ndarray | str], make: Callable[[], Mapping[str, np.ndarray]]) -> Arrays:
     """Return named arrays from the cache, or make them and keep them.
 
-    An entry that cannot be read is made anew, and one that cannot be written is not kept. Several processes may write
+    An entry that cannot be read is made again, and one that cannot be written is not kept. Several processes may write
     the same entry at once: each writes aside and renames.
 
     Args:

@@ -2,16 +2,17 @@
 
 The tree `conf/` holds every value once and mirrors the package; a frozen dataclass without defaults, beside the code
 that uses it, holds the names, types, units and meaning. `load` joins the two: a key that is missing, unknown or of
-another type is an error, and so is a value outside of the bounds that the type carries (`s2a.ranges`).
+another type is an error, and so is a value outside the bounds of its type (`s2a.ranges`).
 """
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import dacite
 from hydra import compose as hydra_compose
@@ -20,13 +21,36 @@ from hydra.errors import HydraException, MissingConfigException, OverrideParseEx
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from s2a import ranges
+from s2a import aliases, ranges
 from s2a.errors import InputError
 
 T = TypeVar("T")
 
+
+@dataclass(frozen=True)
+class Chosen:
+    """Annotation of a field whose dataclass depends on the values: `Annotated[Base, Chosen(choose)]`.
+
+    Attributes:
+        choose: all plain values -> the field's dataclass, a subclass of its type.
+    """
+
+    choose: Callable[[Mapping[str, Any]], type]
+
+
+@dataclass(frozen=True)
+class Described:
+    """Annotation of a dictionary field whose keys depend on the values: `Annotated[dict[str, float], Described(describe)]`.
+
+    Attributes:
+        describe: all plain values -> the meaning of each possible key.
+    """
+
+    describe: Callable[[Mapping[str, Any]], Mapping[str, str]]
+
+
 REQUIRED = "???"
-"""What a YAML file says for a value that has no default."""
+"""Placeholder of a value without a default in a YAML file."""
 
 
 def folder() -> Path:
@@ -46,7 +70,7 @@ def compose(name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """
     with initialize_config_dir(str(folder()), version_base="1.3"):
         try:
-            return plain(hydra_compose(name, list(overrides)))
+            return plain(hydra_compose(name, opened(overrides)))
         except (HydraException, OmegaConfBaseException, ValueError) as error:
             raise InputError(explain(error, keys(plain(hydra_compose(name), resolve=False)))) from error
 
@@ -56,12 +80,12 @@ def plain(config: Any, resolve: bool = True) -> dict[str, Any]:
 
     Args:
         config: the DictConfig.
-        resolve: whether to replace interpolations by their values.
+        resolve: Replace interpolations by their values.
     """
     return dict(OmegaConf.to_container(config, resolve=resolve))  # type: ignore[arg-type]
 
 
-def load(cls: type[T], values: Mapping[str, Any]) -> T:
+def load(cls: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
     """Build a frozen dataclass from plain nested dictionaries: every key known, present, of its type, in its range.
 
     Lists become tuples, strings become paths and integers become floats where the dataclass says so.
@@ -70,21 +94,48 @@ def load(cls: type[T], values: Mapping[str, Any]) -> T:
         InputError: naming the key, the value, and what is possible.
     """
     if missing := [key for key, value in leaves(values) if value == REQUIRED]:
-        raise InputError(f"key {missing[0]!r} has no value; give {missing[0]}=...")
+        raise InputError(f"key {prefix + missing[0]!r} has no value; give {prefix}{missing[0]}=...")
+    values = {key: _chosen(cls, key, value, values) for key, value in values.items()}
     rules = dacite.Config(strict=True, type_hooks={float: _float, int: _int, Path: _path})
     try:
         loaded = dacite.from_dict(cls, _tuples(values), rules)
     except dacite.WrongTypeError as error:
-        given = _given(values, error)
-        raise InputError(f"key {error.field_path!r} is {given!r}; expected {expected(error.field_type)}") from error
+        key, given = f"{prefix}{error.field_path}", _given(values, error)
+        raise InputError(f"key {key!r} is {given!r}; expected {expected(error.field_type)}") from error
     except dacite.MissingValueError as error:
-        raise InputError(f"key {error.field_path!r} is missing; give +{error.field_path}=...") from error
+        key = f"{prefix}{error.field_path}"
+        raise InputError(f"key {key!r} is missing; give +{key}=...") from error
     except dacite.UnexpectedDataError as error:
         name = sorted(error.keys)[0]
-        others = [key for key in keys(values) if name not in key.split(".")]
-        raise InputError(f"key {name!r} is unknown{nearest(name, others)}") from error
-    ranges.check(cls, loaded)
+        raise InputError(_unknown(name, [key for key in keys(values) if name not in key.split(".")])) from error
+    ranges.check(cls, loaded, prefix.removesuffix("."))
     return loaded
+
+
+N = TypeVar("N", Chosen, Described)
+
+
+def note(cls: type, key: str, kind: type[N]) -> N | None:
+    """Return the annotation of a field that depends on the values; None for any other."""
+    hint = get_type_hints(cls, include_extras=True).get(key)
+    return next((found for found in get_args(hint)[1:] if isinstance(found, kind)), None)
+
+
+def _chosen(cls: type, key: str, value: Any, values: Mapping[str, Any]) -> Any:
+    """Return a field's value, loaded where its dataclass depends on the values; InputError for a key that nothing describes."""
+    if not isinstance(value, Mapping):
+        return value
+    if (described := note(cls, key, Described)) and (
+        unknown := set(value).difference(known := described.describe(values))
+    ):
+        raise InputError(_unknown(f"{key}.{min(unknown)}", [f"{key}.{name}" for name in known]))
+    found = note(cls, key, Chosen)
+    return load(found.choose(values), value, f"{key}.") if found else value
+
+
+def opened(overrides: Sequence[str]) -> list[str]:
+    """Return overrides that may add keys to those dictionaries whose keys are not all listed: reward terms."""
+    return [f"++{text}" if text.startswith("reward.") else text for text in overrides]
 
 
 def leaves(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
@@ -109,10 +160,10 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def explain(error: Exception, known: Iterable[str]) -> str:
-    """Say in one line what Hydra or OmegaConf found wrong with the overrides.
+    """Turn an error of Hydra or OmegaConf about the overrides into one line.
 
     Args:
-        error: what they raised.
+        error: their exception.
         known: the keys that can be overridden.
     """
     text = str(error)
@@ -122,13 +173,19 @@ def explain(error: Exception, known: Iterable[str]) -> str:
         group, _, option = str(error.missing_cfg_file).rpartition("/")
         return f"key {group!r} is {option!r}{nearest(option, error.options)}"
     if found := re.search(r"Could not override '([^']+)'|Key '([^']+)' is not in struct", text):
-        name = found[1] or found[2]
-        return f"key {name!r} is unknown{nearest(name, known)}"
+        return _unknown(found[1] or found[2], list(known))
     if found := re.search(r"Missing mandatory value: (\S+)", text):
         return f"key {found[1]!r} has no value; give {found[1]}=..."
     if found := re.search(r"Ambiguous value for argument '([^']+)'", text):
         return f"{found[1]!r} gives several values; write key=[a,b] for a list, or add -m to run once with each"
     return " ".join(text.split())
+
+
+def _unknown(name: str, known: list[str]) -> str:
+    """Return the message about a key that does not exist: its present name, if it has been renamed, or the closest ones."""
+    if renamed := aliases.current(name, known):
+        return f"key {name!r} is now {renamed!r}"
+    return f"key {name!r} is unknown{nearest(name, known)}"
 
 
 def expected(kind: Any) -> str:
@@ -149,12 +206,12 @@ def expected(kind: Any) -> str:
 
 
 def _given(values: Mapping[str, Any], error: dacite.WrongTypeError) -> Any:
-    """Return the value that an error is about as it was given; dacite fills up a list that is too short."""
+    """Return the offending value as the user gave it; dacite pads a list that is too short."""
     return dict(leaves(values)).get(str(error.field_path), error.value)
 
 
 def _tuples(value: Any) -> Any:
-    """Copy nested values with every list as a tuple: what a frozen dataclass holds cannot be changed."""
+    """Copy nested values with every list as a tuple, for frozen dataclasses."""
     if isinstance(value, Mapping):
         return {key: _tuples(inner) for key, inner in value.items()}
     return tuple(map(_tuples, value)) if isinstance(value, (list, tuple)) else value
@@ -175,6 +232,6 @@ def _path(value: Any) -> Any:
 
 
 def _refuse_bool(value: Any, kind: type) -> None:
-    """Raise for true and false, which Python takes for numbers."""
+    """Raise for true and false, which are numbers in Python."""
     if isinstance(value, bool):
         raise dacite.WrongTypeError(kind, value)

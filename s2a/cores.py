@@ -1,4 +1,4 @@
-"""Work on all processors that this process may use; Warp's kernels run without Python's lock, one processor a launch."""
+"""Parallel work on all cores of this process; Warp releases Python's lock and runs one core per launch."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 
 Result = TypeVar("Result")
 
-PIECES = 8
-"""Shares for each processor: what is done before threads begin is then little, and none waits long for the last."""
-WORTH = 10_000
-"""Items below which a share is not worth a launch of its own."""
+CHUNKS_PER_CORE = 8
+"""Few enough to keep the overhead small, enough to balance the load."""
+MIN_ITEMS = 10_000
+"""Smallest chunk that is worth a launch of its own."""
 
 
 def in_parallel(work: Callable[..., Result], *arguments: Iterable) -> list[Result]:
@@ -33,12 +33,12 @@ def in_parallel(work: Callable[..., Result], *arguments: Iterable) -> list[Resul
 
 
 def count() -> int:
-    """Return the number of processors that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
-def shares(length: int) -> list[slice]:
-    """Return so many items in shares for all processors, one share at least; none is empty unless there are no items."""
-    pieces = int(np.clip(length // WORTH, 1, PIECES * count()))
-    ends = np.linspace(0, length, pieces + 1).astype(int).tolist()
+def chunks(length: int) -> list[slice]:
+    """Split a range of items into chunks for all cores: at least one, none empty unless there are no items."""
+    number = int(np.clip(length // MIN_ITEMS, 1, CHUNKS_PER_CORE * count()))
+    ends = np.linspace(0, length, number + 1).astype(int).tolist()
     return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]

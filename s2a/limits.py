@@ -7,7 +7,7 @@ import math
 WIDEST = {"prismatic": 3.0, "revolute": 2.0 * math.pi}
 """No drawer is longer [m], no door turns further [rad]; degrees read as radians are."""
 NARROWEST = 0.01
-"""Least range of a joint [m or rad]: what moves less is not worth a robot."""
+"""Smallest range of a joint [m or rad] that is worth a robot."""
 UNITS = {"prismatic": "m", "revolute": "rad"}
 
 
@@ -16,7 +16,7 @@ def problems(kind: str, low: float, high: float) -> list[str]:
 
     Args:
         kind: "prismatic" or "revolute".
-        low: lowest coordinate [m] or [rad], relative to the scanned pose; may be no number.
+        low: lowest coordinate [m] or [rad], relative to the scanned pose; may be NaN.
         high: the highest one.
     """
     unit, found = UNITS[kind], []

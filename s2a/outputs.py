@@ -1,4 +1,4 @@
-"""Outputs appear whole or not at all: written aside, then renamed."""
+"""Atomic outputs: written to a temporary sibling, then renamed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from s2a.errors import InputError
 
 
 def refuse_loss(path: Path, earlier: str, read: Iterable[Path]) -> None:
-    """Raise an InputError where writing a folder would delete files that are not ours, or that are still read.
+    """Raise an InputError if writing a folder would delete foreign files, or inputs that are still needed.
 
     Args:
         path: the folder to write.
@@ -23,14 +23,14 @@ def refuse_loss(path: Path, earlier: str, read: Iterable[Path]) -> None:
     _refuse_foreign(path, earlier)
     for file in read:
         if path.resolve() in file.resolve().parents:
-            raise InputError(f"out {str(path)!r} would be replaced with {str(file)!r} in it; choose another place")
+            raise InputError(f"out {str(path)!r} would be replaced with {str(file)!r} in it; choose another path")
 
 
 @contextmanager
-def aside(path: Path, earlier: str | None = None) -> Iterator[Path]:
-    """Yield a path of the same name to write to; when the block ends well, rename what lies there to `path`.
+def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
+    """Yield a temporary path of the same name; when the block succeeds, rename it to `path`.
 
-    When it fails, nothing is left behind, and what was at `path` before is as it was.
+    When it fails, the temporary path is deleted and an earlier output at `path` stays unchanged.
 
     Args:
         path: the file or folder to write.
@@ -56,15 +56,15 @@ def aside(path: Path, earlier: str | None = None) -> Iterator[Path]:
                 folder.rmdir()
 
 
-def refuse_other_picture(path: Path) -> None:
-    """Raise an InputError where the file that the key `picture` names does not end in .png."""
+def require_png(path: Path) -> None:
+    """Raise an InputError unless the file that the key `image` names ends in .png."""
     if path.suffix.lower() != ".png":
-        raise InputError(f"key 'picture' is {str(path)!r}; a picture is a PNG file: give picture=FILE.png")
+        raise InputError(f"key 'image' is {str(path)!r}; expected a PNG file: give image=FILE.png")
 
 
 def _refuse_foreign(path: Path, earlier: str | None) -> None:
     """Raise if `path` is of the other kind, or replacing it would delete files that are not ours."""
-    remedy = "choose another place or delete it yourself"
+    remedy = "choose another path or delete it yourself"
     if earlier is None and path.is_dir():
         raise InputError(f"out {str(path)!r} is a folder where a file should be written; {remedy}")
     if earlier is not None and path.exists() and not path.is_dir():

@@ -1,4 +1,4 @@
-"""How far a long loop is and when it will be done, and what libraries print meanwhile."""
+"""Progress bars, and a filter for what libraries print meanwhile."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ T = TypeVar("T")
 
 
 def track(items: Iterable[T], description: str, total: int | None = None) -> Iterator[T]:
-    """Yield the items, with a bar and the estimated time left on stderr while it is a terminal.
+    """Yield the items with a progress bar and the remaining time, if stderr is a terminal.
 
     Args:
-        items: what the loop goes through.
-        description: what the loop does, in a few words.
+        items: items of the loop.
+        description: caption of the bar.
         total: number of items; needed only where `len(items)` is not known.
     """
     # Rich costs 0.1 s to import, which commands that finish at once should not pay.
@@ -26,15 +26,15 @@ def track(items: Iterable[T], description: str, total: int | None = None) -> Ite
     yield from bar(items, description, total, console=console, transient=True, disable=not console.is_terminal)
 
 
-class Chatter(io.TextIOBase):
-    """A stdout for libraries: Warp reports every kernel module that it loads; only that it compiles is worth a line."""
+class StdoutFilter(io.TextIOBase):
+    """A stdout that drops what libraries print, such as Warp's report of every kernel module that it loads."""
 
     def __init__(self) -> None:
-        self._told = False
+        self._reported = False
 
     def write(self, text: str) -> int:
-        """Drop the text; say once, on stderr, that the wait is for a compiler."""
-        if "(compiled)" in text and not self._told:
+        """Drop the text; report once, on stderr, that kernels are being compiled."""
+        if "(compiled)" in text and not self._reported:
             sys.stderr.write("s2a: compiling kernels for this machine; later runs find them in Warp's cache\n")
-            self._told = True
+            self._reported = True
         return len(text)

@@ -1,40 +1,51 @@
-"""Where a number came from: code, versions, machine."""
+"""Provenance of a result: commit, package versions, device."""
 
 from __future__ import annotations
 
 import os
 import platform
+import re
 import subprocess
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-
-import torch
 
 PACKAGES = ("s2a", "newton", "warp-lang", "mujoco-warp", "torch", "rsl-rl-lib", "usd-core")
 
 
 def provenance(device: str) -> dict[str, object]:
     """Return the git commit (None outside a checkout, "+" after it where files were changed), versions, and the device's name."""
-    cuda = device.startswith("cuda")
     return {
         "commit": _commit(),
         "versions": {name: _version(name) for name in PACKAGES},
-        "device": torch.cuda.get_device_name(device) if cuda else f"CPU, {platform.machine()}",
+        "device": _device_name(device),
     }
 
 
+def _device_name(device: str) -> str:
+    if not device.startswith("cuda"):
+        return f"CPU, {platform.machine()}"
+    import torch  # an optional dependency, and a second to import
+
+    return torch.cuda.get_device_name(device)
+
+
 def _version(name: str) -> str:
-    """Return a package's version; torch says more of itself than its metadata does."""
+    """Return a package's version; torch's own file also tells the build (+cpu, +cu130), without the import."""
     try:
-        return torch.__version__ if name == "torch" else version(name)
-    except ModuleNotFoundError:
+        found = distribution(name)
+    except PackageNotFoundError:
         return "not installed"
+    if name != "torch":
+        return found.version
+    text = Path(str(found.locate_file("torch/version.py"))).read_text()
+    build = re.search(r"__version__ = '([^']+)'", text)
+    return build[1] if build else found.version
 
 
 def _commit() -> str | None:
     """Return the commit of the checkout that the package runs from, not of one that merely surrounds an installed copy.
 
-    Where there is none, it is what S2A_COMMIT says: whoever copies the code to a machine without git knows it.
+    Without one it is S2A_COMMIT, which can be set where the code was copied to a machine without git.
     """
     folder, other = Path(__file__).resolve().parent, os.environ.get("S2A_COMMIT")
 

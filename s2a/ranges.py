@@ -1,9 +1,9 @@
-"""What a number or a list in the settings may be, beyond its type: bounds that a field's type carries.
+"""Bounds of numbers and lists in the configuration, as annotations of a field's type.
 
     width: Count
     fov: Annotated[float, Above(0.0, 3.0)]
 
-`s2a.config.load` refuses what lies outside. A field without a bound is one where every value has a meaning.
+`s2a.config.load` refuses values outside. In a field without a bound every value has a meaning.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from s2a.errors import InputError
 
 @dataclass(frozen=True)
 class Above:
-    """A number above `low`, up to `high`; infinite is a number too, NaN is none."""
+    """A number above `low`, up to `high`; infinity is allowed, NaN is not."""
 
     low: float
     high: float = math.inf
 
     def holds(self, value: float) -> bool:
-        """Say whether a value is possible."""
+        """Return True for a value within the bounds."""
         return self.low < value <= self.high
 
     def __str__(self) -> str:
-        """Say what is possible."""
+        """Describe the bounds in an error message."""
         return f"a number above {self.low:g}" + (f", up to {self.high:g}" if self.high < math.inf else "")
 
 
@@ -40,45 +40,45 @@ class AtLeast:
     high: float = math.inf
 
     def holds(self, value: float) -> bool:
-        """Say whether a value is possible."""
+        """Return True for a value within the bounds."""
         return self.low <= value <= self.high
 
     def __str__(self) -> str:
-        """Say what is possible."""
+        """Describe the bounds in an error message."""
         return f"a number from {self.low:g} to {self.high:g}" if self.high < math.inf else f"{self.low:g} or more"
 
 
 @dataclass(frozen=True)
 class NotEmpty:
-    """A list that holds something."""
+    """A list with at least one item."""
 
     def holds(self, value: tuple[Any, ...]) -> bool:
-        """Say whether a value is possible."""
+        """Return True for a value within the bounds."""
         return len(value) > 0
 
     def __str__(self) -> str:
-        """Say what is possible."""
+        """Describe the bounds in an error message."""
         return "a list of one or more, [a,b]"
 
 
 BOUNDS = (Above, AtLeast, NotEmpty)
-"""What `check` looks for; other annotations of a type are somebody else's."""
+"""The annotations that `check` evaluates; it ignores all others."""
 Positive = Annotated[float, Above(0.0)]
-"""Such as a length that is divided by, a duration, a density."""
+"""For example a divisor, a duration, a density."""
 NotNegative = Annotated[float, AtLeast(0.0)]
-"""Such as a tolerance, the size of an error, a gain."""
-Share = Annotated[float, AtLeast(0.0, 1.0)]
-"""Of a whole."""
+"""For example a tolerance, an error magnitude, a gain."""
+Fraction = Annotated[float, AtLeast(0.0, 1.0)]
+"""A fraction of a whole, 0 to 1."""
 Count = Annotated[int, AtLeast(1)]
-"""Of what there has to be one of."""
+"""A number of items, at least one."""
 CountFromZero = Annotated[int, AtLeast(0)]
-"""Of what there may be none of; a seed."""
+"""A number of items, possibly none; a seed."""
 Numbers = Annotated[tuple[float, ...], NotEmpty()]
-"""Values to try, the first one first."""
+"""A list of at least one number."""
 
 
 def check(kind: Any, value: Any, key: str = "") -> None:
-    """Refuse a value outside of the bounds that its type carries, or that the types inside it carry.
+    """Check a value against the bounds of its type, and those of the types inside it.
 
     Args:
         kind: the type, such as a dataclass of settings or the type of one of its fields.
@@ -86,7 +86,7 @@ def check(kind: Any, value: Any, key: str = "") -> None:
         key: its dotted name.
 
     Raises:
-        InputError: naming the key, the value and what is possible.
+        InputError: naming the key, the value and the bounds.
     """
     if get_origin(kind) is Annotated:
         kind, *bounds = get_args(kind)

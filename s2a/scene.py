@@ -78,7 +78,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Joint:
-    """How a part moves against its parent.
+    """The joint of a part with its parent.
 
     Attributes:
         kind: "prismatic" (slides along the axis) or "revolute" (turns about the axis, right-handed).
@@ -114,14 +114,14 @@ Motion = Joint | Literal["fixed", "free"]
 
 @dataclass(frozen=True)
 class Part:
-    """One annotated piece of the scan; it carries its own surface, without its children's.
+    """One annotated part of the scan, with its own surface, without its children's.
 
     Attributes:
-        label: what it is, in the annotator's words ("handle base").
+        label: name given by the annotator ("handle base").
         mesh: its surface in scene coordinates; may be empty.
         parent: id of the part it belongs to, or None for an object.
         motion: "fixed" to its parent, "free", or its Joint.
-        graspable: whether a hand takes hold of the moving part here.
+        graspable: Annotated as the place where a gripper grasps the moving part.
         mass: [kg] if annotated, else None.
     """
 

@@ -1,46 +1,58 @@
-"""What the command line tells about itself, taken from the configuration's own documentation."""
+"""Help texts of the command line, generated from the documentation of the configuration classes."""
 
 from __future__ import annotations
 
 import inspect
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
 from itertools import takewhile
 from typing import Any, get_args, get_origin, get_type_hints
 
 from s2a import config
+from s2a.errors import InputError
 
 GENERAL = """\
-usage: s2a <verb> key=value ...
+usage: s2a <command> key=value ...
 
-{verbs}
+{commands}
 
-s2a <verb> --help    the verb's keys, their values and meaning
--m, --multirun       run once with each of the values in key=a,b; each run's `out` lies below its own folder
---debug              show the traceback of an error
---version            show the version
+s2a <command> --help   keys of the command, their defaults and meaning
+-m, --multirun         run once per value of key=a,b; each run writes `out` below its own folder
+--debug                show the traceback of an error
+--version              show the version
 """
 
 
-def general(verbs: Mapping[str, str]) -> str:
+def general(commands: Mapping[str, str]) -> str:
     """Return the help text of the whole command."""
-    return GENERAL.format(verbs="\n".join(f"  {verb:10}{meaning}" for verb, meaning in verbs.items()))
+    return GENERAL.format(commands="\n".join(f"  {command:10}{meaning}" for command, meaning in commands.items()))
 
 
-def verb(name: str, meaning: str, cls: type) -> str:
-    """Return the help text of one verb: examples, then every key with its value in the YAML tree and its meaning."""
+def command(name: str, meaning: str, cls: type) -> str:
+    """Return the help text of one command: examples, then every key with its default and its meaning."""
     values = sorted(config.leaves(config.compose(name)), key=lambda leaf: "." in leaf[0])
-    meanings = attributes(cls)
+    meanings = attributes(cls) | _chosen(cls, config.compose(name))
     lines = [f"s2a {name} key=value ...: {meaning}", *examples(name), ""]
     for key, value in values:
         lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, meanings)}".rstrip())
-    return "\n".join([*lines, *options(name)])
+    return "\n".join([*lines, *options(name, cls)])
+
+
+def _chosen(cls: type, values: Mapping[str, Any]) -> dict[str, str]:
+    """Read the meaning of the keys of those fields that depend on the values."""
+    found: dict[str, str] = {}
+    for key in values:
+        if chosen := config.note(cls, key, config.Chosen):
+            found |= attributes(chosen.choose(values), f"{key}.")
+        if described := config.note(cls, key, config.Described):
+            found |= {f"{key}.{name}": meaning for name, meaning in described.describe(values).items()}
+    return found
 
 
 def examples(name: str) -> list[str]:
-    """Return the comment at the head of a verb's YAML, which shows how the verb is called."""
+    """Return the comment at the head of a command's YAML, which shows example calls."""
     lines = (config.folder() / f"{name}.yaml").read_text().splitlines()
     return [line.removeprefix("#").rstrip() for line in takewhile(lambda line: line.startswith("#"), lines)]
 
@@ -54,25 +66,33 @@ def typed(value: Any) -> str:
     return json.dumps(value) if value is None or isinstance(value, bool) else f"{value}"
 
 
-def options(name: str) -> list[str]:
-    """List the alternatives of the groups that a verb's configuration takes from sub-folders: those that have the same keys.
+def options(name: str, cls: type) -> list[str]:
+    """List the options of the config groups that a command composes from sub-folders: of shared groups those that it can load.
 
-    Verbs share some groups, of which each takes its own: `policy` holds what trains and what plans.
+    Args:
+        name: the command.
+        cls: its settings.
     """
     text = (config.folder() / f"{name}.yaml").read_text()
     groups = re.findall(r"^\s*- (?:override )?/?([\w/]+)(?:@\w+)?: ", text, flags=re.MULTILINE)
-    known = set(config.keys(config.compose(name)))
-    found = {}
-    for group in groups:
-        names = sorted(path.stem for path in (config.folder() / group).glob("*.yaml"))
-        found[group] = [
-            other for other in names if set(config.keys(config.compose(name, [f"{group}={other}"]))) == known
-        ]
+    found = {group: sorted(path.stem for path in (config.folder() / group).glob("*.yaml")) for group in groups}
+    required = [f"{key}=given" for key, value in config.leaves(config.compose(name)) if value == config.REQUIRED]
+    for group, names in found.items():
+        found[group] = [each for each in names if _loads(name, cls, [*required, f"{group}={each}"])]
     return ["", *(f"  {group}=...  one of: {', '.join(names)}" for group, names in found.items())] if found else []
 
 
+def _loads(name: str, cls: type, overrides: Sequence[str]) -> bool:
+    """Return whether a command can load its settings with overrides."""
+    try:
+        config.load(cls, config.compose(name, overrides))
+    except InputError:
+        return False
+    return True
+
+
 def meaning_of(key: str, meanings: Mapping[str, str]) -> str:
-    """Find the meaning of a dotted key; one inside a dictionary has it under `*`, or has that of the whole dictionary."""
+    """Return the meaning of a dotted key; entries of a dictionary share one under `*`, or that of the whole dictionary."""
     names = key.split(".")
     inside = (".".join([*names[:i], "*", *names[i + 1 :]]) for i in range(1, len(names)))
     return next((meanings[name] for name in (key, *inside, ".".join(names[:-1])) if name in meanings), "")

@@ -25,10 +25,12 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from s2a.commands import insert as verb
 from s2a.config import compose, load
 from s2a.errors import InputError
-from s2a.insert.pipeline import Room, Thing
+from s2a.insert.batch import RECORD, insert_into, open_room
+from s2a.insert.pipeline import ObjectRequest
+from s2a.insert.room_state import RoomState
+from s2a.insert.settings import InsertSettings
 from s2a.llm.client import choose
 from s2a.provenance import provenance
 
@@ -38,23 +40,23 @@ STAGES = {"plan": ("plan", "plan again", "scale"), "pose": ("pose",), "drop": ("
 """Steps of an insertion's record by the column that has their time; the rest is reading the object and writing files."""
 
 
-def measure(room: Room, thing: Thing, config: verb.Config) -> dict[str, Any]:
+def measure(room: RoomState, request: ObjectRequest, config: InsertSettings) -> dict[str, Any]:
     """Return wall and processor time [s] of one insertion, and the wall time of its stages."""
     times, start = os.times(), time.perf_counter()
     record: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder:
         there = replace(config, out=Path(folder, "out"))
         try:
-            verb.into(copy.copy(room), [thing], choose(config.llm, None), there)
-            (record,) = json.loads((there.out / verb.RECORD).read_text())["objects"]
+            insert_into(copy.copy(room), [request], choose(config.llm, None), there)
+            (record,) = json.loads((there.out / RECORD).read_text())["objects"]
         except InputError as error:
-            print(f"{thing.label}: {error}", file=sys.stderr)
+            print(f"{request.label}: {error}", file=sys.stderr)
         wall, after = time.perf_counter() - start, os.times()
     stages = {name: sum(record[key]["seconds"] for key in keys if key in record) for name, keys in STAGES.items()}
     row = {**stages, "files": wall - sum(stages.values()), "wall": wall}
     row |= {"cpu": sum(after[:4]) - sum(times[:4]), "load": os.getloadavg()[0]}
     rounded = {name: round(value, 2) for name, value in row.items()}
-    return {"label": thing.label, "on": record["surface"]["target"] if record else "nowhere", **rounded}
+    return {"label": request.label, "on": record["surface"]["target"] if record else "nowhere", **rounded}
 
 
 def main() -> None:
@@ -68,21 +70,21 @@ def main() -> None:
     entries = [(entry["object"], entry["label"]) for entry in yaml.safe_load(given.list.read_text())]
     if unknown := set(given.labels or ()) - {label for _, label in entries}:
         sys.exit(f"not in {given.list}: {', '.join(sorted(unknown))}")
-    things = [Thing(given.list.parent / file, label, "") for file, label in entries]
-    things = [thing for thing in things if not given.labels or thing.label in given.labels]
+    requests = [ObjectRequest(given.list.parent / file, label, "") for file, label in entries]
+    requests = [request for request in requests if not given.labels or request.label in given.labels]
     values = [f"stage={given.stage}", f"objects={given.list}", "out=none", "llm=rules"]
-    config = load(verb.Config, compose("insert", values))
+    config = load(InsertSettings, compose("insert", values))
     start = time.perf_counter()
-    room = verb.open_room(config)
-    opening = round(time.perf_counter() - start, 1)
-    rows = [measure(room, thing, config) for thing in things]
+    room = open_room(config)
+    volume = round(time.perf_counter() - start, 1)
+    rows = [measure(room, request, config) for request in requests]
     faces = sum(len(part.mesh.faces) for part in room.scene.parts.values())
-    title = f"{given.stage}, {faces} faces, opened in {opening} s; seconds on {os.cpu_count()} cores"
+    title = f"{given.stage}, {faces} faces, opened in {volume} s; seconds on {os.cpu_count()} cores"
     table = Table(*rows[0], title=title, box=box.SIMPLE)
     for row in rows:
         table.add_row(*(value if isinstance(value, str) else f"{value:.2f}" for value in row.values()))
     if given.out:
-        record = {"faces": faces, "cores": os.cpu_count(), "opening_s": opening, "objects": rows}
+        record = {"faces": faces, "cores": os.cpu_count(), "opening_s": volume, "objects": rows}
         given.out.write_text(json.dumps(provenance("cpu") | record, indent=1) + "\n")
     Console().print(table)
     if any(row["wall"] > LIMIT for row in rows):

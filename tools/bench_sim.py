@@ -1,12 +1,12 @@
 """Throughput of a sim.usd on one device: physics alone, the whole environment step, PPO; with and without the room.
 
-    python tools/bench_sim.py STAGE [--worlds 4096 ...] [--ppo 8x8x40 5x4x24 ...] [--iterations 20] [--out FILE]
+    python tools/bench_sim.py STAGE [--num-envs 4096 ...] [--ppo 8x8x40 5x4x24 ...] [--iterations 20] [--out FILE]
 
 An environment step is one control step (4 physics steps) of one world. Actions are uniform random, resets included. PPO is
 timed from its third iteration on: the first two compile and capture. Its worlds touch more as it learns, which is slower.
 "grasp_physics" is physics alone while every world's hand holds the handle, where the planner brought it (so the arm is that
-of conf/sim/planner.yaml), and "handle_use_ms" what it then takes in a physics step to find the fingers' contacts with the
-handle. Contacts and constraint rows are counted after the random steps, and in the grasp. Rates are compared within one run
+of conf/sim/planner.yaml), and "contacts_ms" what it then takes in a physics step to read the robot's contacts with the
+part. Contacts and constraint rows are counted after the random steps, and in the grasp. Rates are compared within one run
 only.
 """
 
@@ -24,7 +24,7 @@ import torch
 import warp as wp
 
 from s2a import config
-from s2a.env.vec_env import OpenDrawerEnv
+from s2a.env.vec_env import VecEnv
 from s2a.planner.motion import Planner, PlannerConfig
 from s2a.provenance import provenance
 from s2a.rl.config import PpoConfig
@@ -32,7 +32,8 @@ from s2a.rl.ppo import train
 from s2a.rl.run_folder import times
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.config import OpenDrawerConfig
+from s2a.tasks import make_env
+from s2a.tasks.open_part.config import OpenPartConfig, OpenPartMetrics
 
 STEPS = 200
 WARM_UP = 2
@@ -44,52 +45,63 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stage", type=Path)
     parser.add_argument("--part", help="articulated part of a room that has several")
-    parser.add_argument("--worlds", type=int, nargs="+", default=[4096])
+    parser.add_argument("--num-envs", type=int, nargs="+", default=[4096])
     parser.add_argument(
         "--ppo",
         nargs="*",
-        default=["8x8x40", "8x8x40:graph=true"],
-        help="what to train: epochs x mini-batches x steps, and keys of conf/policy/ppo.yaml after a colon",
+        default=["8x8x40", "8x8x40:cuda_graph=true"],
+        help="what to train: epochs x mini-batches x steps, and keys of conf/ppo after a colon",
     )
     parser.add_argument("--iterations", type=int, default=20, help="of PPO")
     parser.add_argument("--device", default="cuda:0" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--out", type=Path, help="write the rows as JSON")
     args = parser.parse_args()
-    rows = [bench(args, n, room) for n in args.worlds for room in (True, False)]
+    rows = [bench(args, n, room) for n in args.num_envs for room in (True, False)]
     if args.out:
         report = {**provenance(args.device), "stage": args.stage.name, "rows": rows}
         args.out.write_text(json.dumps(report, indent=1) + "\n")
 
 
-def bench(args: argparse.Namespace, worlds: int, room: bool) -> dict:
+def bench(args: argparse.Namespace, num_envs: int, room: bool) -> dict:
     """Measure one number of worlds."""
     begin = time.perf_counter()
-    sim = Simulation(
-        read_stage(args.stage, args.part), replace(_load(SimConfig, "sim/planner"), room=room), worlds, args.device
-    )
-    env = OpenDrawerEnv(sim, _load(OpenDrawerConfig, "task/open_drawer"), config.compose("reward/paper")["reward"], 0)
+    stage = read_stage(args.stage, args.part)
+    sim = Simulation(stage, replace(_load(SimConfig, "sim/planner"), room=room), num_envs, args.device)
+    env = _env(sim)
     _sync(args.device)
-    row: dict = {"worlds": worlds, "room": room, "build_and_compile_s": time.perf_counter() - begin}
-    actions = torch.rand(STEPS, worlds, env.num_actions, device=args.device) * 2.0 - 1.0
+    row: dict = {"num_envs": num_envs, "room": room, "build_and_compile_s": time.perf_counter() - begin}
+    actions = torch.rand(STEPS, num_envs, env.num_actions, device=args.device) * 2.0 - 1.0
     for action in actions:  # spreads the worlds over their episodes
         env.step(action)
     steps = iter([*actions, *actions])
-    row["env_step"] = worlds * _rate(args.device, lambda: env.step(next(steps)))
+    row["env_step"] = num_envs * _rate(args.device, lambda: env.step(next(steps)))
     row |= _contacts(sim)
     physics = _physics(sim)
-    row["physics"] = worlds * _rate(args.device, physics)
+    row["physics"] = num_envs * _rate(args.device, physics)
     for shape in args.ppo:
         with tempfile.TemporaryDirectory() as folder:
             row[f"ppo_{shape}"] = _training_rate(env, _policy(shape, args.iterations), Path(folder))
     _grasp(env)
     row |= {f"grasp_{name}": value for name, value in _contacts(sim).items()}
-    row["grasp_physics"] = worlds * _rate(args.device, physics)
-    row["handle_use_ms"] = 1e3 / _rate(args.device, sim.capture(env.feel))
+    row["grasp_physics"] = num_envs * _rate(args.device, physics)
+    row["contacts_ms"] = 1e3 / _rate(args.device, sim.capture(lambda: _read_contacts(env)))
     if args.device.startswith("cuda"):
         free, total = torch.cuda.mem_get_info(args.device)
         row["gpu_memory_gb"] = (total - free) / 1e9
     print(json.dumps({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}), flush=True)
     return row
+
+
+def _env(sim: Simulation) -> VecEnv:
+    """Return the environment of the reference's task."""
+    task, metrics = _load(OpenPartConfig, "task/open_part"), _load(OpenPartMetrics, "metrics/open_part")
+    return make_env(sim, task, metrics, config.compose("reward/paper")["reward"], 0)
+
+
+def _read_contacts(env: VecEnv) -> None:
+    """Read the contacts of the last physics step once more."""
+    with wp.ScopedDevice(env.sim.device):
+        env.task.sensor.update()
 
 
 def _physics(sim: Simulation) -> Callable[[], object]:
@@ -100,26 +112,28 @@ def _physics(sim: Simulation) -> Callable[[], object]:
     return captured
 
 
-def _training_rate(env: OpenDrawerEnv, policy: PpoConfig, folder: Path) -> float:
+def _training_rate(env: VecEnv, settings: PpoConfig, folder: Path) -> float:
     """Return environment steps a second of training, logging included, without the iterations that compile and capture."""
-    train(env, policy, folder)
+    train(env, settings, folder)
     begin, *rest = times(folder)[WARM_UP - 1 :]
-    return len(rest) * policy.steps * env.num_envs / (rest[-1] - begin)
+    return len(rest) * settings.num_steps_per_env * env.num_envs / (rest[-1] - begin)
 
 
 def _policy(shape: str, iterations: int) -> PpoConfig:
     """Return rsl-rl's settings for EPOCHSxBATCHESxSTEPS[:KEY=VALUE,...]."""
     numbers, _, keys = shape.partition(":")
-    values = dict(zip(("epochs", "mini_batches", "steps"), numbers.split("x"), strict=True))
+    values = dict(
+        zip(("num_learning_epochs", "num_mini_batches", "num_steps_per_env"), numbers.split("x"), strict=True)
+    )
     values |= dict(item.split("=") for item in keys.split(",") if item)
-    overrides = [f"policy.{key}={value}" for key, value in values.items()]
-    settings = config.load(PpoConfig, config.compose("policy/ppo", overrides)["policy"])
+    overrides = [f"ppo.{key}={value}" for key, value in values.items()]
+    settings = config.load(PpoConfig, config.compose("ppo/default", overrides)["ppo"])
     return replace(settings, iterations=iterations, save_interval=10**6)
 
 
-def _grasp(env: OpenDrawerEnv) -> None:
+def _grasp(env: VecEnv) -> None:
     """Bring every world's hand to the handle and close it."""
-    planner = Planner(env, _load(PlannerConfig, "policy/planner"))
+    planner = Planner(env, _load(PlannerConfig, "planner/default"))
     env.reset_all()
     while int(env.episode_step.max()) < planner.grasp_steps:
         env.step(planner(env.observation))
@@ -141,7 +155,7 @@ def _contacts(sim: Simulation) -> dict[str, float]:
     data = sim.solver.mjw_data
     count = int(data.nacon.numpy()[0])
     world = wp.to_torch(data.contact.worldid)[:count].long()
-    contacts = torch.bincount(world, minlength=sim.worlds).float()
+    contacts = torch.bincount(world, minlength=sim.num_envs).float()
     rows = wp.to_torch(data.nefc).float()
     found = {"contacts": contacts, "rows": rows}
     return {f"{n}_{k}": float(f) for n, x in found.items() for k, f in (("mean", x.mean()), ("p95", x.quantile(0.95)))}

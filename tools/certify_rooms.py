@@ -26,7 +26,7 @@ from s2a import config, scan
 from s2a.certify import report
 from s2a.certify.check_suite import CertifyConfig, certify, fingerprint
 from s2a.errors import InputError
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.prepare import ALL, PrepareConfig, prepare
 from s2a.prepare.target import find_target
 from s2a.progress import track
@@ -48,7 +48,7 @@ def main() -> None:
         for result in track(pool.map(_part, parts), "certifying", len(parts)):
             found.append(result)
             whole = {"detail": asked.detail, "prepare": asked.prepare, "styles": rates(found), "parts": found}
-            with aside(asked.out) as out:
+            with atomic_write(asked.out) as out:
                 out.write_text(json.dumps(whole | provenance("cpu"), indent=1))
     Console(width=160).print(_table(rates(found)))
     for part in found:
@@ -78,13 +78,13 @@ def _parts(case: tuple[str, int, argparse.Namespace]) -> list[tuple[str, int, st
     folder = _folder(room, seed, asked)
     if not (folder / "scan/truth/truth.json").exists():
         keys = [f"room={room}", f"seed={seed}", f"detail={asked.detail}", f"out={folder / 'scan'}"]
-        with aside(folder / "scan", earlier="truth/truth.json") as out:
+        with atomic_write(folder / "scan", earlier="truth/truth.json") as out:
             sample(config.load(SampleConfig, config.compose("sample", keys)), out)
     stage = _stage(folder, asked)
     if not stage.exists():
         values = config.compose("prepare", [f"prepare={asked.prepare}", "stage=x", "out=y"])
         ready = prepare(_scene(folder), ALL, config.load(PrepareConfig, values["prepare"]))
-        with aside(sim_stage.visuals_file(stage)) as visuals, aside(stage) as out:
+        with atomic_write(sim_stage.visuals_file(stage)) as visuals, atomic_write(stage) as out:
             sim_stage.write(ready, out, visuals)
     return [(room, seed, part) for part in _scene(folder).movable]
 
@@ -118,7 +118,7 @@ def _certified(folder: Path, part: str, asked: argparse.Namespace) -> dict[str, 
     asked_of = dataclasses.asdict(settings)
     done = report.kept(record, fingerprint(stage), asked_of, provenance("cpu"), [part])
     (certificate,) = done or certify(stage, settings, part)
-    with aside(record) as out:
+    with atomic_write(record) as out:
         out.write_text(report.to_json([certificate]))
     by_name = {check.name: check for check in certificate.checks}
     numbers = {

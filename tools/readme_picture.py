@@ -19,16 +19,16 @@ from scipy.spatial.transform import Rotation
 
 from s2a import config, robot
 from s2a.commands.evaluate import Config
-from s2a.commands.train import simulation
-from s2a.env.vec_env import OpenDrawerEnv
 from s2a.evaluate import evaluate
-from s2a.geometry.camera_pose import LookConfig, frame
-from s2a.geometry.render import draw, painted, write
+from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
+from s2a.geometry.render import painted, render, write_png
 from s2a.planner.motion import Planner
-from s2a.robot.model import JOINTS, add_robot
+from s2a.robot.model import add_robot
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh
-from s2a.sim.world import SimStage
+from s2a.sim.simulation import Simulation, device_of
+from s2a.sim.world import SimStage, read_stage
+from s2a.tasks import make_env
 from s2a.usd.visuals import visible
 
 SIZE = {"width": 576, "height": 432, "samples": 3}
@@ -43,17 +43,17 @@ PAINT = 0.85
 def main(demo: Path, out: Path) -> None:
     """Draw both halves side by side."""
     settings = config.load(
-        Config, config.compose("evaluate", [f"stage={demo / 'room.usd'}", "part=drawer_7", "out=-", "worlds=1"])
+        Config, config.compose("evaluate", [f"stage={demo / 'room.usd'}", "part=drawer_7", "out=-", "num_envs=1"])
     )
-    look = config.load(LookConfig, config.compose("view")["look"])
-    halves = [above(visible(demo / "scan"), replace(look, **ROOM)), _robot(settings, replace(look, **ROBOT))]
+    camera = config.load(OrbitCamera, config.compose("view")["camera"])
+    halves = [above(visible(demo / "scan"), replace(camera, **ROOM)), _robot(settings, replace(camera, **ROBOT))]
     white = np.full((SIZE["height"], GAP, 3), 255, dtype=np.uint8)
     out.parent.mkdir(parents=True, exist_ok=True)
-    write(np.concatenate([halves[0], white, halves[1]], axis=1), out)
+    write_png(np.concatenate([halves[0], white, halves[1]], axis=1), out)
     print(f"{out}: {out.stat().st_size / 1000:.0f} kB")
 
 
-def _robot(settings: Config, look: LookConfig) -> np.ndarray:
+def _robot(settings: Config, camera: OrbitCamera) -> np.ndarray:
     """Draw the planner's robot where the part stands open widest."""
     poses, stage = _widest(settings)
     surfaces = dict(visible(settings.stage).surfaces)
@@ -62,21 +62,22 @@ def _robot(settings: Config, look: LookConfig) -> np.ndarray:
     posed += [_moved(mesh, poses[name]) for name, mesh in _links(robot.load(stage.robot))]
     points = np.concatenate([mesh.vertices for mesh in posed])
     out_of_furniture = -Rotation.from_quat(stage.grasp[3:]).as_matrix()[:, 2]
-    return draw([room, *posed], frame(points, out_of_furniture, look), look)
+    return render([room, *posed], framing_pose(points, out_of_furniture, camera), camera)
 
 
 def _widest(settings: Config) -> tuple[dict[str, np.ndarray], SimStage]:
     """Let the planner open the part; return the pose [7] of every body by name at the widest opening."""
-    sim = simulation(settings.stage, settings.sim, settings.worlds, settings.device, settings.part)
-    env = OpenDrawerEnv(sim, settings.task, settings.reward, settings.seed)
+    stage = read_stage(settings.stage, settings.part, robot=settings.robot.name)
+    sim = Simulation(stage, settings.sim, settings.num_envs, device_of(settings.device))
+    env = make_env(sim, settings.task, settings.metrics, {}, settings.seed)
     seen = [(-1.0, sim.body_q[0])]
 
     def watch() -> None:
-        opening = abs(float(sim.joint_q[0, JOINTS]))
+        opening = abs(float(sim.joint_q[0, sim.layout.part_coord]))
         if opening > seen[0][0]:
             seen[0] = opening, sim.body_q[0].clone()
 
-    evaluate(env, Planner(env, settings.policy), watch)
+    evaluate(env, Planner(env, settings.planner), watch)
     names = [label.split("/")[-1] for label in sim.world.body_label]
     return dict(zip(names, seen[0][1].cpu().numpy(), strict=True)), sim.stage
 

@@ -16,8 +16,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from s2a import config
 from s2a.commands.sample import run
-from s2a.geometry.camera_pose import LookConfig, View, frame, front_of
-from s2a.geometry.render import draw
+from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
+from s2a.geometry.render import render
 from s2a.synth import SampleConfig
 from s2a.synth.rooms import ROOMS
 from s2a.usd.visuals import Visible, visible
@@ -33,11 +33,11 @@ COLORS = 255
 
 def main(scans: Path, out: Path) -> None:
     """Draw all rooms and one look inside."""
-    look = replace(config.load(LookConfig, config.compose("view")["look"]), **ABOVE)
+    camera = replace(config.load(OrbitCamera, config.compose("view")["camera"]), **ABOVE)
     seen = {room: visible(_scan(room, scans)) for room in ROOMS}
-    tiles = [(room.replace("_", " "), above(scene, look)) for room, scene in seen.items()]
+    tiles = [(room.replace("_", " "), above(scene, camera)) for room, scene in seen.items()]
     room, furniture, distance = INSIDE
-    tiles.append((f"{furniture} of the {room}", _inside(seen[room], furniture, distance, look)))
+    tiles.append((f"{furniture} of the {room}", _inside(seen[room], furniture, distance, camera)))
     rows = -(-len(tiles) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * TILE[0], rows * (TILE[1] + CAPTION)), "white")
     font = ImageFont.load_default(15)
@@ -58,15 +58,15 @@ def _scan(room: str, scans: Path) -> Path:
     return folder
 
 
-def above(scene: Visible, look: LookConfig) -> np.ndarray:
+def above(scene: Visible, camera: OrbitCamera) -> np.ndarray:
     """Draw a scan, seen towards the corner of the room at which most of what opens stands."""
     meshes = list(scene.surfaces.values())
     front = front_of([scene.surfaces[part] for part in scene.jointed])
     assert front is not None, "every virtual room has parts that move"
-    return draw(meshes, frame(np.concatenate([mesh.vertices for mesh in meshes]), front, look), look)
+    return render(meshes, framing_pose(np.concatenate([mesh.vertices for mesh in meshes]), front, camera), camera)
 
 
-def _inside(scene: Visible, furniture: str, distance: float, look: LookConfig) -> np.ndarray:
+def _inside(scene: Visible, furniture: str, distance: float, camera: OrbitCamera) -> np.ndarray:
     """Draw the first piece of furniture of a kind as someone sees it who stands before it, a little to its left."""
     meshes = list(scene.surfaces.values())
     (chosen, *_) = [mesh for part, mesh in scene.surfaces.items() if part.startswith(furniture)]
@@ -76,8 +76,8 @@ def _inside(scene: Visible, furniture: str, distance: float, look: LookConfig) -
     assert front is not None, "the furniture has fronts that open"
     middle = chosen.bounds.mean(axis=0)
     eye = middle + distance * front + 0.3 * distance * np.cross(front, (0.0, 0.0, 1.0))
-    view = View((eye[0], eye[1], 1.55), (middle[0], middle[1], 1.0))
-    return draw(meshes, view, replace(look, fov=1.05, see_through=False))
+    view = CameraPose((eye[0], eye[1], 1.55), (middle[0], middle[1], 1.0))
+    return render(meshes, view, replace(camera, fov=1.05, backface_culling=False))
 
 
 if __name__ == "__main__":

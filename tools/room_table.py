@@ -1,7 +1,7 @@
 """Time, memory and size of the virtual scan of every room, and of the words that describe it.
 
-    python tools/room_table.py [--rooms office kitchen] [--seeds 0 1 2] [--detail demo] [--keep FOLDER] \
-        [--out experiments/results/rooms.json]
+    python tools/room_table.py [--virtual varied] [--rooms office kitchen] [--seeds 0 1 2] [--detail demo] \
+        [--keep FOLDER] [--out experiments/results/rooms.json]
 
 Runs `s2a sample` and `s2a export` as a user would, each in a process of its own, one after the other. Seconds are wall clock and
 hold the start of Python. Rooms that --out already has at this detail and seed are measured anew; all others stay in it.
@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from rich.progress import track
 
+from s2a.synth.homes import HOMES
 from s2a.synth.rooms import ROOMS
 from s2a.usd import geometric
 
@@ -39,6 +40,7 @@ class Row:
     """What is measured of one room.
 
     Attributes:
+        virtual: "classic" or "varied".
         room: its kind.
         seed: what furnished it.
         detail: of the scanner.
@@ -59,6 +61,7 @@ class Row:
         tokenizer: what counted them.
     """
 
+    virtual: str
     room: str
     seed: int
     detail: str
@@ -79,9 +82,10 @@ class Row:
     tokenizer: str
 
 
-def measure(room: str, seed: int, detail: str, folder: Path) -> Row:
+def measure(virtual: str, room: str, seed: int, detail: str, folder: Path) -> Row:
     """Sample and export a room below a folder, and return its figures."""
-    sampled = _run("sample", f"room={room}", f"seed={seed}", f"detail={detail}", f"out={folder / 'scan'}")
+    keys = [f"virtual={virtual}", f"room={room}", f"seed={seed}", f"detail={detail}", f"out={folder / 'scan'}"]
+    sampled = _run("sample", *keys)
     exported = _run("export", f"scan={folder / 'scan'}", f"out={folder / 'out'}")
     scene = geometric.read(folder / "out" / "geometric.usd")
     text = (folder / "out" / "descriptive.usda").read_text()
@@ -89,7 +93,7 @@ def measure(room: str, seed: int, detail: str, folder: Path) -> Row:
     stats = json.loads(next((folder / "scan").glob("*_parts.json")).read_text())["data"]["stats"]
     tokens, tokenizer = count_tokens(text)
     return Row(
-        *(room, seed, detail, *sampled, *exported),
+        *(virtual, room, seed, detail, *sampled, *exported),
         vertices=stats["totalVertices"],
         density=stats["totalVertices"] / stats["totalFaceArea"],
         objects=sum(part.parent is None for part in scene.parts.values()),
@@ -145,39 +149,43 @@ def count_tokens(text: str) -> tuple[int, str]:
 def markdown(rows: list[dict]) -> str:
     """Return the rows as a table in Markdown."""
     lines = [
-        "| room | seed | detail | sample s | CPU s | GB | export s | CPU s | GB | vertices | per m² | objects | parts | movable "
-        "| characters a part | jointed | tokens |",
-        "|---" * 17 + "|",
+        "| virtual | room | seed | detail | sample s | CPU s | GB | export s | CPU s | GB | vertices | per m² | objects | parts "
+        "| movable | characters a part | jointed | tokens |",
+        "|---" * 18 + "|",
     ]
     for r in rows:
         times = (f"{r[f'{verb}_{k}']:.1f}" for verb in ("sample", "export") for k in ("seconds", "cpu", "gigabytes"))
         counts = (f"{r['vertices'] / 1e3:.0f} k", f"{r['density'] / 1e3:.1f} k", *(str(r[k]) for k in COUNTS))
         sizes = (f"{r['characters']:.0f}", f"{r['jointed']:.0f}", str(r["tokens"]))
-        lines.append("| " + " | ".join((r["room"], str(r["seed"]), r["detail"], *times, *counts, *sizes)) + " |")
+        lines.append(
+            "| " + " | ".join((r["virtual"], r["room"], str(r["seed"]), r["detail"], *times, *counts, *sizes)) + " |"
+        )
     return "\n".join([*lines, "", f"Tokens counted by: {', '.join(sorted({r['tokenizer'] for r in rows}))}."])
 
 
 def merged(path: Path, rows: list[Row]) -> list[dict]:
-    """Return the rows of a file with new ones in place of those of the same room, seed and detail."""
-    known = json.loads(path.read_text()) if path.is_file() else []
-    by_key = {(r["detail"], r["room"], r["seed"]): r for r in [*known, *map(asdict, rows)]}
+    """Return the rows of a file with new ones in place of those of the same preset, room, seed and detail."""
+    # Rows of earlier versions are of the classic rooms.
+    known = [{"virtual": "classic"} | r for r in (json.loads(path.read_text()) if path.is_file() else [])]
+    by_key = {(r["virtual"], r["detail"], r["room"], r["seed"]): r for r in [*known, *map(asdict, rows)]}
     return [by_key[key] for key in sorted(by_key)]
 
 
 def main() -> None:
     """Measure, write and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rooms", nargs="+", default=list(ROOMS), choices=list(ROOMS))
+    parser.add_argument("--virtual", default="classic", choices=["classic", "varied"])
+    parser.add_argument("--rooms", nargs="+", default=list(ROOMS), choices=list(HOMES))
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2])
-    parser.add_argument("--detail", default="demo", choices=["demo", "full"])
-    parser.add_argument("--keep", type=Path, help="folder in which scans and stages stay, as ROOM_SEED_DETAIL")
+    parser.add_argument("--detail", default="demo", choices=["demo", "full", "rgbd", "phone"])
+    parser.add_argument("--keep", type=Path, help="folder in which scans and stages stay, as VIRTUAL_ROOM_SEED_DETAIL")
     parser.add_argument("--out", type=Path, default=Path("experiments/results/rooms.json"))
     args = parser.parse_args()
     rows = []
     for room, seed in track([(room, seed) for room in args.rooms for seed in args.seeds], "rooms"):
         with tempfile.TemporaryDirectory() as folder:
-            kept = args.keep and args.keep / f"{room}_{seed}_{args.detail}"
-            rows.append(measure(room, seed, args.detail, kept or Path(folder)))
+            kept = args.keep and args.keep / f"{args.virtual}_{room}_{seed}_{args.detail}"
+            rows.append(measure(args.virtual, room, seed, args.detail, kept or Path(folder)))
         # Written after each room: a long measurement that is cut short keeps what it has.
         args.out.write_text(json.dumps(merged(args.out, rows), indent=1) + "\n")
     print(markdown(merged(args.out, [])))

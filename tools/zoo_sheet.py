@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from s2a.geometry.camera_pose import LookConfig, frame
-from s2a.geometry.render import draw
+from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
+from s2a.geometry.render import render
 from s2a.scene import Mesh
 from s2a.synth.zoo import Thing, zoo
 
 COLUMNS = 10
 TILE, CAPTION = 168, 22
 """Side of a picture, and height of the label below it [pixel]."""
-LOOK = LookConfig(TILE, TILE, 3, fov=0.5, azimuth=0.45, elevation=0.5, margin=1.06, see_through=False)
+LOOK = OrbitCamera(TILE, TILE, 3, fov=0.5, azimuth=0.45, elevation=0.5, margin=1.06, backface_culling=False)
 COLORS = 255
 """Of the palette, which halves the file."""
 
@@ -48,8 +48,8 @@ def _picture(thing: Thing) -> np.ndarray:
     # As large as a room, so that its own small parts throw shadows.
     size = 1.0 / np.ptp(mesh.vertices, axis=0).max()
     large = Mesh(mesh.vertices * size, mesh.faces, mesh.colors)
-    look = replace(LOOK, elevation=0.15, azimuth=0.35) if thing.placement == "hanging" else LOOK
-    return draw([large], frame(large.vertices, np.array([1.0, 0.0, 0.0]), look), look)
+    camera = replace(LOOK, elevation=0.15, azimuth=0.35) if thing.placement == "hanging" else LOOK
+    return render([large], framing_pose(large.vertices, np.array([1.0, 0.0, 0.0]), camera), camera)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from s2a.certify.physics_motion import MotionConfig, motion
 from s2a.certify.shapes import ShapeConfig
 from s2a.errors import InputError
 from s2a.provenance import provenance
-from s2a.usd.files import files
+from s2a.usd.layer_files import files
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,14 @@ HARMLESS = ("usd", "collider_count", "opens_outwards", "grasp_site")
 """Rules that a stage may break and still be simulated; any other would make physics tell of another stage."""
 
 
-def certify(path: Path, config: CertifyConfig, part: str | None = None) -> list[Certificate]:
+def certify(path: Path, config: CertifyConfig, part: str | None = None, robot: str | None = None) -> list[Certificate]:
     """Ask everything of the articulated parts of a sim.usd; physics only where the structure is sound, which simulators trust.
 
     Args:
         path: the file.
         config: what is asked.
         part: id of one part; None: all of them, a certificate each.
+        robot: name of the robot whose gripper is tried; None: one that the part was prepared for.
 
     Raises:
         InputError: no such file, a stage of another flavour, or no such part.
@@ -68,7 +69,7 @@ def certify(path: Path, config: CertifyConfig, part: str | None = None) -> list[
     seconds, found = time.perf_counter() - start, []
     for one in [held.part] if part else contents.parts(held) or [""]:
         begun = time.perf_counter()
-        checks, graspable = _part(path, contents.about(held, one), room, foundation_checks, config)
+        checks, graspable = _part(path, contents.about(held, one), [*room, *foundation_checks], config, robot)
         found.append(
             Certificate(
                 stage=str(path),
@@ -85,27 +86,27 @@ def certify(path: Path, config: CertifyConfig, part: str | None = None) -> list[
 
 
 def _part(
-    path: Path, held: Contents, room: list[Check], foundation_checks: list[Check], config: CertifyConfig
+    path: Path, held: Contents, room: list[Check], config: CertifyConfig, robot: str | None
 ) -> tuple[list[Check], bool | None]:
     """Return the checks of one part, those of the room first, and whether a gripper can hold it."""
     own = [rule(held) for rule in static.PART_RULES] + [rule(held, config.shapes) for rule in shapes.PART_RULES]
     broken = [check.name for check in (*room, *own) if check.status != "pass" and check.name not in HARMLESS]
-    checks, graspable = [*room, *own, *foundation_checks], None
+    checks, graspable = [*room, *own], None
     if broken:
         text = f"a simulator would trust what is broken: {', '.join(broken)}"
         return [*checks, Check("physics", "not run", message=text)], None
-    found, graspable = _physics(path, held, config)
+    found, graspable = _physics(path, held, config, robot)
     return [*checks, *found], graspable
 
 
-def _physics(path: Path, held: Contents, config: CertifyConfig) -> tuple[list[Check], bool | None]:
+def _physics(path: Path, held: Contents, config: CertifyConfig, robot: str | None) -> tuple[list[Check], bool | None]:
     """Return the checks that need a simulator, on one model of the stage, and whether a hand can hold the part."""
     try:
-        world = World(path, config.physics, held.part)
+        world = World(path, config.physics, held.part, robot=robot)
     except (ValueError, RuntimeError, mujoco.FatalError, InputError) as error:
         text = " ".join(str(error).split())[:300]
         return [Check("newton_import", "fail", prim="/scene", message=text, remedy="see what Newton says of it")], None
-    room, attempt = finger_gap.gap(path, held), physics_grip.grip(world, config.grip)
+    room, attempt = finger_gap.gap(path, held, world.robot.gripper), physics_grip.grip(world, config.grip)
     return [*motion(world, config.motion), *_fingers(world.stage.target, room, attempt, config)], attempt.holds
 
 

@@ -12,7 +12,7 @@ import newton
 import numpy as np
 import warp as wp
 
-from s2a import robot
+from s2a import robot as robots
 from s2a.articulation import opening_sign, pose_at
 from s2a.ranges import Count, Positive
 from s2a.robot.model import add_gripper
@@ -58,7 +58,9 @@ class World:
         carrier: name of the body that the target moves against.
     """
 
-    def __init__(self, path: Path, config: PhysicsConfig, part: str | None = None, *, free: bool = True) -> None:
+    def __init__(
+        self, path: Path, config: PhysicsConfig, part: str | None = None, *, free: bool = True, robot: str | None = None
+    ) -> None:
         """Build the model; the first one on a machine compiles kernels for a minute.
 
         Args:
@@ -66,10 +68,11 @@ class World:
             config: how physics is stepped.
             part: the articulated part that moves; None: the only one.
             free: The room's free objects move too.
+            robot: name of the robot whose gripper it is; None: one that the part was prepared for.
         """
         known = sim_stage.read(path, visuals=False).free if free else ()
-        self.stage, self.dt = read_stage(path, part, also=tuple(known)), config.dt
-        self.robot = robot.load(self.stage.robot)
+        self.stage, self.dt = read_stage(path, part, robot=robot, also=tuple(known)), config.dt
+        self.robot = robots.load(self.stage.robot)
         gripper = self.robot.gripper
         with tempfile.TemporaryDirectory() as folder, wp.ScopedDevice("cpu"):
             # Neither a spring nor damping: what stays, stays by the dry friction that the stage itself has.

@@ -1,1 +1,1 @@
-"""What `s2a <verb>` does: one module a verb, with its keys in `Config` and its steps in `run`."""
+"""Commands of the command line: one module per command, its keys in `Config`, its steps in `run`."""

@@ -6,15 +6,17 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
+from s2a import robot
 from s2a.certify import contents, report
 from s2a.certify.check import Certificate
 from s2a.certify.check_suite import CertifyConfig, certify, fingerprint
 from s2a.certify.images import pictures
-from s2a.errors import InputError, NotPassed
-from s2a.geometry.camera_pose import LookConfig
-from s2a.outputs import aside, refuse_loss
+from s2a.errors import CheckFailed, InputError
+from s2a.geometry.orbit_camera import OrbitCamera
+from s2a.outputs import atomic_write, refuse_loss
 from s2a.provenance import provenance
-from s2a.usd.files import files
+from s2a.robot.spec import RobotSpec
+from s2a.usd.layer_files import files
 
 RECORD = "certificate.json"
 
@@ -27,15 +29,17 @@ class Config:
         stage: the sim.usd.
         part: id of one articulated part, such as drawer_7; null: all of them.
         out: the folder to write, with certificate.json and certificate.html; one of the same stage by the same code is kept.
+        robot: the robot that the stage was prepared for.
         certify: what is asked, and the bounds.
-        look: how the pictures are taken.
+        camera: intrinsics and framing of the images.
     """
 
     stage: Path
     part: str | None
     out: Path
+    robot: RobotSpec
     certify: CertifyConfig
-    look: LookConfig
+    camera: OrbitCamera
 
 
 def run(config: Config) -> str:
@@ -47,6 +51,7 @@ def run(config: Config) -> str:
     if not config.stage.is_file():
         raise InputError(f"stage {str(config.stage)!r} does not exist; give a sim.usd, which s2a prepare writes")
     settings = dataclasses.asdict(config.certify)
+    robot.check_unchanged(config.robot)
     refuse_loss(config.out, RECORD, files(config.stage))
     held = contents.read(config.stage, config.part)
     parts = [held.part] if config.part else list(contents.parts(held))
@@ -56,7 +61,7 @@ def run(config: Config) -> str:
     said += f"\n  kept from {config.out / RECORD}" if done else f"\n  {config.out}"
     said += f"\n{report.table(certificates)}" if len(certificates) > 1 else ""
     if not all(certificate.passed for certificate in certificates):
-        raise NotPassed(said)
+        raise CheckFailed(said)
     return said
 
 
@@ -68,10 +73,10 @@ def overview(folder: Path) -> str:
 
 def _write(config: Config) -> list[Certificate]:
     """Certify the parts and write the folder."""
-    with aside(config.out, earlier=RECORD) as out:
-        certificates = certify(config.stage, config.certify, config.part)
+    with atomic_write(config.out, earlier=RECORD) as out:
+        certificates = certify(config.stage, config.certify, config.part, config.robot.name)
         out.mkdir()
-        shown = {c.target: pictures(config.stage, c.target, config.look) for c in certificates if _readable(c)}
+        shown = {c.target: pictures(config.stage, c.target, config.camera) for c in certificates if _readable(c)}
         (out / RECORD).write_text(report.to_json(certificates))
         (out / "certificate.html").write_text(report.to_html(certificates, shown))
     return certificates

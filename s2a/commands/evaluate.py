@@ -10,24 +10,22 @@ from typing import Literal
 import torch
 from PIL import Image
 
-from s2a.commands.train import simulation
-from s2a.commands.trained import read_world
-from s2a.env.vec_env import OpenDrawerEnv
+from s2a import robot
+from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
-from s2a.evaluate import Policy, baseline, evaluate, warn_of_trouble
-from s2a.outputs import aside
+from s2a.evaluate import Policy, baseline, evaluate, warn_of_errors
+from s2a.outputs import atomic_write
 from s2a.planner.motion import Planner, PlannerConfig
 from s2a.provenance import provenance
 from s2a.ranges import Count, CountFromZero
 from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.export import export
-from s2a.robot.model import JOINTS
+from s2a.rl.run_world import read_world
+from s2a.robot.spec import RobotSpec
 from s2a.sim.camera import Camera, CameraConfig
-from s2a.sim.simulation import SimConfig
-from s2a.tasks.open_part.config import OpenDrawerConfig, RewardWeights
-
-SHOWN = ("success", "final_success", "handle_success", "hook_success", "side_success", "wide", "static", "full")
-"""Rates that the summary shows; metrics.json has all."""
+from s2a.sim.simulation import SimConfig, Simulation, device_of
+from s2a.sim.world import read_stage
+from s2a.tasks import MdpSettings, MetricSettings, make_env
 
 
 @dataclass(frozen=True)
@@ -40,15 +38,16 @@ class Config:
         out: the metrics.json to write.
         checkpoint: model_N.pt of a training run, or null: the planner.
         agent: zero (actions of 0) or random (uniform in [-1, 1]) to act instead, as a baseline; or null.
-        export: whether to write the checkpoint as TorchScript and ONNX too, beside it.
-        worlds: copies of the stage, one episode each.
+        export: write the checkpoint as TorchScript and ONNX too, beside it.
+        num_envs: worlds, one episode each.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the start noise.
+        robot: the robot that the stage was prepared for.
         sim: how physics is stepped; a checkpoint brings that of its training.
-        task: what the robot has to do; a checkpoint brings that of its training, except how wide, static, full are counted.
-        reward: weight of each reward term.
-        policy: the planner's motion.
-        pictures: folder for before.png and after.png (world 0 at its widest opening), or null.
+        task: what the robot has to do; a checkpoint brings that of its training.
+        metrics: what is reported of an episode.
+        planner: the planner's motion.
+        images: folder for before.png and after.png (world 0 where its part moved farthest), or null.
         camera: how they are taken.
     """
 
@@ -58,21 +57,22 @@ class Config:
     checkpoint: Path | None
     agent: Literal["zero", "random"] | None
     export: bool
-    worlds: Count
+    num_envs: Count
     device: str
     seed: CountFromZero
+    robot: RobotSpec
     sim: SimConfig
-    task: OpenDrawerConfig
-    reward: RewardWeights
-    policy: PlannerConfig
-    pictures: Path | None
+    task: MdpSettings
+    metrics: MetricSettings
+    planner: PlannerConfig
+    images: Path | None
     camera: CameraConfig
 
 
 class Album:
-    """World 0 as it began and at its widest opening in its first episode, as joint coordinates."""
+    """World 0 as it began and where its part was farthest from there in its first episode, as joint coordinates."""
 
-    def __init__(self, env: OpenDrawerEnv) -> None:
+    def __init__(self, env: VecEnv) -> None:
         """Keep the environment that is watched."""
         self._env = env
         self._poses: list[torch.Tensor] = []
@@ -86,8 +86,12 @@ class Album:
         pose = self._env.sim.joint_q[0].clone()
         if len(self._poses) < 2:
             self._poses.append(pose)
-        elif abs(pose[JOINTS]) > abs(self._poses[1][JOINTS]):
+        elif self._moved(pose) > self._moved(self._poses[1]):
             self._poses[1] = pose
+
+    def _moved(self, pose: torch.Tensor) -> float:
+        coord = self._env.sim.layout.part_coord
+        return abs(float(pose[coord] - self._poses[0][coord]))
 
     def save(self, camera: Camera, folder: Path) -> None:
         """Write before.png and after.png."""
@@ -95,11 +99,11 @@ class Album:
             Image.fromarray(camera.picture(pose)).save(folder / f"{name}.png")
 
 
-def _policy(config: Config, env: OpenDrawerEnv) -> Policy:
+def _policy(config: Config, env: VecEnv) -> Policy:
     """Return who acts."""
     if config.agent:
         return baseline(config.agent, env, config.seed)
-    return load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.policy)
+    return load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.planner)
 
 
 def _who(config: Config) -> str:
@@ -116,31 +120,37 @@ def _refuse_contradictions(config: Config) -> None:
         raise InputError(
             f"keys 'agent' ({config.agent}) and 'checkpoint' ({config.checkpoint}): only one can act; drop the other"
         )
-    if config.pictures and config.pictures.exists() and not config.pictures.is_dir():
-        raise InputError(f"key 'pictures' is {str(config.pictures)!r}, a file; give a folder")
+    if config.images and config.images.exists() and not config.images.is_dir():
+        raise InputError(f"key 'images' is {str(config.images)!r}, a file; give a folder")
 
 
 def run(config: Config) -> str:
     """Run one episode in every world, write the metrics, and return the rates."""
     _refuse_contradictions(config)
-    world = read_world(config.checkpoint, config.task) if config.checkpoint else None
+    world = read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
-    with aside(config.out) as out:
-        sim = simulation(config.stage, sim_config, config.worlds, config.device, config.part)
-        env = OpenDrawerEnv(sim, task, config.reward, config.seed)
+    with atomic_write(config.out) as out:
+        stage = read_stage(config.stage, config.part, robot=config.robot.name)
+        robot.check_unchanged(config.robot)
+        sim = Simulation(stage, sim_config, config.num_envs, device_of(config.device))
+        env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env)
         album = Album(env)
-        watch = [album.watch] if config.pictures else []  # it waits for the device in every step
+        watch = [album.watch] if config.images else []  # it waits for the device in every step
         origin = {"stage": config.stage.name, "policy": _who(config), "seed": config.seed, **provenance(sim.device)}
         metrics = evaluate(env, policy, *watch) | origin
         out.write_text(json.dumps(metrics, indent=1))
-    warn_of_trouble(metrics, env)
+    warn_of_errors(metrics, env)
     if config.export and config.checkpoint:
         export(load_model(env, config.checkpoint), config.checkpoint)
-    if config.pictures:
-        config.pictures.mkdir(parents=True, exist_ok=True)
-        album.save(Camera(sim.stage, config.camera), config.pictures)
-    rates = {name: metrics[name] for name in SHOWN}
-    lines = [f"  {name:16}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name, r in rates.items()]
-    opening = f"  opening         mean {metrics['opening']['mean']:.3f} m, least {metrics['opening']['min']:.3f} m"
-    return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *lines, opening])
+    if config.images:
+        config.images.mkdir(parents=True, exist_ok=True)
+        album.save(Camera(sim.stage, config.camera), config.images)
+    names = [name for name in env.task.METRICS if name not in env.task.VALUES]
+    lines = [
+        f"  {name:24}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name in names if (r := metrics[name])
+    ]
+    lines += [
+        f"  {name:24}mean {v['mean']:.3f}, min {v['min']:.3f}" for name in env.task.VALUES if (v := metrics[name])
+    ]
+    return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *lines])

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a import scan
-from s2a.outputs import aside
-from s2a.usd import descriptive, geometric
+from s2a import api
 
 
 @dataclass(frozen=True)
@@ -24,12 +22,10 @@ class Config:
 
 
 def run(config: Config) -> str:
-    """Read the scan, write both flavours, and return what was written."""
-    scene = scan.read(config.scan)
-    words, shapes = config.out / "descriptive.usda", config.out / "geometric.usd"
-    with aside(words) as words_aside, aside(shapes) as shapes_aside:
-        descriptive.write(scene, words_aside)
-        geometric.write(scene, shapes_aside)
+    """Read the scan, write both flavours, and return a summary."""
+    done = api.export(config.scan, config.out)
+    scene = done.scene
     vertices = sum(len(part.mesh.vertices) for part in scene.parts.values())
     counts = f"{len(scene.parts)} parts, {vertices} vertices"
-    return f"{words}, {shapes}: scene {scene.name}, {counts}; jointed: {', '.join(scene.movable) or 'none'}"
+    joints = ", ".join(scene.movable) or "none"
+    return f"{done.descriptive}, {done.geometric}: scene {scene.name}, {counts}; jointed: {joints}"

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2a.errors import InputError
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.prepare import ALL, PrepareConfig, prepare
+from s2a.robot.spec import RobotSpec
 from s2a.usd import geometric, sim_stage
 from s2a.usd.sim_scene import Articulation, Reduction, SimRoom
 
@@ -22,6 +23,7 @@ class Config:
         targets: articulated parts that a robot can move: all, the id of one such as drawer_7, or several; all others are frozen.
         free: ids of objects that lie about freely instead of being one with the room, such as [teddy_bear_12].
         out: the sim.usd to write; its visuals are written beside it.
+        robot: the robot that is to move them.
         prepare: how the scene is prepared.
     """
 
@@ -29,6 +31,7 @@ class Config:
     targets: str | tuple[str, ...]
     free: tuple[str, ...]
     out: Path
+    robot: RobotSpec
     prepare: PrepareConfig
 
 
@@ -43,9 +46,9 @@ def run(config: Config) -> str:
             f"key 'targets' names no part; give targets={ALL}, targets=drawer_7 or targets=[drawer_6,drawer_7]"
         )
     start = time.perf_counter()
-    room = prepare(geometric.read(config.stage), config.targets, config.prepare, config.free)
+    room = prepare(geometric.read(config.stage), config.targets, config.prepare, config.free, config.robot)
     visuals = sim_stage.visuals_file(config.out)
-    with aside(visuals) as beside, aside(config.out) as out:
+    with atomic_write(visuals) as beside, atomic_write(config.out) as out:
         sim_stage.write(room, out, beside)
     sizes = " and ".join(f"{path.stat().st_size / 1e6:.2f} MB" for path in (config.out, visuals))
     head = f"{config.out}, {visuals.name}: {_count(room)}; {sizes}, {time.perf_counter() - start:.1f} s"

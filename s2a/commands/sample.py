@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.synth import SampleConfig, sample
 
 Config = SampleConfig
@@ -15,7 +15,7 @@ TRUTH = "truth/truth.json"
 
 def run(config: Config) -> str:
     """Furnish, scan and annotate the room, and return what was written."""
-    with aside(config.out, earlier=TRUTH) as out:
+    with atomic_write(config.out, earlier=TRUTH) as out:
         sample(config, out)
         truth = json.loads((out / TRUTH).read_text())
         size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())

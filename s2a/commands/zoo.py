@@ -1,4 +1,4 @@
-"""A hundred labelled objects as they come off the web, and the truth about them apart."""
+"""A hundred labelled objects, as untidy as downloads, and the ground truth in a separate file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 from s2a.progress import track
 from s2a.ranges import CountFromZero
 from s2a.synth.zoo import zoo
@@ -16,7 +16,7 @@ from s2a.synth.zoo.download import UNITS, Download, download
 from s2a.synth.zoo.formats import WRITERS
 
 TRUTH = "truth.json"
-"""What no user of the objects may read; by it a folder is known to be an earlier zoo."""
+"""The ground truth, which no user of the objects may read; it identifies a folder as an earlier zoo."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Config:
 
     Attributes:
         out: folder that receives objects/, list.yaml (object, label and category of each) and truth.json.
-        seed: what deals out units, up axes, headings, origins, formats and flaws; the same seed gives the same files.
+        seed: of the units, up axes, headings, origins, formats and flaws; the same seed gives the same files.
     """
 
     out: Path
@@ -33,10 +33,10 @@ class Config:
 
 
 def run(config: Config) -> str:
-    """Write the objects, the list of them and the truth; return what was written."""
+    """Write the objects, their list and the ground truth; return a summary."""
     deal, dirt = np.random.default_rng(config.seed).spawn(2)
     items = download(zoo(), deal)
-    with aside(config.out, earlier=TRUTH) as out:
+    with atomic_write(config.out, earlier=TRUTH) as out:
         (out / "objects").mkdir(parents=True)
         for item in track(items, "objects"):
             WRITERS[item.form][1](out / "objects" / item.file, item.mesh(dirt), UNITS[item.unit], item.up)
@@ -49,13 +49,13 @@ def run(config: Config) -> str:
 
 
 def _entry(item: Download) -> str:
-    """Return one line of the list; texts of JSON are texts of YAML."""
+    """Return one line of the list; JSON strings are valid YAML."""
     fields = {"object": f"objects/{item.file}", "label": item.thing.label, "category": item.thing.category}
     return "- {" + ", ".join(f"{key}: {json.dumps(value)}" for key, value in fields.items()) + "}\n"
 
 
 def _truth(item: Download) -> tuple[str, dict[str, object]]:
-    """Return an object's name and what is known of it."""
+    """Return an object's name and its ground truth."""
     return item.thing.slug, {
         "object": f"objects/{item.file}",
         **item.truth(np.ptp(item.thing.surface.vertices, axis=0)),

@@ -1,4 +1,4 @@
-"""Making closed solids of surfaces that were scanned from some sides only."""
+"""Closed solids from partially scanned surfaces."""
 
 from __future__ import annotations
 
@@ -43,26 +43,26 @@ def loops(edges: np.ndarray) -> list[np.ndarray]:
     return found
 
 
-def largest_pieces(mesh: Mesh, share: float) -> Mesh:
-    """Return the connected pieces of a surface that have at least a share of its area."""
+def drop_small_components(mesh: Mesh, min_area_fraction: float) -> Mesh:
+    """Return a surface without the connected components below a fraction of its area."""
     corners = mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]]
     rows, columns = np.concatenate([edge for edge in corners]).T
     links = coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(mesh.vertices),) * 2)
     piece = connected_components(links, directed=False)[1][mesh.faces[:, 0]]
     area = np.bincount(piece, weights=mesh.face_areas)
-    return keep(mesh, area[piece] >= share * area.sum())
+    return keep(mesh, area[piece] >= min_area_fraction * area.sum())
 
 
 def close(mesh: Mesh, ground: float, near: float) -> Mesh:
-    """Return a closed solid that stands flat on a level ground.
+    """Return a closed solid that stands flat on horizontal ground.
 
     A border that comes near the ground is led straight down to it all along: it runs around the underside and the sides that
     were not seen. Every other hole is closed by a fan around its middle.
 
     Args:
-        mesh: a surface, faces outwards; what lies lower than the ground is lifted to it.
-        ground: height [m].
-        near: how near to the ground that is [m].
+        mesh: a surface, faces outwards; vertices below the ground are lifted to it.
+        ground: height of the ground [m].
+        near: borders this close to the ground are closed along it [m].
     """
     mesh = weld(mesh)
     points = np.array(mesh.vertices, np.float64)

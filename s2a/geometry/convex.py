@@ -1,4 +1,4 @@
-"""Convex pieces: building, cutting, asking whether a point or another piece is inside.
+"""Convex pieces: construction, cuts, containment and overlap.
 
 A piece is a closed Mesh whose faces look outwards.
 """
@@ -14,7 +14,7 @@ from s2a.scene import Mesh
 FLAT = 1e-3
 """[m] Pieces thinner than this are thickened to it: Qhull and MuJoCo refuse flat ones."""
 APART = 1e-6
-"""[m] Pieces that share no larger ball are apart. Float32 tells no less; a sharp edge that shares one of a tenth of a
+"""[m] Pieces whose intersection holds no larger ball are apart: the limit of float32. A sharp edge whose ball has a tenth of a
 millimetre reaches in by several."""
 INSIDE, TRIED = 256, 8
 """Points inside of a piece by which the planes that it can be cut at are compared, and how many of these are tried."""
@@ -96,7 +96,7 @@ def cut_free(piece: Mesh, obstacle: Mesh, margin: float = 1e-4) -> Mesh | None:
 
 
 def subtract(piece: Mesh, obstacle: Mesh, thinnest: float = 2 * FLAT) -> list[Mesh]:
-    """Return what a piece has outside of an obstacle, as convex pieces, none thinner than `thinnest` [m]."""
+    """Return the part of a piece outside of an obstacle as convex pieces, none thinner than `thinnest` [m]."""
     outside, rest = [], piece
     for plane in np.unique(halfspaces(obstacle).round(6), axis=0):
         part = clip(rest, -plane[:3], plane[3])
@@ -121,7 +121,7 @@ def box(center: np.ndarray, axes: np.ndarray, size: np.ndarray) -> Mesh:
 
 
 def column(base: np.ndarray, radius: float, height: float, sides: int = 16) -> Mesh:
-    """Return an upright prism around a circle of this radius [m] that stands on `base`."""
+    """Return a vertical prism around a circle of this radius [m] that stands on `base`."""
     angles = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1) * radius / np.cos(np.pi / sides)
     return _closed(np.concatenate([base + ring, base + ring + [0, 0, height]]))

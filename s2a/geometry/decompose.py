@@ -1,4 +1,4 @@
-"""Convex decomposition of a surface by the published libraries, made repeatable."""
+"""Convex decomposition with the published libraries, deterministic."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far two surfaces are from each other, by points sampled on both."""
+"""Distance between two surfaces, by points sampled on both."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Deviation:
 
     Attributes:
         mean: of all sampled points.
-        p99: what 99 % of them stay below.
-        max: the largest one found.
+        p99: 99th percentile.
+        max: maximum.
     """
 
     mean: float
@@ -28,7 +28,7 @@ class Deviation:
 
 
 def deviation(a: Mesh, b: Mesh, count: int, seed: int = 0, tree: RayMesh | None = None) -> Deviation:
-    """Return how far two surfaces are from each other, from a to b and from b to a; inf where only one is there.
+    """Return the distance between two surfaces, the larger of a to b and b to a; inf if one is empty.
 
     Args:
         a: a surface.

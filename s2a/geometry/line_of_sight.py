@@ -1,4 +1,4 @@
-"""How far one sees from points along directions."""
+"""Lines of sight: distance to the first surface along rays."""
 
 from __future__ import annotations
 
@@ -25,16 +25,18 @@ def _look(
         behind[tid] = wp.dot(hit.normal, direction[tid]) > 0.0
 
 
-def sight(mesh: RayMesh, start: np.ndarray, direction: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far one sees [m], at most `reach`, shape [ray], and whether the first surface is seen from behind, [ray].
+def visible_distance(
+    mesh: RayMesh, start: np.ndarray, direction: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the visible distance [m], at most `reach`, shape [ray], and if the first surface is seen from behind, [ray].
 
     A surface seen from behind tells that the ray began inside of something.
 
     Args:
-        mesh: what stands in the way.
-        start: where the rays begin [m], shape [ray 3].
-        direction: where to, unit, shape [ray 3] or [3].
-        reach: how far to look [m].
+        mesh: the obstacles.
+        start: origins of the rays [m], shape [ray 3].
+        direction: unit directions, shape [ray 3] or [3].
+        reach: maximum distance [m].
     """
     start = np.asarray(start, np.float32)
     asked = wp.array(start, dtype=wp.vec3, device="cpu")

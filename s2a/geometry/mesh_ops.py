@@ -1,4 +1,4 @@
-"""Taking surfaces apart and putting them together."""
+"""Operations on meshes: merge, subset, weld, normals, sampling."""
 
 from __future__ import annotations
 

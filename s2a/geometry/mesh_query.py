@@ -12,8 +12,8 @@ import numpy as np
 import warp as wp
 from warp import Mesh as RayMesh
 
-from s2a.cores import in_parallel, shares
-from s2a.ranges import NotNegative, Positive, Share
+from s2a.cores import chunks, in_parallel
+from s2a.ranges import Fraction, NotNegative, Positive
 
 BEND = 0.25
 """A cube-map face maps the tangent u in [-1, 1] to u (1 + BEND - BEND u^2): within 20 % of even angular spacing."""
@@ -39,7 +39,7 @@ class NoiseConfig:
     correlated: NotNegative
     correlation: Positive
     registration: NotNegative
-    grazing: Share
+    grazing: Fraction
     blind: NotNegative
 
 
@@ -184,12 +184,12 @@ def cast_panorama(
     def cast(some: slice) -> None:
         wp.launch(_cast, some.stop - some.start, inputs=[*inputs, some.start], outputs=[ranges], device="cpu")
 
-    in_parallel(cast, shares(len(ranges)))
+    in_parallel(cast, chunks(len(ranges)))
     return ranges.numpy()
 
 
 def ray_mesh(vertices: np.ndarray, faces: np.ndarray) -> RayMesh:
-    """Return a mesh that rays and closest-point queries can ask, on the CPU."""
+    """Return a mesh for ray and closest-point queries on the CPU."""
     points = wp.array(np.asarray(vertices, np.float32), dtype=wp.vec3, device="cpu")
     return wp.Mesh(points, wp.array(np.asarray(faces, np.int32).ravel(), dtype=int, device="cpu"))
 
@@ -220,7 +220,7 @@ def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tu
         inputs = [mesh.id, wp.array(asked[some], dtype=wp.vec3, device="cpu", copy=False), reach]
         wp.launch(_nearest, dim=len(asked[some]), inputs=inputs, outputs=outputs, device="cpu")
 
-    in_parallel(ask, shares(len(asked)))
+    in_parallel(ask, chunks(len(asked)))
     return face, gap
 
 
@@ -237,10 +237,10 @@ def _hit(
 
 
 def first_hits(mesh: RayMesh, starts: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Return how far each ray flies until it meets the mesh [m], shape [ray]; inf where it meets nothing.
+    """Return the distance of each ray to the mesh [m], shape [ray]; inf where it misses.
 
     Args:
-        mesh: what is hit, from either side.
+        mesh: the mesh, hit from either side.
         starts: of the rays [m], shape [ray 3].
         directions: unit vectors, shape [ray 3].
     """

@@ -1,4 +1,4 @@
-"""Whether a thing and what is around it are in each other: exact triangle tests, containment, depth.
+"""Penetration between an object and obstacles: exact triangle tests, containment, depth.
 
 Positions are single precision; callers give meshes near the origin, or in a scene of room size.
 """
@@ -90,7 +90,7 @@ def inside(mesh: Mesh, points: np.ndarray) -> np.ndarray:
 
 
 def depth(mesh: Mesh, obstacles: Mesh, reach: float = 0.03) -> float:
-    """Return how deep a closed mesh and a scanned surface are in each other [m]; 0 where they are apart.
+    """Return the penetration depth of a closed mesh and a scanned surface [m]; 0 where they are apart.
 
     A vertex of the surface within the mesh is as deep as the mesh's surface is far; a vertex of the mesh behind the scanned
     surface as deep as that is far, up to `reach`: farther behind, there may be another thing's back. Vertices on the rim of the
@@ -99,7 +99,7 @@ def depth(mesh: Mesh, obstacles: Mesh, reach: float = 0.03) -> float:
     Args:
         mesh: a closed mesh.
         obstacles: the scan around it.
-        reach: farthest that one looks [m].
+        reach: largest depth that is measured [m].
     """
     if not len(mesh.faces) or not len(obstacles.faces):
         return 0.0

@@ -1,4 +1,4 @@
-"""Flat pieces of a surface: finding planes in a noisy mesh, and covering them with few thin boxes."""
+"""Planar patches: detection in a noisy mesh, and covers of few thin boxes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ TILT = 0.8
 
 @dataclass(frozen=True)
 class Plane:
-    """A flat piece of a surface.
+    """A planar patch of a surface.
 
     Attributes:
         normal: unit, out of the solid, shape [3].
         offset: normal.x on the plane [m].
-        faces: indices of the faces that belong to it.
+        faces: indices of its faces.
     """
 
     normal: np.ndarray
@@ -35,9 +35,9 @@ def find_planes(mesh: Mesh, tolerance: float, min_area: float, count: int, seed:
     """Return the largest planes of a surface, largest first.
 
     Args:
-        mesh: a surface whose faces look out of the solid.
-        tolerance: largest distance of a face's middle from its plane [m].
-        min_area: what is smaller is no plane [m^2].
+        mesh: a surface, faces outwards.
+        tolerance: largest distance of a face's centroid from its plane [m].
+        min_area: smallest area of a plane [m^2].
         count: largest number of planes.
         seed: of the random candidates.
     """
@@ -80,7 +80,7 @@ def slabs(mesh: Mesh, plane: Plane, cell: float, closing: int, thickness: float,
     low = corners.min(axis=(0, 1))
     taken = _raster(corners - low, cell, closing)
     boxes = []
-    for first, last in rectangles(taken, count, share=0.97):
+    for first, last in rectangles(taken, count, min_fraction=0.97):
         size = (last - first) * cell
         middle = low + (first + last) / 2 * cell
         center = axes[:, :2] @ middle + plane.normal * (plane.offset - thickness / 2)
@@ -88,15 +88,15 @@ def slabs(mesh: Mesh, plane: Plane, cell: float, closing: int, thickness: float,
     return boxes
 
 
-def rectangles(taken: np.ndarray, count: int, share: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Cover the true cells of a grid by rectangles, largest first, until a share of them is covered.
+def rectangles(taken: np.ndarray, count: int, min_fraction: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Cover the true cells of a grid by rectangles, largest first, until a fraction of them is covered.
 
     Returns:
         Pairs of first cell and last cell + 1, shape [2] each; a rectangle holds true cells only.
     """
     left = taken.copy()
     found: list[tuple[np.ndarray, np.ndarray]] = []
-    while len(found) < count and left.sum() > (1 - share) * taken.sum():
+    while len(found) < count and left.sum() > (1 - min_fraction) * taken.sum():
         first, last = _largest_rectangle(left)
         left[first[0] : last[0], first[1] : last[1]] = False
         found.append((first, last))
@@ -111,7 +111,7 @@ def _best_plane(
     tolerance: float,
     random: np.random.Generator,
 ) -> Plane | None:
-    """Return the plane with the most area among the faces that are left, fitted to them."""
+    """Return the plane with the largest area among the remaining faces, fitted to them."""
     few = left if len(left) < 4000 else random.choice(left, 4000, replace=False)
     seeds = random.choice(left, min(64, len(left)), replace=False, p=areas[left] / areas[left].sum())
     heights = np.abs(middle[few] @ facing[seeds].T - np.einsum("ij,ij->i", middle[seeds], facing[seeds]))
@@ -140,12 +140,12 @@ def plane_axes(normal: np.ndarray, points: np.ndarray) -> np.ndarray:
     axes = np.stack([x, np.cross(normal, x), normal], axis=1)
     if abs(normal[2]) > 0.95:
         turn = np.eye(3)
-        turn[:2, :2] = smallest_rectangle(points @ axes[:, :2])
+        turn[:2, :2] = min_area_rectangle(points @ axes[:, :2])
         axes = axes @ turn
     return axes
 
 
-def smallest_rectangle(points: np.ndarray) -> np.ndarray:
+def min_area_rectangle(points: np.ndarray) -> np.ndarray:
     """Return the sides of the smallest rectangle around points [point 2] as columns of a rotation [2 2]."""
     corners = points[ConvexHull(points).vertices]
     edges = np.roll(corners, -1, axis=0) - corners

@@ -1,4 +1,4 @@
-"""The plane that most points of a cloud lie near, by random sampling: the baseline to the grown regions."""
+"""RANSAC for the plane with the most inliers: the baseline to region growth."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 
 @dataclass(frozen=True)
 class RansacConfig:
-    """How a plane is sought among points.
+    """RANSAC for one plane.
 
     Attributes:
         threshold: largest distance of an inlier [m].
-        tries: number of planes tried, each through three random points.
-        lean: largest angle between the plane's normal and the direction wanted, up or level [rad].
+        iterations: number of planes that are drawn, each through three random points.
+        max_tilt: largest angle between the plane's normal and the requested direction [rad].
         seed: of the random choices.
     """
 
     threshold: Positive
-    tries: Count
-    lean: NotNegative
+    iterations: Count
+    max_tilt: NotNegative
     seed: CountFromZero
 
 
 def ransac_plane(points: np.ndarray, upright: bool, config: RansacConfig) -> Plane | None:
-    """Return the level (or upright) plane with the most inliers, as it was drawn; None if no draw had that direction.
+    """Return the horizontal (or vertical) plane with the most inliers, as it was drawn; None if no draw had that direction.
 
     Args:
         points: shape [point 3], [m].
-        upright: whether an upright plane is wanted instead of a level one.
-        config: threshold and number of tries.
+        upright: Find a vertical plane instead of a horizontal one.
+        config: threshold and number of iterations.
 
     Returns:
         A plane whose `faces` are the indices of its inliers among the points.
@@ -41,12 +41,12 @@ def ransac_plane(points: np.ndarray, upright: bool, config: RansacConfig) -> Pla
     if len(points) < 3:
         return None
     points = np.asarray(points, np.float64)
-    a, b, c = points[np.random.default_rng(config.seed).integers(len(points), size=(3, config.tries))]
+    a, b, c = points[np.random.default_rng(config.seed).integers(len(points), size=(3, config.iterations))]
     across = np.cross(b - a, c - a)
     length = np.linalg.norm(across, axis=1)
     normal = across / np.maximum(length, 1e-12)[:, None]
     tilt = np.abs(normal[:, 2])
-    wanted = (length > 1e-12) & ((tilt < np.sin(config.lean)) if upright else (tilt > np.cos(config.lean)))
+    wanted = (length > 1e-12) & ((tilt < np.sin(config.max_tilt)) if upright else (tilt > np.cos(config.max_tilt)))
     if not wanted.any():
         return None
     normal, offset = normal[wanted], np.einsum("ij,ij->i", normal, a)[wanted]

@@ -1,4 +1,4 @@
-"""Support regions: where on a target things can stand, hang or be put inside, with outline, free area and clearance."""
+"""Support regions of a target for standing, hanging or contained objects, with outline, free area and clearance."""
 
 from __future__ import annotations
 
@@ -12,63 +12,63 @@ from scipy import ndimage
 from skimage.measure import approximate_polygon, find_contours
 
 from s2a.geometry.mesh_ops import keep
-from s2a.geometry.occupancy import Grid, columns
+from s2a.geometry.occupancy import Grid, occupied_layers
 from s2a.geometry.planes import Plane, plane_axes
 from s2a.geometry.support_planes import LevelConfig, horizontal_levels, upright_planes
-from s2a.ranges import Count, CountFromZero, NotNegative, Positive, Share
+from s2a.ranges import Count, CountFromZero, Fraction, NotNegative, Positive
 from s2a.scene import Mesh
 
 Kind = Literal["horizontal", "vertical", "inside"]
 KINDS: tuple[Kind, ...] = ("horizontal", "inside", "vertical")
 Above = tuple[np.ndarray, np.ndarray]
-"""The room above each cell [m], and whether what ends it is seen from behind, shape [row column] each."""
+"""Clearance above each cell [m], and if the surface that bounds it is seen from behind, shape [row column] each."""
 
 
 @dataclass(frozen=True)
 class RegionConfig:
-    """How support regions are grown.
+    """Growth of support regions.
 
     Attributes:
-        level: what is flat.
-        cell: width of a cell of the grid on a region [m]; large regions have wider ones.
-        cells: largest number of cells along a side.
+        level: detection of planar patches.
+        cell: cell size of the grid on a region [m]; large regions have larger cells.
+        max_cells: largest number of cells along a side.
         closing: gaps of the scan up to twice as many cells wide are closed.
-        smallest: area below which a region is none [m^2].
-        upright: area below which an upright region is none [m^2].
-        free: room above a cell below which something stands on it [m].
-        reach: what is higher above a region does not count [m].
-        lift: what is lower above the plane belongs to it [m]: the noise of the scan.
-        cover: share of a region below its own object that makes it an inside.
-        wall: the target rises within this distance of a walled border, to no more than twice as high above it [m].
+        min_area: smallest area of a horizontal region [m^2].
+        min_vertical_area: smallest area of a vertical region [m^2].
+        min_clearance: clearance above a cell below which it is occupied [m].
+        search_height: clearance is measured up to this height above a region [m].
+        noise_height: surfaces less far above the plane belong to it: scan noise [m].
+        cover_fraction: fraction of a region below its own object from which its kind is "inside".
+        rim_distance: a border cell has a rim if the target rises within this distance, to at most twice this height [m].
     """
 
     level: LevelConfig
     cell: Positive
-    cells: Count
+    max_cells: Count
     closing: CountFromZero
-    smallest: NotNegative
-    upright: NotNegative
-    free: NotNegative
-    reach: Positive
-    lift: NotNegative
-    cover: Share
-    wall: NotNegative
+    min_area: NotNegative
+    min_vertical_area: NotNegative
+    min_clearance: NotNegative
+    search_height: Positive
+    noise_height: NotNegative
+    cover_fraction: Fraction
+    rim_distance: NotNegative
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """A bounded flat piece of a target that can carry something.
+    """A bounded planar patch of a target that supports objects.
 
     Attributes:
-        kind: "horizontal", "vertical", or "inside" where the target's own surface is above it (a shelf's compartment).
+        kind: "horizontal", "vertical", or "inside": below another surface of the target (a shelf's compartment).
         axes: rotation whose columns are the directions of the grid's rows and columns and the normal, shape [3 3].
         origin: corner of cell (0, 0) on the plane [m], shape [3].
         cell: width of a cell [m].
-        support: which cells carry, shape [row column].
-        clearances: room along the normal over each cell [m], 0 where something stands, at most the configured reach,
+        support: cells of the region, shape [row column].
+        clearances: clearance along the normal over each cell [m], 0 where occupied, at most the search height,
             shape [row column].
-        walled: share of the border at which the target rises: about 1 in a basin or a tray, 0 on a table.
-        smallest_room: clearance from which a cell counts as free [m].
+        rim_fraction: fraction of the border at which the target rises: about 1 in a basin or a tray, 0 on a table.
+        min_clearance: clearance from which a cell is free [m].
     """
 
     kind: Kind
@@ -77,8 +77,8 @@ class Region:
     cell: float
     support: np.ndarray
     clearances: np.ndarray
-    walled: float
-    smallest_room: float
+    rim_fraction: float
+    min_clearance: float
 
     @property
     def normal(self) -> np.ndarray:
@@ -87,32 +87,32 @@ class Region:
 
     @cached_property
     def center(self) -> np.ndarray:
-        """Middle of the cells that carry [m], shape [3]."""
+        """Centre of the cells of the region [m], shape [3]."""
         return self.points(np.argwhere(self.support) + 0.5).mean(axis=0)
 
     @property
     def height(self) -> float:
-        """Height of the middle above the scene's zero [m]."""
+        """Height of the centre above the scene's zero [m]."""
         return float(self.center[2])
 
     @property
     def area(self) -> float:
-        """What carries [m^2]."""
+        """Area of the region [m^2]."""
         return float(self.support.sum() * self.cell**2)
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Which cells carry and have room, shape [row column]."""
-        return self.support & (self.clearances >= self.smallest_room)
+        """Cells of the region with clearance, shape [row column]."""
+        return self.support & (self.clearances >= self.min_clearance)
 
     @property
     def free_area(self) -> float:
-        """What carries and has room [m^2]."""
+        """Area with clearance [m^2]."""
         return float(self.free.sum() * self.cell**2)
 
     @property
     def clearance(self) -> float:
-        """Median room over the free cells [m]; 0 if there are none."""
+        """Median clearance over the free cells [m]; 0 if there are none."""
         return float(np.median(self.clearances[self.free])) if self.free.any() else 0.0
 
     @property
@@ -142,24 +142,24 @@ class Region:
 def support_regions(
     mesh: Mesh, config: RegionConfig, around: Sequence[Mesh] = (), kinds: tuple[Kind, ...] = KINDS
 ) -> list[Region]:
-    """Return the regions of a target, largest first, level ones before upright ones.
+    """Return the regions of a target, largest first, horizontal before vertical ones.
 
     Args:
-        mesh: the target's surface in the scene, looking outwards; noise of 1 to 2 mm, holes and open edges are expected.
-        config: how they are grown.
-        around: what else is there and takes room.
-        kinds: the wanted ones; looking for upright ones takes longest.
+        mesh: the target's surface in the scene, faces outwards; noise of 1 to 2 mm, holes and open edges are expected.
+        config: growth of the regions.
+        around: meshes that occupy space above the regions.
+        kinds: kinds to detect; vertical ones take the most time.
     """
     if not len(mesh.faces):
         return []
     found: list[Region] = []
     if set(kinds) != {"vertical"}:
         planes = horizontal_levels(mesh, config.level)
-        some = [region for plane in planes for region in _split(mesh, plane, config.smallest, around, config)]
+        some = [region for plane in planes for region in _split(mesh, plane, config.min_area, around, config)]
         found += sorted((region for region in some if region.kind in kinds), key=lambda region: -region.area)
     if "vertical" in kinds:
         planes = upright_planes(mesh, config.level)
-        some = [region for plane in planes for region in _split(mesh, plane, config.upright, around, config)]
+        some = [region for plane in planes for region in _split(mesh, plane, config.min_vertical_area, around, config)]
         found += sorted(some, key=lambda region: -region.area)
     return found
 
@@ -169,14 +169,14 @@ def _split(mesh: Mesh, plane: Plane, smallest: float, around: Sequence[Mesh], co
     part = keep(Mesh(mesh.vertices, mesh.faces), plane.faces)
     axes = plane_axes(plane.normal, part.vertices[:: max(1, len(part.vertices) // 20000)].astype(np.float64))
     flat = part.vertices @ axes[:, :2]
-    cell = max(config.cell, float(np.ptp(flat, axis=0).max()) / config.cells)
+    cell = max(config.cell, float(np.ptp(flat, axis=0).max()) / config.max_cells)
     # A margin, so that the walls around a region are on its grid too.
-    margin = config.closing + 1 + int(np.ceil(config.wall / cell))
+    margin = config.closing + 1 + int(np.ceil(config.rim_distance / cell))
     low = flat.min(axis=0) - margin * cell
     rows, columns_ = (np.ceil((flat.max(axis=0) - low) / cell).astype(int) + margin + 1).tolist()
     origin = axes[:, :2] @ low + plane.normal * plane.offset
     grid = Grid(axes, origin, cell, (rows, columns_), -1.0, 1.0, 1)
-    taken = columns([part], grid)[0][0]
+    taken = occupied_layers([part], grid)[0][0]
     taken = ndimage.binary_closing(taken, np.ones((2 * config.closing + 1,) * 2))
     labels, count = ndimage.label(taken)
     large = [i for i in range(1, count + 1) if (labels == i).sum() * cell**2 >= smallest]
@@ -189,34 +189,36 @@ def _split(mesh: Mesh, plane: Plane, smallest: float, around: Sequence[Mesh], co
 
 
 def _above(meshes: Sequence[Mesh], grid: Grid, config: RegionConfig) -> Above:
-    """Return what is above each cell of a grid."""
-    _, (down, up) = columns(meshes, replace(grid, bottom=config.lift, top=config.reach))
-    return np.minimum(np.minimum(down, up), config.reach), up < down
+    """Return the clearance above each cell of a grid."""
+    _, (down, up) = occupied_layers(meshes, replace(grid, bottom=config.noise_height, top=config.search_height))
+    return np.minimum(np.minimum(down, up), config.search_height), up < down
 
 
 def _measured(support: np.ndarray, grid: Grid, own: Above, whole: Above, config: RegionConfig) -> Region:
-    """Return a region with its clearances, its walls and its kind.
+    """Return a region with its clearances, its rim and its kind.
 
     Args:
-        support: which cells of the grid belong to it.
-        grid: of its plane.
-        own: what `_above` says of the target alone.
-        whole: what it says of everything.
-        config: what makes an inside.
+        support: cells of the region.
+        grid: grid on its plane.
+        own: result of `_above` for the target alone.
+        whole: result of `_above` for all meshes.
+        config: thresholds.
     """
     (above, _), (room, behind) = own, whole
-    kind: Kind = "horizontal" if np.mean(above[support] < config.reach) < config.cover else "inside"
+    kind: Kind = "horizontal" if np.mean(above[support] < config.search_height) < config.cover_fraction else "inside"
     if abs(grid.axes[2, 2]) < 0.5:
         kind = "vertical"
     # From behind: another thing stands here, or the target's own next board, whose underside was not scanned, is above.
-    standing = behind & (room < above - config.lift)
+    standing = behind & (room < above - config.noise_height)
     clearances = np.where(support & ~standing, room, 0.0)
     solid = ndimage.binary_fill_holes(support)
     border = solid & ~ndimage.binary_erosion(solid)
-    raised = (above > config.wall / 3) & (above < 2 * config.wall) & ~ndimage.binary_erosion(solid)
+    raised = (above > config.rim_distance / 3) & (above < 2 * config.rim_distance) & ~ndimage.binary_erosion(solid)
     distance = ndimage.distance_transform_edt(~raised) * grid.cell
-    walled = float(np.mean(distance[border] < config.wall)) if raised.any() else 0.0
-    return _cropped(Region(kind, grid.axes, grid.origin, grid.cell, support, clearances, walled, config.free))
+    rim_fraction = float(np.mean(distance[border] < config.rim_distance)) if raised.any() else 0.0
+    return _cropped(
+        Region(kind, grid.axes, grid.origin, grid.cell, support, clearances, rim_fraction, config.min_clearance)
+    )
 
 
 def _cropped(region: Region) -> Region:

@@ -1,4 +1,4 @@
-"""Fewer faces for what only has to be seen: the immovable room."""
+"""Decimation of the static room, which only has to be seen."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ HALVINGS = 6
 FIN = 0.618
 """Height of the fin on an open edge over its length: a tip on a grid of squares or cubes meets no other vertex."""
 FEWEST = 0.01
-"""Smallest share of the faces that mode "error" tries."""
+"""Smallest fraction of the faces that mode "error" tests."""
 
 
 @dataclass(frozen=True)
 class DecimateConfig:
-    """How many faces of the immovable room are kept.
+    """Decimation of the static room.
 
     Attributes:
-        mode: "ratio" (a share of the faces), "error" (as few as stay within an error) or "none" (all).
-        shell: share of the faces of walls, floor and ceiling that mode "ratio" keeps, 0 to 1.
-        other: share of the faces of everything else, 0 to 1.
-        max_error: what 99 % of the points of either surface may be off the other in mode "error" [m].
-        shell_labels: words that make a label one of a wall, floor or ceiling.
+        mode: "ratio" (keep a fraction of the faces), "error" (as few as an error allows) or "none" (keep all).
+        shell: fraction of the faces of walls, floor and ceiling that mode "ratio" keeps.
+        other: fraction of the faces of all other parts that mode "ratio" keeps.
+        max_error: 99th percentile of the distance between the surfaces in mode "error" [m].
+        shell_labels: words in the labels of walls, floor and ceiling.
         aggressiveness: how fast the bound on the collapses grows from pass to pass; smaller is slower and more exact.
         samples: points on either surface by which the error is measured.
     """
@@ -69,7 +69,7 @@ class Decimated:
 
 
 def is_shell(label: str, shell_labels: tuple[str, ...]) -> bool:
-    """Whether a label names a wall, the floor or the ceiling; "wall cabinet" and "floor lamp" do not."""
+    """Return True for labels of walls, floor and ceiling; "wall cabinet" and "floor lamp" are none."""
     words = label.lower().replace("_", " ").split()
     return bool(words) and words[-1] in shell_labels
 
@@ -89,7 +89,7 @@ def decimate_room(scene: Scene, parts: Sequence[str], config: DecimateConfig) ->
 
 
 def decimate(mesh: Mesh, ratio: float, aggressiveness: float) -> Mesh:
-    """Return a mesh with a share of the faces, by quadric edge collapses, without colours.
+    """Return a mesh with a fraction of the faces, by quadric edge collapses, without colours.
 
     Faces go where they are needed: moving an open border along the surface costs as much as moving the surface itself.
     """

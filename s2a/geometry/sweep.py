@@ -1,4 +1,4 @@
-"""Where a part goes when its joint moves."""
+"""Swept volumes: the space that a part passes through when its joint moves."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ def deepest(pieces: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, steps:
 
 
 def sweep(mesh: Mesh, joint: Joint, clearance: float = 0.0, step: float = 0.2) -> list[Mesh]:
-    """Return convex pieces that cover the way of a mesh from one limit of its joint to the other.
+    """Return convex pieces that cover the swept volume of a mesh between the limits of its joint.
 
     A turn is covered in steps of at most `step` [rad], each by the hull of its two ends and of where their tangents meet:
     the arc between lies inside.
 
     Args:
-        mesh: what moves.
-        joint: how.
-        clearance: by which the pieces reach farther in every direction [m].
-        step: [rad].
+        mesh: the moving mesh.
+        joint: its joint.
+        clearance: margin around the swept volume [m].
+        step: angle of one section [rad].
     """
     lower, upper = joint.limits
     count = 1 if joint.kind == "prismatic" else max(1, int(np.ceil((upper - lower) / step)))
@@ -45,7 +45,7 @@ def sweep(mesh: Mesh, joint: Joint, clearance: float = 0.0, step: float = 0.2) -
 
 
 def _cover(points: np.ndarray, joint: Joint, start: float, end: float) -> np.ndarray:
-    """Return points whose hull holds the ways of points [point 3] between two coordinates [m] or [rad]."""
+    """Return points whose hull holds the paths of points [point 3] between two joint coordinates [m] or [rad]."""
     ends = [displace(points, joint, start), displace(points, joint, end)]
     if joint.kind == "prismatic":
         return np.concatenate(ends)

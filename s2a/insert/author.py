@@ -1,4 +1,4 @@
-"""The last step of an insertion: the plan in numbers, and a model's script that carries it out."""
+"""The last step of an insertion: the placement, and a model's script that authors it."""
 
 from __future__ import annotations
 
@@ -9,40 +9,40 @@ from typing import Any
 from s2a.insert import prompts
 from s2a.insert.place.fit import Pose
 from s2a.insert.placement import Placement
-from s2a.insert.script import Outcome, run_in
-from s2a.llm.ask import Complaint, Model, Request, ask
-from s2a.llm.usage_log import Ledger
-from s2a.sandbox.jail import Cell
-from s2a.sandbox.violation import Refusal
+from s2a.insert.script import ScriptResult, run_sandboxed
+from s2a.llm.ask import Model, Request, ValidationFeedback, ask
+from s2a.llm.usage_log import UsageLog
+from s2a.sandbox.jail import Sandbox
+from s2a.sandbox.violation import PolicyViolation
 from s2a.scan.labels import part_id
 from s2a.scene import Scene
 
 
 def placement(scene: Scene, label: str, pose: Pose, scale: float) -> Placement:
-    """Return the plan of the script; the id is the label with the number after the highest in the scene."""
+    """Return the placement for the script; the id is the label with the number after the highest in the scene."""
     numbers = [int(tail) for i in scene.parts if (tail := i.rpartition("_")[2]).isdecimal()]
     plain = unicodedata.normalize("NFKD", label.lower()).encode("ascii", "ignore").decode()
-    # Underscores stand alone and never first: what begins with one, a script may not spell (s2a.sandbox.policy).
+    # No leading and no double underscores: the policy forbids scripts to contain such names (s2a.sandbox.policy).
     words = "_".join(re.findall("[a-z0-9]+", plain))[:40].strip("_") or "object"
     name = part_id(words, max(numbers, default=0) + 1).lstrip("_")
     name = name if name[0].isalpha() else f"object_{name}"
-    x, y, z = map(float, pose.position)  # numpy's floats would spell out their type in a script
+    x, y, z = map(float, pose.position)  # the repr of NumPy's floats names their type
     qx, qy, qz, qw = map(float, pose.quaternion)
     return Placement(name, label, f"objects/{name}.usdc", (x, y, z), (qx, qy, qz, qw), float(scale))
 
 
-def author(model: Model, cell: Cell, planned: Placement, ledger: Ledger, said: dict[str, Any]) -> Outcome:
-    """Ask for a script and run it confined; a refusal goes back to the model once.
+def author(model: Model, sandbox: Sandbox, planned: Placement, usage: UsageLog, said: dict[str, Any]) -> ScriptResult:
+    """Ask for a script and run it in the sandbox; a policy violation goes back to the model once.
 
     Args:
-        model: who is asked.
-        cell: where the script runs.
-        planned: what the script is to add.
-        ledger: where the answers are noted.
-        said: receives the refusals, the script, the locks that held and the seconds they took, for the record.
+        model: the language model.
+        sandbox: where the script runs.
+        planned: the prim that the script is to add.
+        usage: log of the answers, appended to.
+        said: record of the step; receives the violations, the script, the active sandbox layers and the seconds.
 
     Raises:
-        InputError: the second script was refused too, or the system cannot confine scripts.
+        InputError: the second script was rejected too, or the system cannot confine scripts.
     """
     facts = {
         "id": planned.part_id,
@@ -54,22 +54,22 @@ def author(model: Model, cell: Cell, planned: Placement, ledger: Ledger, said: d
     }
     refusals: list[str] = said.setdefault("refusals", [])
 
-    def accept(text: str) -> Outcome:
+    def accept(text: str) -> ScriptResult:
         try:
-            return run_in(cell, bare(text), planned)
-        except Refusal as refusal:
-            refusals.append(str(refusal))
-            raise Complaint(f"{refusal}. Write the script again, whole.") from refusal
+            return run_sandboxed(sandbox, bare(text), planned)
+        except PolicyViolation as violation:
+            refusals.append(str(violation))
+            raise ValidationFeedback(f"{violation}. Write the script again, whole.") from violation
 
     request = Request("script", prompts.SCRIPT, (("user", prompts.script_question(planned)),), None, facts)
-    outcome = ask(model, request, accept, 1, ledger)
-    said |= {name: value for name, value in outcome.record.items() if name != "seconds"}
-    said["confined_seconds"] = outcome.record["seconds"]
-    return outcome
+    result = ask(model, request, accept, 1, usage)
+    said |= {name: value for name, value in result.record.items() if name != "seconds"}
+    said["confined_seconds"] = result.record["seconds"]
+    return result
 
 
 def bare(text: str) -> str:
-    """Return the script in an answer, without the fence that models put around code and what they say around that."""
+    """Return the script in an answer, without a code fence and the text around it."""
     if "```" not in text:
         return text
     return text.split("```")[1].partition("\n")[2]

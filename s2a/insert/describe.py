@@ -1,4 +1,4 @@
-"""What a model needs to know of a room: a line of JSON a part, with what it can carry; lengths to the centimetre."""
+"""Description of a room for a model: one line of JSON per part, with its supports; lengths in whole centimetres."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from s2a.scene import Joint, Mesh, Scene
 from s2a.usd.boxes import Box, silhouette, upright_box
 
 Supports = dict[str, list[Region]]
-"""Level support regions by the id of the part that has them."""
+"""Horizontal support regions by part id."""
 
 CENTIMETRES = 2
 LEVEL = 0.8
-"""Upward component from which a face of a noisy scan may be level."""
+"""Upward component of a normal from which a face of a noisy scan may be horizontal."""
 WORTH = 0.008
-"""Free area from which a support is told of [m^2]: a glass stands on it."""
+"""Smallest free area of a described support [m^2]: a glass stands on it."""
 BASIN = 0.5
-"""Share of a region's border at which its own part rises, from which it is a basin."""
+"""Rim fraction from which a region is a basin."""
 SLIVER, FOOT = 0.1, 0.06
-"""Supports of less than this share of the part's largest, or without a free circle of this diameter [m], are not told of."""
+"""Smallest free area as a fraction of the part's largest support, and smallest free circle [m], of a described support."""
 COUNT = 6
-"""Supports of a part that are told of."""
+"""Described supports per part."""
 SMALL, REACH = 0.5, 2.2
-"""What has no side this long [m] is a thing rather than furniture; what begins above this height [m] is out of reach."""
+"""Parts without a side this long [m] are small objects, not furniture; above this height [m] parts are out of reach."""
 NEAR = 0.03
-"""A thing whose underside is this near to a support [m] stands on it: the noise of a scan and of its plane."""
+"""An object whose underside is this close to a support stands on it [m]: the noise of a scan and of its plane."""
 
 
 def survey(scene: Scene, config: RegionConfig, part_ids: Iterable[str] | None = None) -> Supports:
-    """Return the level supports of some parts, of all by default; what moves or is held carries nothing."""
+    """Return the horizontal supports of some parts, of all by default; movable and graspable parts have none."""
     return {i: _supports(scene, i, config) for i in (scene.parts if part_ids is None else part_ids)}
 
 
 def describe(scene: Scene, supports: Supports) -> list[dict[str, Any]]:
-    """Return what there is to know of each part, a line a part.
+    """Return a description of the room, one dictionary per part.
 
     Keys: id, label; center and size of its upright box [m]; part_of; opens (slides or turns); on (the part it stands on);
     supports (kind, height [m], free area [m^2], diameter of the largest free circle [m], room above [m] of each, the largest
@@ -52,25 +52,25 @@ def describe(scene: Scene, supports: Supports) -> list[dict[str, Any]]:
 
 
 def text(lines: list[dict[str, Any]]) -> str:
-    """Return a description as a model reads it: furniture with its doors, then small things by what they stand on."""
-    told = [_told(line, lines) for line in lines if "size" in line]
+    """Return a description as text for a model: furniture with its doors, then small objects by what they stand on."""
+    described = [_model_line(line, lines) for line in lines if "size" in line]
     small: dict[str | None, list[str]] = {}
     for line in lines:
         if "size" not in line and "opens" not in line:
             small.setdefault(line.get("on"), []).append(line["id"])
-    told += [{**({"on": on} if on else {}), "things": ids} for on, ids in small.items()]
-    return "\n".join(json.dumps(line, separators=(",", ":"), ensure_ascii=False) for line in told)
+    described += [{**({"on": on} if on else {}), "things": ids} for on, ids in small.items()]
+    return "\n".join(json.dumps(line, separators=(",", ":"), ensure_ascii=False) for line in described)
 
 
 def shown(scene: Scene) -> list[str]:
-    """Return the ids of the parts that are described: all with a surface but handles and what belongs to doors and drawers."""
+    """Return the ids of the parts that are described: all with a surface except handles and children of doors and drawers."""
     hidden = {below for i in scene.movable for below in scene.descendants(i)}
     parts = scene.parts.items()
     return [i for i, part in parts if len(part.mesh.faces) and i not in hidden and not part.graspable]
 
 
 def worth(regions: list[Region], foot: float = FOOT) -> list[Region]:
-    """Return the regions on which a foot of some diameter [m] could stand, those with the most free area first."""
+    """Return the regions with a free circle of some diameter [m], those with the most free area first."""
     largest = max((region.free_area for region in regions), default=0.0)
     free = [region for region in regions if region.free_area >= max(WORTH, SLIVER * largest) and circle(region) >= foot]
     return sorted(free, key=lambda region: -region.free_area)[:COUNT]
@@ -82,8 +82,8 @@ def circle(region: Region) -> float:
 
 
 def support(region: Region) -> dict[str, Any]:
-    """Return what there is to know of a support."""
-    kind = "basin" if region.walled > BASIN and region.kind == "horizontal" else region.kind
+    """Return the description of a support."""
+    kind = "basin" if region.rim_fraction > BASIN and region.kind == "horizontal" else region.kind
     return {
         "kind": kind,
         "height": round(region.height, CENTIMETRES) + 0.0,
@@ -94,18 +94,18 @@ def support(region: Region) -> dict[str, Any]:
 
 
 def box_of(scene: Scene, part_id: str) -> Box:
-    """Return the upright box around a part with all that belongs to it."""
+    """Return the upright box around a part and its descendants."""
     points = [silhouette(scene.parts[i].mesh.vertices) for i in (part_id, *scene.descendants(part_id))]
     return upright_box(np.concatenate(points))
 
 
-def looks_up(mesh: Mesh) -> bool:
-    """Whether so much of a surface looks upwards that something could stand on it: a quick test before regions are grown."""
+def faces_up(mesh: Mesh) -> bool:
+    """Return True if enough of a surface faces up to carry an object: a quick test before regions are grown."""
     return bool(mesh.face_areas[normals(mesh)[:, 2] > LEVEL].sum() > 0.1 * WORTH)
 
 
-def surroundings(scene: Scene, supports: Supports, choice: Choice, count: int) -> dict[str, Any]:
-    """Return the support that a plan means, and the things nearest to it, one of a kind and none longer than a metre."""
+def context_of(scene: Scene, supports: Supports, choice: Choice, count: int) -> dict[str, Any]:
+    """Return the support that a plan refers to, and the objects nearest to it, one per label and none longer than a metre."""
     regions, meant = supports.get(choice.target, []), choice.height
     if meant is not None:
         regions = sorted(regions, key=lambda region: abs(region.height - meant))
@@ -127,13 +127,13 @@ def surroundings(scene: Scene, supports: Supports, choice: Choice, count: int) -
 
 def _supports(scene: Scene, part_id: str, config: RegionConfig) -> list[Region]:
     part = scene.parts[part_id]
-    if isinstance(part.motion, Joint) or part.graspable or not looks_up(part.mesh):
+    if isinstance(part.motion, Joint) or part.graspable or not faces_up(part.mesh):
         return []
     return target_regions(scene, part_id, config, ("horizontal", "inside"))
 
 
 def _line(scene: Scene, part_id: str, supports: Supports) -> dict[str, Any]:
-    """Return what there is to know of one part."""
+    """Return the description of one part."""
     part, box = scene.parts[part_id], box_of(scene, part_id)
     small = part.parent is None and max(box.size) < SMALL
     carries = worth(supports.get(part_id, []), 2.0 * FOOT if small else FOOT)
@@ -151,18 +151,18 @@ def _line(scene: Scene, part_id: str, supports: Supports) -> dict[str, Any]:
     return line
 
 
-def _told(line: dict[str, Any], lines: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return a line as a model reads it: without what its id says, its supports as plain lists, with its doors and drawers."""
+def _model_line(line: dict[str, Any], lines: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a description as a model reads it: without what the id implies, supports as plain lists, with doors and drawers."""
     id_says = line["id"].rpartition("_")[0].replace("_", " ")
-    told = {key: value for key, value in line.items() if key != "label" or value != id_says}
+    described = {key: value for key, value in line.items() if key != "label" or value != id_says}
     if "supports" in line:
-        told["supports"] = [list(values.values()) for values in line["supports"]]
+        described["supports"] = [list(values.values()) for values in line["supports"]]
     opens = {other["id"]: other["opens"] for other in lines if "opens" in other and other.get("part_of") == line["id"]}
-    return told | ({"opens": opens} if opens else {})
+    return described | ({"opens": opens} if opens else {})
 
 
 def _carrier(scene: Scene, part_id: str, box: Box, supports: Supports) -> str | None:
-    """Return the part that something stands on."""
+    """Return the id of the part that a part stands on."""
     if scene.parts[part_id].parent is not None:
         return None
     foot = np.array([[box.center[0], box.center[1], box.center[2] - box.size[2] / 2]])
@@ -177,7 +177,7 @@ def _stands_on(foot: np.ndarray, region: Region) -> bool:
     rows, columns = region.support.shape
     if not (abs(above) < NEAR and 0 <= row < rows and 0 <= column < columns):
         return False
-    # What stands there hid the support from the scanner: the outline counts, not the cells.
+    # The object hid the support from the scanner: the outline counts, not the cells.
     return True
 
 

@@ -1,4 +1,4 @@
-"""A wish in words, read without a model: "put it next to the keyboard", "in the sink"."""
+"""Placement hints in words, parsed without a model: "put it next to the keyboard", "in the sink"."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CARRIED = {
     "in": "in",
     "against": "against",
 }
-"""Words before a thing, and what they make of it; longer ones first, for "on" is in "on top of"."""
+"""Prepositions and the relation to the carrier that follows; longer ones first, for "on" is in "on top of"."""
 SAME = {
     "counter": ("kitchen counter", "countertop", "worktop", "base cabinet", "kitchen unit", "kitchen island", "counter top"),
     "shelf": ("bookshelf", "bookcase", "shelves", "wall shelf", "rack", "shelving unit", "shelf unit"),
@@ -45,47 +45,47 @@ SAME = {
     "fridge": ("refrigerator",),
     "wardrobe": ("closet",),
 }  # fmt: skip
-"""What a thing is called elsewhere."""
+"""Synonyms."""
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What a wish comes to.
+class PlacementHint:
+    """A parsed placement hint.
 
     Attributes:
-        near: id of the part beside which the object is wanted, or None.
-        choices: places that honour the wish, as a plan has them; none where it names no carrier that is there.
+        near: id of the requested neighbour, or None.
+        choices: places that honour the hint, in the form of a plan; empty if it names no carrier in the room.
     """
 
     near: str | None
     choices: list[dict[str, Any]]
 
 
-def read_wish(wish: str, room: list[dict[str, Any]]) -> Wish:
-    """Return what a wish comes to in a room, whose lines `s2a.insert.describe` wrote."""
-    words = " ".join(re.sub(r"[^a-z0-9_ ]", " ", wish.lower()).split())
+def parse_hint(hint: str, room: list[dict[str, Any]]) -> PlacementHint:
+    """Parse a placement hint for a room, given by the lines of `s2a.insert.describe`."""
+    words = " ".join(re.sub(r"[^a-z0-9_ ]", " ", hint.lower()).split())
     if not words:
-        return Wish(None, [])
+        return PlacementHint(None, [])
     near = _named(words, NEAR, room)
     for word, relation in CARRIED.items():
         carrier = _named(words, (word,), room)
         if carrier:
-            return Wish(None if near is None else near["id"], _places(carrier, relation))
+            return PlacementHint(None if near is None else near["id"], _places(carrier, relation))
     if near is None:
-        return Wish(None, [])
+        return PlacementHint(None, [])
     carrier = near.get("on")
     below = [line for line in room if line["id"] == carrier or (not carrier and line["label"] == "floor")]
-    return Wish(near["id"], _places(below[0], "on") if below else [])
+    return PlacementHint(near["id"], _places(below[0], "on") if below else [])
 
 
-def same_thing(label: str, noun: str) -> bool:
-    """Whether a part's label says that it is such a thing: "office desk" is a desk."""
+def is_kind_of(label: str, noun: str) -> bool:
+    """Return True if a label names this kind of object: "office desk" is a desk."""
     label = label.lower().replace("_", " ")
     return any(label == name or label.endswith(f" {name}") for name in (noun, *SAME.get(noun, ())))
 
 
 def _named(words: str, before: tuple[str, ...], room: list[dict[str, Any]]) -> dict[str, Any] | None:
-    """Return the line of the part that follows one of some words, the one with the longest label."""
+    """Return the line of the part that is named after one of some words, the one with the longest label."""
     found = []
     for line in room:
         names = {line["label"].lower(), line["id"].lower()}
@@ -93,7 +93,7 @@ def _named(words: str, before: tuple[str, ...], room: list[dict[str, Any]]) -> d
         hits = [
             name
             for name in names
-            # Asked for first: compiling a pattern for every part took half a second.
+            # Substring test first: compiling a pattern for every part took half a second.
             if name in words and re.search(rf"\b(?:{'|'.join(before)}) (?:the |a |an |my )?{re.escape(name)}\b", words)
         ]
         found += [(max(map(len, hits)), line)] if hits else []
@@ -101,7 +101,7 @@ def _named(words: str, before: tuple[str, ...], room: list[dict[str, Any]]) -> d
 
 
 def _places(line: dict[str, Any], relation: str) -> list[dict[str, Any]]:
-    """Return how a part can carry something, the largest support first."""
+    """Return the choices that a part offers, the support with the most free area first."""
     supports = line.get("supports", [])
     if relation == "in":
         supports = [s for s in supports if s["kind"] != "horizontal"] or supports

@@ -1,6 +1,6 @@
-"""One object into a room: described, planned, scaled, given a surface and a pose, and written by a script; then a candidate.
+"""Insertion of one object: describe the room, plan, scale, find a pose, check its stability, author a script.
 
-Whether it stays where it is put is for the caller to say (`watch`): a simulator's business, which this package knows nothing of.
+Whether an object stays where it is put is up to the caller's `StabilityCheck`: physics, which this module does not import.
 """
 
 from __future__ import annotations
@@ -15,46 +15,45 @@ from pxr import Sdf
 from s2a.errors import InputError
 from s2a.insert import describe
 from s2a.insert.author import author, placement
-from s2a.insert.objects import ObjectConfig, ObjectFile, read_object, upright
-from s2a.insert.place.candidates import Spot, spots
+from s2a.insert.object_file import ObjectConfig, ObjectFile, read_object, upright
+from s2a.insert.place.candidate_poses import CandidatePose, candidate_poses
 from s2a.insert.place.fit import NoRoom
 from s2a.insert.place.pose import PoseConfig
-from s2a.insert.place.stable_pose import feet, hollows, slices
+from s2a.insert.place.stable_pose import concavities, cross_sections, tilt_margins
 from s2a.insert.place.supports import SurfaceConfig
 from s2a.insert.placement import Placement
-from s2a.insert.plan import Plan, plan
-from s2a.insert.room import Room
-from s2a.insert.scale import Size, fit, size
+from s2a.insert.plan import FailedPlan, Plan, plan
+from s2a.insert.room_state import RoomState
+from s2a.insert.scale import Size, fit_scale, size
 from s2a.llm.ask import Model
-from s2a.llm.usage_log import Ledger, Record, step, tokens
-from s2a.sandbox.jail import Cell, ConfinementConfig
+from s2a.llm.usage_log import Record, UsageLog, step, tokens
+from s2a.sandbox.jail import Sandbox, SandboxConfig
 from s2a.sandbox.policy import HIDDEN
 from s2a.scene import Mesh, Part, Scene
 
-ELSEWHERE = "; wish for another place with prompt=..."
-Watch = Callable[[Mesh, Spot, Scene], Record]
-"""Of an upright object, the spot where it is put, and the room: what comes of it, with the key `problem`, empty if it stays."""
+StabilityCheck = Callable[[Mesh, CandidatePose, Scene], Record]
+"""(upright object, candidate pose, room) -> results with the key `problem`, empty if the object stays."""
 
 
 @dataclass(frozen=True)
 class InsertConfig:
-    """How objects are inserted.
+    """Settings of an insertion.
 
     Attributes:
-        surface: how surfaces are found.
-        pose: how poses are found.
-        object: how objects are read.
-        confinement: what scripts may do.
-        retries: answers of a model that may be refused, a step.
-        plans: that a model is asked for, if there is no room in the places of the first.
-        neighbours: things near the place that a model is told of when it says how large an object is.
-        trusted: whether the scripts are our own.
+        surface: detection of support surfaces.
+        pose: search for poses.
+        object: reading of object files.
+        sandbox: limits of scripts.
+        retries: answers of the model that may be rejected, per step.
+        plans: number of plans that are requested while there is no room for the earlier ones.
+        neighbours: objects near the place that are described to the model when it estimates the size.
+        trusted: Run scripts on systems that cannot confine them; for our own scripts.
     """
 
     surface: SurfaceConfig
     pose: PoseConfig
     object: ObjectConfig
-    confinement: ConfinementConfig
+    sandbox: SandboxConfig
     retries: int
     plans: int
     neighbours: int
@@ -62,18 +61,18 @@ class InsertConfig:
 
 
 @dataclass(frozen=True)
-class Thing:
-    """What is to be inserted.
+class ObjectRequest:
+    """An object to insert.
 
     Attributes:
         file: a mesh or a USD stage.
-        label: what it is, in any words.
-        wish: where somebody wants it, or empty.
+        label: name of the object in any words.
+        hint: placement hint in words, such as "next to the keyboard", or empty.
     """
 
     file: Path
     label: str
-    wish: str
+    hint: str = ""
 
 
 @dataclass(frozen=True)
@@ -81,116 +80,118 @@ class Inserted:
     """An object in its place.
 
     Attributes:
-        placement: where.
-        spot: how it was found.
-        part: itself in the room.
+        placement: id, reference and pose.
+        candidate: the candidate pose that was accepted.
+        part: the object as a part of the room, scene coordinates.
         mesh: its surface upright, in the unit of its file, as its own USD file holds it.
-        layer: what the script made.
+        layer: USD layer that the script made.
     """
 
     placement: Placement
-    spot: Spot
+    candidate: CandidatePose
     part: Part
     mesh: Mesh
     layer: Sdf.Layer
 
 
-def insert(
-    room: Room, thing: Thing, model: Model, config: InsertConfig, watch: Watch, ledger: Ledger, record: Record
-) -> Inserted:
-    """Find an object's place in a room and write it down.
+@dataclass(frozen=True)
+class InsertContext:
+    """Inputs and logs of one insertion, passed through its steps.
 
-    Args:
-        room: where to; it is not changed.
-        thing: what.
-        model: who is asked.
-        config: how.
-        watch: says whether the object stays in a place.
-        ledger: where the answers are noted.
-        record: filled step by step, also where it ends in an error.
+    Attributes:
+        room: the room; not changed.
+        model: language model, recording or rules.
+        config: settings.
+        check_stability: drop test at a candidate pose.
+        usage: log of the model's answers, appended to.
+        record: results by step, filled also if a step fails.
+    """
+
+    room: RoomState
+    model: Model
+    config: InsertConfig
+    check_stability: StabilityCheck
+    usage: UsageLog
+    record: Record
+
+
+def insert(context: InsertContext, request: ObjectRequest) -> Inserted:
+    """Find a place for an object in a room and author it.
 
     Raises:
-        InputError: a label that no script may spell, the file holds no object, no answer of the model could be used, or no
-            place is free.
+        NoRoom: no candidate pose is free and stable.
+        InputError: a label that no script may contain, a file without an object, or no usable answer of the model.
     """
-    if HIDDEN.search(thing.label):
-        raise InputError(f"label {thing.label!r} has a word that begins with an underscore, or two; use plain words")
-    file = read_object(thing.file, config.object)
-    with step(record, "describe") as said:
-        text = describe.text(room.lines)
-        said |= {"parts": len(room.lines), "tokens": tokens(text)}
-    with Cell(room.skeleton, config.confinement, config.trusted) as cell:
-        facts = _facts(file, thing, room.lines)
-        where = _planned(model, room, facts, text, config, ledger, record, None)
-        with step(record, "scale") as said:
-            answer = _size(model, room, facts, file, where, config, ledger, said)
-        for left in reversed(range(config.plans)):
-            try:
-                object, scale, spot = _placed(room, file, where, answer, config, watch, record)
-                break
-            except NoRoom as full:
-                if not left:
-                    raise
-                reason = str(full).removesuffix(ELSEWHERE)
-                where = _planned(model, room, facts, text, config, ledger, record, (where, reason))
-        with step(record, "script") as said:
-            planned = placement(room.scene, thing.label, spot.pose, scale)
-            outcome = author(model, cell, planned, ledger, said)
+    if HIDDEN.search(request.label):
+        raise InputError(f"label {request.label!r} has a word that begins with an underscore, or two; use plain words")
+    room, config, record = context.room, context.config, context.record
+    file = read_object(request.file, config.object)
+    with step(record, "describe") as result:
+        result |= {"parts": len(room.lines), "tokens": tokens(describe.text(room.lines))}
+    with Sandbox(room.geometry_free_text, config.sandbox, config.trusted) as sandbox:
+        facts = _facts(file, request, room.lines)
+        where, object, scale, candidate = _place(context, file, facts)
+        with step(record, "script") as result:
+            planned = placement(room.scene, request.label, candidate.pose, scale)
+            script = author(context.model, sandbox, planned, context.usage, result)
     own = upright(file, where.up, where.front, 1.0, where.hangs)
-    return Inserted(planned, spot, Part(thing.label, spot.pose.moved(object)), own, outcome.layer)
+    return Inserted(planned, candidate, Part(request.label, candidate.pose.moved(object)), own, script.layer)
 
 
-def _facts(file: ObjectFile, thing: Thing, lines: list[Record]) -> Record:
-    """Return what is asked about an object."""
+def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Record:
+    """Return the facts about an object that go into the model's questions."""
     sides = [float(f"{side:.3g}") for side in np.ptp(file.mesh.bounds, axis=0)]
     return {
-        "label": thing.label,
+        "label": request.label,
         "sides": sides,
-        "format": thing.file.suffix.lower().lstrip("."),
+        "format": request.file.suffix.lower().lstrip("."),
         "up": file.up,
-        "feet": feet(file.mesh),
-        "hollow": hollows(file.mesh),
-        "slices": slices(file.mesh),
-        "wish": thing.wish,
+        "feet": tilt_margins(file.mesh),
+        "hollow": concavities(file.mesh),
+        "slices": cross_sections(file.mesh),
+        "wish": request.hint,
         "room": lines,
     }
 
 
-def _planned(
-    model: Model,
-    room: Room,
-    facts: Record,
-    text: str,
-    config: InsertConfig,
-    ledger: Ledger,
-    record: Record,
-    failed: tuple[Plan, str] | None,
-) -> Plan:
+def _place(context: InsertContext, file: ObjectFile, facts: Record) -> tuple[Plan, Mesh, float, CandidatePose]:
+    """Plan, scale and find a pose; ask for another plan while there is no room.
+
+    Returns:
+        The plan, the object upright and to scale [m], its scale (metres per unit of the file), and the candidate pose.
+    """
+    where = _plan(context, facts, None)
+    with step(context.record, "scale") as result:
+        answer = _size(context, facts, file, where)
+        result |= vars(answer)
+    for left in reversed(range(context.config.plans)):
+        try:
+            return where, *_pose(context, file, where, answer)
+        except NoRoom as full:
+            if not left:
+                raise
+            where = _plan(context, facts, FailedPlan(where, full.summary, full.unstable))
+    raise AssertionError("plans is at least 1")
+
+
+def _plan(context: InsertContext, facts: Record, failed: FailedPlan | None) -> Plan:
     """Ask for a plan, or for another one after a plan without room."""
-    with step(record, "plan again" if failed else "plan") as said:
-        found = plan(model, room.scene, facts, text, config.retries, ledger, failed)
-        said |= asdict(found)
+    with step(context.record, "plan again" if failed else "plan") as result:
+        text = describe.text(context.room.lines)
+        scene, retries = context.room.scene, context.config.retries
+        found = plan(context.model, scene, facts, text, retries, context.usage, failed)
+        result |= asdict(found)
     return found
 
 
-def _size(
-    model: Model,
-    room: Room,
-    facts: Record,
-    file: ObjectFile,
-    where: Plan,
-    config: InsertConfig,
-    ledger: Ledger,
-    said: Record,
-) -> Size:
-    """Ask how large an object is."""
+def _size(context: InsertContext, facts: Record, file: ObjectFile, where: Plan) -> Size:
+    """Ask for the size of the object."""
+    room, config = context.room, context.config
     height, longest = _extents(file, where)
-    asked = {"label": facts["label"], "sides": facts["sides"], "stated": file.unit}
-    asked |= {"height": float(f"{height:.3g}"), "longest": float(f"{longest:.3g}")}
-    asked |= describe.surroundings(room.scene, room.supports, where.choices[0], config.neighbours)
-    answer = size(model, asked, config.retries, ledger)
-    said |= vars(answer)
-    return answer
+    question = {"label": facts["label"], "sides": facts["sides"], "stated": file.unit}
+    question |= {"height": float(f"{height:.3g}"), "longest": float(f"{longest:.3g}")}
+    question |= describe.context_of(room.scene, room.supports, where.choices[0], config.neighbours)
+    return size(context.model, question, config.retries, context.usage)
 
 
 def _extents(file: ObjectFile, where: Plan) -> tuple[float, float]:
@@ -199,32 +200,38 @@ def _extents(file: ObjectFile, where: Plan) -> tuple[float, float]:
     return float(sides["xyz".index(where.up[1])]), float(sides.max())
 
 
-def _placed(
-    room: Room, file: ObjectFile, where: Plan, answer: Size, config: InsertConfig, watch: Watch, record: Record
-) -> tuple[Mesh, float, Spot]:
-    """Return an object upright and in its size, metres in a unit of its file, and its spot."""
-    found = fit(answer, *_extents(file, where), file.unit)
+def _pose(context: InsertContext, file: ObjectFile, where: Plan, answer: Size) -> tuple[Mesh, float, CandidatePose]:
+    """Return the object upright and to scale [m], its scale (metres per unit of the file), and its candidate pose."""
+    found = fit_scale(answer, *_extents(file, where), file.unit)
     object = upright(file, where.up, where.front, found.scale, where.hangs)
     sides = np.ptp(object.bounds, axis=0)
-    record["scale"] |= vars(found) | {"size": [round(float(side), 4) for side in sides]}
-    return object, found.scale, _spot(room, object, where, config, watch, record)
+    context.record["scale"] |= vars(found) | {"size": [round(float(side), 4) for side in sides]}
+    return object, found.scale, _stable_candidate(context, object, where)
 
 
-def _spot(room: Room, object: Mesh, where: Plan, config: InsertConfig, watch: Watch, record: Record) -> Spot:
-    """Return the first spot, in the order of the plan, at which the object stays."""
+def _stable_candidate(context: InsertContext, object: Mesh, where: Plan) -> CandidatePose:
+    """Return the first candidate pose, in the order of the plan, at which the object stays.
+
+    Raises:
+        NoRoom: there is none.
+    """
+    room, config, record = context.room, context.config, context.record
     reasons: list[str] = []
-    found = spots(room, object, where, config.surface, config.pose, reasons)
+    unstable = False
+    found = candidate_poses(room, object, where, config.surface, config.pose, reasons)
     while True:
         with step(record, "pose"):
-            spot = next(found, None)
-        if spot is None:
+            candidate = next(found, None)
+        if candidate is None:
             break
-        with step(record, "verify") as said:
-            said |= watch(object, spot, room.scene)
-        if not said["problem"]:
-            record["surface"] = {**spot.surface, "passed over": reasons}
-            record["pose"] |= {name: np.asarray(value).tolist() for name, value in vars(spot.pose).items()}
-            return spot
-        reasons.append(f"{spot.choice.relation} {spot.target}: {said['problem']}")
+        with step(record, "verify") as result:
+            result |= context.check_stability(object, candidate, room.scene)
+        if not result["problem"]:
+            record["surface"] = {**candidate.surface, "passed over": reasons}
+            record["pose"] |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
+            return candidate
+        unstable |= result.get("unstable", False)
+        reasons.append(f"{candidate.choice.relation} {candidate.target}: {result['problem']}")
     record["surface"] = {"passed over": reasons}
-    raise NoRoom(f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}{ELSEWHERE}")
+    summary = f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}"
+    raise NoRoom(summary, unstable=unstable, remedy="; name another place with prompt=...")

@@ -1,4 +1,4 @@
-"""Where an object belongs: asked of a model, and checked against the room."""
+"""The plan of an insertion: the model's choice of places, validated against the room."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any, Literal
 from s2a.config import nearest
 from s2a.insert import prompts
 from s2a.insert.axes import AXES, sideways
-from s2a.llm.ask import Complaint, Model, Request, ask, parse
-from s2a.llm.usage_log import Ledger
+from s2a.llm.ask import Model, Request, ValidationFeedback, ask, parse
+from s2a.llm.usage_log import UsageLog
 from s2a.scene import Scene
 
 CHOICES = 3
 LISTED = 200
-"""Ids that a model is shown when it named one that is not there."""
+"""Number of ids listed for a model that named an unknown one."""
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class Choice:
     """A place for an object.
 
     Attributes:
-        target: id of the part that is to carry it.
-        surface: "horizontal", "vertical", or "inside" for what the target's own surface is above: a shelf's compartment.
-        relation: "on" it; "in" a basin, a box or a compartment; "against" a wall behind it; "hanging" on something upright.
-        height: of the support that is meant, above the floor [m]; None where it does not matter.
+        target: id of the carrying part.
+        surface: "horizontal", "vertical", or "inside": below another surface of the target, such as a shelf's compartment.
+        relation: "on" it; "in" a basin, a box or a compartment; "against" a wall behind it; "hanging" on a vertical surface.
+        height: of the support above the floor [m]; None for any.
         reason: in a few words.
     """
 
@@ -39,12 +39,12 @@ class Choice:
 
 @dataclass(frozen=True)
 class Plan:
-    """Where an object belongs, and how it is turned.
+    """Places and orientation of an object.
 
     Attributes:
         up: axis of the file that points up, "+x" to "-z".
-        front: axis of the file that its front looks along.
-        near: id of a part that it should be near, or None.
+        front: axis of the file that its front faces along.
+        near: id of the neighbour, or None.
         choices: the best place first, three at most.
     """
 
@@ -55,8 +55,23 @@ class Plan:
 
     @property
     def hangs(self) -> bool:
-        """Whether it is turned for a wall: then it need not stand."""
+        """True if the first choice hangs: the orientation need not be stable."""
         return self.choices[0].relation == "hanging"
+
+
+@dataclass(frozen=True)
+class FailedPlan:
+    """A plan without room.
+
+    Attributes:
+        plan: the plan.
+        reason: what was in the way; goes back to the model.
+        unstable: Set where the object tilted, drifted or fell at a free candidate pose.
+    """
+
+    plan: Plan
+    reason: str
+    unstable: bool
 
 
 def plan(
@@ -65,48 +80,48 @@ def plan(
     facts: dict[str, Any],
     room: str,
     retries: int,
-    ledger: Ledger,
-    failed: tuple[Plan, str] | None = None,
+    usage: UsageLog,
+    failed: FailedPlan | None = None,
 ) -> Plan:
-    """Ask a model where an object belongs.
+    """Ask a model for a plan.
 
     Args:
-        model: who is asked.
+        model: the language model.
         scene: the room.
-        facts: label, size in the file, feet, wish of the object, and the room's lines.
+        facts: label, sides, tilt margins and placement hint of the object, and the room's lines.
         room: the room's description.
-        retries: answers that may be refused: ids that are not there go back with the list of those that are.
-        ledger: where the answers are noted.
-        failed: an earlier plan, and why there is no room in its places.
+        retries: answers that may be rejected: unknown ids go back with the list of known ones.
+        usage: log of the answers, appended to.
+        failed: an earlier plan without room.
 
     Raises:
         InputError: no answer could be used.
     """
     request = Request("plan", prompts.PLAN, (("user", prompts.plan_question(facts, room)),), prompts.PLAN_SCHEMA, facts)
     if failed:
-        tried = [(choice.target, choice.height) for choice in failed[0].choices]
-        request = replace(request, facts={**facts, "tried": tried, "tried_up": failed[0].up, "reason": failed[1]})
-        request = request.after(
-            json.dumps(asdict(failed[0])), f"{failed[1]}. Think of other places, or of another up axis."
+        tried = [(choice.target, choice.height) for choice in failed.plan.choices]
+        known = {**facts, "tried": tried, "tried_up": failed.plan.up, "unstable": failed.unstable}
+        request = replace(request, facts=known).with_feedback(
+            json.dumps(asdict(failed.plan)), f"{failed.reason}. Think of other places, or of another up axis."
         )
-    return ask(model, request, lambda text: checked(parse(text, Plan), scene), retries, ledger)
+    return ask(model, request, lambda text: checked(parse(text, Plan), scene), retries, usage)
 
 
 def checked(answer: Plan, scene: Scene) -> Plan:
-    """Return a plan that the room allows.
+    """Return a plan if it fits the room.
 
     Raises:
-        Complaint: what is wrong with it.
+        ValidationFeedback: what is wrong with it, for the model.
     """
     _check_axes(answer)
     if not 1 <= len(answer.choices) <= CHOICES:
-        raise Complaint(f"{len(answer.choices)} choices were given; give one to {CHOICES}, the best first.")
+        raise ValidationFeedback(f"{len(answer.choices)} choices were given; give one to {CHOICES}, the best first.")
     for part_id in (*(choice.target for choice in answer.choices), answer.near):
         if part_id is not None and part_id not in scene.parts:
-            raise Complaint(_unknown(part_id, scene))
+            raise ValidationFeedback(_unknown(part_id, scene))
     for choice in answer.choices:
         if (choice.relation == "hanging") != (choice.surface == "vertical"):
-            raise Complaint(
+            raise ValidationFeedback(
                 f"relation {choice.relation!r} does not go with surface {choice.surface!r}: what hangs, hangs on a vertical "
                 f"surface; what is on, in or against something needs a horizontal or an inside one."
             )
@@ -116,14 +131,14 @@ def checked(answer: Plan, scene: Scene) -> Plan:
 def _check_axes(answer: Plan) -> None:
     for name, axis in (("up", answer.up), ("front", answer.front)):
         if axis not in AXES:
-            raise Complaint(f"{name} is {axis!r}; possible: {', '.join(AXES)}.")
+            raise ValidationFeedback(f"{name} is {axis!r}; possible: {', '.join(AXES)}.")
     if answer.front not in sideways(answer.up):
-        raise Complaint(
+        raise ValidationFeedback(
             f"front {answer.front!r} lies along up {answer.up!r}; possible: {', '.join(sideways(answer.up))}."
         )
 
 
 def _unknown(part_id: str, scene: Scene) -> str:
-    """Return what to tell a model that named a part that is not there."""
+    """Return the feedback on an unknown part."""
     known = list(scene.parts)[:LISTED]
     return f"There is no {part_id[:60]!r} in the room{nearest(part_id, known)}. All ids: {', '.join(known)}."

@@ -157,9 +157,9 @@ SCALE_SCHEMA = _object(
 def plan_question(facts: Mapping[str, Any], room: str) -> str:
     """Return the question of where an object belongs; ends on which it cannot stand, or that are closed, are left out."""
     wish = f"\nThe wish: {facts['wish']}" if facts.get("wish") else ""
-    thing = {"label": facts["label"], "sides": facts["sides"], "format": facts["format"], "stated_up": facts["up"]}
-    thing |= {name: {axis: share for axis, share in facts[name].items() if share} for name in ("feet", "hollow")}
-    return f"The room:\n{room}\n\nThe object: {_json({**thing, 'slices': facts['slices']})}{wish}"
+    described = {"label": facts["label"], "sides": facts["sides"], "format": facts["format"], "stated_up": facts["up"]}
+    described |= {name: {axis: share for axis, share in facts[name].items() if share} for name in ("feet", "hollow")}
+    return f"The room:\n{room}\n\nThe object: {_json({**described, 'slices': facts['slices']})}{wish}"
 
 
 def scale_question(facts: Mapping[str, Any]) -> str:

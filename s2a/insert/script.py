@@ -1,4 +1,4 @@
-"""The last word of an insertion: a script adds the planned prim to a skeleton of the stage; nothing else may come of it."""
+"""The script of an insertion: it adds the planned prim to a geometry-free stage; any other change is a violation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pxr import Sdf
 
 from s2a.insert.placement import Placement
 from s2a.sandbox.diff import TAXONOMY, compare
-from s2a.sandbox.jail import STAGE, Cell
+from s2a.sandbox.jail import STAGE, Sandbox
 from s2a.sandbox.policy import check
 
 TEMPLATE = """\
@@ -30,41 +30,41 @@ stage.Save()
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What came of a script.
+class ScriptResult:
+    """Result of a script.
 
     Attributes:
         layer: `/scene` with the new prim, as the script wrote it; `s2a.insert.overlay.write` puts it over a stage.
-        record: plain values for the JSON record: the locks that held, seconds, the script.
+        record: plain values for the JSON record: the active sandbox layers, seconds, the script.
     """
 
     layer: Sdf.Layer
     record: dict[str, Any]
 
 
-def run_in(cell: Cell, text: str, plan: Placement) -> Outcome:
-    """Check a script, run it confined on a skeleton, and compare what it saved with the plan.
+def run_sandboxed(sandbox: Sandbox, text: str, plan: Placement) -> ScriptResult:
+    """Check a script, run it in the sandbox, and compare the saved stage with the plan.
 
     The script finds the stage as `scene.usda` in its current folder, and as `STAGE` and `OBJECT` that name and the path of
     the object's file.
 
     Args:
-        cell: where it runs, with the skeleton.
+        sandbox: where it runs, with the geometry-free stage.
         text: Python.
-        plan: what it is to add.
+        plan: the prim that it is to add.
 
     Raises:
-        Refusal: it is not allowed, failed, or made something else; the stage is untouched.
+        PolicyViolation: its text is not allowed, it failed, or its result differs from the plan.
         InputError: the system cannot confine an untrusted script.
     """
-    check(text, STAGE, plan.reference, cell.config.allow)
-    run = cell.run(text, {"STAGE": STAGE, "OBJECT": plan.reference})
-    layer = compare(run.saved, cell.skeleton, plan)
-    return Outcome(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
+    check(text, STAGE, plan.reference, sandbox.config.allow)
+    run = sandbox.run(text, {"STAGE": STAGE, "OBJECT": plan.reference})
+    layer = compare(run.saved, sandbox.geometry_free_text, plan)
+    return ScriptResult(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
 
 
 def write_script(plan: Placement) -> str:
-    """Return the script that a model is asked for: what is run where no model is, and an example for those that are."""
+    """Return the reference script: run without a model, and the example in the prompt."""
     (x, y, z), (qx, qy, qz, qw) = plan.position, plan.orientation
     return TEMPLATE.format(
         stage=STAGE,

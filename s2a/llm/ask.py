@@ -1,4 +1,4 @@
-"""A question to a model, and what happens to an answer that cannot be used: it goes back with what is wrong with it."""
+"""Questions to a model; an unusable answer goes back with validation feedback."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from typing import Any, Literal, TypeVar
 import dacite
 
 from s2a.errors import InputError
-from s2a.llm.usage_log import Ledger
+from s2a.llm.usage_log import UsageLog
 
 T = TypeVar("T")
 Step = Literal["plan", "scale", "script"]
 Message = tuple[Literal["user", "assistant"], str]
 QUOTED = 2000
-"""Characters of a refused answer that the model is shown again."""
+"""Characters of a rejected answer that are quoted back to the model."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What a model is asked.
+    """A question to a model.
 
     Attributes:
         step: of the insertion.
-        system: what holds for every question of this step.
-        messages: (role, text), the question first, then refused answers and what was wrong with them.
+        system: system prompt of the step.
+        messages: (role, text), the question first, then rejected answers and the feedback on them.
         schema: JSON schema of the answer; None where the answer is a script.
-        facts: what the question is about, as the text says it: for models that do not read.
+        facts: content of the question as values, for the rule-based fallback.
     """
 
     step: Step
@@ -37,23 +37,23 @@ class Request:
     schema: Mapping[str, Any] | None
     facts: Mapping[str, Any]
 
-    def after(self, answer: str, complaint: str) -> Request:
-        """Return the question again, after an answer and what is wrong with it."""
-        more: tuple[Message, Message] = (("assistant", answer[:QUOTED] or "(nothing)"), ("user", complaint))
+    def with_feedback(self, answer: str, feedback: str) -> Request:
+        """Return the question followed by an answer and the feedback on it."""
+        more: tuple[Message, Message] = (("assistant", answer[:QUOTED] or "(nothing)"), ("user", feedback))
         return replace(self, messages=(*self.messages, *more))
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What came back.
+    """An answer of a model.
 
     Attributes:
         text: the answer.
-        model: who gave it.
-        seconds: that it took.
+        model: name of the model.
+        seconds: duration.
         prompt_tokens: of the request, as the model counts, or an estimate (`s2a.llm.usage_log.tokens`); 0 without a model.
         completion_tokens: of the answer.
-        note: what else there is to know of it, for the record.
+        note: remark for the record.
     """
 
     text: str
@@ -67,19 +67,19 @@ class Answer:
 Model = Callable[[Request], Answer]
 
 
-class Complaint(Exception):
-    """An answer cannot be used; the message is for the model."""
+class ValidationFeedback(Exception):
+    """An answer cannot be used; the message goes back to the model."""
 
 
-def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int, ledger: Ledger) -> T:
-    """Return what an answer says.
+def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int, usage: UsageLog) -> T:
+    """Ask until an answer is accepted, and return what it is parsed to.
 
     Args:
-        model: who is asked.
-        request: what.
-        accept: reads an answer; raises a Complaint that goes back to the model.
-        retries: how often it may.
-        ledger: where the answers are noted.
+        model: the language model.
+        request: the question.
+        accept: parses an answer; raises ValidationFeedback that goes back to the model.
+        retries: answers that may be rejected.
+        usage: log of the answers, appended to.
 
     Raises:
         InputError: no answer could be used.
@@ -88,11 +88,11 @@ def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int
         answer = model(request)
         try:
             accepted = accept(answer.text)
-        except Complaint as complaint:
-            ledger.note(request.step, answer, str(complaint))
-            said, request = str(complaint), request.after(answer.text, str(complaint))
+        except ValidationFeedback as feedback:
+            usage.add(request.step, answer, str(feedback))
+            said, request = str(feedback), request.with_feedback(answer.text, str(feedback))
         else:
-            ledger.note(request.step, answer)
+            usage.add(request.step, answer)
             return accepted
     raise InputError(
         f"model {answer.model!r} gave no usable answer to step {request.step!r} in {retries + 1} tries; the last one: "
@@ -104,21 +104,23 @@ def parse(text: str, kind: type[T]) -> T:
     """Return the JSON object in an answer as a dataclass; words around it are ignored.
 
     Raises:
-        Complaint: there is none, or a key is missing or of another type.
+        ValidationFeedback: there is none, or a key is missing or of another type.
     """
     try:
         values = json.loads(text[text.index("{") : text.rindex("}") + 1])
     except (ValueError, RecursionError) as error:
-        raise Complaint(f"That is not one JSON object ({error}). Answer with the JSON object alone.") from error
+        raise ValidationFeedback(
+            f"That is not one JSON object ({error}). Answer with the JSON object alone."
+        ) from error
     rules = dacite.Config(cast=[tuple], type_hooks={float: _number})
     try:
         return dacite.from_dict(kind, values, rules)
     except (dacite.DaciteError, TypeError, ValueError) as error:
-        raise Complaint(
+        raise ValidationFeedback(
             f"The JSON does not fit the schema: {str(error)[:300]}. Answer with all keys as asked."
         ) from error
 
 
 def _number(value: Any) -> Any:
-    """Whole numbers are numbers, too; a model writes 1 for 1.0."""
+    """Accept integers as floats: models write 1 for 1.0."""
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

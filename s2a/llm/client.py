@@ -19,20 +19,19 @@ from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 
 @dataclass(frozen=True)
 class LlmConfig:
-    """Who is asked.
+    """The language model.
 
     Attributes:
-        kind: "chat" asks a model over the network, "replay" answers from a recording, "rules" from a table and needs no
-            model; "auto" is chat where OPENAI_API_KEY is set, and rules elsewhere.
-        model: name of the model, as the endpoint calls it. Key and address come from OPENAI_API_KEY and OPENAI_BASE_URL.
+        kind: "chat" queries a model over the network, "replay" answers from a recording, "rules" is the rule-based fallback;
+            "auto" is chat where OPENAI_API_KEY is set, and rules elsewhere.
+        model: name of the model at the endpoint. Key and address come from OPENAI_API_KEY and OPENAI_BASE_URL.
         timeout: for one answer [s].
-        attempts: tries again after a broken connection, an overload or an error of the server; the wait between them
-            doubles from half a second.
-        temperature: 0 for the likeliest answer.
-        longest: tokens of an answer.
-        bytes: of a response; a longer one is cut off.
-        prices: US dollars for a million tokens of the request and of the answer.
-        answers: the recording to answer from, for replay.
+        attempts: retries after a broken connection, an overload or a server error; the wait doubles from half a second.
+        temperature: sampling temperature; 0 for the likeliest answer.
+        max_tokens: of an answer.
+        max_response_bytes: of a response; a longer one is an error.
+        prices: US dollars per million tokens of the request and of the answer.
+        answers: the recording, for replay.
     """
 
     kind: Literal["auto", "chat", "replay", "rules"]
@@ -40,8 +39,8 @@ class LlmConfig:
     timeout: Positive
     attempts: CountFromZero
     temperature: NotNegative
-    longest: Count
-    bytes: Count
+    max_tokens: Count
+    max_response_bytes: Count
     prices: tuple[NotNegative, NotNegative]
     answers: Path | None
 
@@ -124,16 +123,16 @@ class Chat:
             model=self._config.model,
             messages=messages,  # type: ignore[arg-type]
             temperature=self._config.temperature,
-            max_tokens=self._config.longest,
+            max_tokens=self._config.max_tokens,
             **more,
         ) as response:
             found = bytearray()
             for piece in response.iter_bytes(65536):
                 found += piece
-                if len(found) > self._config.bytes:
+                if len(found) > self._config.max_response_bytes:
                     raise InputError(
-                        f"model {self._config.model!r} answered more than {self._config.bytes} bytes; "
-                        f"try another model, or raise llm.bytes"
+                        f"model {self._config.model!r} answered more than {self._config.max_response_bytes} bytes; "
+                        f"try another model, or raise llm.max_response_bytes"
                     )
                 if time.monotonic() > deadline:
                     raise InputError(

@@ -1,4 +1,4 @@
-"""Recordings: a model's answers by the question, so that a second run needs no model and has the same result."""
+"""Recordings of a model's answers, keyed by the question: a second run needs no model and has the same result."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from typing import Any
 
 from s2a.errors import InputError
 from s2a.llm.ask import Answer, Model, Request
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 
 EXACT = re.compile(r"(?<![\w.])-?\d+\.\d{4,}(?![\w.])")
-"""Numbers of a pose in the question for a script. In a recording a slot stands for each, because the same question may be asked
-of another pose: surfaces differ in their last digits, and so do ways to find a place."""
+"""Numbers of a pose in the question for a script. A recording has a slot for each, because the same question may come
+with another pose: surfaces and search results differ in their last digits."""
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.\d+(?![\w.])")
 OTHER = "recorded in this room when its measures were others"
 
 
 def recorder(model: Model, path: Path) -> Model:
-    """Return a model whose answers are kept in a file, and which is not asked again what is there already."""
+    """Return a model that records its answers in a file and answers recorded questions from it."""
     kept, lock = _load(path) if path.exists() else {}, Lock()
 
     def answer(request: Request) -> Answer:
@@ -31,7 +31,7 @@ def recorder(model: Model, path: Path) -> Model:
         said = model(request)
         about = {"step": request.step, "prompt": _hash(request.system), "about": _about(request), "gist": gist(request)}
         tokens = {"prompt_tokens": said.prompt_tokens, "completion_tokens": said.completion_tokens}
-        with lock, aside(path) as room:
+        with lock, atomic_write(path) as room:
             kept[key(request)] = {**about, "model": said.model, **tokens, "answer": _slotted(said.text, request)}
             room.write_text(json.dumps(dict(sorted(kept.items())), indent=1, ensure_ascii=False) + "\n")
         return said
@@ -40,12 +40,12 @@ def recorder(model: Model, path: Path) -> Model:
 
 
 def recorded(path: Path) -> Model:
-    """Return a model that gives the answers of a recording.
+    """Return a model that replays the answers of a recording.
 
     A question that differs in nothing but the measures of the room has the recorded answer too, which then says so.
 
     Raises:
-        InputError: no such recording; from the model: a question that it does not have.
+        InputError: no such recording; from the model: a question that is not recorded.
     """
     kept = _load(path)
     gists = {entry["gist"]: entry for entry in kept.values()}
@@ -70,7 +70,7 @@ def key(request: Request) -> str:
 
 
 def gist(request: Request) -> str:
-    """Return the hash of what a question is about: prompt, object, wish and the ids of the room, without its measures."""
+    """Return the hash of a question without the room's measures: prompt, object, placement hint and the ids of the room."""
     facts = request.facts
     named = [facts.get(name) for name in ("label", "sides", "height", "wish", "id", "tried")]
     ids = sorted(line["id"] for line in facts.get("room", ()))
@@ -107,20 +107,20 @@ def _hash(text: str) -> str:
 
 
 def _about(request: Request) -> str:
-    """Return what a question is about, for people who read a recording."""
+    """Return the subject of a question, for readers of a recording."""
     tries = len(request.messages) // 2
     return f"{request.facts.get('label', '')}{f', try {tries + 1}' if tries else ''}"
 
 
 def _missing(request: Request, kept: dict[str, Any], path: Path) -> str:
-    """Return why a recording has no answer."""
+    """Return the message for a question that is not recorded."""
     same = [entry for entry in kept.values() if entry["step"] == request.step]
     known = f"{path} has no answer to step {request.step!r} for {_about(request)!r}"
     if same and _hash(request.system) not in {entry["prompt"] for entry in same}:
-        return f"{known}: its prompt has changed since the recording; record anew with llm=chat record={path}"
+        return f"{known}: its prompt has changed since the recording; record again with llm=chat record={path}"
     if _about(request) in {entry["about"] for entry in same}:
         return (
-            f"{known} in this room: the room or the object has changed since; record anew with llm=chat record={path}"
+            f"{known} in this room: the room or the object has changed since; record again with llm=chat record={path}"
         )
     return f"{known}; record it with llm=chat record={path}"
 

@@ -1,4 +1,4 @@
-"""What came of every step; what was asked of a model, what it took, and what it cost."""
+"""Records of the steps of an insertion, and the log of tokens, seconds and dollars."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ if TYPE_CHECKING:
     from s2a.llm.ask import Answer
 
 Record = dict[str, Any]
-"""What there is to say of an insertion, step by step: plain values."""
+"""Results of an insertion by step: plain values for JSON."""
 PER_TOKEN = 3.5
-"""Characters in a token of a description: between 3 and 4 for the JSON of a room with the tokenizers of 2024 and 2025."""
+"""Characters per token: between 3 and 4 for the JSON of a room with the tokenizers of 2024 and 2025."""
 
 
 @dataclass
-class Ledger:
-    """Every answer of a model, with its tokens and its price.
+class UsageLog:
+    """Log of a model's answers with their tokens and prices.
 
     Attributes:
-        prices: US dollars for a million tokens of the request and of the answer; zeros where nobody asks for money.
-        entries: one an answer.
+        prices: US dollars for a million tokens of the request and of the answer; zeros where it is free.
+        entries: one per answer.
     """
 
     prices: tuple[float, float]
     entries: list[dict[str, Any]] = field(default_factory=list)
 
-    def note(self, step: str, answer: Answer, refused: str = "") -> None:
-        """Note an answer, and why it was refused."""
+    def add(self, step: str, answer: Answer, refused: str = "") -> None:
+        """Log an answer, and why it was rejected."""
         entry = {
             "step": step,
             "model": answer.model,
@@ -58,13 +58,13 @@ class Ledger:
 
 
 def tokens(text: str) -> int:
-    """Return about how many tokens a text has."""
+    """Estimate the number of tokens of a text."""
     return math.ceil(len(text) / PER_TOKEN)
 
 
 @contextmanager
 def step(record: Record, name: str) -> Iterator[Record]:
-    """Note what a step of an insertion says and how long it took, also where it fails."""
+    """Yield the record of a step and add its duration, and its `problem` if it fails."""
     said: Record = record.setdefault(name, {})
     start = time.perf_counter()
     try:

@@ -1,66 +1,75 @@
-"""Whether the arm touches the room on the way that it is to take: asked of MuJoCo, without simulating."""
+"""Which of several joint paths keeps clear of the collision hulls in a simulated world, without simulating."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import mujoco
 import numpy as np
 
-from s2a.robot.model import ARM_JOINTS, JOINTS
+from s2a.robot.collision import SLACK, RobotShape, Surfaces, robot_shape
+from s2a.robot.joint_path import straight
+from s2a.robot.tool_path import matrices
+from s2a.scene import Mesh
 from s2a.sim.simulation import Simulation
 
-SLACK = 0.005
-"""[m] A way on which colliders overlap by less counts as free: they reach a little beyond what was scanned."""
-TURN = 0.05
-"""[rad] Largest turn of a joint between two poses that are looked at: at arm's length 4 cm."""
-EVERY = 6
-"""Of the steps of a path, which lie close together, every so many are looked at."""
+TRIED = 16
+"""Number of joint paths that are checked."""
 
 
-def freest(sim: Simulation, paths: np.ndarray) -> int:
-    """Return the index of the first path [path step 9] that is free, or of that on which the arm reaches least into anything.
+def most_clear(sim: Simulation, paths: np.ndarray) -> int:
+    """Return the index of the first joint path [path pose arm] that collides with nothing, else of the one that does least.
 
-    The arm turns all joints evenly from the start position to the path's first step and then follows it. Before that step it
-    may touch nothing; from there on the fingers are where they hold, and the part moves with them.
+    The arm turns all joints evenly from home to a path's first pose, where nothing may touch; from there on the fingers and
+    the part move together.
     """
-    depth = _depth(sim.solver.mj_model)
-    start = np.asarray(sim.robot.start)
+    shape, base = robot_shape(sim.robot), matrices(sim.stage.base[None])[0]
+    static, all_hulls = _hulls(sim, moving=False), _hulls(sim, moving=True)
+    home = np.array(sim.robot.home)
     best = (np.inf, 0)
-    for k, path in enumerate(paths):
-        worst = max(depth(_turning(start, path[0]), False), depth(path[::EVERY], True))
-        if worst <= SLACK:
+    for k, path in enumerate(paths[:TRIED]):
+        reach = straight(home, path[0])
+        depth = max(
+            _penetration(shape, base, static, path, fingers=False),
+            _penetration(shape, base, all_hulls, reach, fingers=True),
+            shape.self_penetration(np.concatenate([reach, path]))[0],
+        )
+        if depth <= SLACK:
             return k
-        best = min(best, (worst, k))
+        best = min(best, (depth, k))
     return best[1]
 
 
-def _turning(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return joints [step 9] that turn evenly from one position to another."""
-    count = max(1, int(np.ceil(np.abs(end - start)[:ARM_JOINTS].max() / TURN)))
-    return start + np.linspace(0.0, 1.0, count + 1)[1:, None] * (end - start)
+def _penetration(shape: RobotShape, base: np.ndarray, hulls: Surfaces, q: np.ndarray, *, fingers: bool) -> float:
+    """Return how deep the robot in joints [pose arm] reaches into hulls [m]."""
+    chosen = shape.moving & (~shape.fingers | fingers)
+    centers = shape.centers(q)[:, chosen] @ base[:3, :3].T + base[:3, 3]
+    return hulls.penetration(centers.reshape(-1, 3), np.tile(shape.radii[chosen], len(q)))[0]
 
 
-def _depth(model: mujoco.MjModel) -> Callable[[np.ndarray, bool], float]:
-    """Return what tells how deep the robot's colliders reach into others [m] in joints [step 9], the room as scanned.
-
-    The second argument says whether the hand holds the part: then the fingers do not count, nor does what can move.
-    """
+def _hulls(sim: Simulation, *, moving: bool) -> Surfaces:
+    """Return the collision hulls around the robot as scanned; those of what can move only where asked for."""
+    model = sim.solver.mj_model
     data = mujoco.MjData(model)
-    owner = model.body_weldid[model.geom_bodyid]
-    moved = model.dof_bodyid[:JOINTS]
-    robot, fingers, still = np.isin(owner, moved), np.isin(owner, moved[ARM_JOINTS:]), owner == 0
+    mujoco.mj_kinematics(model, data)
+    shape_body = np.append(sim.world.shape_body, -1)
+    own = {
+        i for i, label in enumerate(sim.world.body_label) if label.split("/")[-1] in robot_shape(sim.robot).kin.links
+    }
+    found = {}
+    for geom, shape in enumerate(sim.solver.mjc_geom_to_newton_shape.numpy()[0]):
+        static = model.body_weldid[model.geom_bodyid[geom]] == 0
+        if shape_body[shape] in own or not (static or moving) or not model.geom_contype[geom]:
+            continue
+        if (mesh := _mesh(model, geom)) is not None:
+            points = mesh.vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+            found[f"hull_{geom}"] = Mesh(points, mesh.faces)
+    return Surfaces(found)
 
-    def depth(q: np.ndarray, holding: bool) -> float:
-        ours, theirs = (robot & ~fingers, still) if holding else (robot, ~robot)
-        worst = 0.0
-        for joints in q:
-            data.qpos[:JOINTS] = joints
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_collision(model, data)
-            a, b = data.contact.geom.T
-            hit = (ours[a] & theirs[b]) | (ours[b] & theirs[a])
-            worst = max(worst, float(-data.contact.dist[hit].min(initial=0.0)))
-        return worst
 
-    return depth
+def _mesh(model: mujoco.MjModel, geom: int) -> Mesh | None:
+    """Return a geom's surface in its own frame; None where it is no mesh."""
+    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
+        return None
+    mesh = model.geom_dataid[geom]
+    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+    return Mesh(model.mesh_vert[first : first + count].astype(float), model.mesh_face[face : face + faces])

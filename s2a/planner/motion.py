@@ -1,4 +1,4 @@
-"""Opening a part by plan: inverse kinematics along the way of the grasp, then the hand closes and pulls.
+"""Opening a part by plan: a tool path, a joint path that follows it, and a trajectory within the robot's limits.
 
 The grip is friction alone; nothing is attached.
 """
@@ -7,48 +7,43 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import newton
-import newton.ik as ik
 import numpy as np
 import torch
-import warp as wp
-from scipy.spatial.transform import Rotation
 
-from s2a.articulation import opening_sign, pose_at
-from s2a.env.vec_env import OpenDrawerEnv
+from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
-from s2a.planner.collision import freest
-from s2a.ranges import Count, CountFromZero, Positive
-from s2a.robot.model import ARM_JOINTS, JOINTS, add_robot
-from s2a.robot.spec import RobotSpec
-from s2a.scene import Vec3
+from s2a.planner.collision import most_clear
+from s2a.planner.trajectory import Trajectory, closing, eased, reach_steps, timed
+from s2a.ranges import Count, CountFromZero, NotNegative, Positive
+from s2a.robot.joint_path import follow
+from s2a.robot.kinematics import Kinematics, kinematics
+from s2a.robot.tool_path import ToolPath, matrices, opening_coordinate, opening_path
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
-
-WORST_ERROR = 1e-6
-"""Largest accepted cost of a path point: 1 mm and 1 mrad squared."""
 
 
 @dataclass(frozen=True)
 class PlannerConfig:
-    """The motion in numbers.
+    """The motion in numbers; times are minima, which a limit of the robot may extend.
 
     Attributes:
-        restarts: random starts of the inverse kinematics; each is tracked along the whole way.
-        approach: distance from which the hand moves straight to the grasp [m].
+        ik_seeds: starts of the inverse kinematics; each is followed along the whole tool path.
+        approach: distance from which the gripper moves straight to the grasp [m].
         depth: how far the pads reach past the grasp point, into the furniture [m].
-        opening: way of the grasp point [m]; less where the joint ends earlier.
+        opening: path of the grasp point [m]; less where the joint ends earlier.
+        start_noise: how far an episode may start from the home position [rad]; for the time of the first motion.
         reach_time: to the point of approach [s].
         approach_time: from there to the grasp [s].
         close_time: for the fingers to close [s].
-        pull_time: to draw the part along its joint by `opening` [s].
-        seed: of the random starts.
+        pull_time: to move the part along its joint by `opening` [s].
+        seed: of the IK starts.
     """
 
-    restarts: Count
+    ik_seeds: Count
     approach: Positive
     depth: float
     opening: Positive
+    start_noise: NotNegative
     reach_time: Positive
     approach_time: Positive
     close_time: Positive
@@ -57,43 +52,47 @@ class PlannerConfig:
 
 
 class Planner:
-    """A policy that follows a planned path; the same for all worlds once the arm is at the point of approach.
+    """A policy that follows a planned trajectory; the same for all worlds once the arm is at the point of approach.
 
     Attributes:
-        path: joint targets after the reach, shape [step 9].
-        reach_steps: control steps from the start position to `path[0]`.
-        grasp_steps: until the hand has closed.
+        trajectory: joint targets after the reach.
+        grasp_steps: control steps until the gripper has closed.
     """
 
-    def __init__(self, env: OpenDrawerEnv, config: PlannerConfig) -> None:
-        """Plan for an environment's stage; InputError if the arm cannot reach along the whole way."""
+    def __init__(self, env: VecEnv, config: PlannerConfig) -> None:
+        """Plan for an environment's stage; InputError if the arm cannot reach along the whole path."""
         sim = env.sim
-        self._env = env
-        rate = _rate(sim)
-        self.path = torch.tensor(_path(sim, config), dtype=torch.float32, device=sim.device)
-        self.reach_steps = round(config.reach_time * rate)
-        self.grasp_steps = self.reach_steps + _closed(config, rate)
-        self._speed = torch.ones(JOINTS, device=sim.device) * env.config.action_scale / rate
-        self._speed[ARM_JOINTS:] *= env.config.finger_speed
+        self._env, self.trajectory = env, plan(sim, config)
+        self.grasp_steps = self.trajectory.reach_steps + self.trajectory.closed
+        self._targets = torch.tensor(self.trajectory.targets, dtype=torch.float32, device=sim.device)
+        self._start = sim.joint_target_q[:, : self._targets.shape[1]].clone()
 
     def __call__(self, observation: torch.Tensor) -> torch.Tensor:
-        """Return the action [world 9] that brings the joint targets onto the path; the observation is not needed."""
-        step = self._env.episode_step.long()
-        now = self._env.sim.joint_target_q[:, :JOINTS]
-        left = (self.reach_steps - step).clamp(min=1)[:, None]
-        reach = now + (self.path[0] - now) / left
-        follow = self.path[(step - self.reach_steps + 1).clamp(0, len(self.path) - 1)]
-        target = torch.where((step < self.reach_steps)[:, None], reach, follow)
-        return (target - now) / self._speed
+        """Return the action [world joint] that brings the joint targets onto the trajectory; observations are not needed."""
+        step, reach = self._env.episode_step.long(), self.trajectory.reach_steps
+        now = self._env.sim.joint_target_q[:, : self._targets.shape[1]]
+        self._start = torch.where((step == 0)[:, None], now, self._start)
+        fraction = torch.from_numpy(eased((step + 1).cpu().numpy() / reach)).to(now)[:, None]
+        reaching = self._start + fraction * (self._targets[0] - self._start)
+        following = self._targets[(step - reach + 1).clamp(0, len(self._targets) - 1)]
+        return (torch.where((step < reach)[:, None], reaching, following) - now) / self._env.action_step
 
 
 def grasping_motion(sim: Simulation, config: PlannerConfig) -> np.ndarray:
-    """Return joint targets [step 9] that bring the open hand straight to the grasp and close it.
+    """Return joint targets [step joint] that bring the open gripper straight to the grasp and close it.
 
     Raises:
-        InputError: the arm cannot reach along the whole way.
+        InputError: the arm cannot reach along the whole path.
     """
-    return _path(sim, config)[: _closed(config, _rate(sim))]
+    trajectory = plan(sim, config)
+    return trajectory.targets[: trajectory.closed]
+
+
+def plan(sim: Simulation, config: PlannerConfig) -> Trajectory:
+    """Return the trajectory that opens a stage's part; InputError: out of reach."""
+    path = _tool_path(sim.stage, config)
+    paths = joint_paths(kinematics(sim.robot), sim.stage, path, config)
+    return _trajectory(sim, path, paths[most_clear(sim, paths)], config)
 
 
 def _rate(sim: Simulation) -> float:
@@ -101,98 +100,40 @@ def _rate(sim: Simulation) -> float:
     return 1.0 / (sim.config.dt * sim.config.substeps)
 
 
-def _closed(config: PlannerConfig, rate: float) -> int:
-    """Return the control steps from the point of approach until the hand has closed, as `_hand_path` counts them."""
-    return round(config.approach_time * rate) + round(config.close_time * rate)
+def _tool_path(stage: SimStage, config: PlannerConfig) -> ToolPath:
+    opening = opening_coordinate(stage.joint, stage.grasp[:3], config.opening)
+    return opening_path(stage.joint, stage.grasp, config.approach, opening, config.depth)
 
 
-def _path(sim: Simulation, config: PlannerConfig) -> np.ndarray:
-    """Return joint targets [step 9] from the point of approach to the end of the pull; InputError: out of reach.
+def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, config: PlannerConfig) -> np.ndarray:
+    """Return the joint paths along a tool path, shape [path pose arm], the best first.
 
-    Of the ways of the arm the best is taken on which it touches nothing but what it holds.
+    They are ordered by how far they keep from the joint limits and how near home they begin.
+
+    Raises:
+        InputError: there is none.
     """
-    poses, fingers = _hand_path(sim.stage, config, _rate(sim))
-    arms = _tracks(sim.stage, sim.robot, poses, config)
-    both = np.broadcast_to(fingers[:, None], (*arms.shape[:2], 2))
-    paths = np.concatenate([arms, both], axis=2)
-    return paths[freest(sim, paths)]
-
-
-def _hand_path(stage: SimStage, config: PlannerConfig, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return poses of the tool, 7-vectors [step 7], and finger positions [step], at `rate` steps a second."""
-    way = min(config.opening, 0.95 * stage.travel)
-    counts = [round(t * rate) for t in (config.approach_time, config.close_time, config.pull_time)]
-    approach, close, pull = (np.arange(1, n + 1) / n for n in counts)
-    inwards = np.concatenate([config.approach * (approach - 1.0), 0.0 * close, 0.0 * pull]) + config.depth
-    opened = np.concatenate([0.0 * approach, 0.0 * close, way * pull])
-    # Targets of zero press the pads on the handle; where they stop is the handle's thickness.
-    fingers = np.concatenate([0.04 + 0.0 * approach, 0.04 * (1.0 - close), 0.0 * pull])
-    return np.stack([_tool_pose(stage, o, i) for o, i in zip(opened, inwards, strict=True)]), fingers
-
-
-def _tool_pose(stage: SimStage, opened: float, inwards: float) -> np.ndarray:
-    """Return the tool's pose [7] when the grasp point moved by `opened` [m], `inwards` [m] past it."""
-    pose = stage.grasp.copy()
-    pose[:3] += inwards * Rotation.from_quat(stage.grasp[3:]).as_matrix()[:, 2]
-    return pose_at(stage.joint, pose, opening_sign(stage.joint) * opened / stage.lever)
-
-
-def _tracks(stage: SimStage, robot: RobotSpec, poses: np.ndarray, config: PlannerConfig) -> np.ndarray:
-    """Return the arm's joint positions along the poses, shape [track step 7], the best track first.
-
-    A single start gets stuck; so many random ones (the hand both ways round) are tracked along the whole way. Those that
-    stay exact and smooth are ordered by how far they keep from the joint limits and how near the start position they begin.
-    """
-    builder = newton.ModelBuilder()
-    newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-    add_robot(builder, robot, wp.transform(*stage.base[:3], *stage.base[3:]))
-    model = builder.finalize(device="cpu")
-    tool = next(i for i, label in enumerate(builder.body_label) if label.split("/")[-1] == robot.tool_link)
-    lower, upper = (a.numpy() for a in (model.joint_limit_lower, model.joint_limit_upper))
-    start = np.tile(np.asarray(robot.start, dtype=np.float32), (config.restarts, 1))
-    rng = np.random.default_rng(config.seed)
-    start[1:, :ARM_JOINTS] = rng.uniform(lower, upper, (config.restarts - 1, JOINTS))[:, :ARM_JOINTS]
-    half_turn = Rotation.from_rotvec([0.0, 0.0, np.pi])
-    flipped = [np.concatenate([p[:3], (Rotation.from_quat(p[3:]) * half_turn).as_quat()]) for p in poses]
-    both = [_solve(model, tool, robot.tool_offset, np.array(p), start) for p in (poses, flipped)]
-    q, cost = (np.concatenate(x, axis=1) for x in zip(*both, strict=True))
-    arm = q[:, :, :ARM_JOINTS]
-    jump = np.abs(np.diff(arm, axis=0)).max(axis=(0, 2))
-    margin = np.minimum(arm - lower[:ARM_JOINTS], upper[:ARM_JOINTS] - arm).min(axis=(0, 2))
-    distance = np.abs(arm[0] - np.asarray(robot.home)).max(axis=1)
-    worst = cost.max(axis=0)
-    feasible = (worst < WORST_ERROR) & (jump < 0.1) & (margin > 0.0)
-    if not feasible.any():
+    (paths,) = follow(kin, path.poses, matrices(stage.base[None]), config.ik_seeds, config.seed)
+    if not len(paths):
         raise InputError(
-            f"{stage.path}: the arm cannot follow part {stage.target!r} from its base at {np.round(stage.base[:3], 2)} m "
-            f"(best error {1e3 * np.sqrt(worst.min()):.1f} mm); prepare the stage with another base pose"
+            f"{stage.path}: the arm cannot follow part {stage.target!r} from its base at {np.round(stage.base[:3], 2)} m; "
+            f"prepare the stage again, with robot={stage.robot}"
         )
-    score = 0.3 * distance + 10.0 * jump - 2.0 * np.clip(margin, 0.0, 0.2)
-    order = np.argsort(score, kind="stable")
-    return arm[:, order[feasible[order]]].swapaxes(0, 1)
+    distance = np.abs(paths[:, 0] - np.array(kin.spec.home)).max(axis=1)
+    margin = np.minimum(paths - kin.lower, kin.upper - paths).min(axis=(1, 2))
+    jump = np.abs(np.diff(paths, axis=1)).max(axis=(1, 2))
+    return paths[np.argsort(distance + jump - 2.0 * np.clip(margin, 0.0, 0.2), kind="stable")]
 
 
-def _solve(
-    model: newton.Model, tool: int, offset: Vec3, poses: np.ndarray, start: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Track the poses from every start position.
-
-    Returns:
-        Joint positions [step start coord] and the sums of squared errors [step start] (m^2 and rad^2).
-    """
-    count = len(start)
-    with wp.ScopedDevice("cpu"):
-        position = ik.IKObjectivePosition(tool, wp.vec3(*offset), wp.zeros(count, dtype=wp.vec3))
-        rotation = ik.IKObjectiveRotation(tool, wp.quat_identity(), wp.zeros(count, dtype=wp.vec4))
-        limits = ik.IKObjectiveJointLimit(model.joint_limit_lower, model.joint_limit_upper, weight=10.0)
-        solver = ik.IKSolver(model, count, [position, rotation, limits], jacobian_mode=ik.IKJacobianType.ANALYTIC)
-        q = wp.array(start, dtype=wp.float32)
-        found, costs = [], []
-        for i, pose in enumerate(poses.astype(np.float32)):
-            position.set_target_positions(wp.array(np.tile(pose[:3], (count, 1)), dtype=wp.vec3))
-            rotation.set_target_rotations(wp.array(np.tile(pose[3:], (count, 1)), dtype=wp.vec4))
-            # Fewer lag behind by millimetres where the arm is stretched.
-            solver.step(q, q, iterations=80 if i == 0 else 12)
-            found.append(q.numpy().copy())
-            costs.append(solver.costs.numpy()[:count].copy())
-    return np.stack(found), np.stack(costs)
+def _trajectory(sim: Simulation, path: ToolPath, arm: np.ndarray, config: PlannerConfig) -> Trajectory:
+    """Return a joint path [pose arm] in time: approach, close, pull."""
+    spec, rate = sim.robot, _rate(sim)
+    approach = timed(arm[: path.grasp + 1], config.approach_time, spec.limits, rate)
+    # A finger target of zero presses the pads on the handle; where they stop is the handle's thickness.
+    fingers = closing(spec.gripper, config.close_time, rate)
+    pull = timed(arm[path.grasp :], config.pull_time, spec.limits, rate)
+    arms = np.concatenate([arm[:1], approach, np.tile(arm[path.grasp], (len(fingers), 1)), pull])
+    before = np.full(1 + len(approach), spec.gripper.finger_joint_open)
+    both = np.concatenate([before, fingers, np.zeros(len(pull))])[:, None]
+    reach = reach_steps(np.array(spec.home), arm[0], config.start_noise, config.reach_time, spec, rate)
+    return Trajectory(np.concatenate([arms, both, both], axis=1), reach, len(before) + len(fingers))

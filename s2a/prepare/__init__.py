@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from s2a import robot
 from s2a.articulation import lever_arm
 from s2a.errors import InputError
 from s2a.geometry.convex import column
@@ -25,6 +26,7 @@ from s2a.prepare.part import PartConfig, PartResult, part_results
 from s2a.prepare.target import bodies, parent_body, target_joint
 from s2a.progress import track
 from s2a.ranges import NotNegative
+from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, Grasp, SimBody, SimRoom
 
@@ -64,13 +66,18 @@ class PrepareConfig:
     mass: MassConfig
     free: FreeConfig
 
-    @property
-    def part(self) -> PartConfig:
-        """What one articulated part's share depends on."""
-        return PartConfig(self.interior, self.room.clearance, self.base, self.colliders, self.cabinet)
+    def part(self, spec: RobotSpec) -> PartConfig:
+        """Return what one articulated part's share depends on."""
+        return PartConfig(self.interior, self.room.clearance, self.base, self.colliders, self.cabinet, spec)
 
 
-def prepare(scene: Scene, targets: str | Sequence[str], config: PrepareConfig, free: Sequence[str] = ()) -> SimRoom:
+def prepare(
+    scene: Scene,
+    targets: str | Sequence[str],
+    config: PrepareConfig,
+    free: Sequence[str] = (),
+    spec: RobotSpec | None = None,
+) -> SimRoom:
     """Return what a simulator needs of a room.
 
     Args:
@@ -79,13 +86,15 @@ def prepare(scene: Scene, targets: str | Sequence[str], config: PrepareConfig, f
             Joints that are not among them are frozen at the scanned pose.
         config: how.
         free: ids of objects that lie about freely instead of being one with the room.
+        spec: the robot that is to move them; None: the Panda.
 
     Raises:
         InputError: a part that was asked for by its id is unknown, does not move, has limits that no robot can use, or has no
             surface; nothing can be prepared; an object cannot be taken out.
     """
     asked = (targets,) if isinstance(targets, str) else tuple(dict.fromkeys(targets))
-    results = _all_that_can(scene, config) if asked == (ALL,) else _exactly(scene, asked, config)
+    spec = spec or robot.load(DEFAULT_ROBOT)
+    results = (_all_that_can if asked == (ALL,) else _exactly)(scene, asked, config.part(spec))
     lifted = free_objects(scene, free, tuple(results), config.free)
     owners = bodies(scene, results)
     obstacles = _obstacles(scene, results, lifted, config)
@@ -102,7 +111,7 @@ def prepare(scene: Scene, targets: str | Sequence[str], config: PrepareConfig, f
         name=scene.name,
         bodies=fixed | moving,
         articulations={
-            part: _articulation(result, parent_body(scene, part, owners), moving[part], filtered[part], config)
+            part: _articulation(result, parent_body(scene, part, owners), moving[part], filtered[part], config, spec)
             for part, result in results.items()
         },
         static_visual=visual.mesh,
@@ -124,22 +133,22 @@ def _notes(fixed: Mapping[str, SimBody], trimmed: Sequence[str]) -> tuple[str, .
     )
 
 
-def _exactly(scene: Scene, parts: Sequence[str], config: PrepareConfig) -> dict[str, PartResult]:
+def _exactly(scene: Scene, parts: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
     """Return the results of parts that were asked for by their ids."""
     for part in parts:
         target_joint(scene, part)  # one that cannot move is refused before the first is worked on
-    results = part_results(scene, _with_members(scene, parts), config.part)
+    results = part_results(scene, _with_members(scene, parts), config)
     for result in results.values():
         if isinstance(result, InputError):
             raise result
     return {part: result for part, result in results.items() if isinstance(result, PartResult)}
 
 
-def _all_that_can(scene: Scene, config: PrepareConfig) -> dict[str, PartResult]:
+def _all_that_can(scene: Scene, _: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
     """Return the results of all articulated parts that can be prepared; warn of the others, which are frozen."""
     parts = scene.movable
     while True:
-        results = part_results(scene, _with_members(scene, parts), config.part)
+        results = part_results(scene, _with_members(scene, parts), config)
         refused = {part: result for part, result in results.items() if isinstance(result, InputError)}
         for part, error in refused.items():
             _log.warning("%s is left out: %s", part, error)
@@ -224,7 +233,12 @@ def _static_colliders(
 
 
 def _articulation(
-    result: PartResult, parent: str, body: SimBody, filtered: Mapping[str, float], config: PrepareConfig
+    result: PartResult,
+    parent: str,
+    body: SimBody,
+    filtered: Mapping[str, float],
+    config: PrepareConfig,
+    spec: RobotSpec,
 ) -> Articulation:
     """Return how a part moves, where it is grasped, and what was done to it."""
     target, base = result.target, result.base
@@ -239,9 +253,7 @@ def _articulation(
         parent=parent,
         grasp=Grasp(grasp.point, grasp.orientation, grasp.size, Mesh(region.vertices, region.faces)),
         bases={
-            DEFAULT_ROBOT: Base(
-                base.position, base.orientation, base.reason, base.free, base.pedestal, config.base.radius
-            )
+            spec.name: Base(base.position, base.orientation, base.reason, base.free, base.pedestal, spec.base.radius)
         },
         friction=config.friction * lever_arm(target.joint, target.point),
         filtered=tuple(filtered),

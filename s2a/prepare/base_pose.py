@@ -1,4 +1,4 @@
-"""Where the robot stands: where its arm reaches the whole way of the handle and nothing is in its own way."""
+"""Where the robot stands: where its arm can follow the whole path of the handle without a collision."""
 
 from __future__ import annotations
 
@@ -10,58 +10,49 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.articulation import lever_arm, open_limit
 from s2a.geometry.convex import column, overlap
 from s2a.prepare.grasp import floor_height, floor_points, heading
-from s2a.prepare.obstacles import Surroundings
-from s2a.prepare.path_clearance import deepest_clash
-from s2a.prepare.reach import follow, hand_way
+from s2a.prepare.obstacles import Obstacles
+from s2a.prepare.path_clearance import deepest_collision
 from s2a.ranges import Count, Numbers, Positive
-from s2a.robot import panda
-from s2a.scene import Joint, Mesh, Scene, Vec3
+from s2a.robot.collision import SLACK, robot_shape
+from s2a.robot.joint_path import follow
+from s2a.robot.spec import RobotSpec
+from s2a.robot.tool_path import opening_coordinate, opening_path
+from s2a.scene import Mesh, Scene, Vec3
 from s2a.usd.sim_scene import Grasp, Quat
 
 CHUNK = 24
-"""Places whose reach is asked for at once."""
-UPPER_ARM = 0.42
-"""[m] Its length and the radius of the elbow: so far above the shoulder no part may open into where the arm stands."""
+"""Places whose reach is computed at once."""
 STUCK = 1.0
-"""What counts for the depth [m] of a clash where the base cannot stand."""
+"""Depth [m] that stands for a place where the base cannot stand."""
 
 
 @dataclass(frozen=True)
 class BaseConfig:
-    """Where the robot may stand.
+    """Where a robot may stand; the robot's spec has the distances.
 
     The first place that serves is taken, nearest to the preferred one first: the first distance, straight before the
     handle, facing it, on the floor.
 
     Attributes:
-        distances: horizontal distances of the base from the grasp point [m], the preferred one first.
         sides: how far to the side of the handle it may stand [m].
         turns: how far it may look past the handle [rad].
         pedestals: heights of what it may stand on [m].
-        radius: of the upright column that its foot and shoulder fill [m].
-        start: joints in which the arm starts [rad]; those of the simulation.
-        approach: distance before the handle from which the hand moves straight to it [m].
-        opening: way of the handle that the arm has to follow [m]; less where the joint ends earlier.
-        restarts: random starts of the inverse kinematics at each place, for either way round of the hand.
-        tracks: starts that have to lead along the whole way: another solver finds one of several more surely.
-        around: how far from the handle the room is looked at [m].
-        search: whether other places than the preferred one are looked at.
+        approach: distance before the handle from which the gripper moves straight to it [m].
+        opening: path of the handle that the arm has to follow [m]; less where the joint ends earlier.
+        ik_seeds: starts of the inverse kinematics at each place, for either way round of the gripper.
+        query_radius: how far from the handle the room is looked at [m].
+        search: other places than the preferred one are tried.
     """
 
-    distances: Numbers
     sides: Numbers
     turns: Numbers
     pedestals: Numbers
-    radius: Positive
-    start: tuple[float, float, float, float, float, float, float]
     approach: Positive
     opening: Positive
-    restarts: Count
-    tracks: Count
-    around: Positive
+    ik_seeds: Count
+    query_radius: Positive
     search: bool
 
 
@@ -74,7 +65,7 @@ class BasePose:
         orientation: quaternion xyzw; x looks ahead.
         reason: why there, in words.
         pedestal: height of what it stands on above the floor [m].
-        free: whether the arm reaches the whole way and touches nothing on it.
+        free: the arm reaches the whole path without a collision.
     """
 
     position: Vec3
@@ -101,8 +92,18 @@ class Place:
         return ", ".join(words)
 
 
+Tried = tuple[float, str, np.ndarray, Place]
+"""A place that does not serve: depth of the collision [m], words for it, pose of the base, place."""
+
+
 def find_base(
-    scene: Scene, target: str, grasp: Grasp, moving: Sequence[str], swept: Sequence[Mesh], config: BaseConfig
+    scene: Scene,
+    target: str,
+    grasp: Grasp,
+    moving: Sequence[str],
+    swept: Sequence[Mesh],
+    config: BaseConfig,
+    robot: RobotSpec,
 ) -> BasePose:
     """Return where the robot stands to open a part.
 
@@ -111,60 +112,100 @@ def find_base(
         target: the part.
         grasp: where it is taken hold of.
         moving: ids of all parts that move.
-        swept: convex pieces that cover their way.
+        swept: collision hulls that cover their path.
         config: where the robot may stand.
+        robot: the robot.
     """
-    joint, point = scene.joint(target), np.array(grasp.point)
-    way = hand_way(grasp, joint, config.approach, _opening(joint, point, config))
-    near = Surroundings(scene, moving, point, config.around)
-    ahead, floor, start = heading(scene, target), floor_points(scene), np.array(config.start)
-    tried: list[tuple[float, str, np.ndarray, Place]] = []
-    for chunk in _places(config):
-        poses = [_pose(floor, point, ahead, place) for place in chunk]
-        taken = [_taken(near, swept, base, place, config.radius) for base, place in zip(poses, chunk, strict=True)]
-        free = [k for k, problem in enumerate(taken) if problem is None]
-        tried += [(STUCK, f"{taken[k]}", poses[k], chunk[k]) for k in range(len(chunk)) if k not in free]
-        if not free:
-            continue
-        # The preferred place is not given up before it was tried hard.
-        restarts = config.restarts * (4 if len(chunk) == 1 else 1)
-        tracks = follow(way, np.array([poses[k] for k in free]), start, restarts)
-        for k, track in zip(free, tracks, strict=True):
-            for turn in config.turns if config.search else config.turns[:1]:
-                place, base = replace(chunk[k], turn=turn), _turned(poses[k], turn)
-                enough = track if len(track) >= config.tracks else track[:0]
-                around = near.with_pedestal(base[:3, 3], place.pedestal, config.radius)
-                depth, problem = deepest_clash(around, base, turn, way, enough, start)
-                if depth <= 0.0:
-                    return _chosen(base, place, _praise(place, tried), True)
-                tried.append((depth, problem, base, place))
-                if not len(enough):
-                    break
+    search = _Search(scene, target, grasp, moving, swept, config, robot)
+    tried: list[Tried] = []
+    for places in _places(config, robot.base.distances):
+        found = search.first_free(places, tried)
+        if found is not None:
+            return found
     depth, problem, base, place = min(tried, key=lambda t: t[0])
     return _chosen(base, place, f"{place}, though {problem}; no place is free", False)
 
 
-def _praise(place: Place, tried: Sequence[tuple[float, str, np.ndarray, Place]]) -> str:
+class _Search:
+    """The search for a place from which a part can be opened."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        target: str,
+        grasp: Grasp,
+        moving: Sequence[str],
+        swept: Sequence[Mesh],
+        config: BaseConfig,
+        robot: RobotSpec,
+    ) -> None:
+        joint, self._point = scene.joint(target), np.array(grasp.point)
+        opening = opening_coordinate(joint, self._point, config.opening)
+        held = np.array([*grasp.point, *grasp.orientation])
+        self._poses = opening_path(joint, held, config.approach, opening).poses
+        self._near = Obstacles(scene, moving, self._point, config.query_radius)
+        self._ahead, self._floor = heading(scene, target), floor_points(scene)
+        self._swept, self._config, self._robot, self._shape = swept, config, robot, robot_shape(robot)
+
+    def first_free(self, places: Sequence[Place], tried: list[Tried]) -> BasePose | None:
+        """Return the first place that serves; add the others to those tried."""
+        poses = [_pose(self._floor, self._point, self._ahead, place) for place in places]
+        taken = [self._taken(base, place) for base, place in zip(poses, places, strict=True)]
+        tried += [
+            (STUCK, problem, base, place)
+            for problem, base, place in zip(taken, poses, places, strict=True)
+            if problem is not None
+        ]
+        open_places = [
+            (base, place) for problem, base, place in zip(taken, poses, places, strict=True) if problem is None
+        ]
+        if not open_places:
+            return None
+        # The preferred place is not given up before it was tried hard.
+        ik_seeds = self._config.ik_seeds * (4 if len(places) == 1 else 1)
+        paths = follow(self._shape.kin, self._poses, np.array([base for base, _ in open_places]), ik_seeds)
+        for (base, place), found in zip(open_places, paths, strict=True):
+            chosen = self._facing(base, place, found, tried)
+            if chosen is not None:
+                return chosen
+        return None
+
+    def _facing(self, base: np.ndarray, place: Place, paths: np.ndarray, tried: list[Tried]) -> BasePose | None:
+        """Return a place if the robot is free there, facing the handle or turned past it; else add it to those tried."""
+        first = np.eye(len(self._robot.arm_joints))[0]
+        for turn in self._config.turns if self._config.search and len(paths) else self._config.turns[:1]:
+            turned, there = _turned(base, turn, self._shape.kin.shoulder), replace(place, turn=turn)
+            near = self._near.with_pedestal(turned[:3, 3], place.pedestal, self._robot.base.radius)
+            depth, problem = deepest_collision(near, self._shape, turned, self._poses, paths - turn * first)
+            if depth <= SLACK:
+                return _chosen(turned, there, _praise(there, tried), True)
+            tried.append((depth, problem, turned, there))
+        return None
+
+    def _taken(self, base: np.ndarray, place: Place) -> str | None:
+        """Return why a base cannot stand at a place, or None if it can."""
+        body, foot = self._robot.base, base[:3, 3]
+        floor = foot[2] - place.pedestal
+        low, high = floor + 0.05 + body.radius, foot[2] + body.shoulder_height
+        standing = self._near.standing_in(foot[:2], low, high, body.radius)
+        if standing is not None:
+            return f"{standing} stands where the base has to stand"
+        height = place.pedestal + body.shoulder_height + body.upper_arm
+        trunk = column(np.array([*foot[:2], floor]), body.radius, height)
+        opens_into = any(overlap(trunk, piece) > 1e-3 for piece in self._swept)
+        return "the part would open into the base" if opens_into else None
+
+
+def _praise(place: Place, tried: Sequence[Tried]) -> str:
     """Return why a place was taken."""
     instead = f" (not {tried[0][3]}: {tried[0][1]})" if tried else ""
-    return f"{place}; the arm reaches the whole way, start and way are free{instead}"
+    return f"{place}; the arm reaches the whole path, start and path are free{instead}"
 
 
-def _taken(near: Surroundings, swept: Sequence[Mesh], base: np.ndarray, place: Place, radius: float) -> str | None:
-    """Return why a base cannot stand at a place, or None if it can."""
-    foot, floor = base[:3, 3], base[2, 3] - place.pedestal
-    standing = near.standing_in(foot[:2], floor + 0.05 + radius, foot[2] + panda.SHOULDER, radius)
-    if standing is not None:
-        return f"{standing} stands where the base has to stand"
-    trunk = column(np.array([*foot[:2], floor]), radius, place.pedestal + panda.SHOULDER + UPPER_ARM)
-    opens_into = any(overlap(trunk, piece) > 1e-3 for piece in swept)
-    return "the part would open into the base" if opens_into else None
-
-
-def _places(config: BaseConfig) -> Iterator[list[Place]]:
+def _places(config: BaseConfig, distances: Sequence[float]) -> Iterator[list[Place]]:
     """Yield the places in the order of how far they are from the preferred one."""
-    places = [Place(*p) for p in itertools.product(config.distances, config.sides, config.pedestals)]
-    places = sorted(places, key=lambda p: abs(p.distance - config.distances[0]) + abs(p.side) + 0.5 * p.pedestal)
+    places = [Place(*p) for p in itertools.product(distances, config.sides, config.pedestals)]
+    places = sorted(places, key=lambda p: abs(p.distance - distances[0]) + abs(p.side) + 0.5 * p.pedestal)
     places = places if config.search else places[:1]
     yield places[:1]
     for k in range(1, len(places), CHUNK):
@@ -188,13 +229,9 @@ def _chosen(base: np.ndarray, place: Place, reason: str, free: bool) -> BasePose
     return BasePose((x, y, z), (0.0, 0.0, math.sin(half), math.cos(half)), reason, place.pedestal, free)
 
 
-def _opening(joint: Joint, point: np.ndarray, config: BaseConfig) -> float:
-    """Return the coordinate of the joint [m] or [rad] to which the arm follows the handle."""
-    arm, far = lever_arm(joint, point), open_limit(joint)
-    return math.copysign(min(config.opening / arm, 0.95 * abs(far)), far) if arm > 1e-6 else 0.0
-
-
-def _turned(base: np.ndarray, turn: float) -> np.ndarray:
+def _turned(base: np.ndarray, turn: float, shoulder: np.ndarray) -> np.ndarray:
+    """Return a base turned about its arm's vertical first axis, through a point [3] of its frame."""
     pose = base.copy()
     pose[:3, :3] = base[:3, :3] @ Rotation.from_euler("z", turn).as_matrix()
+    pose[:3, 3] += (base[:3, :3] - pose[:3, :3]) @ shoulder
     return pose

@@ -7,13 +7,16 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from s2a import robot
 from s2a.articulation import opening_direction
 from s2a.geometry.handles.bar import bar_profile
 from s2a.geometry.mesh_ops import centroids, merge, normals
 from s2a.geometry.simplify import is_shell
 from s2a.prepare.gripper_roll import ROUND, free_roll, free_side, is_round
+from s2a.robot.collision import robot_shape
+from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene, Vec3
-from s2a.usd.sim_scene import Grasp, Quat
+from s2a.usd.sim_scene import DEFAULT_ROBOT, Grasp, Quat
 
 SLICES = 12
 """Places along a bar at which its thickness is measured."""
@@ -21,7 +24,7 @@ FLOOR = ("floor", "floors")
 """Last words of a label that make it the floor's."""
 
 
-def find_grasp(scene: Scene, target: str) -> Grasp:
+def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None) -> Grasp:
     """Return the grasp of a movable part: point, frame and extents of its annotated region.
 
     The hand comes along the way on which the part closes; where it would bump into something there, and the region is a bar,
@@ -32,11 +35,12 @@ def find_grasp(scene: Scene, target: str) -> Grasp:
     """
     point = scene.grasp_point(target)
     region = merge([scene.parts[i].mesh for i in scene.grasp_parts(target)])
+    shape = robot_shape(spec or robot.load(DEFAULT_ROBOT))
     first = _grasp(point, region, -opening_direction(scene.joint(target), point))
     if is_round(first):
-        return free_roll(scene, target, first)
+        return free_roll(scene, target, first, shape)
     across = Rotation.from_quat(first.orientation).as_matrix()[:, 1]
-    return free_side(scene, target, first, (_grasp(point, region, side) for side in (-across, across)))
+    return free_side(scene, target, first, (_grasp(point, region, side) for side in (-across, across)), shape)
 
 
 def _grasp(point: np.ndarray, region: Mesh, inwards: np.ndarray) -> Grasp:

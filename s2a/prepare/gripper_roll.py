@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.prepare.obstacles import Surroundings
-from s2a.robot import panda
+from s2a.prepare.obstacles import Obstacles
+from s2a.robot.collision import RobotShape
 from s2a.scene import Scene
 from s2a.usd.sim_scene import Grasp
 
@@ -31,24 +31,24 @@ def is_round(grasp: Grasp) -> bool:
     return max(along, across) < ROUND * min(along, across)
 
 
-def free_roll(scene: Scene, target: str, grasp: Grasp) -> Grasp:
+def free_roll(scene: Scene, target: str, grasp: Grasp, shape: RobotShape) -> Grasp:
     """Return a grasp of what is round, rolled about its approach if the hand would otherwise reach into the room."""
-    near = Surroundings(scene, (target, *scene.descendants(target)), np.array(grasp.point), AROUND)
-    return _freest(near, grasp, (_rolled(grasp, turn) for turn in TURNS[1:]))
+    near = Obstacles(scene, (target, *scene.descendants(target)), np.array(grasp.point), AROUND)
+    return _freest(near, shape, grasp, (_rolled(grasp, turn) for turn in TURNS[1:]))
 
 
-def free_side(scene: Scene, target: str, grasp: Grasp, others: Iterable[Grasp]) -> Grasp:
+def free_side(scene: Scene, target: str, grasp: Grasp, others: Iterable[Grasp], shape: RobotShape) -> Grasp:
     """Return a grasp, or one from another side if the hand would otherwise reach into anything beside what it holds."""
-    near = Surroundings(scene, scene.grasp_parts(target), np.array(grasp.point), AROUND)
-    return _freest(near, grasp, others)
+    near = Obstacles(scene, scene.grasp_parts(target), np.array(grasp.point), AROUND)
+    return _freest(near, shape, grasp, others)
 
 
-def _freest(near: Surroundings, grasp: Grasp, others: Iterable[Grasp]) -> Grasp:
+def _freest(near: Obstacles, shape: RobotShape, grasp: Grasp, others: Iterable[Grasp]) -> Grasp:
     """Return a grasp, or another one on whose way the hand reaches clearly less into what is there."""
-    depth = _depth(near, grasp)
+    depth = _depth(near, shape, grasp)
     if depth <= BETTER:  # as almost always: then the others are not even made
         return grasp
-    depths, grasps = zip(*((_depth(near, other), other) for other in others), strict=True)
+    depths, grasps = zip(*((_depth(near, shape, other), other) for other in others), strict=True)
     best = int(np.argmin(depths))
     return grasps[best] if depths[best] < depth - BETTER else grasp
 
@@ -64,9 +64,9 @@ def _rolled(grasp: Grasp, degrees: float) -> Grasp:
     return replace(grasp, orientation=(x, y, z, w), size=(float(along), float(across), grasp.size[2]))
 
 
-def _depth(near: Surroundings, grasp: Grasp) -> float:
+def _depth(near: Obstacles, shape: RobotShape, grasp: Grasp) -> float:
     """Return how deep the open hand reaches into what is near, on its straight way to the grasp [m]."""
-    turn, hand = Rotation.from_quat(grasp.orientation), panda.SPHERES[panda.HAND]
+    turn = Rotation.from_quat(grasp.orientation)
     back = np.linspace(0.0, APPROACH, 6)[:, None, None] * np.array([0.0, 0.0, 1.0])
-    centers = turn.apply((hand[None, :, 1:4] - back).reshape(-1, 3)) + grasp.point
-    return near.hit(centers, np.tile(hand[:, 4], 6), moving=False)[0]
+    centers = turn.apply((shape.gripper[None] - back).reshape(-1, 3)) + grasp.point
+    return near.penetration(centers, np.tile(shape.gripper_radii, 6), moving=False)[0]

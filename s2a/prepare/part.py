@@ -24,6 +24,7 @@ from s2a.prepare.colliders.target import ColliderConfig, find_handle, target_col
 from s2a.prepare.interior import drawer_box
 from s2a.prepare.target import Target, find_target
 from s2a.progress import track
+from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import Collider, Grasp
 
@@ -40,6 +41,7 @@ class PartConfig:
     base: BaseConfig
     colliders: ColliderConfig
     cabinet: CabinetConfig
+    robot: RobotSpec
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ def _in_worker(asked: Asked) -> Arrays | InputError:
 
 def _try(scene: Scene, asked: Asked, config: PartConfig) -> Arrays | InputError:
     try:
-        return _packed(_part(find_target(scene, *asked), scene, config))
+        return _packed(_part(find_target(scene, *asked, spec=config.robot), scene, config))
     except InputError as error:
         return error
 
@@ -135,7 +137,7 @@ def _part(target: Target, scene: Scene, config: PartConfig) -> PartResult:
     colliders += tuple(Collider(target.id, wall) for wall in interior)
     swept = sweep(merge([target.carried, *(c.mesh for c in colliders)]), target.joint, config.clearance)
     moving = (target.id, *scene.descendants(target.id))
-    base = find_base(scene, target.id, target.grasp, moving, swept, config.base)
+    base = find_base(scene, target.id, target.grasp, moving, swept, config.base, config.robot)
     return PartResult(target, colliders, interior, gripper_corridor(handle, target, config.cabinet), tuple(swept), base)
 
 

@@ -1,89 +1,90 @@
-"""Whether an arm touches the room: where it starts, on its way to a handle, and while it leads the handle."""
+"""Whether an arm collides: where it starts, on its path to a handle, and while it moves the handle."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from s2a.prepare.obstacles import Surroundings
-from s2a.robot import panda
+from s2a.prepare.obstacles import Obstacles
+from s2a.robot.collision import SLACK, Hit, RobotShape
+from s2a.robot.joint_path import HALF_TURN, straight
 
-BEYOND = 10.0
-"""What counts for the depth [m] of a clash where the arm cannot reach."""
-FINGERS = 4
-"""The last spheres of the robot; they touch what they hold."""
-TURN = 0.05
-"""[rad] Largest turn of a joint between two poses that are looked at: at arm's length 4 cm, the radius of a sphere."""
-TRACKS = 8
-"""So many ways of the arm are looked at, those that begin nearest to its start."""
-
-Clash = tuple[float, str]
-"""How deep the robot reaches into a surface [m] (0: nowhere, above 1: it cannot get there), and the words for it."""
+UNREACHABLE = 10.0
+"""Depth [m] that stands for a place from which the arm cannot reach."""
+LONGEST_REACH = 2.0
+"""[s] In which every joint, at full speed, has to turn from home to the path: an episode has to have time for the rest."""
+TRIED = 8
+"""Number of joint paths that are checked: those that begin nearest to home."""
 
 
-def deepest_clash(
-    near: Surroundings, base: np.ndarray, turn: float, way: np.ndarray, tracks: np.ndarray, start: np.ndarray
-) -> Clash:
-    """Return what the robot bumps into from one place, on the best of the ways of its arm.
+def deepest_collision(
+    near: Obstacles, shape: RobotShape, base: np.ndarray, poses: np.ndarray, paths: np.ndarray
+) -> Hit:
+    """Return the robot's deepest collision from one place, on the best of its joint paths, with words for it.
 
     Args:
-        near: what is there.
+        near: what it can collide with.
+        shape: of the robot.
         base: pose of the base, shape [4 4], scene frame.
-        turn: by which it is turned to the left of where `tracks` were found [rad].
-        way: poses of the tool from the point of approach on, shape [pose 4 4], scene frame.
-        tracks: joints that follow it [rad], shape [track pose 7].
-        start: joints in which the arm starts [rad], shape [7].
+        poses: of the tool frame from the point of approach on, shape [pose 4 4], scene frame.
+        paths: joint paths that follow them [rad], shape [path pose arm].
     """
-    if not len(tracks):
-        return BEYOND, "the arm cannot reach along the whole way"
-    depth, owner = _robot(near, base, start[None], moving=True)
-    if depth > 0.0:
+    home = np.array(shape.kin.spec.home)
+    if not len(paths):
+        return UNREACHABLE, "the arm cannot reach along the whole path"
+    depth, owner = _robot(near, shape, base, home[None], moving=True)
+    if depth > SLACK:
         return depth, f"the start pose reaches {1000 * depth:.0f} mm into {owner}"
-    depth, owner = _straight(near, base @ panda.frames(start[None])[0, panda.TOOL], way[0])
-    if depth > 0.0:
-        return depth, f"the hand on its way reaches {1000 * depth:.0f} mm into {owner}"
-    return _along(near, base, tracks - turn * np.eye(panda.ARM)[0], start)
+    depth, owner = _straight(near, shape, base @ shape.kin.tool(home[None])[0], poses[0])
+    if depth > SLACK:
+        return depth, f"the gripper on its path reaches {1000 * depth:.0f} mm into {owner}"
+    return _along(near, shape, base, paths)
 
 
-def _along(near: Surroundings, base: np.ndarray, tracks: np.ndarray, start: np.ndarray) -> Clash:
-    """Return how deep the arm reaches into the room on the best way to the handle and with it."""
-    inside = (tracks[..., 0] > panda.LOWER[0]) & (tracks[..., 0] < panda.UPPER[0])
-    tracks = tracks[inside.all(axis=1)]
-    far = np.abs(tracks[:, 0] - start).max(axis=1)
-    best: Clash = (BEYOND, "the arm cannot turn so far")
-    for track in tracks[np.argsort(far, kind="stable")][:TRACKS]:
-        lead = _robot(near, base, track[1:], moving=False, without=FINGERS)
-        reach = _robot(near, base, _turning(start, track[0]), moving=True)
-        depth, owner, leg = max((*lead, "on its way"), (*reach, "on its way to the handle"))
-        if depth <= 0.0:
+def _along(near: Obstacles, shape: RobotShape, base: np.ndarray, paths: np.ndarray) -> Hit:
+    """Return the deepest collision on the best path to the handle and with it."""
+    kin = shape.kin
+    home = np.array(kin.spec.home)
+    paths = paths[((paths > kin.lower) & (paths < kin.upper)).all(axis=(1, 2))]
+    distance = np.abs(paths[:, 0] - home).max(axis=1)
+    time = (np.abs(paths[:, 0] - home) / kin.spec.limits.velocity).max(axis=1)
+    order = np.argsort(distance, kind="stable")
+    best: Hit = (UNREACHABLE, "the arm cannot turn so far")
+    for path in paths[order[time[order] < LONGEST_REACH]][:TRIED]:
+        depth, owner = _path_collision(near, shape, base, straight(home, path[0]), path)
+        if depth <= SLACK:
             return 0.0, ""
-        best = min(best, (depth, f"the arm reaches {1000 * depth:.0f} mm into {owner} {leg}"))
+        best = min(best, (depth, f"the arm reaches {1000 * depth:.0f} mm into {owner}"))
     return best
 
 
-def _turning(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return the joints on the straight way of all joints at once, shape [pose 7], without its start."""
-    count = max(1, int(np.ceil(np.abs(end - start).max() / TURN)))
-    return start + np.linspace(0.0, 1.0, count + 1)[1:, None] * (end - start)
+def _path_collision(near: Obstacles, shape: RobotShape, base: np.ndarray, reach: np.ndarray, path: np.ndarray) -> Hit:
+    """Return the deepest collision on the joint path to the point of approach [pose arm] and on that from there."""
+    depth, owner = _robot(near, shape, base, path[1:], moving=False)
+    if depth > SLACK:
+        return depth, f"{owner} on its path"
+    depth, owner = _robot(near, shape, base, reach, moving=True)
+    if depth > SLACK:
+        return depth, f"{owner} on its path to the handle"
+    return shape.self_penetration(np.concatenate([reach, path]))
 
 
-def _robot(near: Surroundings, base: np.ndarray, q: np.ndarray, *, moving: bool, without: int = 0) -> Clash:
-    """Return how deep the robot in joints [pose 7] reaches into a surface, less its last spheres, and whose."""
-    balls = panda.SPHERES[: len(panda.SPHERES) - without]
-    centers = panda.spheres(q)[:, : len(balls)] @ base[:3, :3].T + base[:3, 3]
-    return near.hit(centers.reshape(-1, 3), np.tile(balls[:, 4], len(q)), moving=moving)
+def _robot(near: Obstacles, shape: RobotShape, base: np.ndarray, q: np.ndarray, *, moving: bool) -> Hit:
+    """Return the deepest collision in joints [pose arm]; while it moves the handle, the fingers may touch what they hold."""
+    chosen = shape.moving & (~shape.fingers | moving)
+    centers = shape.centers(q)[:, chosen] @ base[:3, :3].T + base[:3, 3]
+    return near.penetration(centers.reshape(-1, 3), np.tile(shape.radii[chosen], len(q)), moving=moving)
 
 
-def _straight(near: Surroundings, start: np.ndarray, end: np.ndarray) -> Clash:
-    """Return how deep the hand reaches into a surface on the straight way between two poses of the tool [4 4]."""
-    chosen = panda.SPHERES[panda.HAND]
-    best = (np.inf, "")
-    for flip in (np.eye(3), np.diag([-1.0, -1.0, 1.0])):
+def _straight(near: Obstacles, shape: RobotShape, start: np.ndarray, end: np.ndarray) -> Hit:
+    """Return the gripper's deepest collision on the straight path between two poses of the tool frame [4 4]."""
+    best: Hit = (np.inf, "")
+    for flip in (np.eye(3), HALF_TURN[:3, :3]):
         turns = Rotation.from_matrix(np.stack([start[:3, :3], end[:3, :3] @ flip]))
         count = max(2, int(np.linalg.norm(end[:3, 3] - start[:3, 3]) / 0.03))
-        share = np.linspace(0.0, 1.0, count)
-        matrices = Slerp([0.0, 1.0], turns)(share).as_matrix()
-        places = start[:3, 3] + share[:, None] * (end[:3, 3] - start[:3, 3])
-        centers = np.einsum("kij,sj->ksi", matrices, chosen[:, 1:4]) + places[:, None]
-        best = min(best, near.hit(centers.reshape(-1, 3), np.tile(chosen[:, 4], count), moving=True))
+        fraction = np.linspace(0.0, 1.0, count)
+        matrices = Slerp([0.0, 1.0], turns)(fraction).as_matrix()
+        places = start[:3, 3] + fraction[:, None] * (end[:3, 3] - start[:3, 3])
+        centers = np.einsum("kij,sj->ksi", matrices, shape.gripper) + places[:, None]
+        best = min(best, near.penetration(centers.reshape(-1, 3), np.tile(shape.gripper_radii, count), moving=True))
     return best

@@ -13,6 +13,7 @@ from s2a import limits
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
 from s2a.prepare.grasp import find_grasp
+from s2a.robot.spec import RobotSpec
 from s2a.scene import Joint, Mesh, Scene
 from s2a.usd.sim_scene import Grasp
 
@@ -62,7 +63,13 @@ class Target:
         return merge(list(self.surfaces.values()))
 
 
-def find_target(scene: Scene, part: str, members: Sequence[str] | None = None, grasp: Grasp | None = None) -> Target:
+def find_target(
+    scene: Scene,
+    part: str,
+    members: Sequence[str] | None = None,
+    grasp: Grasp | None = None,
+    spec: RobotSpec | None = None,
+) -> Target:
     """Return an articulated part of a scene.
 
     Args:
@@ -70,11 +77,12 @@ def find_target(scene: Scene, part: str, members: Sequence[str] | None = None, g
         part: its id.
         members: ids of the parts of its body, itself first; None: all below it that hang on no joint of their own.
         grasp: where to grasp it, where that is known already.
+        spec: the robot that grasps it; None: the Panda.
 
     Raises:
         InputError: the part is unknown, does not move, has limits that no robot can use, or has no surface.
     """
-    joint, grasp = target_joint(scene, part), grasp or find_grasp(scene, part)
+    joint, grasp = target_joint(scene, part), grasp or find_grasp(scene, part, spec)
     held, root = scene.grasp_parts(part), scene.root(part)
     plate = scene.parts[held[0]].parent
     return Target(

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from s2a.ranges import Count, NotEmpty, NotNegative, Positive, Share
+from s2a.ranges import Count, Fraction, NotEmpty, NotNegative, Positive
 
 BROKEN = (
-    "the policy is no number any more; go on from the last checkpoint (resume=true), or train anew with a smaller "
-    "policy.learning_rate or policy.reward_scale"
+    "the policy has non-finite parameters; go on from the last checkpoint (resume=true), or train again with a smaller "
+    "ppo.learning_rate or ppo.reward_scale"
 )
 """What ends a training before it is saved."""
 
@@ -20,80 +20,80 @@ class PpoConfig:
 
     Attributes:
         iterations: of collecting and learning.
-        steps: control steps a world collects for an iteration.
-        epochs: passes over them.
-        mini_batches: parts of a pass.
+        num_steps_per_env: control steps a world collects for an iteration.
+        num_learning_epochs: passes over them.
+        num_mini_batches: parts of a pass.
         learning_rate: at the start; adapted to keep the divergence at `desired_kl`.
         desired_kl: divergence of a policy from the one before it.
         gamma: discount of a control step.
         lam: of the generalised advantage estimate.
-        clip: of the probability ratio, and of the value's change where `clip_value` is true.
-        clip_value: whether the value's change is clipped. It is clipped in units of the return, so that returns in the hundreds
+        clip_param: clip of the probability ratio, and of the value's change where `use_clipped_value_loss` is true.
+        use_clipped_value_loss: clip the value's change. It is clipped in units of the return, so that returns in the hundreds
             are learned slowly.
         reward_scale: factor of the reward that rsl-rl is given.
-        value_loss: weight of the value's loss.
-        entropy: weight of the entropy.
+        value_loss_coef: weight of the value's loss.
+        entropy_coef: weight of the entropy.
         max_grad_norm: where the gradient is cut.
-        hidden: widths of the layers of actor and critic (ELU).
+        hidden_dims: widths of the layers of actor and critic (ELU).
         init_std: standard deviation of the first policy's actions.
         save_interval: iterations between checkpoints.
-        graph: whether collecting and updating never wait for the device, and an update is replayed as captured graphs on a GPU;
+        cuda_graph: collecting and updating never wait for the device, and an update is replayed as captured graphs on a GPU;
             the arithmetic is the same. Of the two below, it needs neither.
-        fused_adam: whether the optimiser's step is one kernel instead of some ten.
-        compile: how torch.compile treats the networks; null: not at all.
+        fused_adam: take the optimiser's step in one kernel instead of some ten.
+        torch_compile_mode: how torch.compile treats the networks; null: not at all.
     """
 
     iterations: Count
-    steps: Count
-    epochs: Count
-    mini_batches: Count
+    num_steps_per_env: Count
+    num_learning_epochs: Count
+    num_mini_batches: Count
     learning_rate: Positive
     desired_kl: Positive
-    gamma: Share
-    lam: Share
-    clip: Positive
-    clip_value: bool
+    gamma: Fraction
+    lam: Fraction
+    clip_param: Positive
+    use_clipped_value_loss: bool
     reward_scale: Positive
-    value_loss: NotNegative
-    entropy: float
+    value_loss_coef: NotNegative
+    entropy_coef: float
     max_grad_norm: Positive
-    hidden: Annotated[tuple[Count, ...], NotEmpty()]
+    hidden_dims: Annotated[tuple[Count, ...], NotEmpty()]
     init_std: Positive
     save_interval: Count
-    graph: bool
+    cuda_graph: bool
     fused_adam: bool
-    compile: Literal["default", "max-autotune-no-cudagraphs"] | None
+    torch_compile_mode: Literal["default", "max-autotune-no-cudagraphs"] | None
 
 
 def rsl_rl_settings(config: PpoConfig) -> dict[str, Any]:
     """Return the settings under rsl-rl's names."""
     network = {
         "class_name": "MLPModel",
-        "hidden_dims": list(config.hidden),
+        "hidden_dims": list(config.hidden_dims),
         "activation": "elu",
         "obs_normalization": True,
     }
-    gaussian = "s2a.rl.cuda_graph_ppo:LazyGaussian" if config.graph else "GaussianDistribution"
+    gaussian = "s2a.rl.cuda_graph_ppo:LazyGaussian" if config.cuda_graph else "GaussianDistribution"
     distribution = {"class_name": gaussian, "init_std": config.init_std, "std_type": "scalar"}
     return {
-        "num_steps_per_env": config.steps,
+        "num_steps_per_env": config.num_steps_per_env,
         "save_interval": config.save_interval,
         "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
-        "torch_compile_mode": config.compile,
+        "torch_compile_mode": config.torch_compile_mode,
         "check_for_nan": False,  # the environment resets worlds that are not finite, and counts them
         "algorithm": {
-            "class_name": "s2a.rl.cuda_graph_ppo:GraphPpo" if config.graph else "PPO",
-            "num_learning_epochs": config.epochs,
-            "num_mini_batches": config.mini_batches,
+            "class_name": "s2a.rl.cuda_graph_ppo:GraphPpo" if config.cuda_graph else "PPO",
+            "num_learning_epochs": config.num_learning_epochs,
+            "num_mini_batches": config.num_mini_batches,
             "learning_rate": config.learning_rate,
             "schedule": "adaptive",
             "desired_kl": config.desired_kl,
             "gamma": config.gamma,
             "lam": config.lam,
-            "clip_param": config.clip,
-            "use_clipped_value_loss": config.clip_value,
-            "value_loss_coef": config.value_loss,
-            "entropy_coef": config.entropy,
+            "clip_param": config.clip_param,
+            "use_clipped_value_loss": config.use_clipped_value_loss,
+            "value_loss_coef": config.value_loss_coef,
+            "entropy_coef": config.entropy_coef,
             "max_grad_norm": config.max_grad_norm,
         },
         "actor": {**network, "distribution_cfg": distribution},

@@ -9,7 +9,7 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 
 
 def export(model: nn.Module, checkpoint: Path) -> list[Path]:
@@ -26,9 +26,9 @@ def export(model: nn.Module, checkpoint: Path) -> list[Path]:
         The two files.
     """
     script, graph = checkpoint.with_suffix(".torchscript"), checkpoint.with_suffix(".onnx")
-    with aside(script) as out:
+    with atomic_write(script) as out:
         torch.jit.script(model.as_jit().cpu().eval()).save(str(out))
-    with aside(graph) as out, warnings.catch_warnings():
+    with atomic_write(graph) as out, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of torch's exporter about torch itself
         logging.getLogger("torch.onnx").setLevel(logging.ERROR)
         onnx = model.as_onnx(verbose=False).cpu().eval()

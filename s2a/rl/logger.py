@@ -22,6 +22,18 @@ class LazyLogger(Logger):
         super().__init__(*args, **kwargs)
         self._kept: list[tuple[torch.Tensor, ...]] = []
 
+    def state_dict(self) -> dict[str, Any]:
+        """Return what the running episodes and the recent ones came to."""
+        running = {"reward": self.cur_reward_sum.clone(), "length": self.cur_episode_length.clone()}
+        return running | {"rewards": list(self.rewbuffer), "lengths": list(self.lenbuffer)}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from what `state_dict` returned."""
+        self.cur_reward_sum.copy_(state["reward"])
+        self.cur_episode_length.copy_(state["length"])
+        self.rewbuffer.extend(state["rewards"])
+        self.lenbuffer.extend(state["lengths"])
+
     def process_env_step(
         self,
         rewards: torch.Tensor,

@@ -17,11 +17,13 @@ from torch.utils.tensorboard import SummaryWriter
 
 from s2a.config import leaves
 from s2a.errors import InputError
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 
 SETTINGS = "settings.json"
 STARTS = "starts.json"
-FREE = ("resume", "device", "export", "out", "policy.iterations", "policy.save_interval")
+BEST = "model_best.pt"
+"""Copy of the checkpoint with the best score so far."""
+FREE = ("resume", "device", "export", "out", "ppo.iterations", "ppo.save_interval")
 """Keys that may change when a run goes on."""
 
 _log = logging.getLogger(__name__)
@@ -40,13 +42,19 @@ def keep_settings(values: Mapping[str, Any], out: Path) -> None:
             then = dict(leaves(json.loads(file.read_text())))
         except (OSError, ValueError, AttributeError) as error:
             raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error
-        for key, value in leaves(now):
-            if key not in FREE and then.get(key) != value:
+        given = dict(leaves(now))
+        for key in given | then:  # what is no longer there counts too: a reward term that is not listed weighs nothing
+            if given.get(key) != then.get(key) and not _may_change(key, given.get(key), then.get(key)):
                 raise InputError(
-                    f"key {key!r} is {value!r}, but {out} was begun with {then.get(key)!r}; "
+                    f"key {key!r} is {given.get(key)!r}, but {out} was begun with {then.get(key)!r}; "
                     "resume with the same settings, or train into another folder"
                 )
     file.write_text(json.dumps(now, indent=1))
+
+
+def _may_change(key: str, now: object, then: object) -> bool:
+    """Return whether a key may differ from the run's: FREE ones, what is reported alone, a reward term that weighs nothing."""
+    return key in FREE or key.startswith("metrics.") or (key.startswith("reward.") and not now and not then)
 
 
 def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, object]) -> list[dict[str, Any]]:
@@ -61,15 +69,29 @@ def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, objec
             f"{stage} has changed since {out} was begun; resume with what it was, or train into another folder"
         )
     every = [*earlier, {"iteration": iteration, "stage_sha256": content, **about}]
-    with aside(out / STARTS) as new:
+    with atomic_write(out / STARTS) as new:
         new.write_text(json.dumps(every, indent=1))
     return every
 
 
 def starts(out: Path) -> list[dict[str, Any]]:
-    """Return with which code, on which machine and stage a run began and went on; nothing if that was not yet noted."""
+    """Return with which code, on which machine and stage a run began and went on; nothing if that was not yet noted.
+
+    Raises:
+        InputError: the file is damaged.
+    """
     file = out / STARTS
-    return json.loads(file.read_text()) if file.is_file() else []
+    if not file.is_file():
+        return []
+    try:
+        found = json.loads(file.read_text())
+        if [start["stage_sha256"] for start in found]:
+            return found
+        raise ValueError("it is empty")
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise InputError(
+            f"{file}: not what s2a train writes ({error}); delete it, or train into another folder"
+        ) from error
 
 
 def latest(out: Path) -> Path | None:
@@ -77,7 +99,8 @@ def latest(out: Path) -> Path | None:
 
     One that is not whole, as a full disk or a lost machine may leave it, is passed over with a warning.
     """
-    for file in sorted(out.glob("model_*.pt"), key=iteration, reverse=True):
+    numbered = [file for file in out.glob("model_*.pt") if iteration(file) >= 0]
+    for file in sorted(numbered, key=iteration, reverse=True):
         if _whole(file):
             return file
         _log.warning("%s is not whole; going on from an earlier one", file)
@@ -108,14 +131,13 @@ def cut(out: Path, first: int) -> None:
 
 
 def curve(out: Path) -> list[dict[str, float]]:
-    """Return what TensorBoard logged, a row an iteration."""
+    """Return what TensorBoard logged of episodes, a row an iteration: rates and values by name, and the mean reward."""
     events = _events(out)
-    same = ("success", "final_success", "handle_use_of_successes", "side_grasps_of_successes", "wide", "opening")
-    names = {name: f"/{name}" for name in (*same, "invalid", "row_overflow", "contact_overflow")}
+    tags = {tag.removeprefix("/"): tag for tag in events.Tags()["scalars"] if tag.startswith("/")}
     rows: dict[int, dict[str, float]] = {}
-    for name, tag in (names | {"reward": "Train/mean_reward"}).items():
+    for name, tag in (tags | {"reward": "Train/mean_reward"}).items():
         for event in _scalars(events, tag):
-            if math.isfinite(event.value):
+            if math.isfinite(event.value) and not name.startswith("term/"):
                 rows.setdefault(event.step, {"iteration": event.step})[name] = event.value
     return [rows[i] for i in sorted(rows)]
 

@@ -24,3 +24,11 @@ def load(name: str) -> RobotSpec:
     if name not in names():
         raise InputError(f"robot {name!r} does not exist{config.nearest(name, names())}")
     return config.load(RobotSpec, config.compose(f"robot/{name}")["robot"])
+
+
+def check_unchanged(spec: RobotSpec) -> None:
+    """Raise InputError where a command changed single values of a robot: all that read it must see the same one."""
+    if spec != load(spec.name):
+        raise InputError(
+            f"robot {spec.name!r} differs from conf/robot/{spec.name}.yaml; change it there, not by robot.<key>="
+        )

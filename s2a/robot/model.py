@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 
 import newton
 import warp as wp
@@ -10,11 +11,6 @@ import warp as wp
 from s2a.errors import InputError
 from s2a.robot import urdf
 from s2a.robot.spec import Gains, RobotSpec
-
-ARM_JOINTS = 7
-"""Arm joints of every robot: the kernels' arrays have a fixed size."""
-JOINTS = 9
-"""Arm and finger joints."""
 
 
 def add_robot(
@@ -25,11 +21,11 @@ def add_robot(
     gains: Gains | None = None,
     gravity_compensation: bool = True,
     visuals: bool = False,
+    realistic: bool = False,
 ) -> None:
     """Add a robot, fixed at `base`, as the first articulation of a world.
 
-    Its coordinates are `spec.joints`, at `spec.start`. Colliders are the convex hulls of its links' collision meshes; the
-    links do not collide with each other.
+    Its coordinates are `spec.joints`, at `spec.start`. Colliders are the convex hulls of its links' collision meshes.
 
     Args:
         builder: an empty world.
@@ -38,6 +34,8 @@ def add_robot(
         gains: of the position controller; None: the robot's own.
         gravity_compensation: MuJoCo carries the robot's weight.
         visuals: load visual meshes too.
+        realistic: let links touch each other, except NEIGHBOURS; couple the fingers if one motor drives both; control
+            follows target velocities too.
 
     Raises:
         InputError: the URDF's joints are not those of the spec, in this order.
@@ -51,6 +49,7 @@ def add_robot(
             f"{', '.join(spec.joints)}"
         )
     arm = len(spec.arm_joints)
+    mode = newton.JointTargetMode.POSITION_VELOCITY if realistic else newton.JointTargetMode.POSITION
     efforts = (*spec.limits.torque, *2 * (gains.finger_effort,))
     for k, (i, start) in enumerate(zip(moving, spec.start, strict=True)):
         dof = builder.joint_qd_start[i]
@@ -58,10 +57,38 @@ def add_robot(
         builder.joint_target_kd[dof] = gains.arm_damping if k < arm else gains.finger_damping
         builder.joint_armature[dof] = gains.armature
         builder.joint_effort_limit[dof] = efforts[k]
-        builder.joint_target_mode[dof] = newton.JointTargetMode.POSITION
+        builder.joint_target_mode[dof] = mode
         builder.joint_q[builder.joint_q_start[i]] = builder.joint_target_q[dof] = start
     if gravity_compensation:
         _compensate_gravity(builder, first_body)
+    if realistic:
+        _allow_self_collision(builder, first_body)
+        _couple_fingers(builder, spec, moving)
+
+
+NEIGHBOURS = 2
+"""Links with so few driven joints between them do not touch each other: their hulls overlap around the joints."""
+
+
+def _allow_self_collision(builder: newton.ModelBuilder, first_body: int) -> None:
+    """Let the links of a robot touch each other, except those that are NEIGHBOURS."""
+    depth = dict.fromkeys(range(first_body, builder.body_count), 0)
+    for parent, child, kind in zip(builder.joint_parent, builder.joint_child, builder.joint_type, strict=True):
+        if child >= first_body:
+            depth[child] = depth.get(parent, 0) + (kind != newton.JointType.FIXED)
+    link = dict(enumerate(builder.shape_body))
+    builder.shape_collision_filter_pairs[:] = [
+        (a, b)
+        for a, b in builder.shape_collision_filter_pairs
+        if link[a] not in depth or link[b] not in depth or abs(depth[link[a]] - depth[link[b]]) <= NEIGHBOURS
+    ]
+
+
+def _couple_fingers(builder: newton.ModelBuilder, spec: RobotSpec, moving: Sequence[int]) -> None:
+    """Let the right finger follow the left one, if one motor drives both."""
+    if spec.gripper.coupled:
+        left, right = moving[-2:]
+        builder.set_joint_mimic(right, left)
 
 
 def add_gripper(builder: newton.ModelBuilder, spec: RobotSpec, pose: wp.transform) -> None:

@@ -6,6 +6,7 @@ become a soft equality; the fingers are driven one by one). What is fixed to a f
 
 from __future__ import annotations
 
+import copy
 import xml.etree.ElementTree as ElementTree
 from functools import cache
 from importlib.metadata import files
@@ -59,6 +60,20 @@ def origin(element: ElementTree.Element) -> np.ndarray:
     return pose
 
 
+def axis(joint: ElementTree.Element) -> np.ndarray:
+    """Return a joint's unit axis in its own frame, shape [3]."""
+    tag = joint.find("axis")
+    direction = _numbers("1 0 0" if tag is None else tag.get("xyz", "1 0 0"))
+    return direction / np.linalg.norm(direction)
+
+
+def without(robot: ElementTree.Element, links: set[str]) -> ElementTree.Element:
+    """Return a copy of a URDF without some links and their joints."""
+    copied = copy.deepcopy(robot)
+    _drop(copied, links)
+    return copied
+
+
 def children(robot: ElementTree.Element) -> dict[str, list[tuple[str, ElementTree.Element]]]:
     """Return the (child link, joint) pairs of every parent link, by name."""
     tree: dict[str, list[tuple[str, ElementTree.Element]]] = {}
@@ -94,17 +109,17 @@ def _normalise(joint: ElementTree.Element, spec: RobotSpec) -> None:
     """Fix a joint that is not driven; let a finger's coordinate be 0 where the pads touch and positive where they are apart."""
     for mimic in joint.findall("mimic"):
         joint.remove(mimic)
-    name, limit, axis = joint.get("name"), joint.find("limit"), joint.find("axis")
+    name, limit, tag = joint.get("name"), joint.find("limit"), joint.find("axis")
     if joint.get("type") in MOVING and name not in spec.joints:
         joint.set("type", "fixed")
-    if name not in spec.gripper.joints or limit is None or axis is None:
+    if name not in spec.gripper.joints or limit is None or tag is None:
         return
     if float(limit.get("upper", 0)) <= 0.0:  # opens towards its lower limit
         limit.attrib |= {"lower": f"{-float(limit.get('upper', 0))}", "upper": f"{-float(limit.get('lower', 0))}"}
-        axis.set("xyz", _words(-_numbers(axis.get("xyz", "1 0 0"))))
+        tag.set("xyz", _words(-axis(joint)))
     if spec.gripper.finger_inset:
         pose = origin(joint)
-        shift = pose[:3, :3] @ _numbers(axis.get("xyz", "1 0 0")) * spec.gripper.finger_inset
+        shift = pose[:3, :3] @ axis(joint) * spec.gripper.finger_inset
         _set_origin(joint, pose[:3, :3], pose[:3, 3] - shift)
 
 

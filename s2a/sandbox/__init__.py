@@ -1,1 +1,1 @@
-"""A script that nobody has read runs confined, and its result is compared with the plan."""
+"""Untrusted scripts: a policy on their text, a sandbox for their process, a comparison of their result with the plan."""

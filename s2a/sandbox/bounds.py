@@ -1,6 +1,6 @@
-"""How long a script may run and how large a thing it may make, as far as that follows from its text.
+"""Static bounds on the time and the memory of a script.
 
-What does not follow is left to the limits of the process.
+What cannot be bounded statically is left to the limits of the process.
 """
 
 from __future__ import annotations
@@ -11,28 +11,28 @@ from dataclasses import dataclass
 from s2a.ranges import Count, Positive
 from s2a.sandbox.constants import Values
 from s2a.sandbox.operations import GROWING, WRAPPING
-from s2a.sandbox.violation import Refusal
+from s2a.sandbox.violation import PolicyViolation
 
 LOOPS_IN_LOOPS, NESTING, FUNCTIONS = 3, 60, 20
 
 
 @dataclass(frozen=True)
 class AllowConfig:
-    """How long a script, and what it spells out, may be.
+    """Bounds on the text of a script.
 
     Attributes:
-        length: of the script [characters].
-        text: of a text in it [characters].
-        number: largest, in magnitude.
-        items: in a list.
-        repeats: of a loop.
+        max_length: length of the script [characters].
+        max_text: length of a string [characters].
+        max_number: magnitude of a number.
+        max_items: items of a list.
+        max_repeats: iterations of a loop.
     """
 
-    length: Count
-    text: Count
-    number: Positive
-    items: Count
-    repeats: Count
+    max_length: Count
+    max_text: Count
+    max_number: Positive
+    max_items: Count
+    max_repeats: Count
 
 
 def refuse_entangled(tree: ast.Module, values: Values) -> None:
@@ -41,18 +41,20 @@ def refuse_entangled(tree: ast.Module, values: Values) -> None:
     for _ in range(NESTING):
         level = [child for node in level for child in ast.iter_child_nodes(node)]
     if level:
-        raise Refusal(
+        raise PolicyViolation(
             "allowlist", "it is nested too deeply; use shorter expressions", getattr(level[0], "lineno", None)
         )
     if len(values.functions) > FUNCTIONS:
-        raise Refusal("allowlist", f"it has {len(values.functions)} functions; at most {FUNCTIONS}")
+        raise PolicyViolation("allowlist", f"it has {len(values.functions)} functions; at most {FUNCTIONS}")
     for function in values.functions.values():
         for node in ast.walk(function):
             if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
                 continue
             callee = node.func.id
             if callee in values.functions and values.functions[callee].lineno >= function.lineno:
-                raise Refusal("allowlist", f"{callee} is called before it is defined, or by itself", node.lineno)
+                raise PolicyViolation(
+                    "allowlist", f"{callee} is called before it is defined, or by itself", node.lineno
+                )
 
 
 def growth(node: ast.AST, values: Values) -> str | None:
@@ -71,12 +73,14 @@ def repetition(node: ast.AST, values: Values, config: AllowConfig) -> str | None
     """Loops must end soon, which must follow from the text."""
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "range":
         return (
-            None if _bounded(node, values, config, set()) else f"a range that is not known to be below {config.repeats}"
+            None
+            if _bounded(node, values, config, set())
+            else f"a range that is not known to be below {config.max_repeats}"
         )
     if not isinstance(node, (ast.For, ast.comprehension)):
         return None
     if not _bounded(node.iter, values, config, set()):
-        return f"a loop whose number of rounds does not follow from the text, or is above {config.repeats}"
+        return f"a loop whose number of rounds does not follow from the text, or is above {config.max_repeats}"
     inside: list[ast.AST] = [node]
     for _ in range(LOOPS_IN_LOOPS):
         inside = [inner for outer in inside for inner in ast.walk(outer) if inner is not outer and _loops(inner)]
@@ -90,7 +94,7 @@ def _loops(node: ast.AST) -> bool:
 
 
 def _is_number(node: ast.expr, values: Values, seen: frozenset[str] = frozenset()) -> bool:
-    """Whether an expression is no text or list, as far as its text tells."""
+    """Return True if an expression is statically known to be a number."""
     known = values.of(node)
     if known is not None:
         return all(isinstance(value, (int, float)) for value in known)
@@ -109,10 +113,10 @@ def _is_number(node: ast.expr, values: Values, seen: frozenset[str] = frozenset(
 
 
 def _bounded(node: ast.expr | tuple | None, values: Values, config: AllowConfig, seen: set[str]) -> bool:
-    """Whether something to run over is short: a literal, a range, the stage's own lists, or several of these side by side."""
+    """Return True for a short iterable: a literal, a range, a list of the stage, or a zip of these."""
     known = values.of(node)
     if known is not None:
-        return all(isinstance(value, (tuple, dict, str)) and len(value) <= config.repeats for value in known)
+        return all(isinstance(value, (tuple, dict, str)) and len(value) <= config.max_repeats for value in known)
     match node:
         case ast.List() | ast.Tuple() | ast.Dict():
             return not any(isinstance(item, ast.Starred) for item in ast.iter_child_nodes(node))
@@ -131,4 +135,4 @@ def _bounded(node: ast.expr | tuple | None, values: Values, config: AllowConfig,
 
 
 def _short(end: object, config: AllowConfig) -> bool:
-    return isinstance(end, int) and abs(end) <= config.repeats // 2
+    return isinstance(end, int) and abs(end) <= config.max_repeats // 2

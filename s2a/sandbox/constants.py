@@ -1,4 +1,4 @@
-"""What the expressions of a script can be, where that follows from its text: constants, their sums, names given to them.
+"""Constant folding: the values that the expressions of a script can have, where they follow from its text.
 
 The order of statements and the scopes of names are not looked at: a name may be whatever any line gives it.
 """
@@ -11,7 +11,7 @@ import re
 from typing import Any
 
 from s2a.sandbox.names import Names
-from s2a.sandbox.violation import Refusal
+from s2a.sandbox.violation import PolicyViolation
 
 Known = list[Any] | None
 """All values that an expression can have; None where they do not follow from the text."""
@@ -34,7 +34,7 @@ class Values:
         self.functions, self.names, self.modules = found.functions, found.names, found.modules
         self._steps = 0
         self._active: set[str] = set()
-        # A list that has been added to, perhaps under another name, is no longer what was written.
+        # A list that has been extended, perhaps under another name, is no longer constant.
         self._mutable = any(
             isinstance(node, ast.AugAssign) or isinstance(node, ast.Attribute) and node.attr in ("append", "extend")
             for node in ast.walk(tree)
@@ -44,11 +44,11 @@ class Values:
         """Return all values that an expression can have, or None.
 
         Raises:
-            Refusal: the script is too entangled to tell in reasonable time.
+            PolicyViolation: the script is too entangled to tell in reasonable time.
         """
         self._steps += 1
         if self._steps > MOST_STEPS:
-            raise Refusal("allowlist", "its texts are too entangled; write them out")
+            raise PolicyViolation("allowlist", "its texts are too entangled; write them out")
         found = self._of(node)
         return None if found is None or len(found) > MOST_VALUES else found
 
@@ -195,7 +195,7 @@ def _few(numbers: range) -> bool:
 
 
 def _wide(text: Any) -> bool:
-    """Whether a text is a format that may give a long text, or look into what it formats."""
+    """Return True for a format that may give a long text, or access attributes or items."""
     return isinstance(text, str) and bool(WIDTH.search(text) or re.search(r"\*|\{[^}]*[.\[{]", text))
 
 

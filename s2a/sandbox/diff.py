@@ -1,4 +1,4 @@
-"""Whether what a script saved is the plan and nothing else.
+"""Comparison of the stage that a script saved with the plan.
 
 The bytes come from a process that the script may have bent to its will, so they are bounded before USD parses them, and
 no other file is opened: a layer is read, never a stage composed of what it refers to.
@@ -13,7 +13,7 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
 from s2a.insert.placement import Placement
-from s2a.sandbox.violation import Refusal
+from s2a.sandbox.violation import PolicyViolation
 from s2a.usd.stage import ROOT
 
 TAXONOMY = "class"
@@ -23,28 +23,28 @@ KINDS = ("component", "subcomponent", "prop", "model")
 NESTING = 32
 """Brackets within brackets; USD's parser calls itself for each, and a stage of ours has 6."""
 TOLERANCE = 1e-6
-"""Of the pose: metres, and shares of the scale."""
+"""Tolerance of the pose: metres, and fractions of the scale."""
 OPERATIONS = r"xformOp:(translate|orient|rotate[XYZ]{1,3}|scale|transform)(:\w+)?"
 NUMBERS = ("float", "double", "half", "float3", "double3", "half3", "quatf", "quatd", "quath", "matrix4d")
 PRIM_FIELDS = ("specifier", "typeName", "references", "apiSchemas", "kind")
 ATTRIBUTE_FIELDS = ("custom", "typeName", "variability", "default")
 
 
-def compare(saved: bytes, skeleton: str, plan: Placement) -> Sdf.Layer:
+def compare(saved: bytes, geometry_free_text: str, plan: Placement) -> Sdf.Layer:
     """Return a layer that holds the planned prim as the script wrote it.
 
     Args:
-        saved: what the script made of the skeleton.
-        skeleton: text of the stage that the script was given.
-        plan: what it was to add.
+        saved: the stage as the script saved it.
+        geometry_free_text: USD text of the stage that the script was given.
+        plan: the planned prim.
 
     Raises:
-        Refusal: something is missing, or anything else differs from the skeleton; the message names the first.
+        PolicyViolation: something is missing, or anything else differs from the given stage; the message names the first.
     """
-    before, after = _parse(skeleton.encode()), _parse(saved)
+    before, after = _parse(geometry_free_text.encode()), _parse(saved)
     path = Sdf.Path(f"{ROOT}/{plan.part_id}")
     if not after.GetPrimAtPath(path):
-        raise _refusal(f"{path} is missing: define an Xform there and save the stage")
+        raise _violation(f"{path} is missing: define an Xform there and save the stage")
     _refuse_changes(_opinions(before), _opinions(after), path)
     _check_prim(after.GetPrimAtPath(path), plan)
     return _alone(after, path)
@@ -55,9 +55,9 @@ def _parse(text: bytes) -> Sdf.Layer:
     layer = Sdf.Layer.CreateAnonymous(".usda")
     try:
         if not text.startswith(b"#usda 1.0\n") or _depth(text) > NESTING or not layer.ImportFromString(text.decode()):
-            raise _refusal("the saved stage is not USD text as USD writes it: save it, do not rewrite it")
+            raise _violation("the saved stage is not USD text as USD writes it: save it, do not rewrite it")
     except (UnicodeDecodeError, Tf.ErrorException) as error:
-        raise _refusal("the saved stage cannot be read") from error
+        raise _violation("the saved stage cannot be read") from error
     return layer
 
 
@@ -97,20 +97,20 @@ def _refuse_changes(before: dict, after: dict, path: Sdf.Path) -> None:
             continue
         if key not in before or key not in after or before[key] != after[key]:
             verb = "adds" if key not in before else "removes" if key not in after else "changes"
-            raise _refusal(f"it {verb} {key[1]!r} at {key[0]}; only {path} may be added, and nothing else changed")
+            raise _violation(f"it {verb} {key[1]!r} at {key[0]}; only {path} may be added, and nothing else changed")
 
 
 def _check_prim(prim: Sdf.PrimSpec, plan: Placement) -> None:
     """Raise if a prim is anything but an Xform with the planned reference, pose, label and semantics."""
     _refuse_fields(prim, PRIM_FIELDS)
     if prim.nameChildren or prim.relationships or prim.variantSets:
-        raise _refusal(
+        raise _violation(
             f"{prim.path} may have no children, relationships or variants: the reference brings its geometry"
         )
     if prim.specifier != Sdf.SpecifierDef or prim.typeName != "Xform":
-        raise _refusal(f"{prim.path} is {prim.specifier.displayName} {prim.typeName!r}; define an Xform")
+        raise _violation(f"{prim.path} is {prim.specifier.displayName} {prim.typeName!r}; define an Xform")
     if prim.kind and prim.kind not in KINDS:
-        raise _refusal(f"{prim.path} has kind {prim.kind!r}; leave it out, or give {', '.join(KINDS)}")
+        raise _violation(f"{prim.path} has kind {prim.kind!r}; leave it out, or give {', '.join(KINDS)}")
     _check_lists(prim, plan)
     operations = _check_attributes(prim, plan)
     _check_pose(prim, operations, plan)
@@ -121,11 +121,11 @@ def _check_lists(prim: Sdf.PrimSpec, plan: Placement) -> None:
     items = _items(prim.GetInfo("references"))
     if items != [Sdf.Reference(plan.reference)]:
         given = ", ".join(f"{item.assetPath}{item.primPath}" for item in items) or "nothing"
-        raise _refusal(
+        raise _violation(
             f"{prim.path} references {given}; expected {plan.reference} alone, its default prim, without offset"
         )
     if _items(prim.GetInfo("apiSchemas")) != [f"SemanticsLabelsAPI:{TAXONOMY}"]:
-        raise _refusal(f"{prim.path}: apply UsdSemantics.LabelsAPI with {TAXONOMY!r}, and no other schema")
+        raise _violation(f"{prim.path}: apply UsdSemantics.LabelsAPI with {TAXONOMY!r}, and no other schema")
 
 
 def _items(listed: Any) -> list:
@@ -149,20 +149,20 @@ def _check_attributes(prim: Sdf.PrimSpec, plan: Placement) -> list[str]:
         given = values.pop(name, None)
         given = list(given) if isinstance(value, list) and given is not None else given
         if given != value:
-            raise _refusal(f"{prim.path}.{name} is {str(given)[:80]!r}; expected {value!r}")
+            raise _violation(f"{prim.path}.{name} is {str(given)[:80]!r}; expected {value!r}")
     order = list(values.pop("xformOpOrder", None) or [])
     types = {attribute.name: str(attribute.typeName) for attribute in prim.attributes}
     if others := sorted(n for n in values if not re.fullmatch(OPERATIONS, n) or types[n] not in NUMBERS):
-        raise _refusal(f"{prim.path} has {others[0]!r}, which nobody planned")
+        raise _violation(f"{prim.path} has {others[0]!r}, which nobody planned")
     if len(order) > 3 or len(set(order)) != len(order) or set(order) != set(values):
-        raise _refusal(f"{prim.path}: xformOpOrder is {', '.join(order)[:80]}; expected translate, orient, scale")
+        raise _violation(f"{prim.path}: xformOpOrder is {', '.join(order)[:80]}; expected translate, orient, scale")
     return order
 
 
 def _refuse_fields(spec: Sdf.Spec, known: tuple[str, ...]) -> None:
     """Raise if a prim or an attribute says anything that is not known to be harmless."""
     if others := sorted(set(spec.ListInfoKeys()) - set(known)):
-        raise _refusal(f"{spec.path} has {others[0]!r}, which nobody planned; possible: {', '.join(known)}")
+        raise _violation(f"{spec.path} has {others[0]!r}, which nobody planned; possible: {', '.join(known)}")
 
 
 def _check_pose(prim: Sdf.PrimSpec, operations: list[str], plan: Placement) -> None:
@@ -179,7 +179,7 @@ def _check_pose(prim: Sdf.PrimSpec, operations: list[str], plan: Placement) -> N
     off[:3, :3] /= plan.scale
     if not off.max() <= TOLERANCE:
         what = "position" if not off[:3, 3].max() <= TOLERANCE else "orientation or scale"
-        raise _refusal(
+        raise _violation(
             f"{prim.path}: its {what} is off by {off.max():.3g}; planned are translate {plan.position}, "
             f"orient {plan.orientation} (x y z w), scale {plan.scale}, in this order"
         )
@@ -193,5 +193,5 @@ def _alone(layer: Sdf.Layer, path: Sdf.Path) -> Sdf.Layer:
     return alone
 
 
-def _refusal(reason: str) -> Refusal:
-    return Refusal("comparison", reason)
+def _violation(reason: str) -> PolicyViolation:
+    return PolicyViolation("comparison", reason)

@@ -1,4 +1,4 @@
-"""What a script sees of a stage: its prims, their types, transforms and labels, without a single array."""
+"""The geometry-free stage that a script sees: prims, types, transforms and labels, no arrays."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from s2a.usd.stage import ROOT, new_stage, open_stage
 KEPT = ("s2a:partId", "s2a:label", "s2a:parent", "s2a:motion")
 
 
-def skeleton(path: Path) -> str:
+def geometry_free_text(path: Path) -> str:
     """Return a stage in USD's text with the prims of the one at `path`, and nothing of it that is long.
 
     Kept are types, transforms, and `s2a:partId`, `s2a:label`, `s2a:parent` and `s2a:motion`; dropped are arrays,

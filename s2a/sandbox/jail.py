@@ -1,4 +1,4 @@
-"""Run a script that nobody has read in a process that can do nothing but edit one small file.
+"""Run an untrusted script in a process that can only edit one small file.
 
 The process has an isolated interpreter, an empty environment, no network, no other process, little memory and time, and
 a scratch folder as its only files, by whatever the system offers: user, mount and network namespaces, Landlock, seccomp.
@@ -19,12 +19,11 @@ from typing import Literal
 
 import pxr
 
-import s2a
 from s2a.errors import InputError
 from s2a.ranges import Count, Positive
 from s2a.sandbox.policy import AllowConfig
-from s2a.sandbox.violation import Refusal
-from s2a.sandbox.worker import OFFERS
+from s2a.sandbox.violation import PolicyViolation
+from s2a.sandbox.worker import GUARANTEES
 
 START = "import sys; sys.path[:0] = sys.argv[2:]; from s2a.sandbox.worker import main; main(int(sys.argv[1]))"
 STAGE = "scene.usda"
@@ -32,18 +31,18 @@ STAGE = "scene.usda"
 
 
 @dataclass(frozen=True)
-class ConfinementConfig:
-    """What a script may say and use.
+class SandboxConfig:
+    """Limits of scripts.
 
     Attributes:
-        seconds: until the process is ended, from when it is given the script [s].
-        cpu_seconds: of one core for the script alone [s].
-        memory: address space for the script [MiB].
-        disk: size of its scratch folder, and of a file [MiB].
-        allow: what its text may hold.
-        mechanisms: which locks to try.
-        needs: what must be kept from an untrusted script, or it is not run; what a lock keeps away is in
-            `s2a.sandbox.worker.OFFERS`. Less than all three is a risk to take only for scripts that somebody has read.
+        seconds: wall time of the process, from when it receives the script [s].
+        cpu_seconds: CPU time of the script [s].
+        memory: address space of the script [MiB].
+        disk: size of its scratch folder and of a file [MiB].
+        allow: bounds on its text.
+        layers: sandbox layers to enable.
+        required_guarantees: guarantees without which an untrusted script does not run; `s2a.sandbox.worker.GUARANTEES` lists
+            what each layer guarantees. Require less than all three only for scripts that somebody has read.
     """
 
     seconds: Positive
@@ -51,18 +50,18 @@ class ConfinementConfig:
     memory: Count
     disk: Count
     allow: AllowConfig
-    mechanisms: tuple[Literal["namespaces", "landlock", "seccomp"], ...]
-    needs: tuple[Literal["files", "network", "processes"], ...]
+    layers: tuple[Literal["namespaces", "landlock", "seccomp"], ...]
+    required_guarantees: tuple[Literal["files", "network", "processes"], ...]
 
 
 @dataclass(frozen=True)
-class Confined:
-    """What came of a confined run.
+class SandboxResult:
+    """Result of a sandboxed run.
 
     Attributes:
-        saved: the stage as the process handed it back: whatever the script made it say.
-        active: the locks that held, from a report sent before the script began.
-        seconds: from when the process was given the script to its end [s].
+        saved: the stage as the process returned it; untrusted.
+        active: sandbox layers that were active, reported before the script began.
+        seconds: from when the process received the script to its end [s].
     """
 
     saved: bytes
@@ -70,32 +69,32 @@ class Confined:
     seconds: float
 
 
-class Cell:
-    """A place for scripts: each runs on a stage in a process of its own, the first in one that was started ahead.
+class Sandbox:
+    """Runs scripts on a geometry-free stage, each in a process of its own; the first process is started ahead.
 
-    To import USD and to lock itself in takes a process 0.3 s, which it may as well take while a place is sought.
+    Importing USD and enabling the layers takes 0.3 s, which overlaps with the search for a pose.
 
     Attributes:
-        skeleton: text of the stage, which a script finds as `scene.usda` in its current folder.
-        config: limits and locks.
-        trusted: run scripts although the system lacks locks.
+        geometry_free_text: USD text of the stage, which a script finds as `scene.usda` in its current folder.
+        config: limits and sandbox layers.
+        trusted: Run scripts on systems that lack the required guarantees.
     """
 
-    def __init__(self, skeleton: str, config: ConfinementConfig, trusted: bool) -> None:
-        self.skeleton, self.config, self.trusted = skeleton, config, trusted
+    def __init__(self, geometry_free_text: str, config: SandboxConfig, trusted: bool) -> None:
+        self.geometry_free_text, self.config, self.trusted = geometry_free_text, config, trusted
         self._ahead: _Process | None = None
 
-    def __enter__(self) -> Cell:
+    def __enter__(self) -> Sandbox:
         """Start a process for the first script."""
         self._ahead = _Process(self)
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End a process that waits for a script."""
+        """End a process that still waits for a script."""
         if self._ahead is not None:
             self._ahead.end()
 
-    def run(self, script: str, names: dict[str, str]) -> Confined:
+    def run(self, script: str, names: dict[str, str]) -> SandboxResult:
         """Run a script.
 
         Args:
@@ -103,7 +102,7 @@ class Cell:
             names: texts that the script finds in variables of these names.
 
         Raises:
-            Refusal: the script failed, or used more than it may.
+            PolicyViolation: the script failed, or used more than it may.
             InputError: the system cannot confine an untrusted script.
         """
         process, self._ahead = self._ahead or _Process(self), None
@@ -111,19 +110,19 @@ class Cell:
         try:
             code, reports = process.run(json.dumps({"script": script, "names": names}), self.config.seconds)
             seconds = time.perf_counter() - start
-            active, error = _judge(code, reports, self.config, self.trusted)
+            active, error = _verdict(code, reports, self.config, self.trusted)
             if error:
                 raise error
-            return Confined(process.saved(), active, seconds)
+            return SandboxResult(process.saved(), active, seconds)
         finally:
             process.end()
 
 
 class _Process:
-    """A process that locks itself in and waits for its script."""
+    """A process that enables its sandbox layers and waits for its script."""
 
-    def __init__(self, cell: Cell) -> None:
-        config, self._open = cell.config, ExitStack()
+    def __init__(self, sandbox: Sandbox) -> None:
+        config, self._open = sandbox.config, ExitStack()
         scratch = self._open.enter_context(tempfile.TemporaryDirectory(prefix="s2a."))
         self._out = self._open.enter_context(tempfile.TemporaryFile())
         reader, writer = os.pipe()
@@ -132,14 +131,14 @@ class _Process:
             "report": writer,
             "scratch": scratch,
             "stage": STAGE,
-            "skeleton": cell.skeleton,
-            "mechanisms": config.mechanisms,
-            "needs": () if cell.trusted else config.needs,
+            "stage_text": sandbox.geometry_free_text,
+            "layers": config.layers,
+            "required_guarantees": () if sandbox.trusted else config.required_guarantees,
             "cpu_seconds": config.cpu_seconds,
             "memory": config.memory,
             "disk": config.disk,
         }
-        folders = (str(Path(s2a.__file__).parents[1]), str(Path(pxr.__file__).parents[1]))
+        folders = (str(Path(__file__).parents[2]), str(Path(pxr.__file__).parents[1]))
         # A file, for a pipe holds less than a skeleton.
         with tempfile.TemporaryFile() as file:
             file.write(json.dumps(job).encode())
@@ -171,7 +170,7 @@ class _Process:
         return self._out.read()
 
     def end(self) -> None:
-        """Leave nothing of it."""
+        """Kill the process and delete its files."""
         self._process.kill()
         self._process.wait()
         if self._process.stdin:
@@ -179,37 +178,41 @@ class _Process:
         self._open.close()
 
 
-def _judge(
-    code: int | None, reports: list[str], config: ConfinementConfig, trusted: bool
+def _verdict(
+    code: int | None, reports: list[str], config: SandboxConfig, trusted: bool
 ) -> tuple[tuple[str, ...], Exception | None]:
-    """Return the locks that held, and what to raise if the script did not end well."""
+    """Return the active layers, and the exception to raise if the script failed."""
     if not reports:
         reason = (
             f"ended with {code} before it could start" if code is not None else f"did not start in {config.seconds} s"
         )
-        return (), InputError(f"the process that confines scripts {reason}; try again, or raise confinement.seconds")
+        return (), InputError(f"the process that confines scripts {reason}; try again, or raise sandbox.seconds")
     active = tuple(json.loads(reports[0])["active"])
-    missing = [what for what in config.needs if what not in {w for lock in active for w in OFFERS[lock]}]
+    missing = [
+        what for what in config.required_guarantees if what not in {w for lock in active for w in GUARANTEES[lock]}
+    ]
     if missing and not trusted:
         return active, InputError(
-            f"this system cannot keep {', '.join(missing)} from a script (locks that hold: {', '.join(active) or 'none'}); "
-            f"use llm=rules, or give confinement.needs=[] if you trust the scripts' author"
+            f"this system cannot keep {', '.join(missing)} from a script (active sandbox layers: {', '.join(active) or 'none'}); "
+            f"use llm=rules, or give sandbox.required_guarantees=[] if you trust the scripts' author"
         )
     if code is None:
-        return active, Refusal("process", f"it ran longer than {config.seconds:g} s")
+        return active, PolicyViolation("process", f"it ran longer than {config.seconds:g} s")
     if code or len(reports) < 2:
-        return active, Refusal("process", f"its process was ended ({code}): too much time, memory or disk, or a crash")
+        return active, PolicyViolation(
+            "process", f"its process was ended ({code}): too much time, memory or disk, or a crash"
+        )
     return active, _failure(reports[1])
 
 
-def _failure(report: str) -> Refusal | None:
-    """Return what the script's process says went wrong with it; hardly to be trusted, so cut and cleaned."""
+def _failure(report: str) -> PolicyViolation | None:
+    """Return the violation that the script's process reports; untrusted, so shortened and cleaned."""
     try:
         said = json.loads(report)
         line, reason = said.get("line"), said.get("reason")
     except (ValueError, AttributeError):
-        return Refusal("process", "its report cannot be read")
+        return PolicyViolation("process", "its report cannot be read")
     if reason is None:
         return None
     clean = "".join(letter if letter.isprintable() else " " for letter in str(reason)[:300])
-    return Refusal("process", clean, line if isinstance(line, int) else None)
+    return PolicyViolation("process", clean, line if isinstance(line, int) else None)

@@ -1,6 +1,6 @@
-"""What Linux offers to an unprivileged process that wants to lock itself in: limits, namespaces, Landlock.
+"""Sandbox layers of Linux for an unprivileged process: limits, namespaces, Landlock.
 
-Each lock raises an OSError where the system does not offer it. Constants are those of the kernel's headers.
+Each layer raises an OSError where the system does not offer it. Constants are those of the kernel's headers.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def limit(cpu_seconds: float, memory: int, disk: int) -> None:
         resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), (bound, bound))
 
 
-def leave(scratch: Path, disk: int) -> None:
+def enter_namespaces(scratch: Path, disk: int) -> None:
     """Move this process into namespaces of its own: no network, and a scratch folder in memory that nobody else sees.
 
     Must be called while the process has one thread.
@@ -75,8 +75,8 @@ def leave(scratch: Path, disk: int) -> None:
     _call("mount", b"none", bytes(scratch), b"tmpfs", ctypes.c_ulong(MS_NOSUID | MS_NODEV | MS_NOEXEC), options)
 
 
-def shut() -> None:
-    """Make the folder above the current one all there is, and give up the right to change that; only after `leave`."""
+def drop_privileges() -> None:
+    """Make the folder above the current one all there is, and give up the right to change that; only after `enter_namespaces`."""
     _call("chroot", b"..")
     header, none = struct.pack("<Ii", CAPABILITY_VERSION, 0), bytes(24)
     _call("capset", header, none)

@@ -1,4 +1,4 @@
-"""Whether the text of a script holds only what placing an object takes: an allowlist on the syntax tree.
+"""The policy on the text of a script: an allowlist on its syntax tree.
 
 Everything that is not known to be harmless is refused: statements, operators, names, operations (`s2a.sandbox.operations`) and
 the files they are given. It is the first of three walls, and the one that says which line is wrong and why.
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from s2a.sandbox.bounds import AllowConfig, growth, refuse_entangled, repetition
 from s2a.sandbox.constants import WIDTH, Values
 from s2a.sandbox.operations import BUILTINS, DOTTED, FILES, FORMS, METADATA, METHODS, MODULES, PROPERTIES, STORES
-from s2a.sandbox.violation import Refusal
+from s2a.sandbox.violation import PolicyViolation
 
 HIDDEN = re.compile(r"__|(?<![A-Za-z0-9])_(?=[A-Za-z])")
 """A text that spells a name which begins with an underscore."""
@@ -48,16 +48,16 @@ def check(text: str, stage: str, reference: str, config: AllowConfig) -> None:
         config: bounds.
 
     Raises:
-        Refusal: with the line and the reason.
+        PolicyViolation: with the line and the reason.
     """
     tree = _parse(text, config)
     try:
         found = _findings(tree, stage, reference, config)
     except RecursionError as error:
-        raise Refusal("allowlist", "it is too entangled; use fewer names") from error
+        raise PolicyViolation("allowlist", "it is too entangled; use fewer names") from error
     if found:
         line, _, reason = min(found)
-        raise Refusal("allowlist", reason, line)
+        raise PolicyViolation("allowlist", reason, line)
 
 
 def _findings(tree: ast.Module, stage: str, reference: str, config: AllowConfig) -> list[tuple[int, int, str]]:
@@ -87,8 +87,8 @@ def _lines(tree: ast.Module) -> Iterator[tuple[int, ast.AST]]:
 
 def _parse(text: str, config: AllowConfig) -> ast.Module:
     """Return the syntax tree, without the one dunder that every script may have: `if __name__ == "__main__":`."""
-    if len(text) > config.length:
-        raise Refusal("allowlist", f"it is {len(text)} characters long; at most {config.length}")
+    if len(text) > config.max_length:
+        raise PolicyViolation("allowlist", f"it is {len(text)} characters long; at most {config.max_length}")
     try:
         tree = ast.parse(text)
         for node in tree.body:
@@ -96,7 +96,7 @@ def _parse(text: str, config: AllowConfig) -> ast.Module:
                 node.test = ast.copy_location(ast.Constant(True), node.test)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = error.lineno if isinstance(error, SyntaxError) else None
-        raise Refusal("allowlist", f"it is not Python: {str(error)[:100]}", line) from error
+        raise PolicyViolation("allowlist", f"it is not Python: {str(error)[:100]}", line) from error
     return tree
 
 
@@ -128,15 +128,18 @@ def _constants(node: ast.AST, check: _Check) -> str | None:
     """Texts, numbers and lists, also those that are put together from others."""
     if isinstance(node, ast.Constant) and not isinstance(node.value, (str, int, float, bool, type(None))):
         return f"a constant of type {type(node.value).__name__} is not possible"
-    if isinstance(node, (ast.List, ast.Tuple, ast.Dict)) and len(list(ast.iter_child_nodes(node))) > check.config.items:
-        return f"a list of more than {check.config.items} items"
+    if (
+        isinstance(node, (ast.List, ast.Tuple, ast.Dict))
+        and len(list(ast.iter_child_nodes(node))) > check.config.max_items
+    ):
+        return f"a list of more than {check.config.max_items} items"
     for value in check.values.parts(node):
         if isinstance(value, str) and HIDDEN.search(value):
             return f"the text {value[:60]!r} spells a name that begins with an underscore"
-        if isinstance(value, str) and (len(value) > check.config.text or "\0" in value):
-            return f"a text of {len(value)} characters, or with a zero byte; at most {check.config.text}"
-        if isinstance(value, (int, float)) and not abs(value) <= check.config.number:
-            return f"a number beyond {check.config.number:g}"
+        if isinstance(value, str) and (len(value) > check.config.max_text or "\0" in value):
+            return f"a text of {len(value)} characters, or with a zero byte; at most {check.config.max_text}"
+        if isinstance(value, (int, float)) and not abs(value) <= check.config.max_number:
+            return f"a number beyond {check.config.max_number:g}"
     if isinstance(node, ast.FormattedValue) and node.format_spec:
         specs = check.values.of(node.format_spec)
         if specs is None or any(WIDTH.search(spec) for spec in specs):

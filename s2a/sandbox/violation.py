@@ -1,4 +1,4 @@
-"""Why a script was not accepted, in words that its author can act on."""
+"""Violations of the policy, in words that the author of the script can act on."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Literal
 from s2a.errors import InputError
 
 
-class Refusal(InputError):
-    """A script was refused, or failed; the stage is untouched.
+class PolicyViolation(InputError):
+    """A script was rejected or failed; the stage is unchanged.
 
     Attributes:
-        step: what refused it: its text was not allowed, it failed or overran in its process, or it made something else
-            than was planned.
+        step: "allowlist" (its text), "process" (it failed or exceeded a limit) or "comparison" (its result differs
+            from the plan).
         reason: what is wrong, and what is possible instead.
         line: of the script, from 1; None where no single line is to blame.
     """

@@ -1,7 +1,7 @@
-"""The process in which a script runs: it imports USD, locks itself in, and only then reads the script.
+"""The process in which a script runs: it imports USD, enables its sandbox layers, and only then reads the script.
 
-It is started by `s2a.sandbox.jail` and prints nothing but the stage that the script saved. Whatever it says after the
-script began is the script's word; the locks' report is sent before that.
+`s2a.sandbox.jail` starts it. It prints nothing but the stage that the script saved. Reports after the script began are
+untrusted; the report of the active layers is sent before.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from s2a.sandbox import layers, seccomp
 
 NAME = "<script>"
 """What tracebacks call the script."""
-OFFERS = {
+GUARANTEES = {
     "namespaces": ("files", "network"),
     "landlock": ("files",),
     "seccomp": ("network", "processes"),
 }
-"""What each lock keeps a script from."""
+"""What each sandbox layer keeps a script from."""
 
 
 def main(descriptor: int) -> None:
@@ -34,10 +34,10 @@ def main(descriptor: int) -> None:
     with open(descriptor) as file:
         job = json.load(file)
     report = int(job["report"])
-    active = lock(job)
+    active = enable_layers(job)
     _tell(report, {"active": active})
-    kept = {what for name in active for what in OFFERS[name]}
-    if set(job["needs"]) <= kept:
+    kept = {what for name in active for what in GUARANTEES[name]}
+    if set(job["required_guarantees"]) <= kept:
         task = json.load(sys.stdin)
         error = execute(task["script"], task["names"])
         _tell(report, error)
@@ -46,23 +46,23 @@ def main(descriptor: int) -> None:
     os._exit(0)  # without the clean-up of what the script made
 
 
-def lock(job: dict[str, Any]) -> list[str]:
-    """Go to the scratch folder, write the stage there, and lock the process in; return the locks that hold."""
+def enable_layers(job: dict[str, Any]) -> list[str]:
+    """Enter the scratch folder, write the stage there, and enable the sandbox layers; return the active ones."""
     active: list[str] = []
-    wanted = job["mechanisms"]
-    if "namespaces" in wanted and _holds(lambda: layers.leave(Path(job["scratch"]), job["disk"])):
+    wanted = job["layers"]
+    if "namespaces" in wanted and _enabled(lambda: layers.enter_namespaces(Path(job["scratch"]), job["disk"])):
         active.append("namespaces")
     here = Path(job["scratch"], "here")  # not the root itself: USD writes no file into a folder without a name
     here.mkdir()
     os.chdir(here)
-    Path(job["stage"]).write_text(job["skeleton"])
-    _rehearse()
+    Path(job["stage"]).write_text(job["stage_text"])
+    _preload()
     layers.limit(job["cpu_seconds"], job["memory"], job["disk"])
-    if active and not _holds(layers.shut):
+    if active and not _enabled(layers.drop_privileges):
         active.clear()
-    if "landlock" in wanted and _holds(layers.landlock):
+    if "landlock" in wanted and _enabled(layers.landlock):
         active.append("landlock")
-    if "seccomp" in wanted and _holds(seccomp.install):
+    if "seccomp" in wanted and _enabled(seccomp.install):
         active.append("seccomp")
     return active
 
@@ -78,8 +78,8 @@ def execute(script: str, names: dict[str, str]) -> dict[str, Any]:
     return {}
 
 
-def _rehearse() -> None:
-    """Import what a script may import, and use it once: what is loaded late would be denied its files."""
+def _preload() -> None:
+    """Import and use once what a script may import: later loads would be denied their files."""
     os.environ["PXR_WORK_THREAD_LIMIT"] = "1"
     import unicodedata  # noqa: F401  (Python's parser asks for it when a name is not ASCII)
 
@@ -95,10 +95,10 @@ def _rehearse() -> None:
     os.unlink("rehearsal.usda")
 
 
-def _holds(lock: Callable[[], None]) -> bool:
-    """Try a lock; whether the system offers it."""
+def _enabled(layer: Callable[[], None]) -> bool:
+    """Enable a layer; False where the system does not offer it."""
     try:
-        lock()
+        layer()
     except OSError:
         return False
     return True

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from s2a.scan import folder, joints, labels, parts, ply, rest
+from s2a.scan import folder, joint_records, labels, parts, ply, rest
 from s2a.scan.cut import cut
 from s2a.scan.parts import AnnotatedPart
 from s2a.scene import Joint, Mesh, Part, Scene
@@ -31,7 +31,7 @@ def read(path: Path) -> Scene:
     annotated = parts.read(files.parts, surface)
     names = {number: part.label for number, part in annotated.items()}
     parent_of = labels.parents(names)
-    moving = joints.read(files.articulations, names, surface.origin)
+    moving = joint_records.read(files.articulations, names, surface.origin)
     owner = parts.owners(annotated, labels.depths(parent_of), len(surface.faces))
     further = rest.claim(surface, owner, len(annotated), files.segments)
     meshes = cut(surface, owner, len(annotated) + len(further))

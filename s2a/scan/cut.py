@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.scan.ply import Surface
+from s2a.scan.ply import ScanMesh
 from s2a.scene import Mesh
 
 
-def cut(surface: Surface, owner: np.ndarray, count: int) -> list[Mesh]:
+def cut(surface: ScanMesh, owner: np.ndarray, count: int) -> list[Mesh]:
     """Cut a surface into the meshes of parts 0 to count - 1; vertices on a border go to both sides.
 
     Args:
@@ -24,7 +24,7 @@ def cut(surface: Surface, owner: np.ndarray, count: int) -> list[Mesh]:
     return [_piece(surface, by_owner[borders[i] : borders[i + 1]]) for i in range(count)]
 
 
-def _piece(surface: Surface, chosen: np.ndarray) -> Mesh:
+def _piece(surface: ScanMesh, chosen: np.ndarray) -> Mesh:
     """Return the mesh of some faces and of the vertices they use."""
     faces = surface.faces[chosen]
     if not len(faces):

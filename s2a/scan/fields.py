@@ -27,35 +27,35 @@ class Record:
     where: str
 
     def has(self, key: str) -> bool:
-        """Whether a key is present with a value other than null."""
+        """Return True if a key is present with a value other than null."""
         return self.values.get(key) is not None
 
     def integer(self, key: str) -> int:
         """Return a whole number that is not negative."""
         value = self._get(key)
         if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-            self.refuse(key, "a whole number from 0 belongs here")
+            self.refuse(key, "expected a whole number from 0")
         return value
 
     def number(self, key: str) -> float:
         """Return a finite number."""
         value = self._get(key)
         if not _is_finite(value):
-            self.refuse(key, "a finite number belongs here")
+            self.refuse(key, "expected a finite number")
         return float(value)
 
     def vector(self, key: str) -> np.ndarray:
         """Return three finite numbers, shape [3], float64."""
         value = self._get(key)
         if not isinstance(value, list) or len(value) != 3 or not all(map(_is_finite, value)):
-            self.refuse(key, "a list of three finite numbers belongs here")
+            self.refuse(key, "expected a list of three finite numbers")
         return np.array(value, dtype=np.float64)
 
     def text(self, key: str) -> str:
         """Return a string."""
         value = self._get(key)
         if not isinstance(value, str):
-            self.refuse(key, "a string belongs here")
+            self.refuse(key, "expected a string")
         return value
 
     def integers(self, key: str) -> np.ndarray:
@@ -66,16 +66,16 @@ class Record:
         except ValueError:  # lists of different lengths inside the list
             array = np.empty((0, 0))
         if not isinstance(value, list) or (value and (array.ndim != 1 or array.dtype.kind not in "iu")):
-            self.refuse(key, "a list of whole numbers belongs here")
+            self.refuse(key, "expected a list of whole numbers")
         return array.astype(np.int64)
 
-    def indices(self, key: str, count: int, things: str) -> np.ndarray:
-        """Return a list of indices from 0 to count - 1 into the mesh's things, shape [n], int64."""
+    def indices(self, key: str, count: int, elements: str) -> np.ndarray:
+        """Return a list of indices from 0 to count - 1 into the elements (faces, vertices) of the mesh, shape [n], int64."""
         found = self.integers(key)
         if len(found) and not 0 <= found.min() <= found.max() < count:
             wrong = found[(found < 0) | (found >= count)]
             raise InputError(
-                f"{self.where}: {key} holds {wrong[0]}, but the mesh has {count} {things} (0 to {count - 1}); "
+                f"{self.where}: {key} holds {wrong[0]}, but the mesh has {count} {elements} (0 to {count - 1}); "
                 "take the mesh that was annotated"
             )
         return found
@@ -84,14 +84,14 @@ class Record:
         """Return a JSON object."""
         value = self._get(key)
         if not isinstance(value, dict):
-            self.refuse(key, "an object {...} belongs here")
+            self.refuse(key, "expected an object {...}")
         return Record(value, f"{self.where}, {key}")
 
     def records(self, key: str, noun: str) -> list[Record]:
         """Return a list of JSON objects, each called by a noun and its position in messages."""
         value = self._get(key)
         if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-            self.refuse(key, "a list of objects [{...}, ...] belongs here")
+            self.refuse(key, "expected a list of objects [{...}, ...]")
         return [Record(item, f"{self.where}, {noun} {i}") for i, item in enumerate(value)]
 
     def refuse(self, key: str, remedy: str) -> NoReturn:
@@ -119,11 +119,11 @@ def load(path: Path) -> Record:
     except (ValueError, RecursionError) as error:  # of the decoder or the parser
         raise InputError(f"{path}: truncated or not JSON ({error}); copy or download it again") from error
     if not isinstance(content, dict):
-        raise InputError(f"{path}: holds a {type(content).__name__}; an object {{...}} belongs here")
+        raise InputError(f"{path}: holds a {type(content).__name__}; expected an object {{...}}")
     return Record(content, str(path))
 
 
 def _is_finite(value: object) -> bool:
-    """Whether a JSON value is a number and neither NaN nor infinite."""
+    """Return True for a finite JSON number."""
     # Compared rather than asked with math.isfinite, which fails on JSON's arbitrarily large integers.
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max

@@ -41,13 +41,13 @@ class BareFiles:
 
 
 def is_articulate3d(path: Path) -> bool:
-    """Whether a folder holds any of Articulate3D's files; maybe not all."""
+    """Return True if a folder holds any of Articulate3D's files, maybe not all."""
     patterns = ("[!.]*_parts.json", "[!.]*_artic.json", "[!.]*_articulation.json")
     return any(any(folder.glob(pattern)) for folder in _folders(path) for pattern in patterns)
 
 
 def has_mesh(path: Path) -> bool:
-    """Whether a folder holds a mesh, or several."""
+    """Return True if a folder holds one or several meshes."""
     return bool(_meshes(path))
 
 
@@ -62,7 +62,7 @@ def find_bare(path: Path) -> BareFiles:
     meshes = _meshes(path)
     if len(meshes) != 1:
         found = ", ".join(file.name for file in meshes[:4]) or "none"
-        raise InputError(f"{path}: one mesh, {MESH}, belongs here (found: {found}); give the folder of one scan")
+        raise InputError(f"{path}: expected one mesh, {MESH} (found: {found}); give the folder of one scan")
     whole = path.resolve()
     name = whole.parent.name if whole.name == "scans" else whole.name
     return BareFiles(name, meshes[0], _segments(path, _folders(path)))

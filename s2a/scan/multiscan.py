@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from s2a.errors import InputError
-from s2a.scan import fields, joints, labels, multiscan_objects, ply, rest
+from s2a.scan import fields, joint_records, labels, multiscan_objects, ply, rest
 from s2a.scan.cut import cut
 from s2a.scan.multiscan_objects import Annotated, Annotation
-from s2a.scan.ply import Surface
+from s2a.scan.ply import ScanMesh
 from s2a.scene import Mesh, Part, Scene
 
 _log = logging.getLogger(__name__)
@@ -39,7 +39,7 @@ class _Files:
 
 
 def is_scan(path: Path) -> bool:
-    """Whether a folder holds a MultiScan annotation."""
+    """Return True if a folder holds a MultiScan annotation."""
     return any(path.glob(f"[!.]*{ANNOTATIONS}"))
 
 
@@ -75,7 +75,7 @@ def _find(path: Path) -> _Files:
     found = sorted(path.glob(f"[!.]*{ANNOTATIONS}"))
     if len(found) != 1:
         names = ", ".join(file.name for file in found[:4]) or "none"
-        raise InputError(f"{path}: one <scene>{ANNOTATIONS} belongs here (found: {names}); give the folder of one scan")
+        raise InputError(f"{path}: expected one <scene>{ANNOTATIONS} (found: {names}); give the folder of one scan")
     name = found[0].name.removesuffix(ANNOTATIONS)
     return _Files(name, found[0], path / f"{name}.ply", path / f"{name}.semseg.json")
 
@@ -91,7 +91,7 @@ def _no_mesh(files: _Files, annotation: Annotation) -> str:
     )
 
 
-def _numbers_by_label(files: _Files, annotation: Annotation, surface: Surface) -> np.ndarray:
+def _numbers_by_label(files: _Files, annotation: Annotation, surface: ScanMesh) -> np.ndarray:
     """Return the number of the object or part of each face, or 0, from the older schema's lists of faces."""
     if not files.faces.is_file():
         raise InputError(f"{files.annotations}: {files.faces.name} is missing, which lists the faces of this schema")
@@ -106,7 +106,7 @@ def _numbers_by_label(files: _Files, annotation: Annotation, surface: Surface) -
     return number
 
 
-def _numbers_by_ids(files: _Files, annotation: Annotation, surface: Surface) -> np.ndarray:
+def _numbers_by_ids(files: _Files, annotation: Annotation, surface: ScanMesh) -> np.ndarray:
     """Return the number of the object or part of each face, or 0, from the ids that the mesh's faces carry."""
     ids = np.stack([surface.face_numbers["objectId"], surface.face_numbers["partId"]], axis=1)
     pairs, pair_of = np.unique(ids, axis=0, return_inverse=True)
@@ -150,7 +150,7 @@ def _parts(items: Mapping[int, Annotated], mesh_of: Mapping[int, Mesh], origin: 
             label=name_of[number],
             mesh=mesh_of[number],
             parent=None if item.parent is None else id_of[item.parent],
-            motion="fixed" if record is None else joints.joint(record, 1.0, origin),
+            motion="fixed" if record is None else joint_records.joint(record, 1.0, origin),
             graspable=record is not None,
         )
     return found

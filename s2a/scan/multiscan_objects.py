@@ -182,7 +182,7 @@ def _texts(record: Record, key: str) -> list[str]:
     """Return a list of strings, each once; empty if the key is missing."""
     value = record.values.get(key) or []
     if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-        record.refuse(key, "a list of labels belongs here")
+        record.refuse(key, "expected a list of labels")
     if len(set(value)) < len(value):
         record.refuse(key, "a label stands there twice; every part needs one of its own")
     return value

@@ -11,7 +11,7 @@ import numpy as np
 
 from s2a.scan import fields
 from s2a.scan.fields import Record
-from s2a.scan.ply import Surface
+from s2a.scan.ply import ScanMesh
 
 _log = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ class AnnotatedPart:
     mass: float | None
 
 
-def read(path: Path, surface: Surface) -> dict[int, AnnotatedPart]:
+def read(path: Path, surface: ScanMesh) -> dict[int, AnnotatedPart]:
     """Read the parts of a scan from its `_parts.json`, by number, in the order of the file.
 
     Raises:
@@ -62,7 +62,7 @@ def owners(parts: Mapping[int, AnnotatedPart], depth: Mapping[int, int], face_co
     return owner
 
 
-def _check_mesh(data: Record, surface: Surface) -> None:
+def _check_mesh(data: Record, surface: ScanMesh) -> None:
     """Raise an InputError if the parts were annotated on another mesh, as far as its statistics tell."""
     if not data.has("stats"):
         return
@@ -72,7 +72,7 @@ def _check_mesh(data: Record, surface: Surface) -> None:
             stats.refuse(key, f"{surface.path} has {count}; take the mesh that was annotated")
 
 
-def _faces(record: Record, surface: Surface) -> np.ndarray:
+def _faces(record: Record, surface: ScanMesh) -> np.ndarray:
     """Return the faces of a part: those listed, or where none are, those whose three vertices are all listed."""
     vertices = np.empty(0, dtype=np.int64)
     if record.has("vertIndices"):

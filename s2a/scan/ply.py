@@ -15,13 +15,13 @@ from s2a.errors import InputError
 
 _log = logging.getLogger(__name__)
 
-_LARGEST_SPAN = 1000.0  # [m]; beyond any room, so another unit or a damaged number
-_LARGE_SPAN = 60.0  # [m]; beyond the rooms that anybody scanned (ten metres), though there are halls
-_FAR = 100.0  # [m]; from here on float32 rounds coordinates by 8 um or more
+_MAX_SPAN = 1000.0  # [m]; beyond any room, so another unit or a damaged number
+_SUSPICIOUS_SPAN = 60.0  # [m]; beyond the rooms that anybody scanned (ten metres), though there are halls
+_FLOAT32_RANGE = 100.0  # [m]; from here on float32 rounds coordinates by 8 um or more
 
 
 @dataclass(frozen=True)
-class Surface:
+class ScanMesh:
     """The mesh of a whole scan, vertices and faces in the order of the file, which the annotations count in.
 
     Attributes:
@@ -41,7 +41,7 @@ class Surface:
     face_numbers: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
-def read(path: Path, face_numbers: tuple[str, ...] = ()) -> Surface:
+def read(path: Path, face_numbers: tuple[str, ...] = ()) -> ScanMesh:
     """Read a triangle mesh from a PLY file: ASCII or binary, float or double; properties not asked for are ignored.
 
     A mesh that reaches further than 100 m from zero is moved, in float64, so that its smallest corner becomes zero. One that
@@ -59,11 +59,11 @@ def read(path: Path, face_numbers: tuple[str, ...] = ()) -> Surface:
     vertices = content["vertices"].astype(np.float64)
     faces = _triangles(path, content["faces"], elements)
     _check_numbers(path, vertices, faces)
-    far = np.abs(vertices).max() > _FAR
+    far = np.abs(vertices).max() > _FLOAT32_RANGE
     origin = vertices.min(axis=0) if far else np.zeros(3)
     colors = _colors(path, content.get("vertex_colors"))
     numbers = {name: _face_numbers(path, elements["face"]["data"], name, len(faces)) for name in face_numbers}
-    return Surface(path, vertices - origin, faces.astype(np.int32), colors, origin, numbers)
+    return ScanMesh(path, vertices - origin, faces.astype(np.int32), colors, origin, numbers)
 
 
 def _load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -96,7 +96,7 @@ def _triangles(path: Path, faces: np.ndarray, elements: dict[str, Any]) -> np.nd
 
 
 def _all_triangles(data: Any) -> bool:
-    """Whether every vertex list of a binary file has three entries (trimesh reads the first list's length only)."""
+    """Return True if every vertex list of a binary file has three entries (trimesh reads the first list's length only)."""
     if not isinstance(data, np.ndarray):  # an ASCII file, split by trimesh row by row
         return True
     lists = [data[name]["f0"] for name in data.dtype.names or () if name in ("vertex_index", "vertex_indices")]
@@ -124,11 +124,11 @@ def _check_numbers(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
             f"{path}: vertex {bad[0]} is {vertices[bad[0]].tolist()}, not finite ({len(bad)} such); download it again"
         )
     span = np.ptp(vertices, axis=0).max()
-    if span > _LARGEST_SPAN:
+    if span > _MAX_SPAN:
         raise InputError(
             f"{path}: vertices span {span:.6g} m; is it in millimetres, or damaged? metres of one room are expected"
         )
-    if span > _LARGE_SPAN:
+    if span > _SUSPICIOUS_SPAN:
         _log.warning("%s: spans %.6g m; is it in centimetres or millimetres? metres are expected", path, span)
     if not 0 <= faces.min() <= faces.max() < len(vertices):
         raise InputError(

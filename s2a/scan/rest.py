@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from s2a.scan import labels, segments
-from s2a.scan.ply import Surface
+from s2a.scan.ply import ScanMesh
 from s2a.scene import Mesh, Part
 
 UNANNOTATED = "unannotated"  # label of the part that takes the faces nobody annotated
 
 
-def claim(surface: Surface, owner: np.ndarray, count: int, files: tuple[Path, Path] | None) -> list[str]:
+def claim(surface: ScanMesh, owner: np.ndarray, count: int, files: tuple[Path, Path] | None) -> list[str]:
     """Give the faces without owner to further parts: ScanNet++'s objects, and "unannotated" for what is left then.
 
     Args:

@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import mujoco_warp
 import newton
+import numpy as np
+import torch
 import warp as wp
 
 from s2a import robot
 from s2a.errors import InputError
-from s2a.ranges import Count, Positive
+from s2a.ranges import Above, Count, Positive
 from s2a.robot.spec import Gains
+from s2a.sim.layout import Layout, layout
 from s2a.sim.world import JointConfig, SimStage, body_index, build_world
 
 IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
 """Reports that are switched off: reaching the iteration limits is meant, they are set low; capacities stay reported."""
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """What the arm's controller keeps to, as a real one does; joint limits are stiff and the links touch each other then.
+
+    Attributes:
+        velocity: fraction of the robot's velocity limits that an action of 1 asks for, of its fingers too.
+        acceleration: fraction of its acceleration limits with which the commanded velocity changes.
+        window: largest distance of a target from its joint's position [rad, m].
+    """
+
+    velocity: Annotated[float, Above(0.0, 1.0)]
+    acceleration: Annotated[float, Above(0.0, 1.0)]
+    window: Positive
 
 
 @dataclass(frozen=True)
@@ -37,6 +55,7 @@ class SimConfig:
         room: whether the room's colliders are there.
         gains: of the robot's position controller; null: the robot's own.
         gravity_compensation: the robot's weight is carried.
+        limits: what the arm's controller keeps to; null: nothing, and targets move as far as the task's action asks.
         joint: how the target's joint resists.
     """
 
@@ -52,14 +71,19 @@ class SimConfig:
     room: bool
     gains: Gains | None
     gravity_compensation: bool
+    limits: MotionLimits | None
     joint: JointConfig
 
 
 class Simulation:
-    """Physics of `worlds` copies of a stage on one device.
+    """Physics of `num_envs` worlds on one device; world i is a copy of stage i modulo their number.
 
     Attributes:
-        robot: the robot that the stage was prepared for.
+        stages: what is simulated; `stage` is the first.
+        stage_of_env: index of each world's stage, shape [world].
+        robot: the robot that the stages were prepared for.
+        world: builder of the first stage's world.
+        layout: which body and coordinate of a world is what.
         model: the Newton model of all worlds.
         solver: MuJoCo (Warp) with hull contacts.
         state: joint and body state before and after every `step` (always this same buffer).
@@ -69,49 +93,71 @@ class Simulation:
         joint_qd: joint velocities, torch view of state.joint_qd, shape [world dof].
         body_q: body poses (position, quaternion xyzw), torch view of state.body_q, shape [world body 7].
         joint_target_q: joint targets, torch view of the control's, shape [world dof].
+        before_substep: called before every physics step, and captured with it.
         after_substep: called after every physics step, and captured with it: the solver forgets contacts and overflows in the
             next.
     """
 
+    layout: Layout
+
     def __init__(
-        self, stage: SimStage, config: SimConfig, worlds: int, device: str = "cpu", with_robot: bool = True
+        self,
+        stages: SimStage | Sequence[SimStage],
+        config: SimConfig,
+        num_envs: int,
+        device: str = "cpu",
+        with_robot: bool = True,
     ) -> None:
-        """Build the worlds; the first call on a machine compiles kernels for a minute."""
+        """Build the worlds; the first call on a machine compiles kernels for a minute.
+
+        Raises:
+            InputError: an odd number of substeps; stages for different robots, or of slides and hinges together.
+        """
         if config.substeps % 2:
             raise InputError(f"key 'sim.substeps' is {config.substeps}; a captured step needs an even number")
-        self.stage, self.config, self.worlds, self.device = stage, config, worlds, device
-        self.robot = robot.load(stage.robot)
+        self.stages = [stages] if isinstance(stages, SimStage) else list(stages)
+        self.stage, self.config, self.num_envs, self.device = self.stages[0], config, num_envs, device
+        self.stage_of_env = np.arange(num_envs) % len(self.stages)
+        _check_alike(self.stages)
+        self.robot = robot.load(self.stage.robot)
         with wp.ScopedDevice(device):
-            self.world = build_world(
-                stage,
-                config.joint,
-                config.dt,
-                robot=self.robot if with_robot else None,
-                gains=config.gains,
-                gravity_compensation=config.gravity_compensation,
-                room=config.room,
-            )
-            builder = newton.ModelBuilder()
-            newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-            builder.replicate(self.world, worlds)
-            self.model = builder.finalize()
+            worlds = [self._world(stage, with_robot) for stage in self.stages]
+            self.world = worlds[0]
+            self.model = _batch(worlds, num_envs).finalize()
             self.solver = _solver(self.model, config)
             self.state, self.before = self.model.state(), self.model.state()
             self.control = self.model.control()
             newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
-        self.joint_q = wp.to_torch(self.state.joint_q).view(worlds, -1)
-        self.joint_qd = wp.to_torch(self.state.joint_qd).view(worlds, -1)
-        self.body_q = wp.to_torch(self.state.body_q).view(worlds, -1, 7)
-        self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(worlds, -1)
+        if with_robot:
+            self.layout = layout(self.world, self.robot, self.stage)
+        self.joint_q = wp.to_torch(self.state.joint_q).view(num_envs, -1)
+        self.joint_qd = wp.to_torch(self.state.joint_qd).view(num_envs, -1)
+        self.body_q = wp.to_torch(self.state.body_q).view(num_envs, -1, 7)
+        self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(num_envs, -1)
+        self.before_substep: Callable[[], None] = lambda: None
         self.after_substep: Callable[[], None] = lambda: None
 
     def body(self, name: str) -> int:
         """Return the index of a body within a world."""
         return body_index(self.world, name)
 
+    def _world(self, stage: SimStage, with_robot: bool) -> newton.ModelBuilder:
+        config = self.config
+        return build_world(
+            stage,
+            config.joint,
+            config.dt,
+            robot=self.robot if with_robot else None,
+            gains=config.gains,
+            gravity_compensation=config.gravity_compensation,
+            room=config.room,
+            realistic=config.limits is not None,
+        )
+
     def step(self) -> None:
         """Advance all worlds by one control step (`substeps` physics steps)."""
         for _ in range(self.config.substeps):
+            self.before_substep()
             self.solver.step(self.state, self.before, self.control, None, self.config.dt)
             self.state, self.before = self.before, self.state
             self.after_substep()
@@ -129,6 +175,58 @@ class Simulation:
         with wp.ScopedDevice(self.model.device), wp.ScopedCapture() as capture:
             function()
         return lambda: wp.capture_launch(capture.graph)
+
+
+def device_of(key: str) -> str:
+    """Return the device that a user's key means; "auto" is a GPU where there is one.
+
+    Raises:
+        InputError: a device that this machine does not have.
+    """
+    known = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
+    chosen = known[:2][-1] if key == "auto" else key
+    if chosen not in known:
+        raise InputError(f"key 'device' is {key!r}; on this machine one of: auto, {', '.join(known)}")
+    return chosen
+
+
+def _check_alike(stages: Sequence[SimStage]) -> None:
+    """Raise unless the worlds of all stages have the same joints."""
+    for name, value in (("robot", lambda s: s.robot), ("kind of joint", lambda s: s.joint.kind)):
+        kinds = {value(stage): stage for stage in reversed(stages)}
+        if len(kinds) > 1:
+            one, other = list(kinds.values())[:2]
+            raise InputError(
+                f"{one.path} ({one.target}) and {other.path} ({other.target}) differ in their {name}; "
+                "simulate them in batches of their own"
+            )
+
+
+def _batch(worlds: Sequence[newton.ModelBuilder], num_envs: int) -> newton.ModelBuilder:
+    """Return the builder of all worlds.
+
+    Of several stages, what may touch is said by groups instead of pairs: MuJoCo's masks have no room for the pairs of all.
+    Then the part touches the robot alone; in a single stage it touches the room too.
+    """
+    builder = newton.ModelBuilder()
+    newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+    if len(worlds) == 1:
+        builder.replicate(worlds[0], num_envs)
+        return builder
+    for world in worlds:
+        _group(world)
+    for i in range(num_envs):
+        builder.add_world(worlds[i % len(worlds)])
+    return builder
+
+
+def _group(world: newton.ModelBuilder) -> None:
+    """Let the robot's shapes and all others touch each other, and none of its own kind: groups -1 and -2."""
+    for shape, body in enumerate(world.shape_body):
+        if world.shape_flags[shape] & newton.ShapeFlags.COLLIDE_SHAPES:
+            is_robot = body >= 0 and not world.body_label[body].startswith("/scene/")
+            world.shape_collision_group[shape] = -1 if is_robot else -2
+    world.shape_collision_filter_pairs.clear()
 
 
 def _solver(model: newton.Model, config: SimConfig) -> newton.solvers.SolverMuJoCo:

@@ -131,6 +131,7 @@ def build_world(
     gains: Gains | None = None,
     gravity_compensation: bool = True,
     room: bool = True,
+    realistic: bool = False,
 ) -> newton.ModelBuilder:
     """Return a builder of one world.
 
@@ -141,7 +142,8 @@ def build_world(
         robot: the robot, or None for a world without it.
         gains: of its position controller; None: its own.
         gravity_compensation: its weight is carried.
-        room: whether the room's colliders are loaded.
+        room: load the room's colliders.
+        realistic: make the robot's joint limits stiff; see add_robot for the rest.
     """
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)

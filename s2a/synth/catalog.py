@@ -20,6 +20,7 @@ class Entry:
         parent: number of the part it belongs to, or None.
         piece: its shape and joint, in the scene.
         articulated: whether its object has moving parts, hence belongs to Articulate3D's annotation.
+        carrier: number of the part in or on which it lies and with which it moves, or None.
     """
 
     number: int
@@ -27,6 +28,7 @@ class Entry:
     parent: int | None
     piece: Piece
     articulated: bool
+    carrier: int | None = None
 
     @property
     def part_id(self) -> str:
@@ -37,8 +39,7 @@ class Entry:
 def catalog(pieces: tuple[Piece, ...]) -> list[Entry]:
     """Number the parts of articulated objects, object by object and level by level, then all other objects."""
     entries: list[Entry] = []
-    articulated = [piece for piece in pieces if moves(piece)]
-    for index, piece in enumerate(articulated, start=1):
+    for index, piece in enumerate((piece for piece in pieces if moves(piece)), start=1):
         level: list[tuple[Piece, str, int | None]] = [(piece, str(index), None)]
         while level:
             below: list[tuple[Piece, str, int | None]] = []
@@ -46,9 +47,14 @@ def catalog(pieces: tuple[Piece, ...]) -> list[Entry]:
                 entries.append(Entry(len(entries) + 1, f"{part.name}.{path}", parent, part, True))
                 below += [(child, f"{path}.{i}", entries[-1].number) for i, child in enumerate(part.children, start=1)]
             level = below
-    for piece in pieces:
-        if not moves(piece):
-            entries.append(Entry(len(entries) + 1, piece.name, None, piece, False))
+    loose: list[tuple[Piece, int | None]] = [(piece, None) for piece in pieces if not moves(piece)]
+    loose += [(thing, entry.number) for entry in entries for thing in entry.piece.contents]
+    for piece, carrier in loose:
+        entries.append(Entry(len(entries) + 1, piece.name, None, piece, False, carrier))
+        on = len(entries)
+        entries += [
+            Entry(on + i, thing.name, None, thing, False, on) for i, thing in enumerate(piece.contents, start=1)
+        ]
     return entries
 
 

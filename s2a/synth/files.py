@@ -16,6 +16,7 @@ GROUPS = {
     "drawer": "drawers",
     "door": "doors/windows",
     "window": "doors/windows",
+    "sliding door": "doors/windows",
     "lid": "lids",
     "handle": "handles movable",
     "handle base": "handles movable",

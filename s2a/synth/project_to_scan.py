@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from s2a.cores import in_parallel, shares
+from s2a.cores import chunks, in_parallel
 from s2a.geometry.mesh_query import direction_pixel
 from s2a.synth.pixel_planes import View
 from s2a.synth.surface_nets import Net
@@ -97,4 +97,4 @@ def snap(net: Net, views: list[View], reach: float) -> Net:
         )
         return points.numpy()
 
-    return replace(net, points=np.concatenate(in_parallel(settle, shares(len(net.points)))))
+    return replace(net, points=np.concatenate(in_parallel(settle, chunks(len(net.points)))))

@@ -49,20 +49,25 @@ def around(rng: np.random.Generator, x: float, y: float, z: float, yaw: float, s
     return at(x + rng.uniform(-slack, slack), y + rng.uniform(-slack, slack), z, yaw + rng.uniform(-300, 300) * slack)
 
 
-def wall(length: float, height: float, hole: Hole | None, color: Color) -> Surface:
-    """Return a wall along y, 0.1 m thick, its face at x = 0, with a hole [m].
+def wall(
+    length: float, height: float, holes: tuple[Hole, ...], color: Color, ends: tuple[float, float] = (0.1, 0.1)
+) -> Surface:
+    """Return a wall along y, 0.1 m thick, its face at x = 0, with holes beside each other [m].
 
     WEST's y is the room's y; NORTH's is its x; EAST's runs from (width, depth) back to the corner; SOUTH's from (width, 0) back.
+
+    Args:
+        length: along y, without its ends.
+        height: up to the ceiling.
+        holes: in the order of their y.
+        color: of its paint.
+        ends: how far it goes on beyond y = 0 and y = length, into the corners of the room.
     """
-    if hole is None:
-        return box((-0.1, 0), (-0.1, length + 0.1), (-0.1, height + 0.1), color)
-    left, right, low, high = hole
-    rest = [
-        box((-0.1, 0), (-0.1, left), (-0.1, height + 0.1), color),
-        box((-0.1, 0), (right, length + 0.1), (-0.1, height + 0.1), color),
-        box((-0.1, 0), (left, right), (high, height + 0.1), color),
-    ]
-    return join(*rest, box((-0.1, 0), (left, right), (-0.1, low), color)) if low > 0 else join(*rest)
+    slab, top = (-0.1, 0.0), height + 0.1
+    edges = [-ends[0], *(y for hole in holes for y in hole[:2]), length + ends[1]]
+    rest = [box(slab, y, (-0.1, top), color) for y in zip(edges[::2], edges[1::2], strict=True)]
+    rest += [box(slab, (left, right), (high, top), color) for left, right, _, high in holes]
+    return join(*rest, *(box(slab, (left, right), (-0.1, low), color) for left, right, low, _ in holes if low > 0))
 
 
 def shell(
@@ -85,12 +90,17 @@ def shell(
     red, green, blue = (np.array(paint) + rng.integers(-8, 9, 3)).tolist()
     color = (red, green, blue)
     walls = [
-        wall(depth, height, holes.get(WEST), color).moved(at(0, 0, 0, WEST)),
-        wall(width, height, holes.get(NORTH), color).moved(at(0, depth, 0, NORTH)),
-        wall(depth, height, holes.get(EAST), color).moved(at(width, depth, 0, EAST)),
-        wall(width, height, holes.get(SOUTH), color).moved(at(width, 0, 0, SOUTH)),
+        wall(depth, height, _holes(holes, WEST), color).moved(at(0, 0, 0, WEST)),
+        wall(width, height, _holes(holes, NORTH), color).moved(at(0, depth, 0, NORTH)),
+        wall(depth, height, _holes(holes, EAST), color).moved(at(width, depth, 0, EAST)),
+        wall(width, height, _holes(holes, SOUTH), color).moved(at(width, 0, 0, SOUTH)),
     ]
     slab = ((-0.1, width + 0.1), (-0.1, depth + 0.1))
     floor = Piece("floor", box(*slab, (-0.1, 0), *ground))
     ceiling = Piece("ceiling", box(*slab, (height, height + 0.1), (240, 240, 236), PLAIN))
     return [*(Piece("wall", surface) for surface in walls), floor, ceiling]
+
+
+def _holes(holes: Mapping[float, Hole], yaw: float) -> tuple[Hole, ...]:
+    """Return the opening of a wall, if it has one."""
+    return (holes[yaw],) if yaw in holes else ()

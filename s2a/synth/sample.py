@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.errors import InputError
 from s2a.ranges import CountFromZero
 from s2a.scene import Joint, Mesh
-from s2a.synth import files
-from s2a.synth.annotate import AnnotationConfig, annotated_joints, face_numbers
-from s2a.synth.appearance import vertex_colors
+from s2a.synth import files, glb
+from s2a.synth.annotate import AnnotationConfig, annotated_joints, overlooked, reversed_joints, without
+from s2a.synth.capture import Capture
 from s2a.synth.catalog import Entry, cad, catalog, clean_scene
+from s2a.synth.homes import furnish, stream
+from s2a.synth.pairs import again
 from s2a.synth.room import Room
 from s2a.synth.rooms import ROOMS
-from s2a.synth.scanner import ScannerConfig, scan
-from s2a.synth.solids import rotation
+from s2a.synth.scanner import ScannerConfig
+from s2a.synth.truth import part_truth
 
 
 @dataclass(frozen=True)
@@ -27,20 +30,39 @@ class SampleConfig:
     """One virtual scan.
 
     Attributes:
-        room: kind of room.
+        virtual: which rooms: "classic" (five hand-planned ones, the same bytes ever since) or "varied" (drawn ones).
+        room: kind of room; the first five exist in both.
         seed: what furnishes it and draws all errors; the same seed gives the same files.
         detail: which of the scanners is used.
+        annotator: whose errors the annotation has.
+        open: coordinates of parts that stand open [m] or [rad], by their ids: the same home scanned again; None: all closed.
+        moved: number of free objects that stand elsewhere than without it.
         out: folder that is written.
         scanner: the scanners by detail.
-        annotation: the annotator's errors.
+        annotators: the annotators' errors by their names.
     """
 
-    room: Literal["office", "bedroom", "kitchen", "bathroom", "living_room"]
+    virtual: Literal["classic", "varied"]
+    room: Literal[
+        "office",
+        "bedroom",
+        "kitchen",
+        "bathroom",
+        "living_room",
+        "dining_room",
+        "hallway",
+        "laundry",
+        "study",
+        "workshop",
+    ]
     seed: CountFromZero
-    detail: Literal["demo", "full"]
+    detail: Literal["demo", "full", "rgbd", "phone"]
+    annotator: Literal["careful", "hasty", "wrong"]
+    open: dict[str, float] | None
+    moved: CountFromZero
     out: Path
     scanner: dict[str, ScannerConfig]
-    annotation: AnnotationConfig
+    annotators: dict[str, AnnotationConfig]
 
 
 @dataclass(frozen=True)
@@ -52,16 +74,24 @@ class Scan:
         room: the furnished room.
         entries: all its parts.
         mesh: the scanned surface.
-        numbers: the part of each of its faces, shape [face].
+        motions: of the objects that stand elsewhere than in the first scan of this home, by id, in the scene, shape [4 4].
+        annotated: the parts that the annotator saw.
+        numbers: the annotated part of each face, shape [face].
         joints: the annotated joints by part number.
+        mistakes: ids of overlooked handles and of reversed joints.
+        paint: colours of points near the surface, in the scene, for a texture.
     """
 
     name: str
     room: Room
     entries: list[Entry]
     mesh: Mesh
+    motions: dict[str, np.ndarray]
+    annotated: list[Entry]
     numbers: np.ndarray
     joints: dict[int, Joint]
+    mistakes: dict[str, list[str]]
+    paint: glb.Paint
 
 
 def sample(config: SampleConfig, out: Path) -> None:
@@ -76,27 +106,57 @@ def sample(config: SampleConfig, out: Path) -> None:
 
 def scan_room(config: SampleConfig) -> Scan:
     """Furnish, scan and annotate a room; every step draws from a random stream of its own."""
-    furnish, errors, paint, annotator = np.random.default_rng(config.seed).spawn(4)
-    room = ROOMS[config.room](furnish).turned(float(furnish.uniform(0.0, 2 * np.pi)))
+    furniture, errors, paint, annotator, mover = streams(config)
+    room = furnished(config, furniture)
+    motions: dict[str, np.ndarray] = {}
+    if config.open or config.moved:
+        room, motions = again(room, config.open or {}, config.moved, mover)
+    room = room.turned(float(furniture.uniform(0.0, 2 * np.pi)))
     entries = catalog(room.pieces)
     surface, owners = cad(entries)
-    T_room_scene = rotation((0.0, 0.0, -room.yaw))
-    clean = surface.moved(T_room_scene)
-    mesh = ray_mesh(clean.vertices, clean.faces)
-    scanner = config.scanner[config.detail]
-    bounds = np.stack([surface.vertices.min(axis=0), surface.vertices.max(axis=0)])
-    places = room.scanners[: scanner.poses]
-    vertices, faces = scan(mesh, surface.dropout, room.yaw, places, bounds, scanner, errors)
-    inside = vertices @ T_room_scene[:3, :3].T
-    colors = vertex_colors(inside, clean, nearest_faces(mesh, inside)[0], paint)
-    numbers = face_numbers(mesh, owners, inside[faces].mean(axis=1), config.annotation, annotator)
-    joints = annotated_joints(entries, config.annotation, annotator)
-    return Scan(scan_name(config), room, entries, Mesh(vertices, faces, colors), numbers, joints)
+    capture = Capture(surface, room, config.scanner[config.detail], paint)
+    mesh = capture.scan(errors)
+    errs = config.annotators[config.annotator]
+    numbers = capture.numbers(mesh, owners, errs, annotator)
+    joints, backwards = reversed_joints(annotated_joints(entries, errs, annotator), errs, annotator)
+    missed = overlooked(entries, errs, annotator)
+    mistakes = {"overlooked": ids_of(entries, missed), "reversed": ids_of(entries, backwards)}
+    annotated, numbers = without(entries, numbers, missed)
+    return Scan(scan_name(config), room, entries, mesh, motions, annotated, numbers, joints, mistakes, capture.colors)
+
+
+def ids_of(entries: list[Entry], numbers: set[int]) -> list[str]:
+    """Return the ids of parts given by their numbers."""
+    return [entry.part_id for entry in entries if entry.number in numbers]
+
+
+def streams(config: SampleConfig) -> list[np.random.Generator]:
+    """Return the random streams of the furniture, the scanner's errors, the colours, the annotator and what is moved."""
+    classic = config.virtual == "classic"
+    return (np.random.default_rng(config.seed) if classic else stream(config.room, config.seed)).spawn(5)
+
+
+def furnished(config: SampleConfig, rng: np.random.Generator) -> Room:
+    """Return the furnished room, in its own frame.
+
+    Raises:
+        InputError: the classic rooms have none of this kind.
+    """
+    if config.virtual == "varied":
+        return furnish(config.room, rng)
+    if config.room not in ROOMS:
+        known = ", ".join(ROOMS)
+        raise InputError(f"virtual=classic has no room {config.room!r}; known: {known}; virtual=varied has it")
+    return ROOMS[config.room](rng)
 
 
 def scan_name(config: SampleConfig) -> str:
-    """Return the ten hexadecimal digits that name a room of a given kind and seed."""
-    return hashlib.sha256(f"{config.room} {config.seed}".encode()).hexdigest()[:10]
+    """Return the ten hexadecimal digits that name a room of a given kind and seed, or a later scan of it."""
+    words: list[str] = [] if config.virtual == "classic" else [config.virtual]
+    words += [config.room, str(config.seed)]
+    if config.open or config.moved:
+        words += [json.dumps(config.open or {}, sort_keys=True), str(config.moved)]
+    return hashlib.sha256(" ".join(words).encode()).hexdigest()[:10]
 
 
 def write(scan: Scan, config: SampleConfig, out: Path) -> None:
@@ -106,19 +166,22 @@ def write(scan: Scan, config: SampleConfig, out: Path) -> None:
 
     (out / "truth").mkdir(parents=True, exist_ok=True)
     files.write_ply(out / "mesh_aligned_0.05.ply", scan.mesh)
+    if config.scanner[config.detail].glb:
+        glb.write(out / "scan.glb", scan.mesh.vertices, scan.mesh.faces, scan.paint)
     segments = {"sceneId": scan.name, "segIndices": list(range(len(scan.mesh.vertices)))}
     files.write_json(out / "segments.json", segments)
-    labelled = (scan.name, scan.mesh, scan.numbers, scan.entries)
+    labelled = (scan.name, scan.mesh, scan.numbers, scan.annotated)
     files.write_json(out / "segments_anno.json", files.segment_groups(*labelled))
     files.write_json(out / f"{scan.name}_parts.json", files.parts_record(*labelled))
-    files.write_json(out / f"{scan.name}_artic.json", files.artic_record(scan.name, scan.entries, scan.joints))
+    files.write_json(out / f"{scan.name}_artic.json", files.artic_record(scan.name, scan.annotated, scan.joints))
     files.write_json(out / "truth" / "truth.json", truth_record(scan, config))
     geometric.write(clean_scene(scan.name, scan.entries), out / "truth" / "truth.usda")
 
 
 def truth_record(scan: Scan, config: SampleConfig) -> dict[str, Any]:
     """Return what is exactly true of a scan: room, scanner positions, parts with size and style, joints."""
-    return {
+    ids = {entry.number: entry.part_id for entry in scan.entries}
+    record = {
         "name": scan.name,
         "room": config.room,
         "seed": config.seed,
@@ -126,19 +189,19 @@ def truth_record(scan: Scan, config: SampleConfig) -> dict[str, Any]:
         "yaw": scan.room.yaw,
         "size": list(scan.room.size),
         "scanners": scan.room.scanners[: config.scanner[config.detail].poses].tolist(),
-        "parts": {entry.part_id: _part_truth(entry) for entry in scan.entries},
+        "parts": {entry.part_id: part_truth(entry, ids) for entry in scan.entries},
     }
+    # The files of the classic rooms never change: what they lack is left out.
+    if config.virtual != "classic":
+        record["virtual"] = config.virtual
+    if config.annotator != "careful":
+        record["annotator"] = {"name": config.annotator, **scan.mistakes}
+    if config.open or config.moved:
+        record["again"] = {"open": config.open or {}, "moved": {i: m.tolist() for i, m in in_scene(scan).items()}}
+    return record
 
 
-def _part_truth(entry: Entry) -> dict[str, Any]:
-    """Return the exact facts about one part."""
-    joint = entry.piece.joint
-    facts: dict[str, Any] = {
-        "label": entry.label,
-        "style": entry.piece.style,
-        "size": entry.piece.size.tolist(),
-        "pose": entry.piece.pose.tolist(),
-    }
-    if joint is not None:
-        facts["joint"] = {"kind": joint.kind, "axis": joint.axis, "origin": joint.origin, "limits": joint.limits}
-    return facts
+def in_scene(scan: Scan) -> dict[str, np.ndarray]:
+    """Return the motions of the objects that stand elsewhere, in the scene, shape [4 4] each."""
+    floor = next(entry.piece.pose for entry in scan.entries if entry.piece.name == "floor")
+    return {part_id: floor @ motion @ np.linalg.inv(floor) for part_id, motion in scan.motions.items()}

@@ -1,15 +1,16 @@
-"""A scanner on a tripod: from a furnished room to one noisy surface with holes, as laser scans have them."""
+"""A scanner on a tripod or in a hand: from a furnished room to one noisy surface with holes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
 from s2a.geometry.mesh_query import NoiseConfig, RayMesh, cast_panorama
 from s2a.progress import track
-from s2a.ranges import AtLeast, Positive
+from s2a.ranges import AtLeast, CountFromZero, Positive
+from s2a.synth.handheld import DriftConfig, drifts, smoothed
 from s2a.synth.pixel_planes import measure
 from s2a.synth.project_to_scan import snap
 from s2a.synth.solids import rotation, translation
@@ -23,18 +24,31 @@ class ScannerConfig:
     """How a room is scanned.
 
     Attributes:
-        poses: number of places from which it is scanned, 4 to 6.
+        poses: number of places from which it is scanned; a room of virtual=classic has no more than 6.
         spacing: mean angle between rays [rad].
+        reach: longest range that is measured [m].
         noise: errors of the ranges.
+        drift: errors of the places.
         fusion: how all panoramas become one surface.
+        smooth: passes of averaging over neighbouring vertices after the fusion.
+        snap: whether vertices are drawn onto the measured planes, which keeps a laser's detail.
+        colors: "surface": of the nearest true surface; "camera": of what is seen from where the scanner stood, so that a
+            handle that is missing in the mesh is painted on its front.
         thin: how that surface is thinned out.
+        glb: whether a textured GLB with y up is written beside the annotated scan.
     """
 
-    poses: Annotated[int, AtLeast(4, 6)]
+    poses: Annotated[int, AtLeast(4, 24)]
     spacing: Positive
+    reach: Positive
     noise: NoiseConfig
+    drift: DriftConfig
     fusion: FusionConfig
+    smooth: CountFromZero
+    snap: bool
+    colors: Literal["surface", "camera"]
     thin: ThinConfig
+    glb: bool
 
 
 def scan(
@@ -58,11 +72,13 @@ def scan(
         rng: where its errors come from.
     """
     T_room_scene = rotation((0.0, 0.0, -yaw))
-
-    panoramas = [
-        cast_panorama(mesh, dropout, T_room_scene @ translation(place), config.spacing, config.noise, errors)
-        for place, errors in track(list(zip(scanners, rng.spawn(len(scanners)), strict=True)), "scan")
-    ]
-    views = measure(panoramas, scanners, config.spacing)
-    net = snap(extract(fuse(views, bounds, config.fusion)), views, config.fusion.voxel)
-    return thin(net, config.thin)
+    offsets, turns = drifts(len(scanners), config.drift, rng)
+    panoramas = []
+    for i, errors in track(list(enumerate(rng.spawn(len(scanners)))), "scan"):
+        pose = T_room_scene @ translation(scanners[i]) @ rotation(turns[i])
+        ranges = cast_panorama(mesh, dropout, pose, config.spacing, config.noise, errors)
+        panoramas.append(np.where(ranges > config.reach, np.float32(0.0), ranges))
+    views = measure(panoramas, scanners + offsets, config.spacing)
+    net = extract(fuse(views, bounds, config.fusion))
+    net = snap(net, views, config.fusion.voxel) if config.snap else net
+    return thin(smoothed(net, config.smooth), config.thin)

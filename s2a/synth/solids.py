@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,8 +55,10 @@ class Piece:
         surface: its own surface, without its children's.
         children: the parts that belong to it.
         joint: how it moves against what it belongs to; the closed pose is 0; None if it does not move.
-        style: "bar", "knob", "lever", "cup" or "edge" for what a hand takes hold of, else None.
+        style: "bar", "bow", "knob", "lever", "cup", "edge", "recess" or "strap" for what a gripper grasps, else None.
         pose: of the frame in which it was built, in which its sides are parallel to the axes, shape [4 4].
+        contents: free objects that lie in or on it and move with it; they are objects of their own, no parts of it.
+        facts: exact numbers and names for the truth: a handle's family, length and clearance; a hinge's damper.
     """
 
     name: str
@@ -63,6 +67,8 @@ class Piece:
     joint: Joint | None = None
     style: str | None = None
     pose: np.ndarray = field(default_factory=lambda: np.eye(4))
+    contents: tuple[Piece, ...] = ()
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def size(self) -> np.ndarray:
@@ -77,6 +83,7 @@ class Piece:
             children=tuple(child.moved(transform) for child in self.children),
             joint=None if self.joint is None else moved_joint(self.joint, transform),
             pose=transform @ self.pose,
+            contents=tuple(thing.moved(transform) for thing in self.contents),
         )
 
     def tilted(self, rng: np.random.Generator, largest: float = 0.5) -> Piece:

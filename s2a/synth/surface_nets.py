@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from s2a.cores import in_parallel, shares
+from s2a.cores import chunks, in_parallel
 from s2a.synth.tsdf import UNKNOWN, Field, voxel_index, voxel_place, voxel_value
 
 
@@ -132,7 +132,7 @@ def extract(field: Field) -> Net:
     stored = [field.blocks, field.table, field.distance]
     kind = _all_crossings(stored, len(field.distance))
     cells = np.flatnonzero(kind & 1).astype(np.int32)
-    placed = in_parallel(lambda some: _places(stored, field, cells[some]), shares(len(cells)))
+    placed = in_parallel(lambda some: _places(stored, field, cells[some]), chunks(len(cells)))
     points, normals = (np.concatenate(part) for part in zip(*placed, strict=True))
     vertex = np.full(len(kind), -1, np.int32)
     vertex[cells] = np.arange(len(cells), dtype=np.int32)
@@ -149,7 +149,7 @@ def _all_crossings(stored: list, count: int) -> np.ndarray:
     def mark(some: slice) -> None:
         wp.launch(_crossings, some.stop - some.start, inputs=[*stored, some.start], outputs=[kinds], device="cpu")
 
-    in_parallel(mark, shares(count))
+    in_parallel(mark, chunks(count))
     return kinds.numpy()
 
 
@@ -172,7 +172,7 @@ def _axis_quads(stored: list, edges: np.ndarray, axis: int, vertex: wp.array) ->
 
 def _split(points: np.ndarray, quads: np.ndarray) -> np.ndarray:
     """Return two triangles a quad, cut along the shorter diagonal, shape [2 quad 3]."""
-    parts = [quads[some] for some in shares(len(quads))]
+    parts = [quads[some] for some in chunks(len(quads))]
     cut_ac = np.concatenate(in_parallel(lambda part: _is_shorter(points, part), parts))
     a, b, c, d = quads.T
     first = np.stack([a, b, np.where(cut_ac, c, d)], axis=1)

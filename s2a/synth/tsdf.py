@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from s2a.cores import in_parallel, shares
+from s2a.cores import chunks, in_parallel
 from s2a.geometry.mesh_query import direction_pixel, pixel_direction
 from s2a.progress import track
 from s2a.ranges import NotNegative, Positive
@@ -175,7 +175,7 @@ def fuse(views: list[View], bounds: np.ndarray, config: FusionConfig) -> Field:
         wp.launch(_fuse, some.stop - some.start, inputs=[*inputs, some.start], outputs=outputs, device="cpu")
 
     for view in track(views, "fuse"):
-        in_parallel(partial(add, view), shares(len(field.weight)))
+        in_parallel(partial(add, view), chunks(len(field.weight)))
     wp.launch(_average, len(field.weight), inputs=[field.weight], outputs=[field.distance], device="cpu")
     return field
 

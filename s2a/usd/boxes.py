@@ -1,4 +1,4 @@
-"""Upright boxes around points: all that the descriptive flavour says about a part's shape."""
+"""Upright boxes around points: the shape of a part in the descriptive flavour."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from s2a.scene import Vec3
+from s2a.usd.hull import hull
 
 WORTH_TURNING = 0.98
-"""A box is turned only where that shrinks its footprint to this share or less: round things need no direction."""
+"""Largest footprint of a turned box as a fraction of the axis-aligned one: round objects need no direction."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Box:
     Attributes:
         center: [m], scene coordinates.
         size: length of its sides [m]; the third is vertical.
-        yaw: how far its first side is turned from the scene's x axis about z [rad], in -pi/4 to pi/4.
+        yaw: rotation of its first side about z from the scene's x axis [rad], in -pi/4 to pi/4.
     """
 
     center: Vec3
@@ -46,16 +46,8 @@ def silhouette(points: np.ndarray) -> np.ndarray:
 
     The box of several parts follows from their few silhouettes, instead of their many points.
     """
-    outline = _hull(points[:, :2])
+    outline = hull(points[:, :2])
     return points if outline is None else points[[*outline, points[:, 2].argmin(), points[:, 2].argmax()]]
-
-
-def _hull(points: np.ndarray) -> np.ndarray | None:
-    """Return the indices of the convex hull of points [n 2], in order; None if they all lie on one line."""
-    try:
-        return ConvexHull(points).vertices
-    except (QhullError, ValueError):  # too few points, or none
-        return None
 
 
 def _best_yaw(points: np.ndarray, footprint: float) -> float:
@@ -63,10 +55,10 @@ def _best_yaw(points: np.ndarray, footprint: float) -> float:
 
     One side of the smallest rectangle lies along an edge of the convex hull (Freeman and Shapira, 1975).
     """
-    hull = _hull(points)
-    if hull is None:
+    corners = hull(points)
+    if corners is None:
         return 0.0
-    outline = points[hull].astype(float)
+    outline = points[corners].astype(float)
     edges = np.roll(outline, -1, axis=0) - outline
     quarter = 0.5 * math.pi
     yaws = (np.arctan2(edges[:, 1], edges[:, 0]) + 0.5 * quarter) % quarter - 0.5 * quarter

@@ -1,4 +1,4 @@
-"""The geometric flavour: all that the scan says, in a stage that any viewer opens; `read` gives the scene back exactly.
+"""The geometric flavour: the whole scan in a stage for any viewer; `read` restores the scene exactly.
 
     /scene                      Xform: name, origin
     /scene/wall_1               Mesh: a part of the immovable room

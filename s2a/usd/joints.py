@@ -1,4 +1,4 @@
-"""Joints, bodies and grasp points as UsdPhysics and Newton know them, with the exact values as attributes beside.
+"""Joints, bodies and grasp points in UsdPhysics and Newton's schemas, with the exact values as attributes.
 
 Bodies stand at the identity, so a joint's frame is the same in both bodies: its origin, turned so that X is the axis.
 Where an editor moved a body afterwards, the joint goes with the body that it moves, as that one's surface does.
@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
-from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
 from s2a.scene import Joint, Scene
@@ -23,6 +22,9 @@ SITE_RADIUS = 0.01
 RIGID = 1e-4
 """Largest departure of a matrix from a rotation: single precision and rounded digits, but no scale that is meant."""
 
+EPSILON = 1e-14
+"""An axis this close to -X (by its cosine) is -X itself."""
+
 Types = Sdf.ValueTypeNames
 KINDS = {"PhysicsPrismaticJoint": "prismatic", "PhysicsRevoluteJoint": "revolute"}
 
@@ -32,8 +34,12 @@ def frame(axis: Sequence[float]) -> Gf.Quatf:
 
     Not `Gf.Rotation(x, axis)`: that takes directions less than 4.5e-4 rad apart for the same.
     """
-    x, y, z, w = Rotation.align_vectors([axis], [[1.0, 0.0, 0.0]])[0].as_quat()
-    return Gf.Quatf(w, x, y, z)
+    x, y, z = axis
+    if x < -1.0 + EPSILON:  # half a turn, about z as well as about any other axis across X
+        return Gf.Quatf(0.0, 0.0, 0.0, 1.0)
+    # (1 + cos, sin * turning axis) is the half-angle quaternion before normalization; sin * turning axis = X x axis.
+    w, i, j, k = np.array([1.0 + x, 0.0, -z, y]) / math.hypot(1.0 + x, y, z)
+    return Gf.Quatf(w, i, j, k)
 
 
 def write_joint(stage: Usd.Stage, path: str, joint: Joint, parent: str, child: str) -> UsdPhysics.Joint:
@@ -114,7 +120,7 @@ def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xf
     Args:
         stage: where to.
         path: path of the body.
-        root: whether it carries the joints of an articulation, itself on none.
+        root: Mark it as the root of an articulation.
     """
     body = UsdGeom.Xform.Define(stage, path)
     UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
@@ -124,7 +130,7 @@ def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xf
 
 
 def site_point(scene: Scene, part_id: str) -> np.ndarray | None:
-    """Return where to take hold of a jointed part [3] (scene coordinates, m); None if no surface is annotated there."""
+    """Return the grasp point of an articulated part [3] (scene coordinates, m); None if no surface is annotated there."""
     if not any(scene.parts[i].mesh.face_areas.any() for i in scene.grasp_parts(part_id)):
         return None
     return scene.grasp_point(part_id)

@@ -1,4 +1,4 @@
-"""What every flavour is written and read with: stages, meshes, and attributes of our own (`s2a:<name>`)."""
+"""Common to all flavours: stages, meshes, and attributes in the namespace `s2a:`."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def write_attribute(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: A
         InputError: a text that USD cannot store (it would end at a zero byte, and its binary files would be damaged).
     """
     if isinstance(value, str) and ("\0" in value or any("\ud800" <= letter <= "\udfff" for letter in value)):
-        raise InputError(f"{prim.GetName()}: {name} {value!r} has a zero byte or half a character; mend it in the scan")
+        raise InputError(f"{prim.GetName()}: {name} {value!r} has a zero byte or half a character; fix it in the scan")
     variability = Sdf.VariabilityVarying if terse else Sdf.VariabilityUniform
     attribute = prim.CreateAttribute(f"s2a:{name}", kind, not terse, variability)
     attribute.Set(kind.type.pythonClass(*value) if isinstance(value, (tuple, np.ndarray)) else value)

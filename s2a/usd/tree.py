@@ -56,7 +56,7 @@ def _scene_tree(scene: Scene) -> Tree:
 
 
 def _part_facts(scene: Scene, part_id: str, part: Part) -> Iterator[str]:
-    """Yield what there is to say about a part."""
+    """Yield the facts about a part."""
     yield repr(part.label)
     yield f"{len(part.mesh.faces):,} triangles"
     if part.mass is not None:
@@ -72,7 +72,7 @@ def _part_facts(scene: Scene, part_id: str, part: Part) -> Iterator[str]:
 
 
 def _prim_tree(prim: Usd.Prim, parent: Tree | None = None) -> Tree:
-    """Return a prim and all below it; colliders are told of in the line of the prim that holds them."""
+    """Return a prim and its descendants; colliders are summarized in the line of their parent."""
     pieces = [child for child in prim.GetChildren() if child.HasAPI(UsdPhysics.CollisionAPI)]
     line = _line(prim.GetName(), [*_prim_facts(prim), *_collider_facts(pieces)])
     branch = Tree(line) if parent is None else parent.add(line)
@@ -83,7 +83,7 @@ def _prim_tree(prim: Usd.Prim, parent: Tree | None = None) -> Tree:
 
 
 def _prim_facts(prim: Usd.Prim) -> Iterator[str]:
-    """Yield what there is to say about a prim: its type, its physics, its attributes of our own."""
+    """Yield the facts about a prim: its type, its physics, its s2a attributes."""
     if prim.GetTypeName() != "Xform":
         yield prim.GetTypeName()
     if prim.IsA(UsdGeom.Mesh):
@@ -100,7 +100,7 @@ def _prim_facts(prim: Usd.Prim) -> Iterator[str]:
 
 
 def _joint(prim: Usd.Prim) -> Joint | None:
-    """Return the joint that a prim is or, in the descriptive flavour, that it tells of."""
+    """Return the joint that a prim is or, in the descriptive flavour, that it describes."""
     if prim.GetTypeName() in KINDS:
         return read_joint(prim)
     kind, axis = read_attribute(prim, "motion", str), read_attribute(prim, "axis", tuple)

@@ -31,7 +31,7 @@ from s2a.certify.check import Certificate, Check
 from s2a.certify.check_suite import CertifyConfig, fingerprint
 from s2a.certify.images import pictures
 from s2a.errors import InputError
-from s2a.geometry.camera_pose import LookConfig
+from s2a.geometry.orbit_camera import OrbitCamera
 from s2a.usd import sim_stage
 from s2a.usd.stage import new_stage, save
 
@@ -74,7 +74,7 @@ def test_a_stage_of_another_kind_gets_no_certificate(tmp_path: Path) -> None:
 
 def quick(stage: Path, out: Path) -> list[str]:
     """Return arguments that certify without long waits."""
-    times = ["certify.motion.settle_time=0.1", "certify.motion.open_time=0.1", "look.width=60", "look.height=40"]
+    times = ["certify.motion.settle_time=0.1", "certify.motion.open_time=0.1", "camera.width=60", "camera.height=40"]
     return ["certify", f"stage={stage}", f"out={out}", *times]
 
 
@@ -135,7 +135,7 @@ def test_a_certificate_never_takes_the_stages_own_place(
 
 def test_only_what_moves_is_painted_orange_wherever_the_rest_stands(stage: Path) -> None:
     def blue() -> int:
-        image = pictures(stage, "drawer_2", load(LookConfig, "look/near"))["what collides; orange moves"].astype(int)
+        image = pictures(stage, "drawer_2", load(OrbitCamera, "camera/near"))["what collides; orange moves"].astype(int)
         return int((image[..., 2] > image[..., 0]).sum())
 
     def plate_on_the_bar(edited: Usd.Stage) -> None:

@@ -14,7 +14,7 @@ from s2a.geometry.convex import box, column
 from s2a.geometry.mesh_ops import merge
 from s2a.scene import Mesh
 
-CONFIG: SettleConfig = typed(SettleConfig, compose("insert/placement")["insert"]["settle"])
+CONFIG: SettleConfig = typed(SettleConfig, compose("insert/placement")["insert"]["drop_test"])
 
 
 def rough_floor(size: float = 0.5, step: float = 0.015, noise: float = 0.0015) -> Mesh:
@@ -29,7 +29,7 @@ def rough_floor(size: float = 0.5, step: float = 0.015, noise: float = 0.0015) -
 
 
 def dropped(piece: Mesh, support: Mesh, **changes: float) -> Settled:
-    values = {**compose("insert/placement")["insert"]["settle"], **changes}
+    values = {**compose("insert/placement")["insert"]["drop_test"], **changes}
     return settle([piece], support, typed(SettleConfig, values))
 
 

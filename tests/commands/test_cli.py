@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 import tiny_scan
 
-from s2a import cli
-from s2a.commands import export
+from s2a import api, cli
 
 
 @pytest.fixture
@@ -42,10 +41,10 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
         (["zzz"], ["'zzz'", "known: sample, export, insert, prepare"]),
         (["export", "--halp"], ["'--halp'", "--help"]),
         (["export", "scam=x", "out=y"], ["'scam'", "did you mean: scan"]),
-        (["train", "policy.iteration=3"], ["'policy.iteration'", "policy.iterations"]),
+        (["train", "ppo.iteration=3"], ["'ppo.iteration'", "ppo.iterations"]),
         (["train", "reward=handel"], ["'reward'", "'handel'", "handle"]),
         (["train", "stage=x", "out=y", "+warp=9"], ["'warp'", "unknown"]),
-        (["train", "stage=x", "out=y", "worlds=many"], ["'worlds'", "'many'", "whole number"]),
+        (["train", "stage=x", "out=y", "num_envs=many"], ["'num_envs'", "'many'", "whole number"]),
         (["train", "stage=x", "out=y", "sim.cone=round"], ["'sim.cone'", "'round'", "elliptic, pyramidal"]),
         (["train", "stage=x", "out=y", "sim.dt=1,2"], ["'sim.dt=1,2'", "add -m"]),
         (["export", "out=y"], ["'scan'", "no value", "scan=..."]),
@@ -54,24 +53,27 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
         (["export", "scan=3.5", "out=y"], ["'scan'", "3.5", "path"]),
         (["export", "scan=nowhere", "out=y"], ["nowhere", "does not exist"]),
         (["view", "path=nowhere.usd", "text=true"], ["nowhere.usd"]),
-        (["view", "path=x", "picture=y.png", "look.width=0"], ["'look.width'", "0", "1 or more"]),
-        (["view", "path=.", "part=drawer_7"], ["'part'", "picture=FILE.png"]),
+        (["view", "path=x", "image=y.png", "camera.width=0"], ["'camera.width'", "0", "1 or more"]),
+        (["view", "path=.", "part=drawer_7"], ["'part'", "image=FILE.png"]),
         (["view", "path=nowhere"], ["nowhere", "a scan's folder, or a .usd"]),
-        (["view", "path=.", "picture=x.xyz"], ["'picture'", "'x.xyz'", "picture=FILE.png"]),
+        (["view", "path=.", "image=x.xyz"], ["'image'", "'x.xyz'", "image=FILE.png"]),
         (["insert", "stage=x.usd", "out=y", "plans=0"], ["'plans'", "0", "1 or more"]),
-        (["insert", "stage=x.usd", "out=y", "picture=x.jpg"], ["'picture'", "'x.jpg'", "picture=FILE.png"]),
+        (["insert", "stage=x.usd", "out=y", "image=x.jpg"], ["'image'", "'x.jpg'", "image=FILE.png"]),
         (["insert", "stage=x.usd", "out=y", "object=a.obj", "label="], ["object=FILE and label=WORDS"]),
         (["prepare", "stage=nowhere.usd", "targets=drawer_7", "out=y.usd"], ["nowhere.usd"]),
         (["evaluate", "stage=nowhere.usd", "out=y.json"], ["nowhere.usd"]),
         (["train", "stage=nowhere.usd", "out=y"], ["nowhere.usd"]),
         (["train", "stage=x", "out=y", "device=cuda:99"], ["'device'", "'cuda:99'", "auto, cpu"]),
-        (["train", "stage=x", "out=y", "worlds=0"], ["'worlds'", "0", "1 or more"]),
-        (["train", "stage=x", "out=y", "policy.iterations=0"], ["'policy.iterations'", "0", "1 or more"]),
+        (["train", "stage=x", "out=y", "num_envs=0"], ["'num_envs'", "0", "1 or more"]),
+        (["train", "stage=x", "out=y", "ppo.iterations=0"], ["'ppo.iterations'", "0", "1 or more"]),
         (
-            ["train", "stage=x", "out=y", "worlds=1", "policy.mini_batches=41"],
-            ["'policy.mini_batches'", "41", "40 or less"],
+            ["train", "stage=x", "out=y", "num_envs=1", "ppo.num_mini_batches=41"],
+            ["'ppo.num_mini_batches'", "41", "40 or less"],
         ),
         (["train", "stage=x", f"out={__file__}"], [__file__, "is a file where a folder"]),
+        (["train", "stage=x", "out=y", "task=fly"], ["'task'", "'fly'", "open_part"]),
+        (["train", "stage=x", "out=y", "task.name=fly"], ["task 'fly' is unknown", "open_part"]),
+        (["train", "stage=x", "out=y", "reward.fingers=1"], ["'reward.fingers'", "reward.finger"]),
         (["prepare", "stage=x", "targets=[]", "out=y.usd"], ["'targets'", "names no part"]),
     ],
 )
@@ -88,13 +90,13 @@ def test_bad_input_is_one_line_that_names_it_and_the_remedy(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_a_verb_every_verb_is_explained(capsys: pytest.CaptureFixture[str]):
+def test_without_a_command_every_command_is_explained(capsys: pytest.CaptureFixture[str]):
     assert cli.main([]) == 0
     text = capsys.readouterr().out
-    assert [verb for verb in cli.VERBS if f"  {verb} " not in text] == []
+    assert [command for command in cli.COMMANDS if f"  {command} " not in text] == []
 
 
-def test_help_of_a_verb_tells_each_key_its_value_and_meaning(capsys: pytest.CaptureFixture[str]):
+def test_help_of_a_command_tells_each_key_its_value_and_meaning(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["export", "--help"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.split() == ["scan=(required)", "folder", "of", "the", "scan."] for line in lines)
@@ -131,7 +133,7 @@ def test_a_bug_is_one_line_and_the_earlier_output_stays(
         path.write_text("half")
         raise RuntimeError("a wheel\ncame off")
 
-    monkeypatch.setattr(export.geometric, "write", fail)
+    monkeypatch.setattr(api.geometric, "write", fail)
     assert "RuntimeError: a wheel came off; this is a bug" in refused(capsys, arguments, code=1)
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
@@ -139,7 +141,7 @@ def test_a_bug_is_one_line_and_the_earlier_output_stays(
 def test_a_bug_names_the_tunables_that_may_be_its_cause(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(cli, "run", lambda verb, values: 1 / 0)
+    monkeypatch.setattr(cli, "run", lambda command, values: 1 / 0)
     arguments = ["certify", "stage=a.usd", "out=b", "certify.physics.dt=9"]
     said = refused(capsys, arguments, code=1)
     assert "this is a bug, unless certify.physics.dt=9 makes no sense: report" in said
@@ -156,7 +158,7 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(
     def interrupt(scene: object, path: Path) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(export.descriptive, "write", interrupt)
+    monkeypatch.setattr(api.descriptive, "write", interrupt)
     refused(capsys, ["export", f"scan={scan}", f"out={tmp_path / 'usd'}"], code=130)
     assert [path.name for path in tmp_path.iterdir()] == ["scan"]
 
@@ -189,8 +191,8 @@ def test_an_output_in_an_inputs_place_is_refused(scan: Path, tmp_path: Path, cap
     assert cli.main(["export", f"scan={scan}", f"out={tmp_path}"]) == 0
     stage = tmp_path / "geometric.usd"
     before = stage.read_bytes()
-    for verb in (["prepare", "targets=drawer_3"], ["evaluate", "agent=zero"]):
-        assert cli.main([*verb, f"stage={stage}", f"out={tmp_path}/./geometric.usd"]) == 2
+    for command in (["prepare", "targets=drawer_3"], ["evaluate", "agent=zero"]):
+        assert cli.main([*command, f"stage={stage}", f"out={tmp_path}/./geometric.usd"]) == 2
         assert "would replace what the key 'stage' names" in capsys.readouterr().err
     assert stage.read_bytes() == before
 

@@ -17,7 +17,7 @@ from cabinet import write_cabinet
 from curves import as_run, draw, shares
 from ingredients import BEST, CHANGES
 from multirun import Row, collect, jobs
-from outcome import by_handle, half_after, percent, write
+from outcome import half_after, logged, percent, write
 from PIL import Image
 from ratings import table as ratings
 from ratings import verdicts
@@ -25,10 +25,9 @@ from reward_ablation import COLUMNS, move_grasp, table, table_rows
 from scipy.spatial.transform import Rotation
 from side_by_side import gpu_slots, run
 
-from s2a import config
+from s2a import aliases, config
 from s2a.commands import train
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.config import RESULTS
 
 ROOT = Path(__file__).parents[2]
 
@@ -54,13 +53,13 @@ def test_what_was_measured_before_the_run_went_on_is_measured_again_and_says_its
     [job] = jobs([Row("a", "a.usd", (), 1, "A")], tmp_path)
     run = job.folder / "run"
     run.mkdir(parents=True)
-    (run / "settings.json").write_text(json.dumps({"worlds": 4, "policy": {"steps": 8}}))
+    (run / "settings.json").write_text(json.dumps({"num_envs": 4, "ppo": {"num_steps_per_env": 8}}))
     assert job.evaluated and collect(job, 2) is None  # there is nothing to evaluate yet
     torch.save({}, run / "model_1.pt")
     assert not job.evaluated
     job.measured.write_text(json.dumps({"policy": "run/model_1.pt", "success": {}}))
     assert not job.evaluated  # by an earlier version, which did not count all that is counted now
-    job.measured.write_text(json.dumps({"policy": "run/model_1.pt", **dict.fromkeys(RESULTS, {})}))
+    job.measured.write_text(json.dumps({"policy": "run/model_1.pt", "metrics_version": 2}))
     assert job.evaluated
     torch.save({}, run / "model_3.pt")
     for file in (job.measured, *run.iterdir()):  # as in a folder that was copied from another machine
@@ -124,16 +123,28 @@ def test_results_are_json_with_a_run_a_line(tmp_path: Path) -> None:
 
 
 def test_the_log_of_one_run_is_drawn_over_its_environment_steps() -> None:
-    rows = [{"iteration": 4, "success": 0.0}, {"iteration": 9, "success": 1.0, "handle_use_of_successes": 0.5}]
-    run = as_run({"curve": rows, "env_steps": 1600, "worlds": 4, "seed": 7, "seconds": 90, "device": "CPU"})
+    rows = [{"iteration": 4, "success": 0.0}, {"iteration": 9, "success": 1.0, "handle_success": 0.5}]
+    run = as_run({"curve": rows, "env_steps": 1600, "num_envs": 4, "seed": 7, "seconds": 90, "device": "CPU"})
     assert run["about"] == "4 worlds, seed 7, 1.5 minutes on CPU"
     assert run["curve"]["env_steps"] == [800, 1600]  # 160 an iteration
-    assert run["curve"]["success"] == [0.0, 1.0] and run["curve"]["handle_use_of_successes"] == [None, 0.5]
-    assert by_handle(run["curve"]) == [0.0, 0.5]
+    assert run["curve"]["success"] == [0.0, 1.0] and run["curve"]["handle_success"] == [None, 0.5]
+    assert logged(run["curve"], "handle_success")[1:] == [0.5] and logged(run["curve"], "grasp_success") == []
+
+
+def test_results_of_the_first_version_are_read_by_the_present_names() -> None:
+    then = {"env_steps": [1, 2, 3], "success": [None, 1.0, 0.8], "handle_use_of_successes": [None, None, 0.5]}
+    assert logged(then, "handle_success")[1:] == [0.0, 0.4] and math.isnan(logged(then, "handle_success")[0])
+    rows = [{"iteration": 4, "success": 1.0, "handle_use_of_successes": 0.5}]
+    run = as_run({"curve": rows, "env_steps": 500, "worlds": 4, "seed": 7, "seconds": 90, "device": "CPU"})
+    assert run["about"].startswith("4 worlds") and logged(run["curve"], "handle_success") == [0.5]
+    old = aliases.renamed({"hook_success": 1, "wide": 2, "success": 3}, aliases.METRICS)
+    assert old == {"single_finger_success": 1, "open_30cm": 2, "success": 3}
+    every = json.loads((ROOT / "experiments/results/reward_ablation.json").read_text())["runs"]
+    assert all(len(values) > 10 for run in every for values in shares(run["curve"])[:3])
 
 
 def test_half_of_the_episodes_must_open_and_by_the_handle() -> None:
-    curve = {"env_steps": [4e6, 8e6, 12e6], "success": [None, 1.0, 0.8], "handle_use_of_successes": [None, 0.4, 0.7]}
+    curve = {"env_steps": [4e6, 8e6, 12e6], "handle_success": [None, 0.4, 0.56]}
     assert half_after(curve) == "12"
     assert half_after({name: values[:2] for name, values in curve.items()}) == "not yet"
 
@@ -143,10 +154,10 @@ def test_a_row_is_a_panel_and_a_seed_a_line_whatever_was_not_logged(tmp_path: Pa
         "env_steps": [100, 200],
         "success": [None, 0.5],
         "final_success": [],
-        "handle_use_of_successes": [None, 1.0],
+        "handle_success": [None, 0.5],
     }
-    opened, final, handle = shares(curve)
-    assert math.isnan(opened[0]) and opened[1] == 50.0 and final == [] and handle[1] == 50.0
+    opened, final, handle, grasp = shares(curve)
+    assert math.isnan(opened[0]) and opened[1] == 50.0 and final == grasp == [] and handle[1] == 50.0
     draw([{"about": f"row {i // 2}", "curve": curve} for i in range(10)], tmp_path / "curves.png")
     assert Image.open(tmp_path / "curves.png").height > 500  # two lines of panels; one is 341
 
@@ -158,9 +169,9 @@ def test_the_table_is_trained_evaluated_kept_and_written_without_what_was_not_as
     for name in ("geometric", "one_hull", "handle", "coacd", "twin", "moved", "drawer", "door"):
         write_cabinet(stages / f"{name}.usda").rename(stages / f"{name}.usd")
     command = [sys.executable, ROOT / "experiments/reward_ablation.py", stages, "--runs", runs, "--out", out]
-    command += ["--pictures", tmp_path, "--seeds", "1", "--worlds", "4", "--episodes", "4"]
+    command += ["--pictures", tmp_path, "--seeds", "1", "--num-envs", "4", "--episodes", "4"]
     command += ["--side-by-side", "2", "--only", "twin_paper", "scan_best"]
-    command += ["--set", "policy.steps=8", "task.episode_steps=20"]
+    command += ["--set", "ppo.num_steps_per_env=8", "task.episode_steps=20"]
     for asked, finished in ((64, True), (96, False)):
         command += ["--env-steps", str(asked), "--best-steps", str(asked)]
         if not finished:  # longer runs are asked for, and there is no time for them
@@ -173,7 +184,7 @@ def test_the_table_is_trained_evaluated_kept_and_written_without_what_was_not_as
             ("twin_paper", 64, finished),
             ("scan_best", 64, finished),
         ]
-        assert done[1]["settings"]["policy"]["reward_scale"] == 0.05
+        assert done[1]["settings"]["ppo"]["reward_scale"] == 0.05
         assert done[0]["evaluation"]["episodes"] == 4
         assert done[0]["curve"]["env_steps"] == [32, 64]
     assert all((tmp_path / f"{name}.png").stat().st_size > 10_000 for name in ("ablation", "best"))

@@ -32,7 +32,7 @@ def slurm(tmp_path: Path) -> Iterator[dict[str, str]]:
 @pytest.mark.slow
 @pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}")
 def test_four_jobs_of_a_sweep_are_completed_by_slurm(tmp_path: Path, slurm: dict[str, str]) -> None:
-    stage, tiny = write_cabinet(tmp_path / "sim.usda"), ("worlds=4", "policy.iterations=1", "policy.steps=8")
+    stage, tiny = write_cabinet(tmp_path / "sim.usda"), ("num_envs=4", "ppo.iterations=1", "ppo.num_steps_per_env=8")
     sweep = ("-m", "hydra/launcher=submitit_slurm", "seed=0,1,2,3", f"hydra.sweep.dir={tmp_path}/sweep")
     subprocess.run(
         [sys.executable, "-m", "s2a", "train", *sweep, *tiny, f"stage={stage}", "out=run"], env=slurm, check=True

@@ -11,8 +11,9 @@ from typing import Any, Literal
 
 import pytest
 
-from s2a import config, usage
-from s2a.cli import VERBS
+from s2a import cli, config, usage
+from s2a.cli import COMMANDS
+from s2a.commands import train
 from s2a.errors import InputError
 
 
@@ -111,21 +112,21 @@ def test_the_meaning_of_every_key_comes_from_the_docstrings_nested_ones_too():
     assert meanings["lamp.power"] == "of the bulb [W], when it is on."
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_composes_loads_and_documents_each_of_its_keys(verb: str):
-    cls = importlib.import_module(f"s2a.commands.{verb}").Config
-    values = config.compose(verb)
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_composes_loads_and_documents_each_of_its_keys(command: str):
+    cls = importlib.import_module(f"s2a.commands.{command}").Config
+    values = config.compose(command)
     required = [f"{key}=given" for key, value in config.leaves(values) if value == config.REQUIRED]
-    config.load(cls, config.compose(verb, required))
+    config.load(cls, config.compose(command, required))
     meanings = usage.attributes(cls)
     assert [key for key in config.keys(values) if not usage.meaning_of(key, meanings)] == []
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_the_examples_in_the_help_of_every_verb_are_understood(verb: str):
-    calls = [line.partition(f"s2a {verb} ")[2] for line in usage.examples(verb) if f"s2a {verb} " in line]
-    cls = importlib.import_module(f"s2a.commands.{verb}").Config
-    assert [config.load(cls, config.compose(verb, shlex.split(call))) for call in calls]
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_examples_in_the_help_of_every_command_are_understood(command: str):
+    calls = [line.partition(f"s2a {command} ")[2] for line in usage.examples(command) if f"s2a {command} " in line]
+    cls = importlib.import_module(f"s2a.commands.{command}").Config
+    assert [config.load(cls, config.compose(command, shlex.split(call))) for call in calls]
 
 
 def test_the_help_shows_values_as_they_are_typed_and_every_choice():
@@ -135,41 +136,62 @@ def test_the_help_shows_values_as_they_are_typed_and_every_choice():
     assert usage.meaning_of("weights.left", meanings) == "of the walls."
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_every_option_of_every_group_composes(verb: str):
-    cls = importlib.import_module(f"s2a.commands.{verb}").Config
-    required = [f"{k}=given" for k, value in config.leaves(config.compose(verb)) if value == config.REQUIRED]
-    for line in usage.options(verb)[1:]:
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_option_of_every_group_composes(command: str):
+    cls = importlib.import_module(f"s2a.commands.{command}").Config
+    required = [f"{k}=given" for k, value in config.leaves(config.compose(command)) if value == config.REQUIRED]
+    for line in usage.options(command, cls)[1:]:
         group, names = re.fullmatch(r"  ([\w/]+)=...  one of: (.*)", line).groups()  # type: ignore[union-attr]
         for name in names.split(", "):
-            config.load(cls, config.compose(verb, [*required, f"{group}={name}"]))
+            config.load(cls, config.compose(command, [*required, f"{group}={name}"]))
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_no_key_shares_its_name_with_a_folder_because_hydra_would_look_for_the_value_there(verb: str):
-    groups = [line.split("=")[0].strip() for line in usage.options(verb)[1:]]
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_key_shares_its_name_with_a_folder_because_hydra_would_look_for_the_value_there(command: str):
+    cls = importlib.import_module(f"s2a.commands.{command}").Config
+    groups = [line.split("=")[0].strip() for line in usage.options(command, cls)[1:]]
     folders = {path.name for path in config.folder().iterdir() if path.is_dir()} - set(groups)
-    assert folders.isdisjoint(config.compose(verb))
+    assert folders.isdisjoint(config.compose(command))
 
 
 def test_overrides_reach_nested_values_and_options_of_groups():
-    values = config.compose("train", ["reward=handle", "policy.iterations=7"])
-    assert values["policy"]["iterations"] == 7
+    values = config.compose("train", ["reward=handle", "ppo.iterations=7", "reward.closing=3"])
+    assert values["ppo"]["iterations"] == 7
+    assert values["reward"]["closing"] == 3, "a term that no file of the group lists"
     assert values["reward"]["distance"] == 50.5
 
 
-@pytest.mark.parametrize("verb", ["train", "evaluate"])
-def test_the_help_tells_what_each_reward_term_is(verb: str):
-    meanings = usage.attributes(importlib.import_module(f"s2a.commands.{verb}").Config)
-    terms = [usage.meaning_of(f"reward.{name}", meanings) for name in config.compose(verb)["reward"]]
-    assert len(set(terms)) == len(terms) == 9
+def test_the_help_tells_what_each_reward_term_and_each_number_of_the_task_is(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["train", "--help"]) == 0
+    text = capsys.readouterr().out
+    assert "reward=...  one of: handle, led, paper" in text and "sim=...  one of: paper, planner" in text
+    for key, words in (
+        ("reward.distance=1.5", "1 / (1 + d"),
+        ("task.termination_opening=0.39", "ends the episode"),
+        ("metrics.grasp_fraction=0.8", "a grasp must have held"),
+    ):
+        assert words in " ".join(text.partition(f"  {key}")[2].split()[:60]), key
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("task.episode_steps=1", "key 'task.episode_steps' is 1; give 2 or more"),
+        ("task.close_distance=near", "key 'task.close_distance' is 'near'; expected a number"),
+        ("metrics.grasp_fraction=2", "key 'metrics.grasp_fraction' is 2.0; give a number from 0 to 1"),
+        ("reward.fingers=1", "key 'reward.fingers' is unknown; did you mean: reward.finger"),
+    ],
+)
+def test_keys_that_depend_on_the_task_are_told_by_their_whole_names(override: str, message: str):
+    with pytest.raises(InputError) as error:
+        config.load(train.Config, config.compose("train", ["stage=x", "out=y", override]))
+    assert str(error.value).startswith(message)
 
 
 def test_numbers_that_the_tree_says_twice_are_equal():
-    prepare, certify, plan = (config.compose(name) for name in ("prepare", "certify", "policy/planner"))
-    base, planner = prepare["prepare"]["base"], plan["policy"]
+    prepare, certify, plan = (config.compose(name) for name in ("prepare", "certify", "planner/default"))
+    base, planner = prepare["prepare"]["base"], plan["planner"]
     sims = [config.compose(f"sim/{name}")["sim"] for name in ("paper", "planner")]
-    assert [sim["robot"]["start"][:7] for sim in sims] == 2 * [base["start"]]
     assert [sim["dt"] for sim in sims] == 2 * [certify["certify"]["physics"]["dt"]]
     assert (base["approach"], base["opening"]) == (planner["approach"], planner["opening"])
     assert certify["certify"]["grip"]["approach"] == planner["approach"]

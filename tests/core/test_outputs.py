@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from s2a.errors import InputError
-from s2a.outputs import aside
+from s2a.outputs import atomic_write
 
 
 def write_folder(path: Path, **files: str) -> None:
@@ -22,7 +22,7 @@ def names(folder: Path) -> list[str]:
 
 def test_a_file_appears_under_its_name_only_when_it_is_whole(tmp_path: Path):
     out = tmp_path / "new" / "x.usd"
-    with aside(out) as path:
+    with atomic_write(out) as path:
         path.write_text("half")
         assert path.name == "x.usd" and not out.exists()
     assert out.read_text() == "half"
@@ -32,7 +32,7 @@ def test_a_file_appears_under_its_name_only_when_it_is_whole(tmp_path: Path):
 def test_a_failure_leaves_the_earlier_file_and_nothing_else(tmp_path: Path):
     out = tmp_path / "x.usd"
     out.write_text("earlier")
-    with pytest.raises(ZeroDivisionError), aside(out) as path:
+    with pytest.raises(ZeroDivisionError), atomic_write(out) as path:
         path.write_text("new")
         raise ZeroDivisionError
     assert out.read_text() == "earlier"
@@ -40,13 +40,13 @@ def test_a_failure_leaves_the_earlier_file_and_nothing_else(tmp_path: Path):
 
 
 def test_an_error_names_the_output_and_not_the_place_beside_it(tmp_path: Path):
-    with pytest.raises(InputError) as error, aside(tmp_path / "x.txt") as path:
+    with pytest.raises(InputError) as error, atomic_write(tmp_path / "x.txt") as path:
         raise InputError(f"{path}: not an ending of USD")
     assert str(error.value) == f"{tmp_path / 'x.txt'}: not an ending of USD"
 
 
 def test_a_failure_leaves_no_new_folders(tmp_path: Path):
-    with pytest.raises(ZeroDivisionError), aside(tmp_path / "a" / "b" / "x.usd"):
+    with pytest.raises(ZeroDivisionError), atomic_write(tmp_path / "a" / "b" / "x.usd"):
         raise ZeroDivisionError
     assert names(tmp_path) == []
 
@@ -54,7 +54,7 @@ def test_a_failure_leaves_no_new_folders(tmp_path: Path):
 def test_an_earlier_folder_is_replaced_whole(tmp_path: Path):
     out = tmp_path / "scan"
     write_folder(out, mark="", old="")
-    with aside(out, earlier="mark") as path:
+    with atomic_write(out, earlier="mark") as path:
         write_folder(path, mark="", new="")
     assert names(out) == ["mark", "new"]
     assert names(tmp_path) == ["scan"]
@@ -63,10 +63,10 @@ def test_an_earlier_folder_is_replaced_whole(tmp_path: Path):
 def test_an_earlier_folder_stays_when_the_new_one_fails_or_is_never_written(tmp_path: Path):
     out = tmp_path / "scan"
     write_folder(out, mark="", old="")
-    with pytest.raises(ZeroDivisionError), aside(out, earlier="mark") as path:
+    with pytest.raises(ZeroDivisionError), atomic_write(out, earlier="mark") as path:
         write_folder(path, mark="")
         raise ZeroDivisionError
-    with pytest.raises(FileNotFoundError), aside(out, earlier="mark"):
+    with pytest.raises(FileNotFoundError), atomic_write(out, earlier="mark"):
         pass
     assert names(out) == ["mark", "old"]
     assert names(tmp_path) == ["scan"]
@@ -74,7 +74,7 @@ def test_an_earlier_folder_stays_when_the_new_one_fails_or_is_never_written(tmp_
 
 def test_a_folder_with_other_things_in_it_is_never_replaced(tmp_path: Path):
     write_folder(tmp_path / "home", letters="")
-    with pytest.raises(InputError, match="not empty and has no mark"), aside(tmp_path / "home", earlier="mark"):
+    with pytest.raises(InputError, match="not empty and has no mark"), atomic_write(tmp_path / "home", earlier="mark"):
         pass
     assert names(tmp_path / "home") == ["letters"]
 
@@ -82,11 +82,11 @@ def test_a_folder_with_other_things_in_it_is_never_replaced(tmp_path: Path):
 def test_neither_a_file_nor_a_folder_is_replaced_by_the_other(tmp_path: Path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("letter")
-    with pytest.raises(InputError, match="'.*/folder' is a folder where a file"), aside(tmp_path / "folder"):
+    with pytest.raises(InputError, match="'.*/folder' is a folder where a file"), atomic_write(tmp_path / "folder"):
         pytest.fail("nothing is begun")
     with (
         pytest.raises(InputError, match="'.*/file' is a file where a folder"),
-        aside(tmp_path / "file", earlier="mark"),
+        atomic_write(tmp_path / "file", earlier="mark"),
     ):
         pytest.fail("nothing is begun")
     assert names(tmp_path) == ["file", "folder"] and (tmp_path / "file").read_text() == "letter"
@@ -94,5 +94,5 @@ def test_neither_a_file_nor_a_folder_is_replaced_by_the_other(tmp_path: Path):
 
 def test_an_output_below_a_file_is_refused(tmp_path: Path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="not a folder"), aside(tmp_path / "file" / "x.usd"):
+    with pytest.raises(InputError, match="not a folder"), atomic_write(tmp_path / "file" / "x.usd"):
         pass

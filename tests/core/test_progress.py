@@ -6,7 +6,7 @@ from contextlib import redirect_stdout
 
 import pytest
 
-from s2a.progress import Chatter, track
+from s2a.progress import StdoutFilter, track
 
 
 def test_tracking_changes_neither_the_items_nor_what_is_printed(capsys: pytest.CaptureFixture[str]):
@@ -15,7 +15,7 @@ def test_tracking_changes_neither_the_items_nor_what_is_printed(capsys: pytest.C
 
 
 def test_of_what_libraries_print_only_compiling_is_told_and_only_once(capsys: pytest.CaptureFixture[str]):
-    with redirect_stdout(Chatter()):
+    with redirect_stdout(StdoutFilter()):
         print("Warp 1.19.0 initialized")
         print("Module a 1f load on device 'cpu' took 0.1 ms  (cached)")
         print("Module b 2f load on device 'cpu' took 900 ms  (compiled)")

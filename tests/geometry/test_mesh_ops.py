@@ -95,7 +95,7 @@ def test_a_floor_in_a_turned_room_becomes_one_box() -> None:
 def test_rectangles_cover_an_l_by_two() -> None:
     cells = np.zeros((6, 6), bool)
     cells[:, :2] = cells[4:, :] = True
-    found = planes.rectangles(cells, 5, share=1.0)
+    found = planes.rectangles(cells, 5, min_fraction=1.0)
     covered = np.zeros_like(cells)
     for first, last in found:
         covered[first[0] : last[0], first[1] : last[1]] = True

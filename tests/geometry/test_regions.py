@@ -44,8 +44,8 @@ def test_basin_rim_and_counter_of_a_sink_are_three_regions() -> None:
 
 def test_a_basin_is_walled_and_a_table_is_not() -> None:
     basin = min(level(support_regions(sink(), CONFIG)), key=lambda region: region.height)
-    assert basin.walled > 0.9
-    assert support_regions(sheet((0, 1.2), (0, 0.6), 0.74), CONFIG)[0].walled == 0.0
+    assert basin.rim_fraction > 0.9
+    assert support_regions(sheet((0, 1.2), (0, 0.6), 0.74), CONFIG)[0].rim_fraction == 0.0
 
 
 def test_compartments_of_a_shelf_are_insides_with_their_room() -> None:

@@ -13,16 +13,21 @@ from PIL import Image
 from settings import load
 
 from s2a.cli import main
-from s2a.geometry.camera_pose import LookConfig, View, frame, front_of
-from s2a.geometry.render import draw, painted
+from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
+from s2a.geometry.render import painted, render
 from s2a.scene import Mesh
 
 RED, BLUE, WHITE = (255, 0, 0), (0, 0, 255), (255, 255, 255)
 LOOK = replace(
-    load(LookConfig, "look/above"), width=60, height=40, samples=1, fov=2.0 * float(np.arctan(0.5)), see_through=False
+    load(OrbitCamera, "camera/above"),
+    width=60,
+    height=40,
+    samples=1,
+    fov=2.0 * float(np.arctan(0.5)),
+    backface_culling=False,
 )
 """At a distance of d, the picture is d high and 1.5 d wide."""
-FROM_X = View(eye=(4.0, 0.0, 0.0), target=(0.0, 0.0, 0.0))
+FROM_X = CameraPose(eye=(4.0, 0.0, 0.0), target=(0.0, 0.0, 0.0))
 """The picture's right is +y, its up +z; at x = 0 a pixel is 0.1 m."""
 
 
@@ -41,7 +46,7 @@ def mostly(picture: np.ndarray, color: tuple[int, int, int]) -> np.ndarray:
 def test_a_square_covers_the_pixels_that_projection_says() -> None:
     expected = np.zeros((40, 60), dtype=bool)
     expected[20 - 5 : 20 + 5, 30 - 5 : 30 + 5] = True
-    picture = draw([square(0.0, 0.5, RED)], FROM_X, LOOK)
+    picture = render([square(0.0, 0.5, RED)], FROM_X, LOOK)
     assert np.array_equal(mostly(picture, RED), expected)
     assert (picture[~expected] == 255).all()
 
@@ -49,7 +54,7 @@ def test_a_square_covers_the_pixels_that_projection_says() -> None:
 def test_right_and_up_are_not_mirrored() -> None:
     moved = square(0.0, 0.5, RED)
     moved = Mesh(moved.vertices + np.array([0.0, 2.0, 1.0], np.float32), moved.faces, moved.colors)
-    rows, columns = np.nonzero(mostly(draw([moved], FROM_X, LOOK), RED))
+    rows, columns = np.nonzero(mostly(render([moved], FROM_X, LOOK), RED))
     assert (rows.min(), rows.max() + 1) == (5, 15)
     assert (columns.min(), columns.max() + 1) == (45, 55)
 
@@ -57,7 +62,7 @@ def test_right_and_up_are_not_mirrored() -> None:
 def test_the_nearer_hides_the_farther_in_any_order() -> None:
     near, far = square(2.0, 0.25, BLUE), square(0.0, 1.0, RED)
     for meshes in ([near, far], [far, near]):
-        picture = draw(meshes, FROM_X, LOOK)
+        picture = render(meshes, FROM_X, LOOK)
         # At half the distance 0.25 m look like 0.5 m.
         assert mostly(picture, BLUE).sum() == 10 * 10
         assert mostly(picture, BLUE)[15:25, 25:35].all()
@@ -65,8 +70,8 @@ def test_the_nearer_hides_the_farther_in_any_order() -> None:
 
 def test_a_wall_seen_from_behind_is_left_out_only_where_asked() -> None:
     wall, behind = square(2.0, 1.0, BLUE, [[0, 2, 1], [0, 3, 2]]), square(0.0, 0.5, RED)
-    assert mostly(draw([wall, behind], FROM_X, LOOK), BLUE)[20, 30]
-    picture = draw([wall, behind], FROM_X, replace(LOOK, see_through=True))
+    assert mostly(render([wall, behind], FROM_X, LOOK), BLUE)[20, 30]
+    picture = render([wall, behind], FROM_X, replace(LOOK, backface_culling=True))
     assert mostly(picture, RED).sum() == 10 * 10
     assert not mostly(picture, BLUE).any()
 
@@ -77,10 +82,10 @@ def test_a_roof_throws_a_shadow_and_the_sun_sees_through_a_ceiling() -> None:
     floor = Mesh(floor.vertices @ turn.T, floor.faces, floor.colors)
     above = Mesh(floor.vertices + np.array([0, 0, 1], np.float32), floor.faces, floor.colors)
     ceiling = Mesh(above.vertices, above.faces[:, ::-1], above.colors)
-    view = View(eye=(3.0, 0.0, 0.5), target=(0.0, 0.0, 0.0))
-    look = replace(LOOK, see_through=True)
+    view = CameraPose(eye=(3.0, 0.0, 0.5), target=(0.0, 0.0, 0.0))
+    camera = replace(LOOK, backface_culling=True)
     alone, shaded, open_above = (
-        draw(m, view, look)[20, 30].astype(int) for m in ([floor], [floor, above], [floor, ceiling])
+        render(m, view, camera)[20, 30].astype(int) for m in ([floor], [floor, above], [floor, ceiling])
     )
     assert (shaded < alone - 20).all()
     assert np.array_equal(open_above, alone)
@@ -88,8 +93,8 @@ def test_a_roof_throws_a_shadow_and_the_sun_sees_through_a_ceiling() -> None:
 
 def test_several_samples_blend_at_edges_only() -> None:
     square_of_half_pixels = square(0.0, 0.55, RED)
-    coarse = draw([square_of_half_pixels], FROM_X, LOOK)
-    fine = draw([square_of_half_pixels], FROM_X, replace(LOOK, samples=2))
+    coarse = render([square_of_half_pixels], FROM_X, LOOK)
+    fine = render([square_of_half_pixels], FROM_X, replace(LOOK, samples=2))
     assert np.array_equal(fine[16:24, 26:34], coarse[16:24, 26:34])
     edge = fine[14, 26:34].astype(int)
     assert ((edge[:, 1] > 60) & (edge[:, 1] < 250)).all()
@@ -97,16 +102,16 @@ def test_several_samples_blend_at_edges_only() -> None:
 
 def test_nothing_to_see_is_white() -> None:
     empty = Mesh(np.zeros((0, 3)), np.zeros((0, 3)))
-    assert (draw([empty], FROM_X, LOOK) == 255).all()
-    assert (draw([], FROM_X, LOOK) == 255).all()
+    assert (render([empty], FROM_X, LOOK) == 255).all()
+    assert (render([], FROM_X, LOOK) == 255).all()
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 1.0, -2.5])
 @pytest.mark.parametrize("elevation", [0.0, 0.7, np.pi / 2])
 def test_a_frame_touches_what_it_shows_without_cutting_it(azimuth: float, elevation: float) -> None:
     points = np.random.default_rng(3).uniform((-3, 0, 0), (1, 2, 1), (60, 3))
-    look = replace(LOOK, azimuth=azimuth, elevation=elevation, margin=1.0)
-    view = frame(points, np.array([0.6, 0.8, 0.0]), look)
+    camera = replace(LOOK, azimuth=azimuth, elevation=elevation, margin=1.0)
+    view = framing_pose(points, np.array([0.6, 0.8, 0.0]), camera)
     forward = np.subtract(view.target, view.eye)
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, (0, 0, 1)) if elevation < 1.5 else np.array([1.0, 0.0, 0.0])
@@ -126,12 +131,12 @@ def test_scanned_surfaces_have_a_front_and_closed_ones_have_none() -> None:
 
 def test_view_writes_pictures_of_scans_and_of_stages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder, stage = tiny_scan.write(tmp_path / "scan"), write_cabinet(tmp_path / "sim.usd")
-    small = ["look.width=48", "look.height=32"]
-    asked = [(folder, []), (folder, ["part=door_3", "look=near"]), (stage, []), (stage, ["colliders=true"])]
+    small = ["camera.width=48", "camera.height=32"]
+    asked = [(folder, []), (folder, ["part=door_3", "camera=near"]), (stage, []), (stage, ["colliders=true"])]
     asked += [(stage, ["part=room_3"])]  # has colliders, but no surface of its own
     for number, (path, rest) in enumerate(asked):
         out = tmp_path / "pictures" / f"{number}.png"
-        assert main(["view", f"path={path}", f"picture={out}", *small, *rest]) == 0
+        assert main(["view", f"path={path}", f"image={out}", *small, *rest]) == 0
         picture = np.array(Image.open(out))
         assert picture.shape == (32, 48, 3)
         assert 0.02 < (picture != 255).any(axis=2).mean()
@@ -151,6 +156,6 @@ def test_view_says_what_it_cannot_draw(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], rest: list[str], said: str
 ) -> None:
     folder, out = tiny_scan.write(tmp_path / "scan"), tmp_path / "x.png"
-    assert main(["view", f"path={folder}", f"picture={out}", *rest]) == 2
+    assert main(["view", f"path={folder}", f"image={out}", *rest]) == 2
     assert said in capsys.readouterr().err
     assert not out.exists()

@@ -19,7 +19,7 @@ from s2a.insert.place.baseline import place_paper
 from s2a.insert.place.fit import NoRoom, Pose
 from s2a.insert.place.pose import PoseConfig, Relation, place
 from s2a.insert.place.supports import nearby, target_plane, target_regions
-from s2a.insert.place.swept_volumes import openings, reaching
+from s2a.insert.place.swept_volumes import reaching_into, swept_volumes
 from s2a.scene import Joint, Mesh, Part, Scene
 
 VALUES = compose("insert/placement")["insert"]
@@ -31,7 +31,7 @@ def put(
     scene: Scene, thing: Mesh, target: str, relation: Relation = "on", kind: Kind = "horizontal", near=None
 ) -> Pose:
     region = target_regions(scene, target, REGIONS, (kind,))[0]
-    return place(scene, thing, region, relation, POSE, target, openings(scene), near)
+    return place(scene, thing, region, relation, POSE, target, swept_volumes(scene), near)
 
 
 def check(scene: Scene, thing: Mesh, pose: Pose) -> None:
@@ -63,7 +63,7 @@ def test_a_wished_neighbour_draws_an_object_near() -> None:
     check(table(), cup, near)
     assert near.position[0] < away.position[0]
     # The crate ends at x = 0.4; room beyond what is enough would not make the place better.
-    assert near.moved(cup).bounds[0, 0] - 0.4 < POSE.search.enough + 2 * REGIONS.cell
+    assert near.moved(cup).bounds[0, 0] - 0.4 < POSE.search.max_useful_clearance + 2 * REGIONS.cell
 
 
 def test_the_same_question_has_the_same_answer() -> None:
@@ -104,8 +104,8 @@ def test_nothing_is_put_where_a_drawer_slides() -> None:
     still = Scene("room", {i: replace(part, motion="fixed") for i, part in scene.parts.items()})
     blind = put(still, bin_, "floor_1")
     low, high = np.array([-1.0, -1.0, 0.0]), np.array([2.0, 1.0, 1.0])
-    ways = [way.piece for way in reaching(openings(scene), low, high, scene)]
-    assert not any(inside(way, pose.moved(bin_).vertices).any() for way in ways)
+    volumes = [volume.piece for volume in reaching_into(swept_volumes(scene), low, high, scene)]
+    assert not any(inside(volume, pose.moved(bin_).vertices).any() for volume in volumes)
     assert pose.moved(bin_).bounds[0, 0] > 0.59
     # Without the drawer the freest place is in the middle, in its way.
     assert blind.moved(bin_).bounds[0, 0] < 0.59
@@ -114,8 +114,8 @@ def test_nothing_is_put_where_a_drawer_slides() -> None:
 def test_what_a_drawer_carries_is_not_in_its_way() -> None:
     scene = cabinet()
     low, high = np.array([-1.0, -1.0, 0.0]), np.array([2.0, 1.0, 1.0])
-    assert {way.part for way in reaching(openings(scene), low, high, scene)} == {"drawer_3"}
-    assert reaching(openings(scene), low, high, scene, carrier="drawer_3") == []
+    assert {volume.part for volume in reaching_into(swept_volumes(scene), low, high, scene)} == {"drawer_3"}
+    assert reaching_into(swept_volumes(scene), low, high, scene, carrier="drawer_3") == []
 
 
 def corner() -> Scene:

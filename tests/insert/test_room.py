@@ -12,14 +12,14 @@ from rough_furniture import at, block, sheet, table
 from s2a.config import compose, load
 from s2a.errors import InputError
 from s2a.geometry.convex import halfspaces, hull
+from s2a.geometry.occupancy import distinct_cells
 from s2a.geometry.regions import Region, RegionConfig
 from s2a.insert import describe
 from s2a.insert.pipeline import Inserted
 from s2a.insert.place.fit import NoRoom
-from s2a.insert.place.search import _distinct
 from s2a.insert.place.supports import SurfaceConfig, facing, target_regions, within
-from s2a.insert.place.swept_volumes import Opening, heights_within
-from s2a.insert.room import Room
+from s2a.insert.place.swept_volumes import SweptVolume, heights_within
+from s2a.insert.room_state import RoomState
 from s2a.scene import Mesh, Part, Scene
 
 SURFACE: SurfaceConfig = load(
@@ -32,30 +32,30 @@ REGIONS = SURFACE.regions
 
 def inserted(name: str, mesh: Mesh, target: str) -> Inserted:
     """Return as much of an insertion as a room looks at."""
-    said = {"placement": SimpleNamespace(part_id=name), "spot": SimpleNamespace(target=target)}
+    said = {"placement": SimpleNamespace(part_id=name), "candidate": SimpleNamespace(target=target)}
     return cast(Inserted, SimpleNamespace(**said, part=Part("thing", mesh)))
 
 
-def told(regions: list[Region]) -> list[tuple[Any, ...]]:
+def described(regions: list[Region]) -> list[tuple[Any, ...]]:
     return [(one.kind, one.area, one.free_area, one.clearance, one.free.tobytes()) for one in regions]
 
 
 def test_what_parts_carry_is_kept_and_grown_again_where_a_thing_takes_room() -> None:
     shelf = Part("shelf", at(sheet((0, 1.2), (0, 0.6), 0.0), 0.0, 0.0, 1.4))
-    room = Room(Scene("room", {**table().parts, "shelf_4": shelf}), "", SURFACE)
+    room = RoomState(Scene("room", {**table().parts, "shelf_4": shelf}), "", SURFACE)
     before = {name: room.levels(name) for name in room.scene.parts}
     assert room.levels("table_2") is room.supports["table_2"]
     # It hangs from the shelf, so to say, and takes room over the table and the floor.
     room.add(inserted("lamp_5", at(block(0.3, 0.2, 0.3), 0.8, 0.3, 1.0), "shelf_4"))
     for name in room.scene.parts:
         fresh = target_regions(room.scene, name, REGIONS, ("horizontal", "inside"))
-        assert told(room.levels(name)) == told(fresh)
-    assert told(room.levels("table_2")) != told(before["table_2"])
+        assert described(room.levels(name)) == described(fresh)
+    assert described(room.levels("table_2")) != described(before["table_2"])
     assert room.levels("crate_3") is before["crate_3"]  # which is to the left of it
 
 
 def test_what_an_object_changes_is_looked_at_when_the_next_one_comes(monkeypatch: pytest.MonkeyPatch) -> None:
-    room, asked, survey = Room(table(), "", SURFACE), [], describe.survey
+    room, asked, survey = RoomState(table(), "", SURFACE), [], describe.survey
 
     def counted(scene: Scene, config: RegionConfig, names: tuple[str, ...]) -> describe.Supports:
         asked.append(names)
@@ -71,7 +71,7 @@ def test_what_an_object_changes_is_looked_at_when_the_next_one_comes(monkeypatch
 
 def test_what_has_no_level_surface_carries_nothing() -> None:
     wall = Mesh(np.array([[0, 0, 0], [0, 2, 0], [0, 2, 2], [0, 0, 2]]), np.array([[0, 1, 2], [0, 2, 3]]))
-    room = Room(Scene("room", {"wall_1": Part("wall", wall)}), "", SURFACE)
+    room = RoomState(Scene("room", {"wall_1": Part("wall", wall)}), "", SURFACE)
     with pytest.raises(NoRoom, match="looks upwards"):
         room.levels("wall_1")
     with pytest.raises(InputError, match="wall_1"):
@@ -94,8 +94,8 @@ def test_a_line_is_inside_a_way_between_the_heights_that_are_told() -> None:
     piece = hull(random.normal(size=(40, 3)))
     assert piece is not None
     planes, normal = halfspaces(piece), np.array([0.02, -0.01, 1.0])
-    way, places = Opening("door_1", piece, planes), random.uniform(-2.5, 2.5, (200, 3)) * [1, 1, 0]
-    first, last = heights_within(way, places, normal)
+    volume, places = SweptVolume("door_1", piece, planes), random.uniform(-2.5, 2.5, (200, 3)) * [1, 1, 0]
+    first, last = heights_within(volume, places, normal)
     crosses = first < last
     assert 20 < crosses.sum() < 180
     for height in np.linspace(-3, 3, 61):
@@ -106,8 +106,8 @@ def test_a_line_is_inside_a_way_between_the_heights_that_are_told() -> None:
 
 def test_distinct_cells_come_in_order() -> None:
     cells = np.random.default_rng(0).integers(-5, 9, (300, 2))
-    assert np.array_equal(_distinct(cells), np.unique(cells, axis=0))
-    assert len(_distinct(cells[:0])) == 0
+    assert np.array_equal(distinct_cells(cells), np.unique(cells, axis=0))
+    assert len(distinct_cells(cells[:0])) == 0
 
 
 def test_a_shelf_faces_where_its_own_boards_leave_the_view_open() -> None:

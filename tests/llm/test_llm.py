@@ -16,11 +16,11 @@ from fake_llm import Endpoint, Said, endpoint, failure, message
 from s2a.config import compose, load
 from s2a.errors import InputError
 from s2a.insert import prompts
-from s2a.insert.plan import Plan, checked, plan
+from s2a.insert.plan import FailedPlan, Plan, checked, plan
 from s2a.insert.scale import size
 from s2a.llm.ask import Model, Request, ask, parse
 from s2a.llm.client import LlmConfig, choose, kind_of
-from s2a.llm.usage_log import Ledger
+from s2a.llm.usage_log import UsageLog
 from s2a.scene import Mesh, Part, Scene
 
 ROOM = Scene("room", {i: Part(i[:-2], Mesh([], [])) for i in ("desk_1", "shelf_2", "keyboard_3")})
@@ -64,15 +64,15 @@ def chat(monkeypatch: pytest.MonkeyPatch, *replies: Any, **changes: Any) -> Iter
 
 
 def asked(model: Model) -> Plan:
-    return plan(model, ROOM, FACTS, "{}", 2, Ledger((2.5, 10.0)))
+    return plan(model, ROOM, FACTS, "{}", 2, UsageLog((2.5, 10.0)))
 
 
 def test_an_answer_is_believed_and_its_tokens_are_counted(monkeypatch):
-    ledger = Ledger((2.5, 10.0))
+    usage = UsageLog((2.5, 10.0))
     with chat(monkeypatch, words(PLAN)) as (model, there):
-        found = plan(model, ROOM, FACTS, "the lines", 2, ledger)
+        found = plan(model, ROOM, FACTS, "the lines", 2, usage)
     assert found.choices[0].target == "desk_1"
-    total = ledger.total()
+    total = usage.total()
     assert (total["calls"], total["prompt_tokens"], total["completion_tokens"]) == (1, 100, 20)
     assert total["dollars"] == pytest.approx((100 * 2.5 + 20 * 10) / 1e6)
     (request,) = there.asked
@@ -127,7 +127,7 @@ def test_what_an_endpoint_can_do_wrong_ends_in_one_line(monkeypatch, reply, said
         (words("I would put it on the desk."), "not one JSON object"),
         (words("{" * 5000), "not one JSON object"),
         (words('{"up":' * 50000 + "}" * 50000), "not one JSON object"),
-        (message(None, refusal="I cannot help with that."), "not one JSON object"),
+        (message(None, violation="I cannot help with that."), "not one JSON object"),
         (words({**PLAN, "up": "z"}), "possible: .*\\+z"),
         (words({**PLAN, "front": "+z"}), "lies along up"),
         (words({**PLAN, "choices": []}), "0 choices"),
@@ -159,7 +159,15 @@ def test_an_id_that_is_not_there_goes_back_with_those_that_are(monkeypatch):
 def test_a_plan_without_room_goes_back_with_the_reason(monkeypatch):
     with chat(monkeypatch, words(PLAN)) as (model, there):
         first = asked(model)
-        plan(model, ROOM, FACTS, "{}", 2, Ledger((0.0, 0.0)), (first, "on desk_1: it is too small"))
+        plan(
+            model,
+            ROOM,
+            FACTS,
+            "{}",
+            2,
+            UsageLog((0.0, 0.0)),
+            FailedPlan(first, "on desk_1: it is too small", unstable=False),
+        )
     answer, reason = there.asked[1]["messages"][-2:]
     assert json.loads(answer["content"]) == PLAN
     assert reason["content"].startswith("on desk_1: it is too small")
@@ -180,7 +188,7 @@ def test_a_plan_without_room_goes_back_with_the_reason(monkeypatch):
 )
 def test_a_size_that_cannot_be_is_asked_about(monkeypatch, answer, said):
     with chat(monkeypatch, words(answer), words(SIZE)) as (model, there):
-        found = size(model, SIDES, 2, Ledger((0.0, 0.0)))
+        found = size(model, SIDES, 2, UsageLog((0.0, 0.0)))
     assert found.height == (0.08, 0.12)
     assert said in there.asked[1]["messages"][-1]["content"]
 
@@ -188,7 +196,7 @@ def test_a_size_that_cannot_be_is_asked_about(monkeypatch, answer, said):
 def test_a_doubted_size_that_is_said_again_is_meant(monkeypatch):
     large = {**SIZE, "height": [0.6, 0.9], "longest": [0.6, 0.9]}
     with chat(monkeypatch, words(large)) as (model, there):
-        assert size(model, SIDES, 2, Ledger((0.0, 0.0))).height == (0.6, 0.9)
+        assert size(model, SIDES, 2, UsageLog((0.0, 0.0))).height == (0.6, 0.9)
     assert len(there.asked) == 2
 
 
@@ -221,9 +229,9 @@ def replay(path: Path) -> Model:
 
 def test_a_recording_answers_the_same_question_and_holds_no_key(monkeypatch, tmp_path):
     recording(monkeypatch, tmp_path / "answers.json")
-    ledger = Ledger((0.0, 0.0))
-    assert plan(replay(tmp_path / "answers.json"), ROOM, FACTS, "{}", 2, ledger).up == "+z"
-    assert ledger.total()["prompt_tokens"] == 100
+    usage = UsageLog((0.0, 0.0))
+    assert plan(replay(tmp_path / "answers.json"), ROOM, FACTS, "{}", 2, usage).up == "+z"
+    assert usage.total()["prompt_tokens"] == 100
     assert "secret-key" not in (tmp_path / "answers.json").read_text()
 
 
@@ -231,19 +239,19 @@ def test_a_recording_says_why_it_has_no_answer(monkeypatch, tmp_path):
     recording(monkeypatch, tmp_path / "answers.json")
     model = replay(tmp_path / "answers.json")
     with pytest.raises(InputError, match="'mug' in this room: the room or the object has changed"):
-        plan(model, ROOM, {**FACTS, "room": [{"id": "sofa_4"}]}, '{"id":"sofa_4"}', 2, Ledger((0.0, 0.0)))
+        plan(model, ROOM, {**FACTS, "room": [{"id": "sofa_4"}]}, '{"id":"sofa_4"}', 2, UsageLog((0.0, 0.0)))
     with pytest.raises(InputError, match="no answer to step 'plan' for 'vase'; record it"):
-        plan(model, ROOM, {**FACTS, "label": "vase"}, "{}", 2, Ledger((0.0, 0.0)))
+        plan(model, ROOM, {**FACTS, "label": "vase"}, "{}", 2, UsageLog((0.0, 0.0)))
     monkeypatch.setattr(prompts, "PLAN", prompts.PLAN + " Be brief.")
     with pytest.raises(InputError, match="its prompt has changed since the recording"):
-        plan(model, ROOM, FACTS, "{}", 2, Ledger((0.0, 0.0)))
+        plan(model, ROOM, FACTS, "{}", 2, UsageLog((0.0, 0.0)))
 
 
 def test_a_recording_answers_in_the_same_room_measured_anew_and_says_so(monkeypatch, tmp_path):
     recording(monkeypatch, tmp_path / "answers.json")
-    ledger = Ledger((0.0, 0.0))
-    assert plan(replay(tmp_path / "answers.json"), ROOM, FACTS, '{"size":0.76}', 2, ledger).up == "+z"
-    assert "measures" in ledger.entries[0]["note"]
+    usage = UsageLog((0.0, 0.0))
+    assert plan(replay(tmp_path / "answers.json"), ROOM, FACTS, '{"size":0.76}', 2, usage).up == "+z"
+    assert "measures" in usage.entries[0]["note"]
 
 
 def test_what_is_recorded_is_not_asked_again(monkeypatch, tmp_path):
@@ -251,18 +259,18 @@ def test_what_is_recorded_is_not_asked_again(monkeypatch, tmp_path):
     with chat(monkeypatch, words({**PLAN, "up": "-z"})) as (_, there):
         model = choose(llm("chat"), tmp_path / "answers.json")
         assert asked(model).up == "+z"
-        assert plan(model, ROOM, FACTS, "other lines", 2, Ledger((0.0, 0.0))).up == "-z"
+        assert plan(model, ROOM, FACTS, "other lines", 2, UsageLog((0.0, 0.0))).up == "-z"
     assert len(there.asked) == 1
 
 
 def test_tokens_that_an_endpoint_does_not_count_are_estimated(monkeypatch):
     reply = message(json.dumps(PLAN))
     silent = Said(reply.body.replace(b'"prompt_tokens": 100, "completion_tokens": 20', b'"prompt_tokens": 0'))
-    ledger = Ledger((2.5, 10.0))
+    usage = UsageLog((2.5, 10.0))
     with chat(monkeypatch, silent) as (model, _):
-        plan(model, ROOM, FACTS, "the lines", 2, ledger)
-    assert ledger.total()["prompt_tokens"] == pytest.approx(len(prompts.PLAN) / 3.5, rel=0.2)
-    assert ledger.total()["completion_tokens"] == pytest.approx(len(json.dumps(PLAN)) / 3.5, abs=1)
+        plan(model, ROOM, FACTS, "the lines", 2, usage)
+    assert usage.total()["prompt_tokens"] == pytest.approx(len(prompts.PLAN) / 3.5, rel=0.2)
+    assert usage.total()["completion_tokens"] == pytest.approx(len(json.dumps(PLAN)) / 3.5, abs=1)
 
 
 def script(x: str, y: str) -> Request:
@@ -272,7 +280,7 @@ def script(x: str, y: str) -> Request:
 def test_a_recorded_script_fits_another_pose_however_many_zeros_the_model_wrote(monkeypatch, tmp_path):
     with chat(monkeypatch, words("move(1.25, -0.76543); scale(0.01)")) as (_, there):
         model = choose(llm("chat"), tmp_path / "a.json")
-        ask(model, script("1.25000", "-0.76543"), str, 0, Ledger((0.0, 0.0)))
+        ask(model, script("1.25000", "-0.76543"), str, 0, UsageLog((0.0, 0.0)))
     assert len(there.asked) == 1
     again = replay(tmp_path / "a.json")(script("1.31000", "1.31000"))
     assert again.text == "move(1.31000, 1.31000); scale(0.01)"

@@ -5,66 +5,70 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import newton
 import numpy as np
 import pytest
-import torch
 from cabinet import box, write_cabinet
+from part_worlds import make_env
 from settings import load
 
-from s2a import robot
-from s2a.env.vec_env import OpenDrawerEnv
+from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
-from s2a.planner.collision import freest
-from s2a.planner.motion import Planner, PlannerConfig, grasping_motion
+from s2a.planner.collision import most_clear
+from s2a.planner.motion import Planner, PlannerConfig, _tool_path, joint_paths
+from s2a.robot.kinematics import kinematics
+from s2a.robot.tool_path import matrices
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.config import OpenDrawerConfig
 
 
-def make_env(stage_path: Path, base: tuple[float, float, float] | None = None) -> OpenDrawerEnv:
+def planner_env(stage_path: Path, base: tuple[float, float, float] | None = None) -> VecEnv:
     """Return two worlds of a stage, the robot's base moved to `base`."""
     stage = read_stage(stage_path)
     if base:
         stage = replace(stage, base=np.array([*base, 0.0, 0.0, 1.0, 0.0]))
-    sim = Simulation(stage, load(SimConfig, "sim/planner"), 2)
-    return OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer"), load(dict, "reward/paper"), 0)
+    return make_env(stage, 2, sim="sim/planner")
 
 
 def test_the_planner_opens_the_drawer_with_both_fingers_on_the_handle(tmp_path: Path) -> None:
-    env = make_env(write_cabinet(tmp_path / "sim.usda"))
-    result = evaluate(env, Planner(env, load(PlannerConfig, "policy/planner")))
+    env = planner_env(write_cabinet(tmp_path / "sim.usda"))
+    result = evaluate(env, Planner(env, load(PlannerConfig, "planner/default")))
     assert result["success"]["rate"] == result["handle_success"]["rate"] == 1.0
     # The hand moves 0.30 m; what the drawer lacks of that is slip and the arm's lag.
     assert 0.28 < result["opening"]["min"] <= 0.30
 
 
-def test_the_arm_takes_a_way_on_which_nothing_is_in_its_way(tmp_path: Path) -> None:
-    config = load(SimConfig, "sim/planner")
-    # So short a motion has all that is asked of it: steps that are small enough to follow.
-    plan = load(PlannerConfig, "policy/planner", approach_time=0.3, close_time=0.05, pull_time=0.8)
-    start = np.array(robot.load("panda").start)
+def test_the_arm_takes_a_path_on_which_nothing_is_in_its_way(tmp_path: Path) -> None:
+    config, settings = load(SimConfig, "sim/planner"), load(PlannerConfig, "planner/default")
     plain = Simulation(read_stage(write_cabinet(tmp_path / "plain.usda")), config, 1)
-    first = grasping_motion(plain, plan)
-    hand = (start + first[0]) / 2
-    place = _tool(plain, hand)
-    post = box(tuple(place), (0.03, 0.03, 0.03))
+    kin = kinematics(plain.robot)
+    paths = joint_paths(kin, plain.stage, _tool_path(plain.stage, settings), settings)
+    first = paths[most_clear(plain, paths)]
+    halfway = (np.array(plain.robot.home) + first[0]) / 2
+    place = matrices(plain.stage.base[None])[0] @ kin.tool(halfway[None])[0]
+    post = box(tuple(place[:3, 3]), (0.03, 0.03, 0.03))
     blocked = Simulation(read_stage(write_cabinet(tmp_path / "blocked.usda", beside=[post])), config, 1)
-    paths = np.stack([first, grasping_motion(blocked, plan)])
-    assert freest(plain, paths) == 0
-    assert freest(blocked, paths) == 1
-    assert freest(blocked, paths[::-1]) == 0
+    other = paths[most_clear(blocked, paths)]
+    assert not np.array_equal(first, other)
+    both = np.stack([first, other])
+    assert (most_clear(plain, both), most_clear(blocked, both), most_clear(blocked, both[::-1])) == (0, 1, 0)
 
 
-def _tool(sim: Simulation, q: np.ndarray) -> np.ndarray:
-    """Return where the point between the fingers is [m] in joints [9]."""
-    sim.joint_q[0, :9] = torch.tensor(q)
-    newton.eval_fk(sim.model, sim.state.joint_q, sim.state.joint_qd, sim.state)
-    return sim.body_q[0, sim.body("panda_hand_tcp"), :3].numpy().astype(float)
+def test_targets_keep_the_limits_of_the_robot(tmp_path: Path) -> None:
+    env = planner_env(write_cabinet(tmp_path / "sim.usda"))
+    planner = Planner(env, load(PlannerConfig, "planner/default"))
+    sim, limits, targets = env.sim, env.sim.robot.limits, []
+    for _ in range(planner.trajectory.reach_steps + len(planner.trajectory.targets)):
+        targets.append(sim.joint_target_q[0, :9].numpy().copy())
+        env.step(planner(env.observation))
+    rate = 1.0 / (sim.config.dt * sim.config.substeps)
+    speed = np.diff(np.array(targets), axis=0) * rate
+    assert (np.abs(speed[:, :7]).max(axis=0) < limits.velocity).all()
+    assert (np.abs(np.diff(speed[:, :7], axis=0)).max(axis=0) * rate < limits.acceleration).all()
+    assert np.abs(speed[planner.trajectory.reach_steps :, 7:]).max() <= sim.robot.gripper.finger_speed
 
 
 def test_a_handle_out_of_reach_is_said_before_anything_moves(tmp_path: Path) -> None:
-    env = make_env(write_cabinet(tmp_path / "sim.usda"), base=(1.6, 0.0, 0.0))
+    env = planner_env(write_cabinet(tmp_path / "sim.usda"), base=(1.6, 0.0, 0.0))
     with pytest.raises(InputError, match="the arm cannot follow part 'drawer_2' from its base at"):
-        Planner(env, load(PlannerConfig, "policy/planner", restarts=4))
+        Planner(env, load(PlannerConfig, "planner/default", ik_seeds=4))

@@ -200,9 +200,9 @@ def test_a_bar_in_the_middle_of_its_front_is_no_sheet() -> None:
 def test_what_the_front_has_in_the_fingers_way_is_cut_off_at_its_plane() -> None:
     space = FingerSpace(block((0.002, -0.01, -0.007), (GAP - 0.002, 0.01, 0.007)), ())
     handle = Handle(FRAME, bar(), PLANE, 0.0, space)
-    bulge, aside = (block((-0.02, y, -0.05), (0.015, y + 0.1, 0.05)) for y in (-0.05, 0.2))
-    flat, kept = flatten([bulge, aside], handle)
-    assert kept is aside and flat.bounds[1, 0] == pytest.approx(0.0, abs=1e-6)
+    bulge, atomic_write = (block((-0.02, y, -0.05), (0.015, y + 0.1, 0.05)) for y in (-0.05, 0.2))
+    flat, kept = flatten([bulge, atomic_write], handle)
+    assert kept is atomic_write and flat.bounds[1, 0] == pytest.approx(0.0, abs=1e-6)
     assert flat.bounds[0] == pytest.approx(bulge.bounds[0])
 
 

@@ -15,7 +15,7 @@ from s2a.certify.check_suite import CertifyConfig
 from s2a.certify.physics import World
 from s2a.certify.physics_motion import rest
 from s2a.errors import InputError
-from s2a.geometry.closed_solid import border, close, largest_pieces, loops
+from s2a.geometry.closed_solid import border, close, drop_small_components, loops
 from s2a.geometry.convex import box
 from s2a.geometry.mesh_ops import keep
 from s2a.prepare import PrepareConfig, prepare
@@ -79,7 +79,7 @@ def test_a_crumb_is_left_out() -> None:
     crumb = trimesh.creation.icosphere(radius=0.004)
     crumb.apply_translation([0, 0, 2])
     both = trimesh.util.concatenate([trimesh.creation.box(extents=SIZE), crumb])
-    assert len(largest_pieces(Mesh(both.vertices, both.faces), 0.02).faces) == 12
+    assert len(drop_small_components(Mesh(both.vertices, both.faces), 0.02).faces) == 12
 
 
 def test_the_object_leaves_the_room_and_stands_on_the_table(prepared: SimRoom) -> None:

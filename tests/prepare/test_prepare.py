@@ -15,6 +15,7 @@ from scanned_drawers import scanned_drawer
 from scipy.spatial.transform import Rotation
 from settings import load
 
+from s2a import robot
 from s2a.errors import InputError
 from s2a.geometry.convex import box, column, overlap
 from s2a.geometry.handles.finger_gap import share_inside
@@ -99,7 +100,7 @@ def test_pieces_have_few_vertices_and_a_volume() -> None:
 def test_the_robot_stands_on_the_floor_before_the_handle_and_looks_at_it(target: str, yaw: float) -> None:
     scene = clean_cabinet_room(yaw)
     grasp = find_grasp(scene, target)
-    found = find_base(scene, target, grasp, (target,), [], replace(config().base, search=False))
+    found = find_base(scene, target, grasp, (target,), [], replace(config().base, search=False), robot.load("panda"))
     position, orientation = found.position, found.orientation
     away = np.array(position) - scene.grasp_point(target)
     assert np.hypot(*away[:2]) == pytest.approx(0.55, abs=1e-6)

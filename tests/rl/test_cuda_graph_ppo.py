@@ -6,15 +6,22 @@ from pathlib import Path
 
 import pytest
 import torch
-from counting_env import CountingEnv
+from counting_env import OBSERVATIONS, CountingEnv
 from settings import load
 
 from s2a.errors import InputError
+from s2a.rl.adapter import RslRlEnv
 from s2a.rl.config import PpoConfig
-from s2a.rl.ppo import RslRlEnv, Runner, make_runner
-from s2a.tasks.open_part.config import OBSERVATIONS
+from s2a.rl.ppo import make_runner
+from s2a.rl.runner import Runner
 
-SMALL = {"steps": 8, "epochs": 3, "mini_batches": 4, "hidden": [16, 8], "entropy": 0.01}
+SMALL = {
+    "num_steps_per_env": 8,
+    "num_learning_epochs": 3,
+    "num_mini_batches": 4,
+    "hidden_dims": [16, 8],
+    "entropy_coef": 0.01,
+}
 
 
 class NoisyEnv(CountingEnv):
@@ -33,7 +40,7 @@ class NoisyEnv(CountingEnv):
 def learned(graph: bool, iterations: int = 3, **changes: object) -> Runner:
     """Return what has learned for some iterations from a fixed seed."""
     torch.manual_seed(0)
-    settings = load(PpoConfig, "policy/ppo", **SMALL, **changes, graph=graph)
+    settings = load(PpoConfig, "ppo/default", **SMALL, **changes, cuda_graph=graph)
     runner = make_runner(RslRlEnv(NoisyEnv(), 1.0), settings, None)
     runner.alg.act = _reproducible(runner.alg)
     runner.learn(iterations)
@@ -51,7 +58,7 @@ def _reproducible(alg: object) -> object:
     return seeded
 
 
-@pytest.mark.parametrize("changes", [{}, {"clip_value": False, "desired_kl": 1e-5}, {"desired_kl": 10.0}])
+@pytest.mark.parametrize("changes", [{}, {"use_clipped_value_loss": False, "desired_kl": 1e-5}, {"desired_kl": 10.0}])
 def test_the_update_is_the_librarys_own(changes: dict[str, object]) -> None:
     theirs, ours = (learned(graph, **changes).alg for graph in (False, True))
     assert type(ours).__name__ == "GraphPpo" and type(theirs).__name__ == "PPO"
@@ -78,7 +85,7 @@ def test_its_learning_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
 def test_a_policy_that_is_no_number_is_never_saved(tmp_path: Path) -> None:
     runner = learned(False, iterations=1)
     next(runner.alg.actor.parameters()).data[0] = torch.nan
-    with pytest.raises(InputError, match="the policy is no number any more"):
+    with pytest.raises(InputError, match="the policy has non-finite parameters"):
         runner.save(str(tmp_path / "model_0.pt"))
     assert not any(tmp_path.iterdir())
 
@@ -95,8 +102,8 @@ def test_a_policy_that_is_no_number_any_more_ends_the_training(bad: float) -> No
                 self.reward[0] = bad
 
     env = Broken()
-    runner = make_runner(RslRlEnv(env, 1.0), load(PpoConfig, "policy/ppo", **SMALL, graph=True), None)
-    with pytest.raises(InputError, match="the policy is no number any more; go on from the last checkpoint"):
+    runner = make_runner(RslRlEnv(env, 1.0), load(PpoConfig, "ppo/default", **SMALL, cuda_graph=True), None)
+    with pytest.raises(InputError, match="the policy has non-finite parameters; go on from the last checkpoint"):
         runner.learn(3)
     assert env.steps == 16  # two iterations of 8
 
@@ -123,7 +130,7 @@ def test_replayed_graphs_learn_as_the_library_does_on_a_gpu() -> None:
     learned = []
     for graph in (False, True):
         torch.manual_seed(0)
-        runner = make_runner(RslRlEnv(GpuEnv(), 1.0), load(PpoConfig, "policy/ppo", **SMALL, graph=graph), None)
+        runner = make_runner(RslRlEnv(GpuEnv(), 1.0), load(PpoConfig, "ppo/default", **SMALL, cuda_graph=graph), None)
         runner.alg.act = _reproducible(runner.alg)
         runner.learn(4)
         learned.append((runner.alg.learning_rate, runner.alg.save()["actor_state_dict"]))
@@ -135,8 +142,8 @@ def test_replayed_graphs_learn_as_the_library_does_on_a_gpu() -> None:
 @pytest.mark.gpu
 @pytest.mark.parametrize("graph", [True, pytest.param(False, marks=pytest.mark.xfail(strict=True))])
 def test_collecting_never_waits_for_a_gpu(graph: bool, tmp_path: Path) -> None:
-    settings = load(PpoConfig, "policy/ppo", **SMALL, graph=graph)
-    runner = make_runner(RslRlEnv(GpuEnv(), 1.0, log_every=SMALL["steps"]), settings, tmp_path)
+    settings = load(PpoConfig, "ppo/default", **SMALL, cuda_graph=graph)
+    runner = make_runner(RslRlEnv(GpuEnv(), 1.0, log_every=SMALL["num_steps_per_env"]), settings, tmp_path)
     act, process = runner.alg.act, runner.logger.process_env_step
 
     def watched(observation: object) -> object:

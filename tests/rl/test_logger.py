@@ -16,7 +16,7 @@ WORLDS, STEPS, ITERATIONS = 5, 7, 3
 
 def logged(kind: type[Logger], folder: Path) -> tuple[Logger, list[list[float]]]:
     """Return a logger after some iterations of episodes that end at random, and the rewards it knew after each."""
-    settings = rsl_rl_settings(load(PpoConfig, "policy/ppo", steps=STEPS))
+    settings = rsl_rl_settings(load(PpoConfig, "ppo/default", num_steps_per_env=STEPS))
     logger = kind(str(folder), settings, {}, WORLDS, False, 1, 0, "cpu")
     logger.init_logging_writer()
     noise, known = torch.Generator().manual_seed(0), []

@@ -18,8 +18,14 @@ from s2a.rl.ppo import train
 
 
 def test_both_exports_act_as_the_policy_does_for_any_number_of_worlds(tmp_path: Path) -> None:
-    small = {"steps": 8, "iterations": 2, "epochs": 1, "mini_batches": 2, "hidden": [16, 8]}
-    train(CountingEnv(), load(PpoConfig, "policy/ppo", **small), tmp_path)
+    small = {
+        "num_steps_per_env": 8,
+        "iterations": 2,
+        "num_learning_epochs": 1,
+        "num_mini_batches": 2,
+        "hidden_dims": [16, 8],
+    }
+    train(CountingEnv(), load(PpoConfig, "ppo/default", **small), tmp_path)
     checkpoint = tmp_path / "model_1.pt"
     script, graph = export(load_model(CountingEnv(), checkpoint), checkpoint)
     assert (script.name, graph.name) == ("model_1.torchscript", "model_1.onnx")

@@ -9,24 +9,22 @@ from pathlib import Path
 import pytest
 import torch
 from cabinet import write_cabinet
-from counting_env import CountingEnv
+from counting_env import OBSERVATIONS, CountingEnv
+from part_worlds import make_env
 from settings import load
 from tensordict import TensorDict
 
-from s2a.env.vec_env import OpenDrawerEnv
 from s2a.errors import InputError
+from s2a.rl.adapter import RslRlEnv
 from s2a.rl.checkpoint import load_policy
 from s2a.rl.config import PpoConfig
-from s2a.rl.ppo import RslRlEnv, make_runner, train
-from s2a.sim.simulation import SimConfig, Simulation
-from s2a.sim.world import read_stage
-from s2a.tasks.open_part.config import COUNTS, OBSERVATIONS, OpenDrawerConfig
+from s2a.rl.ppo import make_runner, train
 
-SMALL = {"steps": 8, "iterations": 2, "epochs": 2, "mini_batches": 2, "hidden": [16]}
+SMALL = {"num_steps_per_env": 8, "iterations": 2, "num_learning_epochs": 2, "num_mini_batches": 2, "hidden_dims": [16]}
 
 
 def test_stored_observations_are_those_the_policy_saw() -> None:
-    runner = make_runner(RslRlEnv(CountingEnv(), 1.0), load(PpoConfig, "policy/ppo", **SMALL), None)
+    runner = make_runner(RslRlEnv(CountingEnv(), 1.0), load(PpoConfig, "ppo/default", **SMALL), None)
     runner.learn(1)
     stored = runner.alg.storage.observations["policy"][:, 0, 0]
     assert stored.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
@@ -42,8 +40,7 @@ class ShortEnv(CountingEnv):
     def step(self, action: torch.Tensor) -> None:
         """Count an episode that succeeded."""
         super().step(action)
-        self.counts[COUNTS.index("episodes")] += 1.0
-        self.counts[COUNTS.index("success")] += 1.0
+        self.finish("success")
 
 
 def test_no_rate_is_told_before_an_episode_could_have_failed() -> None:
@@ -51,7 +48,7 @@ def test_no_rate_is_told_before_an_episode_could_have_failed() -> None:
     rates = [float(env.step(torch.zeros(2, 9))[3]["log"]["/success"]) for _ in range(8)]
     assert [math.isfinite(rate) for rate in rates] == [False] * 6 + [True] * 2
     assert rates[-1] == pytest.approx(1.0)
-    assert float(env.recent[COUNTS.index("episodes")]) == pytest.approx(sum(0.999**k for k in range(8)))
+    assert float(env.recent[env.names.index("episodes")]) == pytest.approx(sum(0.999**k for k in range(8)))
 
 
 class PayingEnv(CountingEnv):
@@ -65,7 +62,7 @@ class PayingEnv(CountingEnv):
 @pytest.mark.parametrize("graph", [False, True])
 def test_the_reward_rises(graph: bool) -> None:
     torch.manual_seed(0)
-    settings = load(PpoConfig, "policy/ppo", **{**SMALL, "epochs": 4}, graph=graph)
+    settings = load(PpoConfig, "ppo/default", **{**SMALL, "num_learning_epochs": 4}, cuda_graph=graph)
     runner = make_runner(RslRlEnv(PayingEnv(64), 1.0), settings, None)
     seen = TensorDict({"policy": torch.zeros(1, OBSERVATIONS)}, batch_size=[1])
 
@@ -79,12 +76,10 @@ def test_the_reward_rises(graph: bool) -> None:
 
 
 def test_training_writes_a_checkpoint_that_acts_the_same_when_loaded(tmp_path: Path) -> None:
-    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
-    sim = Simulation(stage, load(SimConfig, "sim/paper"), 4)
-    env = OpenDrawerEnv(sim, load(OpenDrawerConfig, "task/open_drawer"), load(dict, "reward/paper"), 0)
-    metrics = train(env, load(PpoConfig, "policy/ppo", **SMALL), tmp_path / "run")
+    env = make_env(write_cabinet(tmp_path / "sim.usda"), 4)
+    metrics = train(env, load(PpoConfig, "ppo/default", **SMALL), tmp_path / "run")
     assert metrics["env_steps"] == 4 * 8 * 2
-    assert json.loads((tmp_path / "run/policy.json").read_text())["hidden"] == [16]
+    assert json.loads((tmp_path / "run/policy.json").read_text())["hidden_dims"] == [16]
     policies = [load_policy(env, tmp_path / "run/model_1.pt") for _ in range(2)]
     actions = [policy(env.observation) for policy in policies]
     assert actions[0].shape == (4, 9)

@@ -37,13 +37,13 @@ def test_each_process_takes_its_own_gpu(monkeypatch: pytest.MonkeyPatch) -> None
 @pytest.mark.parametrize("graph", ["false", "true"])
 def test_two_processes_on_a_cpu_train_one_policy_and_one_of_them_writes(tmp_path: Path, graph: str) -> None:
     out = tmp_path / "run"
-    keys = [f"stage={write_cabinet(tmp_path / 'sim.usda')}", f"out={out}", "worlds=2", "device=cpu"]
+    keys = [f"stage={write_cabinet(tmp_path / 'sim.usda')}", f"out={out}", "num_envs=2", "device=cpu"]
     keys += [
-        "policy.steps=8",
-        "policy.iterations=3",
-        "policy.mini_batches=2",
-        "policy.hidden=[16]",
-        f"policy.graph={graph}",
+        "ppo.num_steps_per_env=8",
+        "ppo.iterations=3",
+        "ppo.num_mini_batches=2",
+        "ppo.hidden_dims=[16]",
+        f"ppo.cuda_graph={graph}",
     ]
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     done = subprocess.run([*torchrun, "-m", "s2a", "train", *keys], capture_output=True, text=True, timeout=280)
@@ -53,5 +53,5 @@ def test_two_processes_on_a_cpu_train_one_policy_and_one_of_them_writes(tmp_path
     assert metrics["processes"] == 2
     assert metrics["env_steps"] == 3 * 8 * 2 * 2
     assert sorted(file.name for file in out.glob("model_*")) == ["model_0.pt", "model_2.pt"]
-    state = torch.load(out / "model_2.pt", weights_only=False)["actor_state_dict"]
+    state = torch.load(out / "model_2.pt", weights_only=True)["actor_state_dict"]
     assert int(state["obs_normalizer.count"]) == 3 * 8 * 2 * 2, "the normaliser has seen the worlds of both"

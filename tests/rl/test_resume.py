@@ -20,15 +20,24 @@ from s2a import config
 from s2a.commands import train as verb
 from s2a.errors import InputError
 from s2a.rl import run_folder
+from s2a.rl.adapter import RslRlEnv
 from s2a.rl.config import PpoConfig
-from s2a.rl.ppo import RslRlEnv, Runner, make_runner, train
+from s2a.rl.ppo import make_runner, train
+from s2a.rl.runner import Runner
 
-SMALL = {"steps": 8, "iterations": 6, "epochs": 2, "mini_batches": 2, "hidden": [16], "save_interval": 2}
+SMALL = {
+    "num_steps_per_env": 8,
+    "iterations": 6,
+    "num_learning_epochs": 2,
+    "num_mini_batches": 2,
+    "hidden_dims": [16],
+    "save_interval": 2,
+}
 
 
 def make(out: Path) -> Runner:
     """Return a runner on an environment without physics."""
-    return make_runner(RslRlEnv(CountingEnv(), 1.0), load(PpoConfig, "policy/ppo", **SMALL), out)
+    return make_runner(RslRlEnv(CountingEnv(), 1.0), load(PpoConfig, "ppo/default", **SMALL), out)
 
 
 def test_networks_normaliser_optimiser_learning_rate_iteration_and_time_go_on(tmp_path: Path) -> None:
@@ -58,7 +67,7 @@ class Killed(CountingEnv):
 
 
 def test_the_log_of_an_interrupted_run_is_that_of_a_whole_one(tmp_path: Path) -> None:
-    settings = load(PpoConfig, "policy/ppo", **SMALL)
+    settings = load(PpoConfig, "ppo/default", **SMALL)
     with pytest.raises(InterruptedError):
         train(Killed(), settings, tmp_path)
     last = run_folder.latest(tmp_path)
@@ -99,35 +108,8 @@ def test_a_checkpoint_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: p
     assert (tmp_path / "model_0.pt").read_bytes() == before
 
 
-def test_other_settings_are_refused_by_name_and_more_iterations_are_not(tmp_path: Path) -> None:
-    values = {"worlds": 4, "resume": False, "policy": {"gamma": 0.99, "iterations": 3, "hidden": (16, 8)}}
-    run_folder.keep_settings(values, tmp_path)
-    run_folder.keep_settings(values | {"resume": True, "policy": values["policy"] | {"iterations": 9}}, tmp_path)
-    message = "'policy.gamma' is 0.9, but .* was begun with 0.99"
-    with pytest.raises(InputError, match=message):
-        run_folder.keep_settings(values | {"policy": values["policy"] | {"gamma": 0.9}}, tmp_path)
-    (tmp_path / run_folder.SETTINGS).write_text("{")
-    with pytest.raises(InputError, match="settings.json: not what this version"):
-        run_folder.keep_settings(values, tmp_path)
-
-
-def test_a_run_tells_with_what_it_began_and_went_on_and_keeps_to_its_stage(tmp_path: Path) -> None:
-    stage, out = tmp_path / "sim.usd", tmp_path / "run"
-    out.mkdir()
-    stage.write_text("a room")
-    assert run_folder.starts(out) == []
-    run_folder.keep_start(out, 0, stage, {"commit": "abc"})
-    both = run_folder.keep_start(out, 20, stage, {"commit": "def"})
-    assert run_folder.starts(out) == both
-    assert [(start["iteration"], start["commit"]) for start in both] == [(0, "abc"), (20, "def")]
-    stage.write_text("another room")
-    with pytest.raises(InputError, match="sim.usd has changed since .*run was begun; resume with what it was"):
-        run_folder.keep_start(out, 40, stage, {})
-    assert run_folder.starts(out) == both
-
-
 def test_a_run_is_not_begun_over_another_nor_gone_on_when_done(tmp_path: Path) -> None:
-    keys = [f"stage={tmp_path / 'sim.usd'}", f"out={tmp_path}", "policy.iterations=3"]
+    keys = [f"stage={tmp_path / 'sim.usd'}", f"out={tmp_path}", "ppo.iterations=3"]
     (tmp_path / "model_2.pt").touch()
     with pytest.raises(InputError, match="go on with resume=true"):
         verb.run(config.load(verb.Config, config.compose("train", keys)))
@@ -144,19 +126,49 @@ def test_a_run_is_not_begun_over_another_nor_gone_on_when_done(tmp_path: Path) -
 
 
 def test_recent_rates_are_told_once_there_are_episodes() -> None:
-    assert verb._rates({"episodes": 0.0, "success": 0.0, "opening": 0.0}) == {"episodes": 0.0}
-    rates = verb._rates({"episodes": 9.7, "success": 8.0, "opening": 2.0})
+    assert verb._rates({"episodes": 0.0, "success": 0.0, "opening": 0.0}, ("opening",)) == {"episodes": 0.0}
+    rates = verb._rates({"episodes": 9.7, "success": 8.0, "opening": 2.0}, ("opening",))
     assert set(rates) == {"episodes", "success"} and rates["success"]["rate"] == pytest.approx(8.0 / 9.7)
     assert rates["success"]["low"] == pytest.approx(0.49016, abs=1e-5)  # of 8 of 10
+
+
+def leaves(value: object, name: str = "") -> dict[str, object]:
+    """Return all that a checkpoint holds by its place in it, save the time that the run took."""
+    if isinstance(value, (dict, list, tuple)):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        return {key: leaf for k, inner in items for key, leaf in leaves(inner, f"{name}/{k}").items()}
+    return {} if name == "/infos/seconds" else {name: value}
+
+
+@pytest.mark.parametrize("graph", [False, True])
+def test_a_run_that_goes_on_equals_one_that_was_not_stopped_bit_for_bit(tmp_path: Path, graph: bool) -> None:
+    keys = [f"stage={write_cabinet(tmp_path / 'sim.usda')}", "num_envs=3", "device=cpu", "task.episode_steps=9"]
+    keys += ["ppo.num_steps_per_env=4", "ppo.num_mini_batches=2", "ppo.hidden_dims=[16]", f"ppo.cuda_graph={graph}"]
+
+    def run(out: str, *more: str) -> dict[str, object]:
+        """Train, with random numbers of any state before, and return the last checkpoint."""
+        torch.manual_seed(len(more))
+        verb.run(config.load(verb.Config, config.compose("train", [*keys, f"out={tmp_path / out}", *more])))
+        return leaves(torch.load(run_folder.latest(tmp_path / out), weights_only=True))
+
+    whole = run("whole", "ppo.iterations=6")
+    run("stopped", "ppo.iterations=3")
+    resumed = run("stopped", "ppo.iterations=6", "resume=true")
+    assert whole["/iter"] == 5 and whole.keys() == resumed.keys()
+    tensors = [name for name, value in whole.items() if isinstance(value, torch.Tensor)]
+    assert len(tensors) > 60 and int(whole["/infos/run/counted"][0]) > 0, "episodes have ended on the way"
+    assert [name for name in tensors if not torch.equal(whole[name], resumed[name])] == []
+    others = whole.keys() - set(tensors)
+    assert [name for name in others if repr(whole[name]) != repr(resumed[name])] == []
 
 
 @pytest.mark.slow
 def test_a_run_that_was_killed_goes_on(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    keys = [f"stage={write_cabinet(tmp_path / 'sim.usda')}", f"out={out}", "worlds=2", "device=cpu"]
-    keys += ["policy.steps=8", "policy.mini_batches=2", "policy.hidden=[16]", "policy.save_interval=1"]
+    keys = [f"stage={write_cabinet(tmp_path / 'sim.usda')}", f"out={out}", "num_envs=2", "device=cpu"]
+    keys += ["ppo.num_steps_per_env=8", "ppo.num_mini_batches=2", "ppo.hidden_dims=[16]", "ppo.save_interval=1"]
     command = [sys.executable, "-m", "s2a", "train", *keys]
-    process = subprocess.Popen([*command, "policy.iterations=100000"], stderr=subprocess.DEVNULL)
+    process = subprocess.Popen([*command, "ppo.iterations=100000"], stderr=subprocess.DEVNULL)
     end = time.monotonic() + 200.0
     while not (out / "model_3.pt").exists() and time.monotonic() < end:
         time.sleep(0.05)
@@ -167,7 +179,7 @@ def test_a_run_that_was_killed_goes_on(tmp_path: Path) -> None:
     done = run_folder.iteration(reached) + 1
     (out / "model_99999.pt").write_bytes(reached.read_bytes()[:1000])
     message = subprocess.run(
-        [*command, f"policy.iterations={done + 2}", "resume=true"], check=True, capture_output=True, text=True
+        [*command, f"ppo.iterations={done + 2}", "resume=true"], check=True, capture_output=True, text=True
     )
     assert "model_99999.pt is not whole" in message.stderr
     metrics = json.loads((out / "metrics.json").read_text())
@@ -176,5 +188,5 @@ def test_a_run_that_was_killed_goes_on(tmp_path: Path) -> None:
     assert "out of order" not in message.stderr, "what was cut is not told as if something were wrong"
     steps = [event.step for event in run_folder._scalars(run_folder._events(out), "Loss/learning_rate")]
     assert steps == list(range(done + 2))
-    state = torch.load(out / f"model_{done + 1}.pt", weights_only=False)["actor_state_dict"]
+    state = torch.load(out / f"model_{done + 1}.pt", weights_only=True)["actor_state_dict"]
     assert int(state["obs_normalizer.count"]) == (done + 2) * 8 * 2

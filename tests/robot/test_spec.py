@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -33,3 +34,12 @@ def test_one_value_per_arm_joint_is_demanded() -> None:
     spec = robot.load("panda")
     with pytest.raises(InputError, match=r"home has 6 values; give one for each of the 7 arm joints"):
         replace(spec, home=spec.home[:6])
+
+
+def test_a_stage_for_another_robot_or_another_version_of_it_is_refused() -> None:
+    panda = robot.load("panda")
+    robot.check_stage(panda, Path("sim.usd"), "panda")
+    with pytest.raises(InputError, match="sim.usd: prepared for robot 'other', not 'panda'; give robot=other"):
+        robot.check_stage(panda, Path("sim.usd"), "other")
+    with pytest.raises(InputError, match=r"differs from conf/robot/panda.yaml"):
+        robot.check_stage(replace(panda, urdf="other.urdf"), Path("sim.usd"), "panda")

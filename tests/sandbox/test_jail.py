@@ -17,15 +17,15 @@ from settings import load
 from s2a.errors import InputError
 from s2a.insert import overlay
 from s2a.insert.placement import Placement
-from s2a.insert.script import Outcome, run_in, write_script
+from s2a.insert.script import ScriptResult, run_sandboxed, write_script
 from s2a.sandbox.diff import compare
-from s2a.sandbox.geometry_free import skeleton
-from s2a.sandbox.jail import Cell, ConfinementConfig
-from s2a.sandbox.violation import Refusal
+from s2a.sandbox.geometry_free import geometry_free_text
+from s2a.sandbox.jail import Sandbox, SandboxConfig
+from s2a.sandbox.violation import PolicyViolation
 from s2a.scene import Mesh, Part, Scene
 from s2a.usd import geometric, validate
 
-CONFIG = replace(load(ConfinementConfig, "insert/confinement"), cpu_seconds=0.5)
+CONFIG = replace(load(SandboxConfig, "insert/sandbox"), cpu_seconds=0.5)
 QUARTER = (0.0, 0.0, 0.7071067811865476, 0.7071067811865476)
 PLAN = Placement("mug_8", "coffee mug", "objects/mug.usd", (1.5, -0.25, 0.75), QUARTER, 0.5)
 UPRIGHT = replace(PLAN, orientation=(0.0, 0.0, 0.0, 1.0), scale=1.0)
@@ -59,13 +59,13 @@ def square() -> Mesh:
     return Mesh(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def run_script(text: str, stage: str, plan: Placement, config: ConfinementConfig, *, trusted: bool = False) -> Outcome:
+def run_script(text: str, stage: str, plan: Placement, config: SandboxConfig, *, trusted: bool = False) -> ScriptResult:
     """Run a script in a cell of its own."""
-    with Cell(stage, config, trusted) as cell:
-        return run_in(cell, text, plan)
+    with Sandbox(stage, config, trusted) as sandbox:
+        return run_sandboxed(sandbox, text, plan)
 
 
-def attack(name: str, stage: Path, folder: Path, config: ConfinementConfig) -> str:
+def attack(name: str, stage: Path, folder: Path, config: SandboxConfig) -> str:
     """Run an attack with the allowlist off; return why it was refused, and check that nothing came of it."""
     (folder / "secret").write_text(SECRET)
     (folder / "other.usda").write_text(f'#usda 1.0\n(\n    defaultPrim = "{SECRET}"\n)\n')
@@ -78,12 +78,12 @@ def attack(name: str, stage: Path, folder: Path, config: ConfinementConfig) -> s
         for word, value in (("SECRET", folder / "secret"), ("FOLDER", folder), ("PORT", port), ("PARENT", parent)):
             text = text.replace(word, str(value))
         try:
-            with Cell(skeleton(stage), config, trusted=False) as cell:
-                run = cell.run(text, {})
-            layer = compare(run.saved, skeleton(stage), UPRIGHT)
+            with Sandbox(geometry_free_text(stage), config, trusted=False) as sandbox:
+                run = sandbox.run(text, {})
+            layer = compare(run.saved, geometry_free_text(stage), UPRIGHT)
             assert SECRET not in layer.ExportToString()
-        except Refusal as refusal:
-            said = refusal.reason
+        except PolicyViolation as violation:
+            said = violation.reason
         with pytest.raises(BlockingIOError):
             server.accept()
     assert SECRET not in said and (folder / "secret").read_text() == SECRET
@@ -114,40 +114,40 @@ def test_half_of_the_attacks_are_tried_without_the_allowlist() -> None:
     assert len(TRIED) >= len(ALL) / 2 and len(ALL) >= 80
 
 
-@pytest.mark.parametrize("mechanisms", [("landlock", "seccomp"), ("namespaces", "seccomp")])
-def test_either_of_two_locks_keeps_the_files(mechanisms: tuple, stage: Path, tmp_path: Path) -> None:
-    config = replace(CONFIG, mechanisms=mechanisms)
+@pytest.mark.parametrize("layers", [("landlock", "seccomp"), ("namespaces", "seccomp")])
+def test_either_of_two_locks_keeps_the_files(layers: tuple, stage: Path, tmp_path: Path) -> None:
+    config = replace(CONFIG, layers=layers)
     said = attack("read", stage, tmp_path, config)
     assert "No such file" in said or "Permission denied" in said
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TRIED)
-@pytest.mark.parametrize("mechanisms", [("landlock", "seccomp"), ("namespaces", "seccomp")])
+@pytest.mark.parametrize("layers", [("landlock", "seccomp"), ("namespaces", "seccomp")])
 def test_either_of_two_locks_keeps_all_attacks_without_effect(
-    name: str, mechanisms: tuple, stage: Path, tmp_path: Path
+    name: str, layers: tuple, stage: Path, tmp_path: Path
 ) -> None:
-    if name in ("big file", "many files") and "namespaces" not in mechanisms:
+    if name in ("big file", "many files") and "namespaces" not in layers:
         pytest.skip("only a file system of its own bounds what all files take together")
-    config = replace(CONFIG, mechanisms=mechanisms, seconds=2.0 if name == "sleep" else CONFIG.seconds)
+    config = replace(CONFIG, layers=layers, seconds=2.0 if name == "sleep" else CONFIG.seconds)
     said = attack(name, stage, tmp_path, config)
     assert said or TRIED[name].process == ""
 
 
 @pytest.mark.parametrize("number", (0, 1, 2))
 def test_what_a_model_writes_places_the_object(number: int, stage: Path) -> None:
-    assert run_script(scripts()[number], skeleton(stage), PLAN, CONFIG).record["script"]
+    assert run_script(scripts()[number], geometry_free_text(stage), PLAN, CONFIG).record["script"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(3, len(scripts())))
 def test_whatever_a_model_writes_places_the_object(number: int, stage: Path) -> None:
-    assert run_script(scripts()[number], skeleton(stage), PLAN, CONFIG).record["script"]
+    assert run_script(scripts()[number], geometry_free_text(stage), PLAN, CONFIG).record["script"]
 
 
 def test_the_object_joins_the_room_as_a_fixed_part_and_leaves_it_with_the_layer(stage: Path) -> None:
     before, path = stage.read_bytes(), stage.parent / "overlay.usda"
-    overlay.write(run_script(write_script(PLAN), skeleton(stage), PLAN, CONFIG).layer, stage.name, path)
+    overlay.write(run_script(write_script(PLAN), geometry_free_text(stage), PLAN, CONFIG).layer, stage.name, path)
     room = geometric.read(path)
     mug = room.parts["mug_8"]
     assert (mug.label, mug.motion, mug.parent, list(room.parts)) == ("coffee mug", "fixed", None, ["wall_1", "mug_8"])
@@ -158,43 +158,45 @@ def test_the_object_joins_the_room_as_a_fixed_part_and_leaves_it_with_the_layer(
 
 def test_the_same_script_gives_the_same_bytes(stage: Path, tmp_path: Path) -> None:
     for name in ("first.usda", "second.usda"):
-        overlay.write(run_script(scripts()[0], skeleton(stage), PLAN, CONFIG).layer, "geometric.usd", tmp_path / name)
+        overlay.write(
+            run_script(scripts()[0], geometry_free_text(stage), PLAN, CONFIG).layer, "geometric.usd", tmp_path / name
+        )
     assert (tmp_path / "first.usda").read_bytes() == (tmp_path / "second.usda").read_bytes()
 
 
 def test_an_object_joins_a_room_that_another_joined_before(stage: Path) -> None:
     first, second = stage.parent / "one.usda", stage.parent / "two.usda"
-    overlay.write(run_script(write_script(PLAN), skeleton(stage), PLAN, CONFIG).layer, stage.name, first)
+    overlay.write(run_script(write_script(PLAN), geometry_free_text(stage), PLAN, CONFIG).layer, stage.name, first)
     plan = replace(PLAN, part_id="mug_9", position=(0.0, 0.0, 2.0))
-    overlay.write(run_script(write_script(plan), skeleton(first), plan, CONFIG).layer, first.name, second)
+    overlay.write(run_script(write_script(plan), geometry_free_text(first), plan, CONFIG).layer, first.name, second)
     assert list(geometric.read(second).parts) == ["wall_1", "mug_8", "mug_9"]
 
 
 def test_a_system_without_locks_runs_only_what_is_trusted(stage: Path) -> None:
-    bare = replace(CONFIG, mechanisms=())
+    bare = replace(CONFIG, layers=())
     with pytest.raises(InputError, match="cannot keep files, network, processes from a script"):
-        run_script(write_script(PLAN), skeleton(stage), PLAN, bare)
-    assert run_script(write_script(PLAN), skeleton(stage), PLAN, bare, trusted=True).record["active"] == []
+        run_script(write_script(PLAN), geometry_free_text(stage), PLAN, bare)
+    assert run_script(write_script(PLAN), geometry_free_text(stage), PLAN, bare, trusted=True).record["active"] == []
 
 
 def test_an_error_in_a_script_names_its_line(stage: Path) -> None:
-    with pytest.raises(Refusal, match=r"\(process\), line 2: ZeroDivisionError"):
-        run_script("x = 0\ny = 1 / x\n", skeleton(stage), PLAN, CONFIG)
+    with pytest.raises(PolicyViolation, match=r"\(process\), line 2: ZeroDivisionError"):
+        run_script("x = 0\ny = 1 / x\n", geometry_free_text(stage), PLAN, CONFIG)
 
 
 @pytest.mark.parametrize("change", [{"position": (1.5, -0.25, 0.75001)}, {"scale": 0.50001}, {"label": "cup"}])
 def test_a_script_that_follows_another_plan_is_refused(change: dict, stage: Path) -> None:
-    with pytest.raises(Refusal, match="comparison"):
-        run_script(write_script(replace(PLAN, **change)), skeleton(stage), PLAN, CONFIG)
+    with pytest.raises(PolicyViolation, match="comparison"):
+        run_script(write_script(replace(PLAN, **change)), geometry_free_text(stage), PLAN, CONFIG)
 
 
 def test_a_refused_script_leaves_room_for_the_next_in_a_process_of_its_own(stage: Path) -> None:
-    with Cell(skeleton(stage), CONFIG, False) as cell:
-        with pytest.raises(Refusal, match="ZeroDivisionError"):
-            run_in(cell, "x = 1 / 0\n", PLAN)
-        first, second = (run_in(cell, write_script(PLAN), PLAN) for _ in range(2))
+    with Sandbox(geometry_free_text(stage), CONFIG, False) as sandbox:
+        with pytest.raises(PolicyViolation, match="ZeroDivisionError"):
+            run_sandboxed(sandbox, "x = 1 / 0\n", PLAN)
+        first, second = (run_sandboxed(sandbox, write_script(PLAN), PLAN) for _ in range(2))
     assert first.layer.ExportToString() == second.layer.ExportToString()
-    assert first.record["active"] == list(CONFIG.mechanisms)
+    assert first.record["active"] == list(CONFIG.layers)
 
 
 def test_a_process_that_got_no_script_ends_with_the_cell() -> None:
@@ -203,6 +205,6 @@ def test_a_process_that_got_no_script_ends_with_the_cell() -> None:
         return {child for thread in threads for child in (thread / "children").read_text().split()}
 
     before = children()
-    with Cell("#usda 1.0\n", CONFIG, False):
+    with Sandbox("#usda 1.0\n", CONFIG, False):
         assert len(children() - before) == 1
     assert children() <= before

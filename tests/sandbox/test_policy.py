@@ -7,11 +7,11 @@ from harmless_scripts import scripts
 from hostile_scripts import ALL, GOOD
 from settings import load
 
-from s2a.sandbox.jail import ConfinementConfig
+from s2a.sandbox.jail import SandboxConfig
 from s2a.sandbox.policy import check
-from s2a.sandbox.violation import Refusal
+from s2a.sandbox.violation import PolicyViolation
 
-ALLOW = load(ConfinementConfig, "insert/confinement").allow
+ALLOW = load(SandboxConfig, "insert/sandbox").allow
 REFUSED = {name: hostile for name, hostile in ALL.items() if hostile.allowlist}
 
 
@@ -21,10 +21,10 @@ def look(text: str) -> None:
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_hostile_script_is_refused_for_what_is_wrong_with_it_and_in_which_line(name: str) -> None:
-    with pytest.raises(Refusal) as refusal:
+    with pytest.raises(PolicyViolation) as violation:
         look(GOOD + REFUSED[name].attack)
-    assert any(part in refusal.value.reason for part in REFUSED[name].allowlist.split("|"))
-    assert refusal.value.line is None or refusal.value.line > len(GOOD.splitlines())
+    assert any(part in violation.value.reason for part in REFUSED[name].allowlist.split("|"))
+    assert violation.value.line is None or violation.value.line > len(GOOD.splitlines())
 
 
 @pytest.mark.parametrize("number", range(len(scripts())))
@@ -39,5 +39,5 @@ def test_there_are_enough_of_both() -> None:
 def test_a_file_that_follows_from_two_calls_must_be_right_in_both() -> None:
     opener = "from pxr import Usd\ndef o(p):\n    return Usd.Stage.Open(p)\no({!r})\no({!r})\n"
     look(opener.format("scene.usda", "./scene.usda"))
-    with pytest.raises(Refusal, match="other.usda"):
+    with pytest.raises(PolicyViolation, match="other.usda"):
         look(opener.format("scene.usda", "other.usda"))

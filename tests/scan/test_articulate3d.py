@@ -13,7 +13,7 @@ import tiny_scan
 from tiny_scan import corners, read, triangles
 
 from s2a.scan.cut import cut
-from s2a.scan.ply import Surface
+from s2a.scan.ply import ScanMesh
 from s2a.scene import Joint
 
 REAL_DATA = os.environ.get("S2A_REAL_DATA")
@@ -147,7 +147,7 @@ def test_the_pieces_of_a_cut_are_the_surface_in_its_order(seed):
     rng = np.random.default_rng(seed)
     vertices, faces = rng.random((200, 3)).astype(np.float32).astype(np.float64), rng.integers(0, 200, (500, 3))
     colors = rng.integers(0, 256, (200, 3)).astype(np.uint8)
-    surface = Surface(Path("x.ply"), vertices, faces.astype(np.int32), colors, np.zeros(3))
+    surface = ScanMesh(Path("x.ply"), vertices, faces.astype(np.int32), colors, np.zeros(3))
     owner = rng.integers(-1, 7, 500)
     pieces = cut(surface, owner, 8)
     for i, piece in enumerate(pieces):

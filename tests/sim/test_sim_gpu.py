@@ -7,24 +7,23 @@ from pathlib import Path
 import pytest
 import torch
 from cabinet import write_cabinet
+from part_worlds import metric_settings, task_settings
 from settings import load
 
-from s2a.env.vec_env import OpenDrawerEnv
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.config import OpenDrawerConfig
+from s2a.tasks import make_env
 
 pytestmark = [pytest.mark.gpu, pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")]
 
 
 def test_captured_graph_equals_eager_steps(tmp_path: Path) -> None:
     stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
-    sims = [Simulation(stage, load(SimConfig, "sim/paper"), 2, "cuda:0") for _ in range(2)]
-    task = load(OpenDrawerConfig, "task/open_drawer", episode_steps=30)  # resets within the hundred steps
-    envs = [
-        OpenDrawerEnv(sim, task, load(dict, "reward/paper"), 0, graph=graph)
-        for sim, graph in zip(sims, (True, False), strict=True)
-    ]
+    task = task_settings(episode_steps=30)  # resets within the hundred steps
+    envs = []
+    for graph in (True, False):
+        sim = Simulation(stage, load(SimConfig, "sim/paper"), 2, "cuda:0")
+        envs.append(make_env(sim, task, metric_settings(), load(dict, "reward/paper"), 0, graph=graph))
     actions = torch.rand(100, 2, 9, generator=torch.Generator().manual_seed(0)) * 2.0 - 1.0
     worst = 0.0
     for action in actions.to("cuda:0"):

@@ -32,11 +32,14 @@ def write_cabinet(
     grasp: tuple[float, float, float] = tuple(HANDLE),
     base: tuple[float, float, float] = (HANDLE[0] + 0.55, 0.0, 0.0),
     beside: Sequence[Mesh] = (),
+    joint: Joint | None = None,
     free: Sequence[SimBody] = (),
+    attached: Sequence[Mesh] = (),
 ) -> Path:
     """Write a cabinet of the reference task's size with one drawer and a bar handle (two posts, a gap of 24 mm).
 
-    `beside` are convex hulls of the room besides floor and wall, `free` objects that lie about.
+    `beside` are convex hulls of the room besides floor and wall, `joint` moves the drawer instead of its slide, `free` are
+    objects that lie about, `attached` are further hulls of the drawer.
     """
     carcass = [box((0.0, y, 0.4), (0.305, 0.0095, 0.381)) for y in (-0.3715, 0.3715)]
     carcass += [box((-0.2955, 0.0, 0.4), (0.0095, 0.36, 0.381)), box((0.0, 0.0, 0.795), (0.305, 0.381, 0.007))]
@@ -51,10 +54,10 @@ def write_cabinet(
         name="test",
         bodies={
             "cabinet_1": _body("cabinet_1", carcass, 60.0, (120, 90, 60)),
-            "drawer_2": _body("drawer_2", [bar, *posts, front], 5.32, (200, 20, 20)),
+            "drawer_2": _body("drawer_2", [bar, *posts, front, *attached], 5.32, (200, 20, 20)),
         },
         articulations={
-            "drawer_2": Articulation(slide, "cabinet_1", grasp_at, {"panda": Base(base, (0.0, 0.0, 1.0, 0.0))})
+            "drawer_2": Articulation(joint or slide, "cabinet_1", grasp_at, {"panda": Base(base, (0.0, 0.0, 1.0, 0.0))})
         },
         static_visual=merge(floor),
         static_colliders=tuple(Collider("room_3", mesh) for mesh in floor),

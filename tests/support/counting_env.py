@@ -6,21 +6,43 @@ from types import SimpleNamespace
 
 import torch
 
-from s2a.tasks.open_part.config import COUNTS, OBSERVATIONS, REWARD_TERMS
+from s2a.env.kernels import ERRORS
+
+OBSERVATIONS = 23
+TASK = SimpleNamespace(
+    REWARDS=tuple(SimpleNamespace(key=key) for key in ("near", "far")),
+    METRICS=("success", "tidy_success", "opening"),
+    VALUES=("opening",),
+    LOGGED=("tidy_success", "success"),
+)
+"""What a task says of itself to those who log."""
 
 
 class CountingEnv:
     """An environment whose one observation buffer, overwritten in place, counts the steps."""
 
-    def __init__(self, worlds: int = 2) -> None:
-        self.num_envs, self.num_actions, self.max_episode_length = worlds, 9, 500
-        self.sim = SimpleNamespace(device="cpu")
-        self.observation = torch.zeros(worlds, OBSERVATIONS)
-        self.reward, self.terms = torch.zeros(worlds), torch.zeros(worlds, len(REWARD_TERMS))
-        self.done = self.time_out = self.episode_step = torch.zeros(worlds, dtype=torch.int32)
-        self.counts, self.midway = torch.zeros(len(COUNTS)), torch.zeros(worlds)
+    def __init__(self, num_envs: int = 2) -> None:
+        self.num_envs, self.num_actions, self.max_episode_length = num_envs, 9, 500
+        self.sim, self.task, self.columns = SimpleNamespace(device="cpu"), TASK, (*TASK.METRICS, *ERRORS)
+        self.observation = torch.zeros(num_envs, OBSERVATIONS)
+        self.reward, self.terms = torch.zeros(num_envs), torch.zeros(num_envs, len(TASK.REWARDS))
+        self.done = self.time_out = self.episode_step = torch.zeros(num_envs, dtype=torch.int32)
+        self.counts, self.uncounted = torch.zeros(1 + len(self.columns)), torch.zeros(num_envs)
 
     def step(self, action: torch.Tensor) -> None:
         """Count."""
         self.observation += 1.0
         self.reward.copy_(self.observation[:, 0])
+
+    def finish(self, name: str, episodes: float = 1.0) -> None:
+        """Count an episode that ended, with a column."""
+        self.counts[0] += episodes
+        self.counts[1 + self.columns.index(name)] += episodes
+
+    def state_dict(self) -> dict[str, torch.Tensor]:
+        """Return what the steps came to."""
+        return {"observation": self.observation.clone()}
+
+    def load_state_dict(self, state: dict[str, torch.Tensor]) -> None:
+        """Go on from there."""
+        self.observation.copy_(state["observation"])

@@ -196,7 +196,9 @@ def scripts() -> list[str]:
     """Return the whole scripts, and 40 made of steps so that every way to write a step occurs five times or more."""
     made = []
     for number in range(40):
-        steps = [ways[(number + shift) % len(ways)] for shift, ways in zip(itertools.count(), STEPS, strict=False)]
-        needs = "Vt.TokenArray" in steps[5] or "Kind" in steps[5]
-        made.append("\n".join([IMPORTS[1] if needs else IMPORTS[number % len(IMPORTS)], *steps]) + "\n")
+        steps = [
+            volumes[(number + shift) % len(volumes)] for shift, volumes in zip(itertools.count(), STEPS, strict=False)
+        ]
+        required_guarantees = "Vt.TokenArray" in steps[5] or "Kind" in steps[5]
+        made.append("\n".join([IMPORTS[1] if required_guarantees else IMPORTS[number % len(IMPORTS)], *steps]) + "\n")
     return [*WHOLE, *made]

@@ -129,10 +129,10 @@ def _entered(
 
 
 def _below(entry: Entry, entries: list[Entry]) -> set[int]:
-    """Return the numbers of a part and of all its parts."""
+    """Return the numbers of a part, of all its parts, and of what lies in them and moves with it."""
     own = {entry.number}
     for other in entries:
-        if other.parent in own:
+        if other.parent in own or other.carrier in own:
             own.add(other.number)
     return own
 
@@ -146,12 +146,20 @@ def _far(points: np.ndarray, joint: Joint) -> np.ndarray:
 
 def overlaps(room: Room, tolerance: float, spacing: float = 0.03) -> list[str]:
     """Return a line for each pair of objects of which one reaches into the other deeper than the tolerance [m]."""
-    solids = [Solid(whole(piece), spacing) for piece in room.pieces]
+    pieces = [thing for piece in room.pieces for thing in (piece, *carried(piece))]
+    solids = [Solid(whole(piece), spacing) for piece in pieces]
+    boxes = np.stack([solid.bounds for solid in solids])
     found = []
-    for solid, piece in zip(solids, room.pieces, strict=True):
-        for other, name in zip(solids, (p.name for p in room.pieces), strict=True):
-            if other is not solid and not {piece.name, name} <= SHELL:
-                depth = solid.depth(other.points)
+    for solid, piece in zip(solids, pieces, strict=True):
+        met = (boxes[:, 0] < solid.bounds[1]).all(axis=1) & (boxes[:, 1] > solid.bounds[0]).all(axis=1)
+        for i in np.flatnonzero(met).tolist():
+            if solids[i] is not solid and not {piece.name, pieces[i].name} <= SHELL:
+                depth = solid.depth(solids[i].points)
                 if depth > tolerance:
-                    found.append(f"{name} is {1e3 * depth:.1f} mm inside {piece.name}")
+                    found.append(f"{pieces[i].name} is {1e3 * depth:.1f} mm inside {piece.name}")
     return found
+
+
+def carried(piece: Piece) -> list[Piece]:
+    """Return all that lies in or on a piece and its parts."""
+    return [*piece.contents, *(thing for child in piece.children for thing in carried(child))]

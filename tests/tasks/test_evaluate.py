@@ -10,10 +10,11 @@ import pytest
 import torch
 from cabinet import write_cabinet
 
-from s2a import config
+from s2a import cli, config
 from s2a.commands import evaluate as verb
 from s2a.errors import InputError
 from s2a.evaluate import baseline, rate
+from s2a.tasks.open_part.metrics import METRICS
 
 
 def settings(*keys: str) -> verb.Config:
@@ -23,17 +24,20 @@ def settings(*keys: str) -> verb.Config:
 
 def test_an_agent_that_does_nothing_opens_nothing_and_says_so(tmp_path: Path) -> None:
     stage = write_cabinet(tmp_path / "sim.usda")
-    keys = (f"stage={stage}", f"out={tmp_path / 'zero.json'}", "agent=zero", "worlds=3", "task.episode_steps=5")
+    keys = (f"stage={stage}", f"out={tmp_path / 'zero.json'}", "agent=zero", "num_envs=3", "task.episode_steps=5")
     said = verb.run(settings(*keys, "device=cpu"))
     metrics = json.loads((tmp_path / "zero.json").read_text())
     assert metrics["episodes"] == 3
     assert (metrics["stage"], metrics["policy"]) == ("sim.usda", "zero")
-    for name in ("success", "final_success", "wide", "final_wide", "static", "final_static", "full", "final_full"):
+    names = [name for name in METRICS if name not in ("opening", "grasped_fraction")]
+    assert {"grasp_success", "open_30cm", "final_open_95pct"} <= set(names)
+    for name in names:
         # Wilson's interval of 0 of 3: z^2 / (3 + z^2) = 3.84 / 6.84.
         assert metrics[name] == {"rate": 0.0, "low": 0.0, "high": pytest.approx(0.5615, abs=1e-4)}, name
     assert metrics["opening"]["mean"] == pytest.approx(0.0, abs=1e-4)
     assert metrics["invalid"] == metrics["row_overflow"] == metrics["contact_overflow"] == 0
-    assert "side_success" in said and "0.0%" in said
+    assert metrics["metrics_version"] == 2 and metrics["thresholds"]["success"] == pytest.approx(0.2)
+    assert "off_handle_success" in said and "0.0%" in said and "grasped_fraction" in said
 
 
 def test_the_baselines_are_zero_and_uniform_and_the_seed_decides() -> None:
@@ -58,7 +62,7 @@ def test_an_unknown_agent_is_told_the_known_ones() -> None:
     [
         (("export=true",), "no checkpoint to export"),
         (("agent=zero", "checkpoint=model_1.pt"), "only one can act"),
-        ((f"pictures={__file__}",), "a file; give a folder"),
+        ((f"images={__file__}",), "a file; give a folder"),
     ],
 )
 def test_keys_that_cannot_go_together_are_refused_before_anything_is_done(
@@ -70,12 +74,31 @@ def test_keys_that_cannot_go_together_are_refused_before_anything_is_done(
 
 
 def test_the_album_ends_with_the_first_episode() -> None:
-    env = SimpleNamespace(sim=SimpleNamespace(joint_q=torch.zeros(1, 10)), done=torch.zeros(1))
+    env = SimpleNamespace(
+        sim=SimpleNamespace(joint_q=torch.zeros(1, 10), layout=SimpleNamespace(part_coord=9)), done=torch.zeros(1)
+    )
     album = verb.Album(env)
     for opening, done in ((0.0, 0), (0.1, 0), (0.3, 0), (0.2, 0), (0.0, 1), (0.39, 0)):
         env.sim.joint_q[0, 9], env.done[0] = opening, done
         album.watch()
     assert [round(float(pose[9]), 3) for pose in album._poses] == [0.0, 0.3]
+
+
+def test_a_hostile_checkpoint_is_evaluated_by_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    class Hostile:
+        def __reduce__(self) -> tuple:
+            return (open, (str(tmp_path / "was_here"), "w"))
+
+    run = tmp_path / "run"
+    run.mkdir()
+    torch.save({"actor_state_dict": {}, "iter": 1, "infos": Hostile()}, run / "model_1.pt")
+    (run / "policy.json").write_text(json.dumps(config.compose("ppo/default")["ppo"]))
+    stage = write_cabinet(tmp_path / "sim.usda")
+    keys = [f"stage={stage}", f"out={tmp_path / 'x.json'}", f"checkpoint={run / 'model_1.pt'}", "num_envs=1"]
+    assert cli.main(["evaluate", *keys, "device=cpu"]) == 2
+    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("s2a: ")]
+    assert len(said) == 1 and "model_1.pt: not a checkpoint of this policy" in said[0]
+    assert not (tmp_path / "was_here").exists() and not (tmp_path / "x.json").exists()
 
 
 def test_a_rate_has_a_wilson_interval() -> None:

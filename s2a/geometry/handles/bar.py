@@ -23,7 +23,7 @@ HEAD = 0.006
 SHALLOWEST = 0.008
 """[m] Least depth of a bar; scans may show its outer face alone."""
 GAP = 0.021
-"""[m] Space that fingers need behind a bar: a Franka finger's pad is 18.5 mm long."""
+"""[m] Space behind any bar, since people's fingers go there: what a scan shows nearer to the front is a shadow."""
 SPAN = 0.5
 """Share of a bar's length, in its middle, that stands free but for a short post."""
 MARGIN = 0.001

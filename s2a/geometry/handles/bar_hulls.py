@@ -11,11 +11,11 @@ from s2a.geometry.mesh_ops import sample
 from s2a.scene import Mesh
 
 LONGEST_POST = 0.3
-"""Share of a bar's length that a post in its middle may have; what is longer is a web."""
+"""Largest length of a post in the middle, as a fraction of the bar's length; a longer one is a web."""
 SIDES = 16
 """Of a prism that stands for a piece of a bar."""
 TAIL = 0.03
-"""Share of the points that may stand out of it in each direction."""
+"""Fraction of the points that may be outside of it in each direction."""
 
 
 def bar_pieces(
@@ -88,7 +88,7 @@ def _short(runs: list[list[int]], count: int) -> list[tuple[int, int]]:
 
 
 def _is_post(out: np.ndarray, across: np.ndarray, profile: Profile, first: int, last: int) -> bool:
-    """Whether points behind slices first to last - 1, so far `out` of the bar's middle and `across` it [m], are a post."""
+    """Return True if points behind slices first to last - 1, so far `out` of the bar's middle and `across` it [m], are a post."""
     if len(out) < FEW:
         return False
     at_edge = np.quantile(out, 0.9) > 0.35 * profile.thickness
@@ -109,7 +109,7 @@ def _section(points: np.ndarray, profile: Profile, k: int, depth: float) -> tupl
 
 
 def _support(section: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Return how far points (y, z) reach in each of SIDES directions [m], without the share TAIL that stands out most.
+    """Return how far points (y, z) reach in each of SIDES directions [m], without the outermost fraction TAIL.
 
     Noise stands out; a plain hull would be as thick as its worst points. Corners count in full.
     """

@@ -12,9 +12,9 @@ from s2a.geometry.mesh_ops import sample
 from s2a.scene import Mesh
 
 FINGER_WIDTH = 0.02
-"""[m] Width of a Franka finger along the handle."""
+"""[m] Width of the space that is kept free for a finger of any gripper, along the handle."""
 FINGER_DEPTH = 0.015
-"""[m] Thickness of its tip (15.2 mm) across the handle."""
+"""[m] Its extent across the handle, on either side; certify measures with the boxes of the robot's own fingers."""
 CLEARANCE = 0.002
 """[m] What fingers keep from the front; a scan is not surer than that."""
 SAMPLES = 20000

@@ -14,7 +14,7 @@ from s2a.geometry.mesh_ops import normals, sample_with_faces
 from s2a.scene import Mesh
 
 SAMPLES = 40000
-"""Points by which a knob is asked."""
+"""Points sampled on a knob."""
 HEAD = 0.006
 """[m] Depth from its face within which a scan shows a knob's side as it is."""
 STEP = 0.0015
@@ -22,11 +22,11 @@ STEP = 0.0015
 SECTORS = 16
 """Around the axis; also the sides of the prisms that stand for a knob."""
 ROUND = 0.15
-"""Share of the radius by which a round handle's sides may stray from a circle, root mean square."""
+"""Largest deviation of a round handle from a circle, root mean square, as a fraction of its radius."""
 TOLERANCE = 0.0005
 """[m] How far a piece's side may be from the profile."""
 FEW = 20
-"""A sector with fewer points says nothing."""
+"""Smallest number of points of a usable sector."""
 
 
 def knob_pieces(region: Mesh, frame: np.ndarray, front: float) -> list[Mesh] | None:

@@ -1,4 +1,4 @@
-"""The flat front behind a handle, and which faces belong to the one and to the other."""
+"""The front panel behind a handle, and the border between the two."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from scipy.spatial import cKDTree
 
 from s2a.geometry.convex import box
 from s2a.geometry.mesh_ops import centroids, keep, merge, normals, sample_with_faces
-from s2a.geometry.planes import fit_plane, plane_axes, smallest_rectangle
+from s2a.geometry.planes import fit_plane, min_area_rectangle, plane_axes
 from s2a.scene import Mesh
 
 AROUND = 0.04
-"""[m] How far around the handle its front is looked for."""
+"""[m] Search radius for the panel around the handle."""
 SAMPLES = 40000
-"""Points by which a front is asked."""
+"""Points sampled on a panel."""
 STRAY = 0.004
 """[m] What stands out of the front by more than this, close to the handle, is no front."""
 FLUSH = 0.003
@@ -49,7 +49,7 @@ def slab(mesh: Mesh, outwards: np.ndarray, thickness: float) -> Mesh | None:
     flat = np.abs(points @ normal - offset) < STRAY
     axes = plane_axes(normal, points[flat])
     across = points[flat] @ axes[:, :2]
-    turn = smallest_rectangle(across)
+    turn = min_area_rectangle(across)
     low, high = np.quantile(across @ turn, [0.003, 0.997], axis=0)
     facing = mesh.face_areas.sum() * len(points) / SAMPLES
     if flat.mean() < 0.85 or facing * flat.mean() < 0.7 * np.prod(high - low):

@@ -11,7 +11,7 @@ from s2a.geometry.mesh_ops import keep, normals, sample, sample_with_faces
 from s2a.scene import Mesh
 
 SAMPLES = 6000
-"""Points by which a sheet is asked."""
+"""Points sampled on a sheet."""
 SHEET = 0.002
 """[m] Thickness of a sheet; a scan shows its outer face alone."""
 BEND = 0.02
@@ -27,19 +27,19 @@ WIDENING = 1.3
 UPRIGHT = 0.7
 """Height of a unit vector that counts as upwards."""
 ONE_SIDED = 0.1
-"""An edge pull has less than this share of the front around it on one of its sides."""
+"""An edge pull has less than this fraction of the panel on one of its sides."""
 FRONT_SAMPLES = 40000
-"""Points by which a front is asked."""
+"""Points sampled on a panel."""
 TAIL = 0.05
-"""Share of a patch's points that may stand out of it on either side."""
+"""Fraction of a patch's points that may be outside of it on either side."""
 STEP = 0.002
-"""[m] Depths at which a wall is looked for."""
+"""[m] Depths at which a wall is searched."""
 FEW = 20
 """A depth with fewer points shows no wall."""
 SHOWN = 0.5
-"""Share of its depths at which a wall has been seen; it is not made up then."""
+"""Fraction of its depths at which a wall has been scanned, from which none is added."""
 BORDER = 0.8
-"""Share of the points of a pull's head that lie within its wall; noise and skirts stand out of it."""
+"""Fraction of the points of a pull's head that lie within its wall; noise and skirts are outside."""
 
 
 def sheet_opening(region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float], front: Mesh) -> np.ndarray | None:
@@ -67,7 +67,7 @@ def sheet_opening(region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, floa
 
 
 def _is_cup(points: np.ndarray) -> bool:
-    """Whether a handle [point 3], long along x, is as short and widens towards its front as a cup does."""
+    """Return True if a handle [point 3], long along x, has the proportions of a cup, which widens towards the front."""
     length, width, _ = np.ptp(np.quantile(points, [0.02, 0.98], axis=0), axis=0)
     middle = points[np.abs(points[:, 0] - np.median(points[:, 0])) < length / 4]
     if not len(middle) or not SHORTEST * width < length < LONGEST * width:

@@ -16,15 +16,15 @@ from s2a.scene import Mesh, Scene
 
 @dataclass(frozen=True)
 class PaperConfig:
-    """The baseline's rule.
+    """The baseline's random offsets.
 
     Attributes:
-        tries: random offsets before giving up.
-        spread: standard deviation of the first offset [m]; it grows linearly with the tries, to this times ten.
+        attempts: number of random offsets.
+        spread: standard deviation of the first offset [m]; it grows linearly with the attempts, up to ten times this.
         seed: of the offsets.
     """
 
-    tries: Count
+    attempts: Count
     spread: NotNegative
     seed: CountFromZero
 
@@ -49,10 +49,10 @@ def place_paper(scene: Scene, object: Mesh, plane: Plane, inliers: np.ndarray, c
     half = float(np.ptp(object.vertices @ plane.normal) / 2)
     start = inliers.mean(axis=0) + half * plane.normal - middle
     random = np.random.default_rng(config.seed)
-    for number in range(config.tries):
+    for number in range(config.attempts):
         spread = config.spread * min(10.0, number / 10)
         pose = Pose(tuple(start + random.normal(size=3) * spread), (0.0, 0.0, 0.0, 1.0), 0.0, number + 1)
         moved = pose.moved(object)
         if crossing(moved, nearby(scene, *moved.bounds)) is None:
             return pose.rounded()
-    raise NoRoom(f"all of {config.tries} random offsets collide; give surface=regions pose=search")
+    raise NoRoom(f"all of {config.attempts} random offsets collide; give surface=regions pose=search")

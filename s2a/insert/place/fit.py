@@ -1,4 +1,4 @@
-"""Whether an object fits where it is put: exact tests against the triangles of the scene."""
+"""Exact tests of a pose against the triangles of the scene."""
 
 from __future__ import annotations
 
@@ -8,31 +8,42 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
-from s2a.geometry.line_of_sight import sight
+from s2a.geometry.line_of_sight import visible_distance
 from s2a.geometry.mesh_ops import sample
 from s2a.geometry.mesh_query import RayMesh, ray_mesh
 from s2a.geometry.penetration import crossing, depth, inside
-from s2a.insert.place.swept_volumes import Opening, blocked
+from s2a.insert.place.swept_volumes import SweptVolume, intersects
 from s2a.insert.placement import ORIENTATION, POSITION
 from s2a.scene import Mesh, Scene, Vec3
 
 DEEP = 0.0005
-"""Depth behind the surface of something from which an object is in it [m]: half of what an insertion may collide."""
+"""Penetration depth from which an object is inside another [m]: half of what an insertion may collide."""
+COLLISION = "collide"
+"""The conflict that a small step back may resolve."""
 
 
 class NoRoom(InputError):
-    """No pose was found; the message says what stood in the way."""
+    """No pose was found.
+
+    Attributes:
+        summary: what was in the way, candidate by candidate; goes back to the model.
+        unstable: Set where a candidate pose was free, but the object tilted, drifted or fell there.
+    """
+
+    def __init__(self, summary: str, *, unstable: bool = False, remedy: str = "") -> None:
+        self.summary, self.unstable = summary, unstable
+        super().__init__(summary + remedy)
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where an object is.
+    """Pose of an object in the scene.
 
     Attributes:
         position: of the object's origin in the scene [m].
-        quaternion: of its turn, xyzw.
-        clearance: distance from the nearest other thing or the border of the support [m]; 0 where it was not looked for.
-        tried: candidates that were tested exactly.
+        quaternion: its rotation, xyzw.
+        clearance: distance from the nearest obstacle or the border of the support [m]; 0 where it was not computed.
+        tried: number of candidates that were tested exactly.
     """
 
     position: Vec3
@@ -42,11 +53,11 @@ class Pose:
 
     @property
     def yaw(self) -> float:
-        """The turn about z [rad]."""
+        """Rotation about z [rad]."""
         return float(Rotation.from_quat(self.quaternion).as_euler("zyx")[0])
 
     def rounded(self) -> Pose:
-        """Return the pose in as many digits as a script spells out."""
+        """Return the pose rounded to the digits of a script."""
         x, y, z = (round(float(value), POSITION) + 0.0 for value in self.position)
         i, j, k, w = (round(float(value), ORIENTATION) + 0.0 for value in self.quaternion)
         return replace(self, position=(x, y, z), quaternion=(i, j, k, w))
@@ -57,31 +68,33 @@ class Pose:
         return Mesh(turned + self.position, object.faces, object.colors)
 
 
-def in_the_way(scene: Scene, moved: Mesh, local: Mesh, ways: list[Opening], slack: float) -> str | None:
-    """Return what is wrong with an object at its place, or None.
+def placement_conflict(scene: Scene, moved: Mesh, local: Mesh, volumes: list[SweptVolume], slack: float) -> str | None:
+    """Return the conflict of an object at a pose, as the end of a sentence about "most" poses, or None.
 
     Args:
         scene: the room.
         moved: the object in the scene.
         local: the scene's triangles around it.
-        ways: what drawers and doors pass through.
-        slack: how far it may reach into that [m].
+        volumes: swept volumes of drawers and doors.
+        slack: how far the object may reach into them [m].
     """
     if crossing(moved, local) is not None:
-        return "collide"
+        return COLLISION
     points = np.concatenate([moved.vertices[:: max(1, len(moved.vertices) // 8)], moved.vertices.mean(axis=0)[None]])
     for part_id, part in scene.parts.items():
         if len(part.mesh.faces) and inside(part.mesh, points).any():
             return f"are within {part_id!r}"
     surface = np.concatenate([moved.vertices, sample(moved, 1000, seed=0)])
-    for way in ways:
-        if blocked(way, surface, slack):
-            return f"keep {way.part!r} from opening"
-    # What was scanned from one side only has no faces there, and encloses nothing; small things may be enclosed themselves.
+    for volume in volumes:
+        if intersects(volume, surface, slack):
+            return f"keep {volume.part!r} from opening"
+    # Surfaces scanned from one side only enclose nothing, and small objects may be enclosed themselves.
     return "enclose something else, or are in what was scanned in part" if depth(moved, local) > DEEP else None
 
 
-def pushed(pose: Pose, object: Mesh, local: Mesh, toward: np.ndarray, reach: float, gap: float) -> Pose | None:
+def moved_into_contact(
+    pose: Pose, object: Mesh, local: Mesh, toward: np.ndarray, reach: float, gap: float
+) -> Pose | None:
     """Return a pose moved along a direction until the object almost touches; None if there is nothing within reach.
 
     Rays run from the object's points to the surroundings, and back from their vertices to the object: between two meshes
@@ -91,15 +104,15 @@ def pushed(pose: Pose, object: Mesh, local: Mesh, toward: np.ndarray, reach: flo
     if not len(local.faces):
         return None
     points = np.concatenate([moved.vertices, sample(moved, 2000, seed=0)])
-    there, _ = sight(rays(local), points, toward, reach)
-    back, _ = sight(rays(moved), local.vertices, -toward, reach)
-    way = float(min(there.min(), back.min()))
-    if way >= reach:
+    there, _ = visible_distance(rays(local), points, toward, reach)
+    back, _ = visible_distance(rays(moved), local.vertices, -toward, reach)
+    distance = float(min(there.min(), back.min()))
+    if distance >= reach:
         return None
-    position = np.array(pose.position) + (way - gap) * toward
+    position = np.array(pose.position) + (distance - gap) * toward
     return replace(pose, position=tuple(position.tolist()))
 
 
 def rays(mesh: Mesh) -> RayMesh:
-    """Return a mesh that rays can ask."""
+    """Return a mesh for ray queries."""
     return ray_mesh(mesh.vertices, mesh.faces)

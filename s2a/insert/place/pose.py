@@ -1,4 +1,4 @@
-"""Where on a region an object goes, and how it is turned.
+"""The pose of an object on a region.
 
 The object's own frame: upright, standing on z = 0, front towards +x, metres. Places come from a search over the grid of the
 region (`search`); the best are tried in turn: the object is lowered (or pushed against the wall) until it touches, and
@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 from s2a.errors import InputError
 from s2a.geometry.regions import Region
 from s2a.insert.place.baseline import PaperConfig
-from s2a.insert.place.fit import NoRoom, Pose, in_the_way, pushed
-from s2a.insert.place.search import Candidate, SearchConfig, Wish, board, candidates
+from s2a.insert.place.fit import COLLISION, NoRoom, Pose, moved_into_contact, placement_conflict
+from s2a.insert.place.search import GridCandidate, Preferences, SearchConfig, grid_candidates, occupancy_grid
 from s2a.insert.place.supports import facing, nearby, target_mesh
-from s2a.insert.place.swept_volumes import Opening, reaching
+from s2a.insert.place.swept_volumes import SweptVolume, reaching_into
 from s2a.ranges import Count, NotNegative
 from s2a.scene import Mesh, Scene
 
@@ -29,29 +29,29 @@ Relation = Literal["on", "in", "against", "hanging"]
 
 @dataclass(frozen=True)
 class PoseConfig:
-    """How poses are found.
+    """Search for poses.
 
     Attributes:
-        pose: "search" looks for the best place; "paper" shifts the object at random until nothing collides.
-        search: the coarse search.
+        pose: "search" ranks all placements on a grid; "paper" shifts the object at random until nothing collides.
+        search: the grid search.
         paper: the baseline.
-        attempts: candidates tested exactly before giving up.
-        apart: distance of one candidate from those that failed, as a share of the object's radius.
-        back: left between a back and what it is against [m].
-        gap: left between the object and what it touches [m].
-        lift: objects are lowered from this far above the region [m].
-        slack: how far an object may reach into the way of a part, whose annotated surface is noisy [m].
+        attempts: candidates that are tested exactly.
+        min_spacing: smallest distance of a candidate from those that failed, as a fraction of the object's radius.
+        back_gap: gap between the object's back and what it is against [m].
+        contact_gap: gap between the object and what it touches [m].
+        lowering_height: height above the region from which the object is lowered [m].
+        swept_volume_tolerance: how far the object may reach into a swept volume, whose surface is noisy [m].
     """
 
     pose: Literal["search", "paper"]
     search: SearchConfig
     paper: PaperConfig
     attempts: Count
-    apart: NotNegative
-    back: NotNegative
-    gap: NotNegative
-    lift: NotNegative
-    slack: NotNegative
+    min_spacing: NotNegative
+    back_gap: NotNegative
+    contact_gap: NotNegative
+    lowering_height: NotNegative
+    swept_volume_tolerance: NotNegative
 
 
 def place(
@@ -61,7 +61,7 @@ def place(
     relation: Relation,
     config: PoseConfig,
     target: str,
-    ways: list[Opening],
+    volumes: list[SweptVolume],
     near: str | None = None,
 ) -> Pose:
     """Return the best pose of an object on a region.
@@ -69,36 +69,37 @@ def place(
     Args:
         scene: the room.
         object: upright, standing on z = 0, front towards +x, in metres.
-        region: one of the target's.
-        relation: "on" or "in" stands, "against" stands with its back to something, "hanging" hangs on an upright region.
-        config: how it is found.
+        region: a support region of the target.
+        relation: "on" or "in" stands, "against" stands with its back to something, "hanging" hangs on a vertical region.
+        config: settings of the search.
         target: id of the part that the region belongs to.
-        ways: of the room's drawers and doors, which are kept free.
-        near: id of a part that it should be near, if it can.
+        volumes: swept volumes of the room's drawers and doors, kept free.
+        near: id of the preferred neighbour, or None.
 
     Raises:
         NoRoom: no pose is free.
-        InputError: a relation that the region cannot have.
+        InputError: a relation that the region does not support.
     """
     if (relation == "hanging") != (region.kind == "vertical"):
         raise InputError(f"relation {relation!r} on a region of kind {region.kind!r}; only hanging goes with vertical")
     base, radius, height = _frame(scene, object, region, target)
     low, high = _box(region, radius, height)
-    ways = reaching(ways, low, high, scene, target)
-    grid = board(region, radius, height, [part.mesh for part in scene.parts.values()], ways, config.search)
-    wish = Wish(relation == "against", None if near is None else target_mesh(scene, near).vertices)
-    found = candidates(grid, region, object, base, wish, config.search)
+    volumes = reaching_into(volumes, low, high, scene, target)
+    grid = occupancy_grid(region, radius, height, [part.mesh for part in scene.parts.values()], volumes, config.search)
+    preferences = Preferences(relation == "against", None if near is None else target_mesh(scene, near).vertices)
+    found = grid_candidates(grid, region, object, base, preferences, config.search)
     if not found:
         raise NoRoom(_why(region, object))
-    stopped: list[str] = []
-    apart = max(2.0, config.apart * radius / region.cell)
-    for number, one in enumerate(_spread(found, apart, config.attempts), start=1):
-        pose, reason = _tried(scene, object, region, one, base, ways, relation, config, number)
-        if pose is not None:
+    task = _Task(scene, object, region, relation, config, base, volumes)
+    conflicts: list[str] = []
+    spacing = max(2.0, config.min_spacing * radius / region.cell)
+    for number, candidate in enumerate(_spread(found, spacing, config.attempts), start=1):
+        pose, conflict = _refined(task, candidate, number)
+        if conflict is None:
             return pose
-        stopped.append(reason)
-    worst = max(set(stopped), key=stopped.count)
-    raise NoRoom(f"none of {len(stopped)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
+        conflicts.append(conflict)
+    worst = max(set(conflicts), key=conflicts.count)
+    raise NoRoom(f"none of {len(conflicts)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
 
 
 def _frame(scene: Scene, object: Mesh, region: Region, target: str) -> tuple[np.ndarray, float, float]:
@@ -121,8 +122,8 @@ def _box(region: Region, radius: float, height: float) -> tuple[np.ndarray, np.n
     return corners.min(axis=0) - radius - 0.05, corners.max(axis=0) + radius + 0.05
 
 
-def _spread(found: list[Candidate], apart: float, count: int) -> Iterator[Candidate]:
-    """Yield candidates best first, none nearer than some cells to one before it: what failed there, fails beside it too."""
+def _spread(found: list[GridCandidate], apart: float, count: int) -> Iterator[GridCandidate]:
+    """Yield candidates best first, some cells apart from all earlier ones: what failed there fails next to it, too."""
     left, places = found, np.array([one.place for one in found])
     for _ in range(count):
         if not left:
@@ -133,43 +134,61 @@ def _spread(found: list[Candidate], apart: float, count: int) -> Iterator[Candid
         left, places = [one for one, stays in zip(left, far, strict=True) if stays], places[far]
 
 
-def _tried(scene, object, region, one: Candidate, base, ways, relation, config, number):  # type: ignore[no-untyped-def]
-    """Return the exact pose of a candidate and None, or None and what stands in its way."""
+@dataclass(frozen=True)
+class _Task:
+    """Inputs of the exact tests, as `place` has them; `base` rotates from the object's frame to the region's."""
+
+    scene: Scene
+    object: Mesh
+    region: Region
+    relation: Relation
+    config: PoseConfig
+    base: np.ndarray
+    volumes: list[SweptVolume]
+
+
+def _refined(task: _Task, candidate: GridCandidate, number: int) -> tuple[Pose, str | None]:
+    """Return the exact pose of a candidate, and the conflict there or None."""
+    scene, object, region, config = task.scene, task.object, task.region, task.config
     toward = -region.normal if region.kind == "vertical" else np.array([0.0, 0.0, -1.0])
-    turn = _turn(region, base, one.turn)
-    lowest = float((object.vertices @ turn.T @ -toward).min())
-    start = region.points(one.place[None])[0] + (lowest - config.lift) * toward
-    quaternion = tuple(Rotation.from_matrix(turn).as_quat().tolist())
-    pose = Pose(tuple(start.tolist()), quaternion, one.room, number)
-    reach = 0.1 if relation == "against" else 2 * config.lift
-    local = nearby(scene, *_grown(pose.moved(object).bounds, reach + 0.01))
-    lowered = pushed(pose, object, local, toward, 2 * config.lift, config.gap)
-    if lowered is None:
-        return None, "carry nothing"
-    pose = lowered
-    if relation == "against":
+    turn = _turn(region, task.base, candidate.turn)
+    start = _start(task, candidate, turn, toward, number)
+    against = task.relation == "against"
+    reach = 0.1 if against else 2 * config.lowering_height
+    local = nearby(scene, *_grown(start.moved(object).bounds, reach + 0.01))
+    pose = moved_into_contact(start, object, local, toward, 2 * config.lowering_height, config.contact_gap)
+    if pose is None:
+        return start, "carry nothing"
+    if against:
         back = turn @ np.array([-1.0, 0.0, 0.0])
-        pose = pushed(pose, object, local, back, reach, config.back) or pose
+        pose = moved_into_contact(pose, object, local, back, reach, config.back_gap) or pose
     for _ in range(4):
         pose = pose.rounded()
-        moved = pose.moved(object)
-        reason = in_the_way(scene, moved, local, ways, config.slack)
-        if reason != "collide":
+        conflict = placement_conflict(scene, pose.moved(object), local, task.volumes, config.swept_volume_tolerance)
+        if conflict != COLLISION:
             break
-        # Between two edges the way may be shorter than from any point that was asked.
-        pose = replace(pose, position=tuple((np.array(pose.position) - config.gap * toward).tolist()))
-    return (None, reason) if reason else (pose, None)
+        # Between two edges the distance may be shorter than from any point that was queried.
+        pose = replace(pose, position=tuple((np.array(pose.position) - config.contact_gap * toward).tolist()))
+    return pose, conflict
+
+
+def _start(task: _Task, candidate: GridCandidate, turn: np.ndarray, toward: np.ndarray, number: int) -> Pose:
+    """Return the pose above a candidate from which the object is lowered."""
+    lowest = float((task.object.vertices @ turn.T @ -toward).min())
+    start = task.region.points(candidate.place[None])[0] + (lowest - task.config.lowering_height) * toward
+    quaternion = tuple(Rotation.from_matrix(turn).as_quat().tolist())
+    return Pose(tuple(start.tolist()), quaternion, candidate.room, number)
 
 
 def _turn(region: Region, base: np.ndarray, turn: float) -> np.ndarray:
-    """Return the rotation from the object's frame to the scene's, upright however the region slopes, shape [3 3]."""
+    """Return the rotation from the object's frame to the scene's, upright whatever the slope of the region, shape [3 3]."""
     front = region.axes @ base @ np.array([np.cos(turn), np.sin(turn), 0.0])
     yaw = np.arctan2(front[1], front[0])
     return Rotation.from_euler("z", yaw).as_matrix()
 
 
 def _why(region: Region, object: Mesh) -> str:
-    """Return what keeps an object from every place on a region."""
+    """Return the message for a region without any candidate."""
     size = " x ".join(f"{extent:.2f}" for extent in np.ptp(object.bounds, axis=0))
     room = " x ".join(f"{extent:.2f}" for extent in region.size)
     return (

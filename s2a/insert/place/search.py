@@ -13,57 +13,57 @@ import numpy as np
 from scipy import fft, ndimage
 
 from s2a.geometry.mesh_ops import sample
-from s2a.geometry.occupancy import Grid, columns
+from s2a.geometry.occupancy import Grid, distinct_cells, occupied_layers
 from s2a.geometry.regions import Region
-from s2a.insert.place.swept_volumes import Opening, fill
-from s2a.ranges import Count, NotNegative, Numbers, Positive, Share
+from s2a.insert.place.swept_volumes import SweptVolume, fill
+from s2a.ranges import Count, Fraction, NotNegative, Numbers, Positive
 from s2a.scene import Mesh
 
 
 @dataclass(frozen=True)
 class SearchConfig:
-    """How the grid is searched.
+    """Search on the occupancy grid.
 
     Attributes:
-        turns: yaws tried, against the direction that things on the region face [deg].
-        layers: number of layers between the region and the object's top.
-        touch: what is lower than this belongs to the support, or stands on it [m].
-        samples: points that stand for the object's surface.
-        supported: share of the touching cells that must carry.
-        margin: room kept around the object [m].
-        enough: room beyond this makes a place no better [m].
-        places: places a turn that are ranked.
-        room: weight of the room around the object.
-        front: weight of facing the right way.
-        near: weight of being near a wished neighbour.
-        back: weight of a back that is against something, where that is wanted.
-        nearness: distance over which nearness fades [m].
+        turns: yaws to test, relative to the facing direction of the region [deg].
+        layers: number of occupancy layers between the region and the top of the object.
+        contact_height: points lower than this above the lowest one touch the support [m].
+        samples: points sampled on the object's surface.
+        min_supported_fraction: smallest fraction of the touching cells that must be supported.
+        margin: clearance kept around the object [m].
+        max_useful_clearance: clearance beyond this does not improve a placement [m].
+        max_placements: placements ranked per yaw.
+        clearance_weight: weight of the clearance around the object.
+        facing_weight: weight of the facing direction.
+        neighbour_weight: weight of the distance to the requested neighbour.
+        backing_weight: weight of a back that is against something, for relation "against".
+        neighbour_distance: distance over which the neighbour's weight decays [m].
     """
 
     turns: Numbers
     layers: Count
-    touch: NotNegative
+    contact_height: NotNegative
     samples: Count
-    supported: Share
+    min_supported_fraction: Fraction
     margin: NotNegative
-    enough: Positive
-    places: Count
-    room: float
-    front: float
-    near: float
-    back: float
-    nearness: Positive
+    max_useful_clearance: Positive
+    max_placements: Count
+    clearance_weight: float
+    facing_weight: float
+    neighbour_weight: float
+    backing_weight: float
+    neighbour_distance: Positive
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A place for the object.
+class GridCandidate:
+    """A placement on the grid.
 
     Attributes:
         score: the higher, the better.
-        turn: yaw against the facing direction [rad].
-        place: of the object's origin on the grid, in cells, shape [2].
-        room: distance from the nearest thing or edge [m].
+        turn: yaw relative to the facing direction [rad].
+        place: cell of the object's origin, shape [2].
+        room: distance from the nearest obstacle or edge [m].
     """
 
     score: float
@@ -73,12 +73,12 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What makes a place better.
+class Preferences:
+    """Preferences among placements.
 
     Attributes:
-        against: whether the object's back wants to be against something.
-        near: points of the neighbour it wants to be near [m], shape [point 3], or None.
+        against: Prefer placements with the object's back against something.
+        near: points of the requested neighbour [m], shape [point 3], or None.
     """
 
     against: bool
@@ -86,12 +86,12 @@ class Wish:
 
 
 @dataclass(frozen=True)
-class Board:
-    """The padded grid over a region.
+class OccupancyGrid:
+    """The padded occupancy grid over a region.
 
     Attributes:
-        pad: cells added on each side.
-        carries: cells that carry and have room, shape [row column].
+        pad: cells added on each side of the region.
+        carries: supported cells with clearance, shape [row column].
         layers: occupied cells by layer, shape [layer row column].
         edges: heights of the layers' borders above the region [m], shape [layer + 1].
     """
@@ -102,86 +102,86 @@ class Board:
     edges: np.ndarray
 
 
-def board(
-    region: Region, radius: float, height: float, obstacles: Sequence[Mesh], ways: list[Opening], config: SearchConfig
-) -> Board:
+def occupancy_grid(
+    region: Region,
+    radius: float,
+    height: float,
+    obstacles: Sequence[Mesh],
+    volumes: list[SweptVolume],
+    config: SearchConfig,
+) -> OccupancyGrid:
     """Return the grid for an object of a radius and height [m] among obstacles and the ways of doors and drawers."""
     pad = int(np.ceil(radius / region.cell)) + 2
     carries = np.pad(region.free, pad)
-    edges = np.linspace(config.touch, max(height, 2 * config.touch), config.layers + 1)
+    edges = np.linspace(config.contact_height, max(height, 2 * config.contact_height), config.layers + 1)
     origin = region.points(np.array([[-pad, -pad]]))[0]
-    grid = Grid(region.axes, origin, region.cell, carries.shape, edges[0], edges[-1], config.layers)
-    layers, _ = columns(obstacles, grid)
-    for way in ways:
-        fill(layers, edges, region, pad, way, config.touch)
+    raster = Grid(region.axes, origin, region.cell, carries.shape, edges[0], edges[-1], config.layers)
+    layers, _ = occupied_layers(obstacles, raster)
+    for volume in volumes:
+        fill(layers, edges, region, pad, volume, config.contact_height)
     grow = max(1, round(config.margin / region.cell))
-    return Board(pad, carries, np.stack([ndimage.binary_dilation(layer, iterations=grow) for layer in layers]), edges)
+    return OccupancyGrid(
+        pad, carries, np.stack([ndimage.binary_dilation(layer, iterations=grow) for layer in layers]), edges
+    )
 
 
-def candidates(
-    board: Board, region: Region, object: Mesh, base: np.ndarray, wish: Wish, config: SearchConfig
-) -> list[Candidate]:
+def grid_candidates(
+    grid: OccupancyGrid, region: Region, object: Mesh, base: np.ndarray, preferences: Preferences, config: SearchConfig
+) -> list[GridCandidate]:
     """Return possible places, best first.
 
     Args:
-        board: the grid.
+        grid: occupancy grid of the region.
         region: where the object goes.
         object: in its own frame.
         base: rotation from the object's frame to the region's at turn 0, shape [3 3].
-        wish: what makes a place better.
+        preferences: what makes a placement better.
         config: turns and weights.
     """
-    shape = tuple(fft.next_fast_len(n, real=True) for n in board.carries.shape)
-    spectra = fft.rfft2(np.stack([~board.carries, *board.layers]).astype(np.float32), shape)
-    room = _room(board) * region.cell
-    nearness = _nearness(board, region, wish, config)
-    walls = np.asarray(board.layers[board.layers.shape[0] // 2 :].any(axis=0))
+    shape = tuple(fft.next_fast_len(n, real=True) for n in grid.carries.shape)
+    spectra = fft.rfft2(np.stack([~grid.carries, *grid.layers]).astype(np.float32), shape)
+    room = _room(grid) * region.cell
+    nearness = _nearness(grid, region, preferences, config)
+    walls = np.asarray(grid.layers[grid.layers.shape[0] // 2 :].any(axis=0))
     points = np.concatenate([sample(object, config.samples, seed=0), object.vertices])
     turns = np.radians(config.turns) if region.kind != "vertical" else np.zeros(1)
-    found: list[Candidate] = []
+    found: list[GridCandidate] = []
     for turn in turns:
         c, s = np.cos(turn), np.sin(turn)
         local = points @ (base @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])).T
         local[:, 2] -= local[:, 2].min()
-        prints = _prints(local, region.cell, board, config)
-        possible = _possible(spectra, prints, shape, board.carries.shape, config)
+        prints = _prints(local, region.cell, grid, config)
+        possible = _possible(spectra, prints, shape, grid.carries.shape, config)
         places = np.argwhere(possible)
-        places = places[:: max(1, len(places) // config.places)]
+        places = places[:: max(1, len(places) // config.max_placements)]
         if not len(places):
             continue
-        whole = _distinct(np.concatenate(prints))
+        whole = distinct_cells(np.concatenate(prints))
         free = _lowest(room, places, whole)
-        score = config.room * np.minimum(free, config.enough) / config.enough + config.near * nearness[tuple(places.T)]
-        if wish.against:
-            score = score * 0.2 + config.back * _back(walls, places, local, region, base, turn)
-            score -= 0.01 * config.front * abs(turn)
+        score = (
+            config.clearance_weight * np.minimum(free, config.max_useful_clearance) / config.max_useful_clearance
+            + config.neighbour_weight * nearness[tuple(places.T)]
+        )
+        if preferences.against:
+            score = score * 0.2 + config.backing_weight * _back(walls, places, local, region, base, turn)
+            score -= 0.01 * config.facing_weight * abs(turn)
         else:
-            score += config.front * np.cos(turn)
-        best = np.argsort(-score, kind="stable")[: config.places // 4]
-        found += [Candidate(float(score[i]), float(turn), places[i] - board.pad + 0.5, float(free[i])) for i in best]
+            score += config.facing_weight * np.cos(turn)
+        best = np.argsort(-score, kind="stable")[: config.max_placements // 4]
+        found += [GridCandidate(float(score[i]), float(turn), places[i] - grid.pad + 0.5, float(free[i])) for i in best]
     return sorted(found, key=lambda one: -one.score)
 
 
-def _prints(local: np.ndarray, cell: float, board: Board, config: SearchConfig) -> list[np.ndarray]:
+def _prints(local: np.ndarray, cell: float, grid: OccupancyGrid, config: SearchConfig) -> list[np.ndarray]:
     """Return the cells of an object, relative to its origin: those it stands on, then those of each layer, [cell 2] each."""
     # The touching points of a noisy or curved bottom lie within `touch` of the lowest one.
-    picked = [local[:, 2] < config.touch]
+    picked = [local[:, 2] < config.contact_height]
     picked += [
-        (local[:, 2] >= low) & (local[:, 2] <= high) for low, high in zip(board.edges, board.edges[1:], strict=False)
+        (local[:, 2] >= low) & (local[:, 2] <= high) for low, high in zip(grid.edges, grid.edges[1:], strict=False)
     ]
     picked[1] |= picked[0]
     cells = np.floor(local[:, :2] / cell + 0.5).astype(int)
-    return [_distinct(cells[some]) for some in picked]
-
-
-def _distinct(cells: np.ndarray) -> np.ndarray:
-    """Return cells [cell 2] without those that are there twice, in order: a tenth of the time of sorting them."""
-    if not len(cells):
-        return cells
-    low = cells.min(axis=0)
-    there = np.zeros(cells.max(axis=0) - low + 1, bool)
-    there[tuple((cells - low).T)] = True
-    return np.argwhere(there) + low
+    return [distinct_cells(cells[some]) for some in picked]
 
 
 def _possible(
@@ -194,7 +194,7 @@ def _possible(
     turned = np.conj(fft.rfft2(kernels))
     hanging = fft.irfft2(spectra[0] * turned[0], fast)[: shape[0], : shape[1]]
     hits = fft.irfft2((spectra[1:] * turned[1:]).sum(axis=0), fast)[: shape[0], : shape[1]]
-    possible = (hits < 0.5) & (hanging < (1.0 - config.supported) * len(prints[0]) + 0.5)
+    possible = (hits < 0.5) & (hanging < (1.0 - config.min_supported_fraction) * len(prints[0]) + 0.5)
     cells = np.concatenate(prints)
     low, high = np.maximum(0, -cells.min(axis=0)), np.minimum(shape, shape - cells.max(axis=0))
     inner = np.zeros_like(possible)
@@ -202,9 +202,9 @@ def _possible(
     return possible & inner
 
 
-def _room(board: Board) -> np.ndarray:
+def _room(grid: OccupancyGrid) -> np.ndarray:
     """Return every cell's distance to the nearest thing, or to the border of what carries, in cells."""
-    return ndimage.distance_transform_edt(np.pad(board.carries & ~board.layers.any(axis=0), 1))[1:-1, 1:-1]
+    return ndimage.distance_transform_edt(np.pad(grid.carries & ~grid.layers.any(axis=0), 1))[1:-1, 1:-1]
 
 
 def _lowest(field: np.ndarray, places: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -218,15 +218,15 @@ def _lowest(field: np.ndarray, places: np.ndarray, cells: np.ndarray) -> np.ndar
     return lowest
 
 
-def _nearness(board: Board, region: Region, wish: Wish, config: SearchConfig) -> np.ndarray:
+def _nearness(grid: OccupancyGrid, region: Region, preferences: Preferences, config: SearchConfig) -> np.ndarray:
     """Return for every cell how near it is to the wished neighbour: 1 at it, fading to 0, shape [row column]."""
-    if wish.near is None:
-        return np.zeros(board.carries.shape)
-    cells = np.floor(region.places(wish.near)[:, :2]).astype(int) + board.pad
-    cells = np.unique(np.clip(cells, 0, np.array(board.carries.shape) - 1), axis=0)
-    away = np.ones(board.carries.shape, bool)
+    if preferences.near is None:
+        return np.zeros(grid.carries.shape)
+    cells = np.floor(region.places(preferences.near)[:, :2]).astype(int) + grid.pad
+    cells = np.unique(np.clip(cells, 0, np.array(grid.carries.shape) - 1), axis=0)
+    away = np.ones(grid.carries.shape, bool)
     away[tuple(cells.T)] = False
-    return np.exp(-ndimage.distance_transform_edt(away) * region.cell / config.nearness)
+    return np.exp(-ndimage.distance_transform_edt(away) * region.cell / config.neighbour_distance)
 
 
 def _back(

@@ -1,11 +1,11 @@
-"""How a thing in a file could stand: on which of its ends it has a foot, which end is open, and how its girth changes."""
+"""Stable poses of an object: tilt margins by up axis, concavities at its ends, and cross-sections along its axes."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from s2a.geometry.line_of_sight import sight
+from s2a.geometry.line_of_sight import visible_distance
 from s2a.geometry.mesh_ops import sample
 from s2a.geometry.mesh_query import RayMesh
 from s2a.insert.axes import AXES
@@ -13,33 +13,33 @@ from s2a.insert.place.fit import rays
 from s2a.scene import Mesh
 
 FOOT = 0.02
-"""What is nearer to the lowest point than this share of the longest side belongs to the foot: few things lie quite flat."""
+"""Height of the support polygon as a fraction of the longest side: few objects are quite flat below."""
 EXACT = 0.002
-"""The same, where it matters on what exactly it comes to rest."""
+"""The same, for the exact resting pose."""
 STEADY = 0.05
-"""What tilts less than this share of a right angle before it falls does not stand."""
+"""Smallest tilt margin of a stable pose, as a fraction of a right angle."""
 ASKEW = 0.966
-"""Cosine of 15 deg: an axis of a file may be off the way the thing stands by this much."""
+"""Cosine of 15 deg: largest angle between an axis of the file and the up axis of a stable pose."""
 TRIED = 12
-"""Faces of the convex hull on which a thing is tried, the largest first."""
+"""Faces of the convex hull that are tested as support, the largest first."""
 SLICES = 5
 SAMPLES = 5000
 GRID = 24
-"""Rays along a side, into each end."""
+"""Rays along a side of the grid, into each end."""
 DEEP = 0.25
-"""A hollow is deeper than this share of the extent."""
+"""Smallest depth of a concavity, as a fraction of the extent."""
 SIDEWAYS = 8
-"""Directions in which a hollow must have walls, but for one."""
+"""Directions in which a concavity must be bounded, except one."""
 
 
-def feet(mesh: Mesh) -> dict[str, float]:
-    """Return for each axis, "+x" to "-z", how far a thing that stands with about that axis up tilts before it falls.
+def tilt_margins(mesh: Mesh) -> dict[str, float]:
+    """Return the tilt margin for each up axis, "+x" to "-z": the tilt before the object falls, as a fraction of a right angle.
 
     As a share of a right angle: 0 does not stand at all, a cube has 0.5, a thin plate almost 1. Weight is where the surface is.
     An axis on which it does not stand may be 15 deg off the way in which it does: of many files the axes are not its own.
     """
     points, middle = _weighed(mesh)
-    downs = _faces(points).round(2)  # what is told of a thing should not hang on its last digits
+    downs = _faces(points).round(2)  # independent of the last digits
     downs /= np.linalg.norm(downs, axis=1, keepdims=True)
     found = {}
     for name, axis in AXES.items():
@@ -50,18 +50,20 @@ def feet(mesh: Mesh) -> dict[str, float]:
     return found
 
 
-def rest(mesh: Mesh, axis: np.ndarray) -> np.ndarray:
-    """Return what is up when a thing that is put down with an axis up [3] has come to rest, unit, shape [3].
+def settled_axis(mesh: Mesh, axis: np.ndarray) -> np.ndarray:
+    """Return the up direction of the resting pose after release with an axis up [3], unit, shape [3].
 
     That is the face of its hull nearest to level on which it stays, not more than 15 deg off; the axis itself if there is none.
     """
     points, middle = _weighed(mesh)
-    ways = [axis, *[-down for down in sorted(_near(_faces(points), axis), key=lambda down: down @ axis)]]
-    return next((way for way in ways if _tilt(points, middle, way, EXACT) >= 0.5 * STEADY), axis)
+    directions = [axis, *[-down for down in sorted(_near(_faces(points), axis), key=lambda down: down @ axis)]]
+    return next(
+        (direction for direction in directions if _tilt(points, middle, direction, EXACT) >= 0.5 * STEADY), axis
+    )
 
 
 def _weighed(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Return a thing's points [point 3] and the middle of its surface, shape [3]."""
+    """Return an object's points [point 3] and the centroid of its surface, shape [3]."""
     middle = np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.face_areas)
     return mesh.vertices.astype(np.float64), middle
 
@@ -71,17 +73,17 @@ def _near(downs: np.ndarray, axis: np.ndarray) -> np.ndarray:
     return downs[-downs @ axis > ASKEW][:TRIED]
 
 
-def hollows(mesh: Mesh) -> dict[str, float]:
-    """Return for each axis, "+x" to "-z", which share of the outline seen from that end is a hollow with walls around.
+def concavities(mesh: Mesh) -> dict[str, float]:
+    """Return for each axis, "+x" to "-z", the fraction of the outline seen from that end that is a bounded concavity.
 
     A cup has 0.7 at its mouth and 0 elsewhere; between the legs of a table turned over there is none.
     """
     asked = rays(mesh)
-    return {name: round(_hollow(mesh, asked, axis), 1) for name, axis in AXES.items()}
+    return {name: round(_concavity(mesh, asked, axis), 1) for name, axis in AXES.items()}
 
 
-def slices(mesh: Mesh) -> dict[str, list[float]]:
-    """Return for "x", "y" and "z" which share of the box's cross-section each slice of a thing spans, from - to +.
+def cross_sections(mesh: Mesh) -> dict[str, list[float]]:
+    """Return for "x", "y" and "z" the fraction of the box's cross-section that each slice spans, from - to +.
 
     A bottle along y has about [0.8, 0.8, 0.8, 0.4, 0.1]: what a slice spans is the convex hull of its surface.
     """
@@ -112,7 +114,7 @@ def _faces(points: np.ndarray) -> np.ndarray:
 
 
 def _tilt(points: np.ndarray, middle: np.ndarray, up: np.ndarray, within: float) -> float:
-    """Return how far a thing of some points [point 3] tilts before it falls, as a share of a right angle.
+    """Return the tilt margin of points [point 3], as a fraction of a right angle.
 
     Its foot is what is not higher than a share of its longest side.
     """
@@ -126,8 +128,8 @@ def _tilt(points: np.ndarray, middle: np.ndarray, up: np.ndarray, within: float)
     return max(0.0, float(np.arctan2(edge, middle @ up - height.min()) / (np.pi / 2)))
 
 
-def _hollow(mesh: Mesh, asked: RayMesh, axis: np.ndarray) -> float:
-    """Return which share of the outline seen from one end is a hollow with walls around."""
+def _concavity(mesh: Mesh, asked: RayMesh, axis: np.ndarray) -> float:
+    """Return the fraction of the outline seen from one end that is a bounded concavity."""
     low, high = mesh.bounds.astype(np.float64)
     up = int(np.abs(axis).argmax())
     extent, across = float((high - low)[up]), [i for i in range(3) if i != up]
@@ -137,7 +139,7 @@ def _hollow(mesh: Mesh, asked: RayMesh, axis: np.ndarray) -> float:
     start[:, up] = high[up] if axis[up] > 0 else low[up]
     start += 0.01 * extent * axis
     reach = 1.1 * extent
-    depth, _ = sight(asked, start, -axis, reach)
+    depth, _ = visible_distance(asked, start, -axis, reach)
     seen = depth < reach
     deep = np.flatnonzero(seen & (depth > DEEP * extent))
     walls = np.zeros(len(deep), int)
@@ -145,7 +147,7 @@ def _hollow(mesh: Mesh, asked: RayMesh, axis: np.ndarray) -> float:
         sideways = np.zeros(3)
         sideways[across] = np.cos(angle), np.sin(angle)
         far = float(np.linalg.norm(high - low))
-        away, _ = sight(asked, start[deep] - 0.5 * depth[deep, None] * axis, sideways, far)
+        away, _ = visible_distance(asked, start[deep] - 0.5 * depth[deep, None] * axis, sideways, far)
         walls += away < far
     return float((walls >= SIDEWAYS - 1).sum() / max(seen.sum(), 1))
 

@@ -1,4 +1,4 @@
-"""Where on a target an object may go: its support regions in the scene, or the plane of the baseline."""
+"""Supports of a target: its regions in the scene, or the plane of the baseline."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from s2a.errors import InputError
-from s2a.geometry.line_of_sight import sight
+from s2a.geometry.line_of_sight import visible_distance
 from s2a.geometry.mesh_ops import keep, merge
 from s2a.geometry.mesh_query import ray_mesh
 from s2a.geometry.planes import Plane
@@ -18,17 +18,17 @@ from s2a.geometry.regions import KINDS, Kind, Region, RegionConfig, support_regi
 from s2a.scene import Mesh, Scene
 
 FAR = 2.0
-"""How far a view is looked along [m]."""
+"""Length of the rays that test for a free view [m]."""
 
 
 @dataclass(frozen=True)
 class SurfaceConfig:
-    """How surfaces are found.
+    """Detection of support surfaces.
 
     Attributes:
         surface: "regions" grows bounded regions; "ransac" takes the one plane with the most points.
-        regions: how regions are grown.
-        ransac: how the plane is sought.
+        regions: growth of the regions.
+        ransac: the baseline's plane.
     """
 
     surface: Literal["regions", "ransac"]
@@ -37,7 +37,7 @@ class SurfaceConfig:
 
 
 def target_mesh(scene: Scene, target: str) -> Mesh:
-    """Return the surface of a part with all that belongs to it.
+    """Return the surface of a part and its descendants.
 
     Raises:
         InputError: no such part, or one without a surface.
@@ -50,7 +50,7 @@ def target_mesh(scene: Scene, target: str) -> Mesh:
 
 
 def target_regions(scene: Scene, target: str, config: RegionConfig, kinds: tuple[Kind, ...] = KINDS) -> list[Region]:
-    """Return the support regions of a part, with the room that everything else in the scene leaves."""
+    """Return the support regions of a part, with what all other parts leave free."""
     own = {target, *scene.descendants(target)}
     others = [part.mesh for part_id, part in scene.parts.items() if part_id not in own]
     return support_regions(target_mesh(scene, target), config, others, kinds)
@@ -98,7 +98,7 @@ def within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
 
 
 def facing(scene: Scene, target: str, region: Region) -> np.ndarray:
-    """Return the level direction in which things on a region should look, unit, shape [3].
+    """Return the horizontal direction that objects on a region should face, unit, shape [3].
 
     Of the region's own four directions it is one in which the target leaves the view open (a shelf's front), and of those
     the one nearest to the middle of the room. An upright region faces along its normal.
@@ -106,18 +106,18 @@ def facing(scene: Scene, target: str, region: Region) -> np.ndarray:
     if region.kind == "vertical":
         return region.normal
     level = region.axes[:, :2].T * (1.0, 1.0, 0.0)
-    ways = np.concatenate([level, -level])
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    directions = np.concatenate([level, -level])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     start = region.center + min(0.1, 0.5 * region.clearance) * region.normal
-    # The rays are level: they can meet what their height crosses, and nothing else of the target.
+    # The rays are horizontal: they can hit only triangles that cross their height.
     reach = np.array([FAR, FAR, 0.001])
     mesh = nearby(scene, start - reach, start + reach, (target, *scene.descendants(target)))
     sees = np.full(4, FAR)
     if len(mesh.faces):
-        sees, _ = sight(ray_mesh(mesh.vertices, mesh.faces), np.tile(start, (4, 1)), ways, FAR)
+        sees, _ = visible_distance(ray_mesh(mesh.vertices, mesh.faces), np.tile(start, (4, 1)), directions, FAR)
     inward = _middle(scene) - region.center
     inward /= max(float(np.linalg.norm(inward[:2])), 1e-9)
-    return ways[np.argmax(2.0 * (sees >= sees.max() - 0.05) + ways @ (inward * (1.0, 1.0, 0.0)))]
+    return directions[np.argmax(2.0 * (sees >= sees.max() - 0.05) + directions @ (inward * (1.0, 1.0, 0.0)))]
 
 
 def _middle(scene: Scene) -> np.ndarray:

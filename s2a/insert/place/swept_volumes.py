@@ -1,4 +1,4 @@
-"""The space that drawers and doors need to open."""
+"""Swept volumes of articulations: the space that drawers and doors need to open."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from s2a.scene import Mesh, Scene
 
 
 @dataclass(frozen=True)
-class Opening:
-    """A convex piece of the way of a part.
+class SweptVolume:
+    """A convex piece of the swept volume of a part.
 
     Attributes:
-        part: id of the part that moves.
-        piece: what it passes through.
+        part: id of the moving part.
+        piece: convex hull of one section of its travel.
         planes: the piece's planes (nx, ny, nz, d), inside where n.x + d <= 0 [m], shape [plane 4].
     """
 
@@ -28,49 +28,51 @@ class Opening:
     planes: np.ndarray
 
 
-def openings(scene: Scene) -> list[Opening]:
-    """Return the ways of all jointed parts of a scene."""
+def swept_volumes(scene: Scene) -> list[SweptVolume]:
+    """Return the swept volumes of all articulated parts of a scene."""
     found = []
     for part_id in scene.movable:
         mesh = merge([Mesh(scene.parts[i].mesh.vertices, scene.parts[i].mesh.faces) for i in scene.members(part_id)])
         if len(mesh.faces):
-            found += [Opening(part_id, piece, halfspaces(piece)) for piece in sweep(mesh, scene.joint(part_id))]
+            found += [SweptVolume(part_id, piece, halfspaces(piece)) for piece in sweep(mesh, scene.joint(part_id))]
     return found
 
 
-def reaching(
-    ways: list[Opening], low: np.ndarray, high: np.ndarray, scene: Scene, carrier: str | None = None
-) -> list[Opening]:
-    """Return the ways that reach into a box [m].
+def reaching_into(
+    volumes: list[SweptVolume], low: np.ndarray, high: np.ndarray, scene: Scene, carrier: str | None = None
+) -> list[SweptVolume]:
+    """Return the swept volumes that reach into a box [m].
 
     Args:
-        ways: of the scene's parts.
+        volumes: swept volumes of the scene's parts.
         low: the box's lower corner.
         high: its upper corner.
         scene: the room.
-        carrier: id of the part on which the object will be: what carries it along is not in its way.
+        carrier: id of the part that carries the object; it and its ancestors move along and do not count.
     """
     carriers = _carriers(scene, carrier)
     return [
-        way
-        for way in ways
-        if way.part not in carriers and (way.piece.bounds[0] < high).all() and (way.piece.bounds[1] > low).all()
+        volume
+        for volume in volumes
+        if volume.part not in carriers
+        and (volume.piece.bounds[0] < high).all()
+        and (volume.piece.bounds[1] > low).all()
     ]
 
 
-def blocked(opening: Opening, points: np.ndarray, slack: float) -> bool:
-    """Whether any of the points [point 3] is in the way of a part by more than `slack` [m]."""
-    low, high = opening.piece.bounds
+def intersects(volume: SweptVolume, points: np.ndarray, slack: float) -> bool:
+    """Return True if any of the points [point 3] is deeper than `slack` [m] in a swept volume."""
+    low, high = volume.piece.bounds
     near = points[((points > low) & (points < high)).all(axis=1)]
-    return bool((near @ opening.planes[:, :3].T + opening.planes[:, 3] < -slack).all(axis=1).any())
+    return bool((near @ volume.planes[:, :3].T + volume.planes[:, 3] < -slack).all(axis=1).any())
 
 
-def heights_within(opening: Opening, places: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return from where to where [m] along the normal the lines through places [point 3] run inside; empty: first > last."""
+def heights_within(volume: SweptVolume, places: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the interval along the normal [m] in which lines through places [point 3] are inside; empty: first > last."""
     first, last = np.full(len(places), -np.inf), np.full(len(places), np.inf)
     outside = np.zeros(len(places), bool)
-    # Plane by plane: tables of all places and planes do not fit the processor's cache.
-    for plane, slope in zip(opening.planes, opening.planes[:, :3] @ normal, strict=True):
+    # Plane by plane: a table of all places and planes does not fit the cache.
+    for plane, slope in zip(volume.planes, volume.planes[:, :3] @ normal, strict=True):
         rest = -(places @ plane[:3] + plane[3])
         if slope < -1e-9:
             np.maximum(first, rest / slope, out=first)
@@ -81,24 +83,24 @@ def heights_within(opening: Opening, places: np.ndarray, normal: np.ndarray) -> 
     return np.where(outside, np.inf, first), np.where(outside, -np.inf, last)
 
 
-def fill(layers: np.ndarray, edges: np.ndarray, region: Region, pad: int, way: Opening, slack: float) -> None:
-    """Mark the cells over a region that a part needs to open, a little less than its hull.
+def fill(layers: np.ndarray, edges: np.ndarray, region: Region, pad: int, volume: SweptVolume, slack: float) -> None:
+    """Mark the cells over a region that a swept volume occupies, up to a tolerance.
 
     Args:
         layers: occupied cells by layer, shape [layer row column]; changed.
         edges: heights of the layers' borders above the region [m], shape [layer + 1].
-        region: what the grid is over.
-        pad: cells that the grid has more on each side.
-        way: of the part.
-        slack: how much less [m].
+        region: the region below the grid.
+        pad: cells added on each side of the region.
+        volume: swept volume of the part.
+        slack: tolerance [m].
     """
-    corners = region.places(way.piece.vertices.astype(np.float64))[:, :2] + pad
+    corners = region.places(volume.piece.vertices.astype(np.float64))[:, :2] + pad
     first = np.clip(np.floor(corners.min(axis=0)).astype(int), 0, layers.shape[1:])
     last = np.clip(np.ceil(corners.max(axis=0)).astype(int), 0, layers.shape[1:])
     if (last <= first).any():
         return
     cells = np.stack(np.meshgrid(*map(np.arange, first, last), indexing="ij"), axis=-1).reshape(-1, 2)
-    low, high = heights_within(way, region.points(cells - pad + 0.5), region.normal)
+    low, high = heights_within(volume, region.points(cells - pad + 0.5), region.normal)
     for layer, bottom, top in zip(layers, edges, edges[1:], strict=False):
         inside = (low + slack < top) & (high - slack > bottom) & (high - low > 2 * slack)
         layer[tuple(cells[inside].T)] = True

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.cache import pack, recall, unpack
 from s2a.errors import InputError
-from s2a.geometry.closed_solid import close, largest_pieces
+from s2a.geometry.closed_solid import close, drop_small_components
 from s2a.geometry.convex import box, clip, hull, volume
 from s2a.geometry.decompose import vhacd
 from s2a.geometry.mesh_ops import keep, merge
@@ -20,7 +20,7 @@ from s2a.geometry.mesh_query import first_hits, ray_mesh
 from s2a.geometry.sweep import grown
 from s2a.prepare.colliders.feet import split_foot, whole_foot
 from s2a.prepare.mass import MassConfig, known_mass
-from s2a.ranges import AtLeast, Count, NotNegative, Positive, Share
+from s2a.ranges import AtLeast, Count, Fraction, NotNegative, Positive
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import Collider, Mass, SimBody
 
@@ -48,7 +48,7 @@ class FreeConfig:
     """
 
     search_radius: Positive
-    min_component_area: Share
+    min_component_area: Fraction
     hulls: Count
     resolution: Count
     max_vertices: Annotated[int, AtLeast(4)]
@@ -116,7 +116,7 @@ def free_object(scene: Scene, part: str, config: FreeConfig) -> FreeObject:
     surface = merge([scene.parts[i].mesh for i in members])
     if not surface.face_areas.any():
         raise InputError(f"part {part!r} of scene {scene.name!r} has no surface; it cannot be taken out of the room")
-    surface = largest_pieces(surface, config.min_component_area)
+    surface = drop_small_components(surface, config.min_component_area)
     below, ground = _support(scene, part, members, surface, config)
     solid = close(surface, ground, config.search_radius)
 

@@ -1,0 +1,116 @@
+"""Names that have changed: of configuration keys, so that an old command line says what to write instead; in old result files."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+RENAMED = {
+    "picture": "image",
+    "look": "camera",
+    "see_through": "backface_culling",
+    "confinement": "sandbox",
+    "mechanisms": "layers",
+    "needs": "required_guarantees",
+    "pieces": "hulls",
+    "full": "min_fill_fraction",
+    "vertices": "max_vertices",
+    "settle": "drop_test",
+    "longest": "max_tokens",
+    "bytes": "max_response_bytes",
+    "level.lean": "max_tilt",
+    "level.rounds": "smoothing_rounds",
+    "level.slope": "max_slope",
+    "level.bin": "bin_height",
+    "level.smallest": "min_area",
+    "level.count": "max_planes",
+    "regions.cells": "max_cells",
+    "regions.smallest": "min_area",
+    "regions.upright": "min_vertical_area",
+    "regions.free": "min_clearance",
+    "regions.reach": "search_height",
+    "regions.lift": "noise_height",
+    "regions.cover": "cover_fraction",
+    "regions.wall": "rim_distance",
+    "ransac.tries": "iterations",
+    "ransac.lean": "max_tilt",
+    "search.touch": "contact_height",
+    "search.supported": "min_supported_fraction",
+    "search.enough": "max_useful_clearance",
+    "search.places": "max_placements",
+    "search.room": "clearance_weight",
+    "search.front": "facing_weight",
+    "search.near": "neighbour_weight",
+    "search.back": "backing_weight",
+    "search.nearness": "neighbour_distance",
+    "paper.tries": "attempts",
+    "pose.apart": "min_spacing",
+    "pose.back": "back_gap",
+    "pose.gap": "contact_gap",
+    "pose.lift": "lowering_height",
+    "pose.slack": "swept_volume_tolerance",
+    "allow.length": "max_length",
+    "allow.text": "max_text",
+    "allow.number": "max_number",
+    "allow.items": "max_items",
+    "allow.repeats": "max_repeats",
+    "worlds": "num_envs",
+    "pictures": "images",
+    "starts_ahead": "demo_reset_fraction",
+    "plan": "planner",
+    "policy": "ppo",
+    "policy.steps": "num_steps_per_env",
+    "policy.epochs": "num_learning_epochs",
+    "policy.mini_batches": "num_mini_batches",
+    "policy.clip": "clip_param",
+    "policy.clip_value": "use_clipped_value_loss",
+    "policy.value_loss": "value_loss_coef",
+    "policy.entropy": "entropy_coef",
+    "policy.hidden": "hidden_dims",
+    "policy.graph": "cuda_graph",
+    "policy.compile": "torch_compile_mode",
+    "task.end_opening": "termination_opening",
+    "task.touch_distance": "contact_distance",
+    "task.touch_force": "contact_force",
+    "reward.led_opening": "grasped_opening",
+}
+"""Old name of a segment of a dotted key, or of a segment with its parent -> its present name."""
+
+
+def current(key: str, known: Collection[str]) -> str | None:
+    """Return the present name of a renamed dotted key, if it is among the known keys or their groups; else None."""
+    old = key.split(".")
+    parents = ["", *old]
+    new = [RENAMED.get(f"{parent}.{name}", RENAMED.get(name, name)) for parent, name in zip(parents, old, strict=False)]
+    renamed = ".".join(new)
+    exists = any(name == renamed or name.startswith(f"{renamed}.") for name in known)
+    return renamed if renamed != key and exists else None
+
+
+PPO = {old.removeprefix("policy."): new for old, new in RENAMED.items() if old.startswith("policy.")}
+"""Settings of PPO, in the policy.json of old runs."""
+METRICS = {
+    "hook_success": "single_finger_success",
+    "side_success": "off_handle_success",
+    "wide": "open_30cm",
+    "final_wide": "final_open_30cm",
+    "static": "open_75pct_static",
+    "final_static": "final_open_75pct_static",
+    "full": "open_95pct",
+    "final_full": "final_open_95pct",
+}
+"""Columns of evaluations; those that say by what the part was held counted steps then, not opening (metrics version 1)."""
+
+
+def curve(columns: Mapping[str, Sequence[float | None]]) -> dict[str, Sequence[float | None]]:
+    """Return a training's curve by its present columns; those of version 1 logged the handle's use as a part of the successes."""
+    found = dict(columns)
+    if used := found.pop("handle_use_of_successes", None):
+        pairs = zip(columns["success"], used, strict=False)
+        found["handle_success"] = [None if rate is None else rate * (part or 0.0) for rate, part in pairs]
+    return found
+
+
+def renamed(values: Mapping[str, Any], table: Mapping[str, str]) -> dict[str, Any]:
+    """Return values with old keys replaced by new ones."""
+    return {table.get(key, key): value for key, value in values.items()}

@@ -1,0 +1,156 @@
+"""The scene half of the Python API; `import s2a` offers these functions by name.
+
+    scene = s2a.load_scene("demo/scan")
+    s2a.export("demo/scan", out="demo")
+    s2a.insert("demo/geometric.usd", "stapler.usda", "stapler", out="demo/insert", hint="next to the keyboard", llm="rules")
+    s2a.prepare("demo/geometric.usd", "drawer_7", out="demo/sim.usd")
+    reports = s2a.certify("demo/sim.usd")
+
+Lengths are metres, angles radians, masses kilograms, z is up. `overrides` are `key=value` texts, as on the command line.
+Every function raises `s2a.errors.InputError` for bad input and for an extra that is not installed.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from s2a import config, extras
+from s2a.outputs import atomic_write
+from s2a.scan import read as read_scan
+from s2a.scene import Scene
+from s2a.usd import descriptive, geometric
+
+if TYPE_CHECKING:
+    from s2a.certify.check import Certificate
+    from s2a.insert.batch import Insertion
+
+File = str | PathLike[str]
+
+
+@dataclass(frozen=True)
+class Export:
+    """Result of an export.
+
+    Attributes:
+        scene: the scene that was read.
+        descriptive: the descriptive.usda that was written: labels, boxes and joints in words.
+        geometric: the geometric.usd that was written: surfaces and joints.
+    """
+
+    scene: Scene
+    descriptive: Path
+    geometric: Path
+
+
+def load_scene(path: File) -> Scene:
+    """Read a scene from a scan folder or from a geometric stage.
+
+    Args:
+        path: folder of an Articulate3D, MultiScan or ScanNet++ scan or of a bare mesh; or a geometric.usd (or an insert.usda).
+
+    Raises:
+        InputError: neither, or a damaged one.
+    """
+    path = Path(path)
+    return read_scan(path) if path.is_dir() else geometric.read(path)
+
+
+def export(scan: File, out: File) -> Export:
+    """Write a scan as the two flavours of USD, descriptive and geometric.
+
+    Args:
+        scan: folder of the scan.
+        out: folder that receives descriptive.usda and geometric.usd.
+
+    Raises:
+        InputError: the folder holds no scan, or a damaged one; nothing is written.
+    """
+    scene = read_scan(Path(scan))
+    written = Export(scene, Path(out) / "descriptive.usda", Path(out) / "geometric.usd")
+    with atomic_write(written.descriptive) as words, atomic_write(written.geometric) as shapes:
+        descriptive.write(scene, words)
+        geometric.write(scene, shapes)
+    return written
+
+
+def insert(
+    stage: File,
+    object: File,
+    label: str,
+    out: File,
+    hint: str = "",
+    llm: str = "auto",
+    overrides: Sequence[str] = (),
+) -> Insertion:
+    """Insert an object into a room, as a layer over its stage. Needs `s2a[sim]`, and `s2a[llm]` for llm="chat".
+
+    Args:
+        stage: the geometric.usd, or the insert.usda of an earlier insertion; it is not changed.
+        object: a mesh or a USD stage, in any unit and orientation.
+        label: name of the object in plain words.
+        out: folder that receives insert.usda, objects/, descriptive.usda and insert.json.
+        hint: placement hint in words, such as "next to the keyboard".
+        llm: "chat" (a language model), "replay", "rules", or "auto": chat where OPENAI_API_KEY is set, else rules.
+        overrides: other keys of `s2a insert`, such as "image=insert.png".
+
+    Raises:
+        InputError: no place was found, no usable answer, or bad input; nothing is written.
+    """
+    with extras.required():
+        from s2a.insert.batch import insert_all
+        from s2a.insert.settings import InsertSettings
+
+        given = {"stage": stage, "object": object, "label": label, "out": out, "prompt": hint or None}
+        return insert_all(_load(InsertSettings, "insert", given, [f"llm={llm}", *overrides]))
+
+
+def prepare(stage: File, targets: str | Sequence[str], out: File, overrides: Sequence[str] = ()) -> Path:
+    """Write the simulation-ready room of a scene; return its path. Needs `s2a[sim]`.
+
+    Args:
+        stage: the geometric.usd.
+        targets: "all" articulated parts, the id of one, such as "drawer_7", or several of them.
+        out: the sim.usd to write; its visuals are written beside it.
+        overrides: other keys of `s2a prepare`, such as "free=[cup_75]".
+
+    Raises:
+        InputError: a target that is not in the stage or does not move.
+    """
+    with extras.required():
+        command = importlib.import_module("s2a.commands.prepare")
+        asked = targets if isinstance(targets, str) else tuple(targets)
+        command.run(_load(command.Config, "prepare", {"stage": stage, "targets": asked, "out": out}, overrides))
+    return Path(out)
+
+
+def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ()) -> list[Certificate]:
+    """Validate a simulation-ready room; return a report for each part, whose `.passed` is the verdict. Needs `s2a[sim]`.
+
+    Args:
+        stage: the sim.usd.
+        part: id of one articulated part; None: all.
+        overrides: keys of `s2a certify` below `certify`, such as "certify.physics.dt=0.002".
+
+    Raises:
+        InputError: no such file.
+    """
+    with extras.required():
+        from s2a.certify.check_suite import CertifyConfig
+        from s2a.certify.check_suite import certify as run
+
+        values = config.compose("certify", list(overrides))["certify"]
+        return run(Path(stage), config.load(CertifyConfig, values), part)
+
+
+def _load(cls: type[Any], command: str, given: dict[str, Any], overrides: Sequence[str]) -> Any:
+    """Return a command's configuration: its defaults, the overrides, and the given top-level values."""
+    return config.load(cls, {**config.compose(command, list(overrides)), **{k: _plain(v) for k, v in given.items()}})
+
+
+def _plain(value: Any) -> Any:
+    return Path(value) if isinstance(value, PathLike) else value

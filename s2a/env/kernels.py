@@ -1,0 +1,230 @@
+"""What every task shares: acting, the reward's sum, the end of an episode and its count, the robot's reset."""
+
+# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
+from collections.abc import Sequence
+
+import warp as wp
+from mujoco_warp import OverflowType
+
+from s2a.env.state import State
+
+ERRORS = ("invalid", "row_overflow", "contact_overflow")
+"""Columns of a result after the task's: the episode was ended by a value that is not finite; its world dropped constraint
+rows, which ends it too; contacts were dropped in some step, whose pool all worlds share, so that it concerns all at once."""
+ROW_BITS = wp.constant(int(OverflowType.NEFC | OverflowType.NJMAX_NNZ))
+CONTACT_BITS = wp.constant(int(OverflowType.BROADPHASE | OverflowType.NARROWPHASE | OverflowType.CCD))
+
+
+@wp.struct
+class Motion:
+    """How an action moves the joint targets, and where an episode starts.
+
+    Attributes:
+        step: largest change of an arm joint's target in a control step [rad].
+        finger_step: that of a finger [m].
+        limited: 1 where the controller keeps to velocity and acceleration; then the first two are not used.
+        velocity: velocity of each joint for an action of 1 [rad/s, m/s], shape [joint].
+        acceleration: largest change of it [rad/s^2, m/s^2], shape [joint].
+        window: largest distance of a target from its joint's position [rad, m].
+        dt: physics time step [s].
+        home: joint positions at the start [rad, m], shape [joint].
+        noise: half range of the uniform noise on it [rad, m].
+        scanned: coordinates of everything else at the start, shape [world coord].
+        demo: joint targets of a motion that ends in a closed grasp, shape [stage step joint].
+        stage: index of each world's stage, shape [world].
+        demo_fraction: fraction of the episodes that start on that motion.
+    """
+
+    step: float
+    finger_step: float
+    limited: int
+    velocity: wp.array(dtype=float)
+    acceleration: wp.array(dtype=float)
+    window: float
+    dt: float
+    home: wp.array(dtype=float)
+    noise: float
+    scanned: wp.array2d(dtype=float)
+    demo: wp.array3d(dtype=float)
+    stage: wp.array(dtype=int)
+    demo_fraction: float
+
+
+@wp.kernel
+def seed_worlds(seed: int, rng: wp.array(dtype=wp.uint32)):
+    """Give every world a random stream of its own."""
+    world = wp.tid()
+    rng[world] = wp.rand_init(seed, world)
+
+
+@wp.kernel
+def act(s: State, m: Motion):
+    """Clamp the action; move the joint targets by it, or keep the velocities that it asks for where the controller has limits.
+
+    NaN moves nothing and stays as it is, for `finish` to end the episode: a clamp would make it -1. The gripper's motor drives
+    both fingers: where the controller has limits, they follow the mean of their actions.
+    """
+    world = wp.tid()
+    for i in range(s.joints):
+        if not wp.isnan(s.action[world, i]):
+            s.action[world, i] = wp.clamp(s.action[world, i], -1.0, 1.0)
+    for i in range(s.joints):
+        a = s.action[world, i]
+        if m.limited == 1:
+            if i >= s.arm:
+                a = 0.5 * (s.action[world, s.arm] + s.action[world, s.arm + 1])
+            s.asked[world, i] = wp.where(wp.isnan(a), 0.0, a) * m.velocity[i]
+        elif not wp.isnan(a):
+            target = s.target_q[world, i] + wp.where(i < s.arm, m.step, m.finger_step) * a
+            s.target_q[world, i] = wp.clamp(target, s.lower[i], s.upper[i])
+
+
+@wp.kernel
+def move_targets(s: State, m: Motion, joint_q: wp.array2d(dtype=float)):
+    """Move the targets for a physics step: velocities change no faster than the limits, and vanish before the joint limits.
+
+    Args:
+        s: the worlds.
+        m: the limits.
+        joint_q: coordinates before the step, shape [world coord].
+    """
+    world = wp.tid()
+    for i in range(s.joints):
+        q, target, a = joint_q[world, i], s.target_q[world, i], m.acceleration[i]
+        low, high = wp.max(s.lower[i], q - m.window), wp.min(s.upper[i], q + m.window)
+        # From a velocity v the target stops within v^2 / 2a.
+        fastest = wp.sqrt(2.0 * a * wp.max(s.upper[i] - target, 0.0))
+        slowest = -wp.sqrt(2.0 * a * wp.max(target - s.lower[i], 0.0))
+        now = s.target_qd[world, i]
+        v = now + wp.clamp(wp.clamp(s.asked[world, i], slowest, fastest) - now, -a * m.dt, a * m.dt)
+        moved = wp.clamp(target + v * m.dt, low, high)
+        s.target_qd[world, i] = (moved - target) / m.dt
+        s.target_q[world, i] = moved
+
+
+@wp.kernel
+def accumulate_overflow(now: wp.array(dtype=int), s: State):
+    """Add the overflow bits of a physics step to those of the control step."""
+    world = wp.tid()
+    s.overflow[world] = s.overflow[world] | now[world]
+
+
+@wp.func
+def is_finite(s: State, world: int):
+    """Return whether the action and all coordinates and velocities of a world are finite."""
+    finite = bool(True)
+    for i in range(s.action.shape[1]):
+        finite = finite and wp.isfinite(s.action[world, i])
+    for i in range(s.joint_q.shape[1]):
+        finite = finite and wp.isfinite(s.joint_q[world, i])
+    for i in range(s.joint_qd.shape[1]):
+        finite = finite and wp.isfinite(s.joint_qd[world, i])
+    return finite
+
+
+def reward_kernel(terms: Sequence[wp.Function], handles: type) -> wp.Kernel:
+    """Return the kernel that writes each term and their weighted sum; all zero where the state is not finite.
+
+    Args:
+        terms: functions (state, handles, world) -> float, a column of `State.terms` each.
+        handles: the task's struct.
+    """
+
+    @wp.kernel(module="unique", module_options={"max_unroll": len(terms)})
+    def compute_reward(s: State, h: handles, weights: wp.array(dtype=float)):
+        world = wp.tid()
+        finite = is_finite(s, world)
+        total = float(0.0)
+        for i in range(wp.static(len(terms))):
+            value = wp.static(terms[i])(s, h, world)
+            s.terms[world, i] = wp.where(finite, value, 0.0)
+            total += weights[i] * value
+        s.reward[world] = wp.where(finite, total, 0.0)
+
+    return compute_reward
+
+
+@wp.kernel
+def finish(s: State, episode_steps: int):
+    """Count the step, and find the worlds whose episode ends: by the task, by its length, or because physics failed."""
+    world = wp.tid()
+    if (s.overflow[world] & ROW_BITS) != 0:
+        s.dropped[world, 0] = 1
+    if (s.overflow[world] & CONTACT_BITS) != 0:
+        s.dropped[world, 1] = 1
+    s.overflow[world] = 0
+    s.step[world] += 1
+    finite = is_finite(s, world)
+    sound = finite and s.dropped[world, 0] == 0
+    ended = (not sound) or s.terminated[world] == 1
+    late = s.step[world] >= episode_steps - 1  # as in the reference: an episode lasts one step less than its length
+    s.done[world] = wp.where(ended or late, 1, 0)
+    s.time_out[world] = wp.where(late and not ended, 1, 0)
+    first = s.result.shape[1] - 3
+    s.result[world, first] = wp.where(finite, 0.0, 1.0)
+    s.result[world, first + 1] = float(s.dropped[world, 0])
+    s.result[world, first + 2] = float(s.dropped[world, 1])
+
+
+@wp.func
+def is_sound(s: State, world: int):
+    """Return 1 where physics held in a finished episode, else 0: such an episode is no success."""
+    first = s.result.shape[1] - 3
+    return wp.where(s.result[world, first] + s.result[world, first + 1] > 0.0, 0.0, 1.0)
+
+
+@wp.kernel
+def count(s: State):
+    """Add finished episodes to the counts; of an uncounted one nothing but the errors."""
+    world = wp.tid()
+    if s.done[world] == 1:
+        columns = s.result.shape[1]
+        counted = s.uncounted[world] == 0
+        if counted:
+            wp.atomic_add(s.counts, 0, 1.0)
+        for i in range(columns):
+            if counted or i >= columns - 3:
+                wp.atomic_add(s.counts, i + 1, s.result[world, i])
+        s.uncounted[world] = 0
+
+
+@wp.kernel
+def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_mask: wp.array2d(dtype=bool)):
+    """Put the worlds whose episode ended back to the start, the robot with noise; mark them in both masks.
+
+    Everything else takes the coordinates that it was scanned with. A fraction of the worlds starts on a demonstration: half
+    of these on the straight path in joint space from home to its first targets, the noise fading, a quarter at any of its
+    steps, a quarter at the last, where the fingers close; they stand open at first. Targets start at the sampled positions.
+    (The reference leaves them where the last episode ended, which pulls the arm away in the first step.)
+    """
+    world = wp.tid()
+    ended = s.done[world] == 1
+    world_mask[world] = ended
+    for i in range(articulation_mask.shape[1]):
+        articulation_mask[world, i] = ended
+    if ended:
+        rng = s.rng[world]
+        for i in range(s.joint_q.shape[1]):
+            s.joint_q[world, i] = m.scanned[world, i]
+        for i in range(s.joint_qd.shape[1]):
+            s.joint_qd[world, i] = 0.0
+        near = float(0.0)
+        at, stage = int(0), m.stage[world]
+        if m.demo_fraction > 0.0:  # the stream of random numbers stays as it is where nothing starts on a demonstration
+            if wp.randf(rng) < m.demo_fraction:
+                near = wp.min(2.0 * wp.randf(rng), 1.0)
+                steps = m.demo.shape[1]
+                at = wp.where(near < 1.0, 0, wp.min(wp.randi(rng, 0, 2 * steps), steps - 1))
+        for i in range(s.joints):
+            noise = (1.0 - near) * wp.randf(rng, -m.noise, m.noise)
+            target = wp.clamp(m.home[i] + near * (m.demo[stage, at, i] - m.home[i]) + noise, s.lower[i], s.upper[i])
+            if m.limited == 1 and i > s.arm:  # one motor: the fingers stand alike
+                target = s.target_q[world, s.arm]
+            s.target_q[world, i] = target
+            s.target_qd[world, i] = 0.0
+            s.joint_q[world, i] = wp.where(near < 1.0 or i < s.arm, target, s.upper[i])
+        s.rng[world] = rng
+        s.step[world] = 0
+        s.terminated[world] = 0
+        s.dropped[world, 0] = 0
+        s.dropped[world, 1] = 0

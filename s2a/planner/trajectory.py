@@ -1,0 +1,104 @@
+"""Joint paths in time, within the limits of the robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from s2a.robot.spec import GripperSpec, JointLimits, RobotSpec
+
+USED = 0.8
+"""Largest fraction of a limit that is planned with; the rest is for the controller."""
+EASE = 0.25
+"""Fraction of a motion's time in which it gains speed, and in which it loses it."""
+RAMP = 0.1
+"""[s] In which the fingers reach their speed, and stop."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Joint targets, one a control step.
+
+    Attributes:
+        targets: arm and fingers, from the point of approach to the end, shape [step joint].
+        reach_steps: control steps from the start of an episode to `targets[0]`.
+        closed: index of the first target with the gripper closed.
+    """
+
+    targets: np.ndarray
+    reach_steps: int
+    closed: int
+
+
+def eased(time: np.ndarray) -> np.ndarray:
+    """Return a motion from 0 to 1 in the time from 0 to 1, at constant speed between two smooth ramps (peak 4/3 and 8)."""
+    t = np.clip(time, 0.0, 1.0)
+    rising = np.minimum(np.minimum(t, 1.0 - t) / EASE, 1.0)
+    ramp = EASE * (rising**3 - 0.5 * rising**4)
+    before = np.where(rising < 1.0, ramp, np.minimum(t, 1.0 - t) - 0.5 * EASE) / (1.0 - EASE)
+    return np.where(t <= 0.5, before, 1.0 - before)
+
+
+def timed(path: np.ndarray, duration: float, limits: JointLimits, rate: float) -> np.ndarray:
+    """Return targets [step arm] along a joint path [pose arm], at rest at both ends, without its first pose.
+
+    Args:
+        path: evenly spaced poses.
+        duration: at least [s]; more where a limit demands it.
+        limits: of the joints.
+        rate: steps a second.
+    """
+    steps = max(2, math.ceil(duration * rate))
+    for _ in range(3):
+        targets = _sampled(path, steps)
+        used = limit_use(np.concatenate([path[:1], targets, path[-1:]]), limits, rate)
+        if used <= 1.0:
+            break
+        steps = math.ceil(steps * used) + 1
+    return targets
+
+
+def limit_use(targets: np.ndarray, limits: JointLimits, rate: float) -> float:
+    """Return by what factor targets [step arm] would have to be slower for USED of the limits; 1 or less: they keep them."""
+    velocity = np.diff(targets, axis=0) * rate
+    acceleration = np.diff(np.concatenate([velocity[:1] * 0.0, velocity, velocity[:1] * 0.0]), axis=0) * rate
+    fast = np.abs(velocity).max(axis=0) / (USED * np.array(limits.velocity))
+    hard = np.abs(acceleration).max(axis=0) / (USED * np.array(limits.acceleration))
+    return float(max(fast.max(), np.sqrt(hard.max())))
+
+
+def reach_steps(
+    start: np.ndarray, goal: np.ndarray, noise: float, duration: float, spec: RobotSpec, rate: float
+) -> int:
+    """Return the steps of an eased motion from near a start to a goal, shape [arm] each, `duration` [s] or more.
+
+    Args:
+        start: [rad].
+        goal: [rad].
+        noise: how far the real start may be from it [rad].
+        duration: at least [s].
+        spec: the robot.
+        rate: steps a second.
+    """
+    far = goal + np.where(goal >= start, noise, -noise)
+    return len(timed(np.linspace(start, far, 9), duration, spec.limits, rate))
+
+
+def closing(gripper: GripperSpec, duration: float, rate: float) -> np.ndarray:
+    """Return finger positions [step] from open to closed, at constant speed between two ramps, in `duration` [s] or more."""
+    speed = USED * gripper.finger_speed
+    steps = math.ceil(max(duration, gripper.finger_joint_open / speed + RAMP) * rate)
+    time = np.arange(1, steps + 1) / steps
+    ramp = min(0.5, RAMP * rate / steps)
+    speeds = np.clip(np.minimum(time, 1.0 - time) / ramp, 0.0, 1.0)
+    way = np.cumsum(speeds) / speeds.sum()
+    return gripper.finger_joint_open * (1.0 - way)
+
+
+def _sampled(path: np.ndarray, steps: int) -> np.ndarray:
+    """Return a joint path in eased steps, without its first pose."""
+    spline = CubicSpline(np.arange(len(path)), path)
+    return spline((len(path) - 1) * eased(np.arange(1, steps + 1) / steps))

@@ -1,0 +1,117 @@
+"""The environment as rsl-rl sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from rsl_rl.env import VecEnv as RslRlVecEnv
+from tensordict import TensorDict
+
+from s2a.env.kernels import ERRORS
+from s2a.env.vec_env import VecEnv
+
+RECENT = 0.999
+"""Factor a control step by which finished episodes count less in the logged rates: about two episodes' length."""
+
+
+class RslRlEnv(RslRlVecEnv):
+    """Counts episodes and logs their rates, beside what rsl-rl asks for.
+
+    Observations and rewards are copies: rsl-rl keeps the observation it acted on across the step, which overwrites the
+    environment's own buffer in place.
+
+    Attributes:
+        names: of `counted` and `recent`: "episodes", then the environment's columns.
+        counted: sums over all finished episodes, shape [name], float64.
+        recent: the same, where an episode that ended k control steps ago counts as RECENT ** k, float32.
+    """
+
+    def __init__(
+        self, env: VecEnv, reward_scale: float, on_step: Callable[[], object] = lambda: None, log_every: int = 1
+    ) -> None:
+        """Wrap an environment; `on_step` is called after every control step, every `log_every`th one is logged."""
+        self.env, self._reward_scale, self._on_step = env, reward_scale, on_step
+        self.num_envs, self.num_actions = env.num_envs, env.num_actions
+        self.max_episode_length = env.max_episode_length
+        self.device = env.sim.device
+        self.cfg: dict = {}
+        self.names = ("episodes", *env.columns)
+        self.counted = torch.zeros(len(self.names), device=self.device, dtype=torch.float64)
+        self.recent = torch.zeros(len(self.names), device=self.device)
+        self._terms = torch.zeros(len(env.task.REWARDS), device=self.device)
+        self._log_every, self._steps = log_every, 0
+
+    @property
+    def episode_length_buf(self) -> torch.Tensor:
+        """Control steps since each world's reset; assigning copies, and leaves the episodes that it cuts short uncounted."""
+        return self.env.episode_step
+
+    @episode_length_buf.setter
+    def episode_length_buf(self, value: torch.Tensor) -> None:
+        self.env.episode_step.copy_(value)
+        self.env.uncounted.fill_(1)
+
+    @property
+    def warm(self) -> bool:
+        """More than an episode's time has passed; what ends earlier is what succeeded early."""
+        return self._steps > self.max_episode_length
+
+    @property
+    def score(self) -> float:
+        """Rate of the task's first logged column over the recent episodes; NaN before the worlds are warm."""
+        episodes, hits = self.recent[0], self.recent[self.names.index(self.env.task.LOGGED[0])]
+        return float(hits / episodes) if self.warm else float("nan")
+
+    def get_observations(self) -> TensorDict:
+        """Return a copy of the observation [world observation]."""
+        return TensorDict({"policy": self.env.observation.clone()}, batch_size=[self.num_envs])
+
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
+        """Apply actions [world action]; return observations, rewards, dones, and what is logged."""
+        env = self.env
+        env.step(actions)
+        self.counted.add_(env.counts)
+        self.recent.mul_(RECENT).add_(env.counts)
+        env.counts.zero_()
+        self._terms.add_(env.terms.mean(dim=0))
+        self._on_step()
+        self._steps += 1
+        extras: dict[str, Any] = {"time_outs": env.time_out.float()}
+        if self._steps % self._log_every == 0:
+            extras["log"] = self._log()
+        return self.get_observations(), env.reward * self._reward_scale, env.done.long(), extras
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return all that an interrupted run needs to go on as if it had not been: worlds, random states, counts."""
+        states = {"torch": torch.get_rng_state()}
+        if torch.device(self.device).type == "cuda":
+            states["cuda"] = torch.cuda.get_rng_state(self.device)
+        sums = {"counted": self.counted.clone(), "recent": self.recent.clone(), "terms": self._terms.clone()}
+        return {"worlds": self.env.state_dict(), "rng": states, "steps": self._steps, "names": self.names, **sums}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from what `state_dict` returned."""
+        self.env.load_state_dict(state["worlds"])
+        self._steps = state["steps"]
+        known = {name: i for i, name in enumerate(state["names"])}
+        kept = [(i, known[name]) for i, name in enumerate(self.names) if name in known]
+        for name in ("counted", "recent"):
+            for i, k in kept:
+                getattr(self, name)[i] = state[name][k]
+        if len(state["terms"]) == len(self._terms):
+            self._terms.copy_(state["terms"])
+        torch.set_rng_state(state["rng"]["torch"].cpu())
+        if "cuda" in state["rng"] and torch.device(self.device).type == "cuda":
+            torch.cuda.set_rng_state(state["rng"]["cuda"].cpu(), self.device)
+
+    def _log(self) -> dict[str, torch.Tensor]:
+        """Return rates over the recent episodes, NaN before the worlds are warm, and the mean of each reward term."""
+        known = self.recent if self.warm else torch.full_like(self.recent, torch.nan)
+        recent, task = dict(zip(self.names, known.unbind(), strict=True)), self.env.task
+        terms = (self._terms / self._log_every).unbind()
+        self._terms = torch.zeros_like(self._terms)
+        logged = (*task.LOGGED, *task.VALUES, *ERRORS)
+        rates = {f"/{name}": recent[name] / recent["episodes"] for name in logged}
+        return rates | {f"/term/{term.key}": mean for term, mean in zip(task.REWARDS, terms, strict=True)}

@@ -1,0 +1,36 @@
+"""The world that a policy was trained in, kept beside its checkpoints: elsewhere its actions mean something else."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from s2a import tasks
+from s2a.config import load
+from s2a.env.task import MdpConfig
+from s2a.errors import InputError
+from s2a.sim.simulation import SimConfig
+
+FILE = "world.json"
+
+
+def write_world(sim: SimConfig, task: MdpConfig, out: Path) -> None:
+    """Write how physics is stepped and what the robot has to do into the folder of a training run."""
+    (out / FILE).write_text(json.dumps({"sim": asdict(sim), "task": asdict(task)}, indent=1))
+
+
+def read_world(checkpoint: Path) -> tuple[SimConfig, MdpConfig] | None:
+    """Return the world that a checkpoint was trained in; None for one from elsewhere, which has no such file beside it.
+
+    Raises:
+        InputError: the file was written by another version, or is damaged.
+    """
+    file = checkpoint.parent / FILE
+    if not file.is_file():
+        return None
+    try:
+        values = json.loads(file.read_text())
+        return load(SimConfig, values["sim"]), load(tasks.of(values).Config, values["task"])
+    except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
+        raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error

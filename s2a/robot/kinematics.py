@@ -1,0 +1,139 @@
+"""Forward and inverse kinematics of any robot, for many poses at once; inverse kinematics are Newton's."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from functools import cache
+
+import newton
+import newton.ik as ik
+import numpy as np
+import warp as wp
+from scipy.spatial.transform import Rotation
+
+from s2a.robot import urdf
+from s2a.robot.spec import RobotSpec
+
+
+class Kinematics:
+    """Kinematics of a robot's arm; the fingers are fully open.
+
+    Attributes:
+        spec: the robot.
+        links: names of its links.
+        arm_group: for every link how many arm joints carry it, shape [link].
+        shoulder: a point on the axis of the first joint, which is the base's z, in the base frame [m], shape [3].
+        lower: position limits of the arm joints [rad], shape [arm].
+        upper: likewise.
+    """
+
+    def __init__(self, spec: RobotSpec) -> None:
+        """Read the robot's URDF; `kinematics` keeps one instance per robot."""
+        self.spec = spec
+        robot = urdf.arm(spec)
+        limits = urdf.position_limits(spec)[:, : len(spec.arm_joints)]
+        self.lower, self.upper = limits
+        self._chain = _chain(robot, spec)
+        self.links = tuple(link for link, _, _, _, _ in self._chain)
+        self.arm_group = np.zeros(len(self.links), int)
+        for i, (_, parent, _, _, joint) in enumerate(self._chain):
+            self.arm_group[i] = 0 if parent < 0 else self.arm_group[parent] + (joint >= 0)
+        self.shoulder = next(fixed for _, _, fixed, _, joint in self._chain if joint == 0)[:3, 3]
+        self._tool_link = self.links.index(spec.tool_link)
+        self._model, self._body = _ik_model(robot, spec)
+
+    def frames(self, q: np.ndarray) -> np.ndarray:
+        """Return the poses of all links in the base frame, shape [pose link 4 4], for arm joints [pose arm]."""
+        poses = np.empty((len(q), len(self.links), 4, 4))
+        for i, (_, parent, fixed, axis, joint) in enumerate(self._chain):
+            pose = fixed if joint < 0 else fixed @ _turns(axis, q[:, joint])
+            poses[:, i] = pose if parent < 0 else poses[:, parent] @ pose
+        return poses
+
+    def tool(self, q: np.ndarray) -> np.ndarray:
+        """Return the poses of the tool frame in the base frame, shape [pose 4 4], for arm joints [pose arm]."""
+        pose = self.frames(q)[:, self._tool_link].copy()
+        pose[:, :3, 3] += pose[:, :3, :3] @ np.array(self.spec.tool_offset)
+        return pose
+
+    def solve(
+        self, targets: np.ndarray, start: np.ndarray, iterations: int, damping: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return arm joints [pose arm] that bring the tool frame to the targets, and what is left, shape [pose].
+
+        Args:
+            targets: poses of the tool frame in the base frame, shape [pose 4 4].
+            start: arm joints to start from [rad], shape [pose arm].
+            iterations: of Levenberg and Marquardt's method.
+            damping: its first value; smaller for a start near the target.
+
+        Returns:
+            The joints, and the root of the sum of squared errors (m and rad; beyond a joint limit ten times so much).
+        """
+        n = len(targets)
+        if n == 0:
+            return start.copy(), np.zeros(0)
+        with wp.ScopedDevice("cpu"):
+            quats = Rotation.from_matrix(targets[:, :3, :3]).as_quat().astype(np.float32)
+            places = targets[:, :3, 3].astype(np.float32)
+            position = ik.IKObjectivePosition(
+                self._body, wp.vec3(*self.spec.tool_offset), wp.array(places, dtype=wp.vec3)
+            )
+            rotation = ik.IKObjectiveRotation(self._body, wp.quat_identity(), wp.array(quats, dtype=wp.vec4))
+            limits = ik.IKObjectiveJointLimit(self._model.joint_limit_lower, self._model.joint_limit_upper, weight=10.0)
+            solver = ik.IKSolver(
+                self._model,
+                n,
+                [position, rotation, limits],
+                jacobian_mode=ik.IKJacobianType.ANALYTIC,
+                lambda_initial=damping,
+                lambda_min=1e-7,
+            )
+            q = wp.array(start.astype(np.float32))
+            solver.step(q, q, iterations=iterations)
+            return q.numpy().astype(float), np.sqrt(solver.costs.numpy()[:n])
+
+
+@cache
+def kinematics(spec: RobotSpec) -> Kinematics:
+    """Return a robot's kinematics."""
+    return Kinematics(spec)
+
+
+def _turns(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Return rotations by angles [pose] about an axis [3], shape [pose 4 4]."""
+    turns = np.zeros((len(angles), 4, 4))
+    cross = np.cross(axis, np.eye(3)).T  # cross @ v = axis x v; Rodrigues' formula
+    turns[:, :3, :3] = (
+        np.eye(3) + np.sin(angles)[:, None, None] * cross + (1.0 - np.cos(angles))[:, None, None] * cross @ cross
+    )
+    turns[:, 3, 3] = 1.0
+    return turns
+
+
+def _chain(robot: ElementTree.Element, spec: RobotSpec) -> list[tuple[str, int, np.ndarray, np.ndarray, int]]:
+    """Return every link, parents first: name, index of its parent, fixed pose in it, joint axis, index of the arm joint or -1."""
+    tree = urdf.children(robot)
+    chain: list[tuple[str, int, np.ndarray, np.ndarray, int]] = [(spec.root_link, -1, np.eye(4), np.zeros(3), -1)]
+    for index, (link, *_) in enumerate(chain):
+        for child, joint in tree.get(link, []):
+            fixed, axis = urdf.origin(joint), urdf.axis(joint)
+            name = joint.get("name")
+            if name in spec.gripper.joints:
+                fixed = fixed.copy()
+                fixed[:3, 3] += fixed[:3, :3] @ axis * spec.gripper.finger_joint_open
+            number = spec.arm_joints.index(name) if name in spec.arm_joints else -1
+            chain.append((child, index, fixed, axis, number))
+    return chain
+
+
+def _ik_model(robot: ElementTree.Element, spec: RobotSpec) -> tuple[newton.Model, int]:
+    """Return a model of the arm alone, without shapes, and the index of the body with the tool frame."""
+    bare = urdf.without(robot, set(spec.gripper.links))
+    for link in bare.findall("link"):
+        for shape in link.findall("collision"):
+            link.remove(shape)
+    builder = newton.ModelBuilder()
+    builder.add_urdf(ElementTree.tostring(bare, encoding="unicode"), collapse_fixed_joints=False)
+    body = next(i for i, label in enumerate(builder.body_label) if label.split("/")[-1] == spec.tool_link)
+    return builder.finalize(device="cpu"), body

@@ -1,0 +1,69 @@
+"""Paths of the tool frame: straight to a grasp, then with the part that it holds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.articulation import displace, lever_arm, open_limit, pose_at
+from s2a.scene import Joint
+
+STEP = 0.015
+"""[m] Distance between neighbouring poses."""
+TURN = 0.1
+"""[rad] Largest rotation between neighbouring poses."""
+
+
+@dataclass(frozen=True)
+class ToolPath:
+    """Poses that the tool frame passes.
+
+    Attributes:
+        poses: shape [pose 4 4], scene frame.
+        q: coordinate of the part's joint at each [m or rad], shape [pose].
+        grasp: index of the pose in which the gripper closes.
+    """
+
+    poses: np.ndarray
+    q: np.ndarray
+    grasp: int
+
+
+def opening_coordinate(joint: Joint, point: np.ndarray, opening: float) -> float:
+    """Return the coordinate of a joint [m] or [rad] at which a point [3] has moved by `opening` [m], or 95 % of its range."""
+    lever, end = lever_arm(joint, point), open_limit(joint)
+    return math.copysign(min(opening / lever, 0.95 * abs(end)), end) if lever > 1e-6 else 0.0
+
+
+def opening_path(joint: Joint, grasp: np.ndarray, approach: float, opening: float, depth: float = 0.0) -> ToolPath:
+    """Return the path to a grasp and from there with the part.
+
+    Args:
+        joint: of the part.
+        grasp: pose of the grasp frame, the part at zero: 7-vector (position, quaternion xyzw), z forward; scene frame.
+        approach: where the straight path begins, before the grasp [m].
+        opening: coordinate to which the part is opened [m] or [rad], with its sign.
+        depth: how far the tool frame goes past the grasp [m].
+    """
+    forward = Rotation.from_quat(grasp[3:]).as_matrix()[:, 2]
+    held = np.concatenate([grasp[:3] + depth * forward, grasp[3:]])
+    back = np.linspace(approach, 0.0, max(2, round(approach / STEP) + 1))
+    length = float(np.linalg.norm(displace(held[None, :3], joint, opening)[0] - held[:3]))
+    turn = 0.0 if joint.kind == "prismatic" else abs(opening)
+    count = max(2, round(length / STEP) + 1, math.ceil(turn / TURN) + 1)
+    q = np.concatenate([np.zeros(len(back)), np.linspace(0.0, opening, count)[1:]])
+    vectors = [pose_at(joint, held, value) for value in q]
+    for vector, distance in zip(vectors, back, strict=False):
+        vector[:3] -= distance * forward
+    return ToolPath(matrices(np.array(vectors)), q, len(back) - 1)
+
+
+def matrices(vectors: np.ndarray) -> np.ndarray:
+    """Return 7-vectors (position, quaternion xyzw) [pose 7] as matrices [pose 4 4]."""
+    poses = np.tile(np.eye(4), (len(vectors), 1, 1))
+    poses[:, :3, :3] = Rotation.from_quat(vectors[:, 3:]).as_matrix()
+    poses[:, :3, 3] = vectors[:, :3]
+    return poses

@@ -1,0 +1,165 @@
+"""Opening a part as a decision process: handles, reward terms, termination.
+
+The formulas of the first six terms are those of IsaacLab 2.3's direct task "Isaac-Franka-Cabinet-Direct-v0", with which the
+paper trains. A reward term is one Warp function; REWARDS below lists them, and conf/reward gives them weights.
+"""
+
+# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
+import numpy as np
+import warp as wp
+
+from s2a.env.state import State
+from s2a.sim.simulation import Simulation
+from s2a.tasks.open_part.config import OpenPartConfig
+from s2a.tasks.part import PartHandles, frames, opening_of, tool_distance
+
+
+@wp.struct
+class OpenPart:
+    """Handles of the task.
+
+    Attributes:
+        p: what all tasks with a part share.
+        scale: factor of all openings, below 1 where the part's travel is short, shape [world].
+        bonus: openings that give a bonus [m].
+        termination: opening that ends the episode [m].
+        close_distance: [m].
+        led: opening (0) and how much of it both fingers led the part by the region (1) [m], shape [world 2].
+        progress: of the running episode, see metrics, shape [world column].
+        limits: thresholds of the metrics, shape [world limit].
+        force: from which a contact counts in the metrics [N].
+        static_speed, grasp_fraction, contact_fraction: of the metrics.
+    """
+
+    p: PartHandles
+    scale: wp.array(dtype=float)
+    bonus: wp.vec3
+    termination: float
+    close_distance: float
+    led: wp.array2d(dtype=float)
+    progress: wp.array2d(dtype=float)
+    limits: wp.array2d(dtype=float)
+    force: float
+    static_speed: float
+    grasp_fraction: float
+    contact_fraction: float
+
+
+def bind(sim: Simulation, shared: PartHandles, config: OpenPartConfig) -> OpenPart:
+    """Return the handles of the decision process; metrics.bind adds its own."""
+    h = OpenPart()
+    h.p, h.bonus = shared, wp.vec3(*config.bonus_openings)
+    h.termination, h.close_distance = config.termination_opening, config.close_distance
+    h.scale = wp.array(travel_scale(sim, config.full_travel), dtype=float)
+    h.led = wp.zeros((sim.num_envs, 2), dtype=float)
+    return h
+
+
+def travel_scale(sim: Simulation, full_travel: float) -> np.ndarray:
+    """Return the factor of all openings, below 1 where a part travels less than `full_travel` [m], shape [world]."""
+    return np.minimum(1.0, np.array([sim.stages[i].travel for i in sim.stage_of_env]) / full_travel)
+
+
+@wp.func
+def signed_square(x: float):
+    """Return the square of x with x's sign."""
+    return wp.sign(x) * x * x
+
+
+@wp.func
+def distance(s: State, h: OpenPart, world: int):
+    """Weight of the tool being near the grasp point: 1 / (1 + d²)², twice that within task.close_distance."""
+    d = tool_distance(frames(s, h.p, world))
+    near = 1.0 / (1.0 + d * d)
+    return near * near * wp.where(d <= h.close_distance, 2.0, 1.0)
+
+
+@wp.func
+def rotation(s: State, h: OpenPart, world: int):
+    """Weight of the tool being turned as the grasp is, from -1 to 1."""
+    f = frames(s, h.p, world)
+    z, y = wp.vec3(0.0, 0.0, 1.0), wp.vec3(0.0, 1.0, 0.0)
+    forward = wp.dot(wp.transform_vector(f.tool, z), wp.transform_vector(f.grasp, z))
+    upward = wp.dot(wp.transform_vector(f.tool, y), wp.transform_vector(f.grasp, y))
+    return 0.5 * (signed_square(forward) + signed_square(upward))
+
+
+@wp.func
+def opening(s: State, h: OpenPart, world: int):
+    """Weight of how far the part is open, as the path of its grasp point [m]."""
+    return opening_of(s, h.p, world)
+
+
+@wp.func
+def finger(s: State, h: OpenPart, world: int):
+    """Weight of the fingers standing on the wrong sides of the grasp point: how far [m], below 0."""
+    f = frames(s, h.p, world)
+    point, up = wp.transform_get_translation(f.grasp), wp.transform_vector(f.grasp, wp.vec3(0.0, 1.0, 0.0))
+    return wp.min(wp.dot(f.left - point, up), 0.0) + wp.min(-wp.dot(f.right - point, up), 0.0)
+
+
+@wp.func
+def bonus(s: State, h: OpenPart, world: int):
+    """Weight of each of task.bonus_openings that is passed."""
+    passed = float(0.0)
+    for i in range(3):
+        passed += wp.where(opening_of(s, h.p, world) > h.scale[world] * h.bonus[i], 1.0, 0.0)
+    return passed
+
+
+@wp.func
+def action(s: State, h: OpenPart, world: int):
+    """Weight of the sum of the squared actions; below 0: a cost."""
+    effort = float(0.0)
+    for i in range(s.action.shape[1]):
+        effort += s.action[world, i] * s.action[world, i]
+    return effort
+
+
+@wp.func
+def grip(s: State, h: OpenPart, world: int):
+    """Weight of both fingers pressing on the grasp region, 0 or 1."""
+    return wp.where(wp.min(h.p.touch[world, 0], h.p.touch[world, 1]) >= h.p.contact_force, 1.0, 0.0)
+
+
+@wp.func
+def grasped_opening(s: State, h: OpenPart, world: int):
+    """Weight of how far both fingers led the part by the grasp region [m]; never more than it is open."""
+    return h.led[world, 1]
+
+
+@wp.func
+def closing(s: State, h: OpenPart, world: int):
+    """Weight of how far both fingers have closed [m] around the grasp point, within task.close_distance of it."""
+    f = frames(s, h.p, world)
+    point, up = wp.transform_get_translation(f.grasp), wp.transform_vector(f.grasp, wp.vec3(0.0, 1.0, 0.0))
+    between = wp.dot(f.left - point, up) > 0.0 and wp.dot(f.right - point, up) < 0.0
+    closed = float(0.0)
+    for i in range(s.arm, s.joints):
+        closed += s.upper[i] - s.joint_q[world, i]
+    return wp.where(between and tool_distance(f) <= h.close_distance, closed, 0.0)
+
+
+REWARDS = (distance, rotation, opening, finger, bonus, action, grip, grasped_opening, closing)
+
+
+@wp.kernel
+def update(s: State, h: OpenPart):
+    """Keep how far both fingers led the part, and end the episode where it is open far enough."""
+    world = wp.tid()
+    now = opening_of(s, h.p, world)
+    gained = grip(s, h, world) * wp.max(now - h.led[world, 0], 0.0)
+    h.led[world, 1] = wp.clamp(h.led[world, 1] + gained, 0.0, wp.max(now, 0.0))
+    h.led[world, 0] = now
+    s.terminated[world] = wp.where(now > h.scale[world] * h.termination, 1, 0)
+
+
+@wp.kernel
+def reset(s: State, h: OpenPart):
+    """Forget what the last episode led."""
+    world = wp.tid()
+    if s.done[world] == 1:
+        h.led[world, 0] = 0.0
+        h.led[world, 1] = 0.0
+        for i in range(h.progress.shape[1]):
+            h.progress[world, i] = 0.0

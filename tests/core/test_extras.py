@@ -1,0 +1,89 @@
+"""What works without the optional dependencies, and what is said where they are missing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+import tiny_scan
+
+from s2a import cli, extras
+from s2a.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+BLOCK = """
+import sys
+from importlib.machinery import PathFinder
+find = PathFinder.find_spec
+PathFinder.find_spec = lambda name, *rest: None if name.partition(".")[0] in {blocked!r} else find(name, *rest)
+"""
+RUN = """
+from s2a.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+EVERYTHING = sorted(name for modules in extras.MODULES.values() for name in modules)
+
+
+def s2a(blocked: list[str], *arguments: str) -> subprocess.CompletedProcess[str]:
+    code = BLOCK.format(blocked=blocked) + RUN
+    return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, cwd=ROOT)
+
+
+def test_every_module_belongs_to_the_extra_that_installs_it() -> None:
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    distributions = packages_distributions()
+    for extra, modules in extras.MODULES.items():
+        listed = "\n".join(declared[extra]).lower().replace("_", "-")
+        for module in set(modules) & set(distributions):
+            assert any(name.lower().replace("_", "-") in listed for name in distributions[module]), module
+
+
+def test_export_and_the_text_of_view_need_no_extra(tmp_path: Path) -> None:
+    scan = tiny_scan.write(tmp_path / "scan")
+    exported = s2a(EVERYTHING, "export", f"scan={scan}", f"out={tmp_path / 'usd'}")
+    assert exported.returncode == 0, exported.stderr
+    for path in (scan, tmp_path / "usd" / "geometric.usd", tmp_path / "usd" / "descriptive.usda"):
+        shown = s2a(EVERYTHING, "view", f"path={path}")
+        assert shown.returncode == 0, shown.stderr
+        assert "door" in shown.stdout
+
+
+@pytest.mark.parametrize("command", sorted(set(cli.COMMANDS) - {"export", "view"}))
+def test_a_command_without_its_extra_names_the_pip_command(command: str) -> None:
+    failed = s2a(EVERYTHING, command, "--help")
+    assert failed.returncode == 2
+    assert failed.stderr.count("\n") == 1
+    assert "is not installed; give: pip install 's2a[" in failed.stderr
+
+
+def test_an_image_without_the_simulation_extra_names_the_pip_command(tmp_path: Path) -> None:
+    scan = tiny_scan.write(tmp_path / "scan")
+    failed = s2a(EVERYTHING, "view", f"path={scan}", f"image={tmp_path / 'image.png'}")
+    assert failed.returncode == 2
+    assert "pip install 's2a[sim]'" in failed.stderr
+    assert not (tmp_path / "image.png").exists()
+
+
+def test_training_without_torch_names_the_learning_extra() -> None:
+    failed = s2a(list(extras.MODULES["learn"]), "train", "stage=a.usd", "out=b")
+    assert failed.returncode == 2
+    assert "pip install 's2a[learn]'" in failed.stderr
+
+
+def test_the_simulation_extra_alone_serves_the_scene_commands() -> None:
+    blocked = [*extras.MODULES["learn"], *extras.MODULES["llm"]]
+    imports = "".join(
+        f"import s2a.commands.{name}\n" for name in ("sample", "zoo", "insert", "prepare", "certify", "view")
+    )
+    subprocess.run([sys.executable, "-c", BLOCK.format(blocked=blocked) + imports], check=True, cwd=ROOT)
+
+
+def test_modules_that_belong_to_no_extra_stay_a_bug() -> None:
+    with pytest.raises(ModuleNotFoundError), extras.required():
+        raise ModuleNotFoundError("No module named 'typo'", name="typo")
+    with pytest.raises(InputError, match="llm"), extras.required():
+        raise ModuleNotFoundError("No module named 'openai'", name="openai")

@@ -1,0 +1,127 @@
+"""The public environment: gymnasium's rules, autoreset, seeds, training through it."""
+
+from __future__ import annotations
+
+import gc
+import os
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from cabinet import write_cabinet
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from settings import load
+
+from s2a.errors import InputError
+from s2a.rl.config import PpoConfig
+from s2a.rl.ppo import train
+from s2a.vector_env import TaskVectorEnv, make
+
+SHORT = ("task.episode_steps=6",)
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A hand-made cabinet."""
+    return write_cabinet(tmp_path_factory.mktemp("room") / "sim.usda")
+
+
+class One(gymnasium.Env[np.ndarray, np.ndarray]):
+    """World 0 of a vector environment as an environment of its own, for gymnasium's checker."""
+
+    def __init__(self, worlds: TaskVectorEnv) -> None:
+        self.worlds = worlds
+        self.observation_space, self.action_space = worlds.single_observation_space, worlds.single_action_space
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+        super().reset(seed=seed)
+        observation, info = self.worlds.reset(seed=seed)
+        return observation[0].numpy(), info
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
+        observation, reward, terminated, truncated, _ = self.worlds.step(torch.from_numpy(action)[None])
+        return observation[0].numpy(), float(reward[0]), bool(terminated[0]), bool(truncated[0]), {}
+
+
+@pytest.mark.filterwarnings("ignore:.*Box observation space.*infinity")
+@pytest.mark.filterwarnings("ignore:.*render")
+def test_gymnasiums_own_checks_pass(room: Path) -> None:
+    check_env(One(make("open_part", room, num_envs=1, device="cpu")), skip_render_check=True)
+
+
+def test_a_random_rollout_stays_in_the_spaces(room: Path) -> None:
+    env = make("open_part", room, num_envs=3, device="cpu", overrides=SHORT)
+    env.action_space.seed(0)
+    observation, info = env.reset(seed=1)
+    assert observation.shape == env.observation_space.shape == (3, 23) and info == {}
+    for _ in range(8):
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        assert env.observation_space.contains(observation.numpy())
+        assert reward.shape == terminated.shape == truncated.shape == (3,) and terminated.dtype == torch.bool
+
+
+def test_a_world_is_reset_in_the_step_that_ends_its_episode(room: Path) -> None:
+    env = make("open_part", room, num_envs=2, device="cpu", overrides=(*SHORT, "task.start_noise=0"))
+    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    first, _ = env.reset(seed=1)
+    action = torch.full((2, 9), 0.2)
+    for step in range(1, 6):
+        before, _, terminated, truncated, info = env.step(action)
+        assert truncated.tolist() == [step == 5] * 2 and not terminated.any()
+    assert torch.allclose(before, first, atol=1e-5), "the observation is the next episode's first"
+    assert info["_final_obs"].all() and (info["final_obs"] - first).abs().max() > 0.01
+    assert info["episode"]["success"].tolist() == [0.0, 0.0]
+
+
+def test_a_seed_repeats_an_episode_and_none_goes_on(room: Path) -> None:
+    env = make("open_part", room, num_envs=2, device="cpu")
+    one, again, other = env.reset(seed=7)[0], env.reset(seed=7)[0], env.reset()[0]
+    assert torch.equal(one, again) and not torch.equal(one, other)
+
+
+def test_what_is_returned_is_not_overwritten_by_the_next_step(room: Path) -> None:
+    env = make("open_part", room, num_envs=2, device="cpu")
+    observation, _ = env.reset(seed=0)
+    kept = observation.clone()
+    env.step(torch.ones(2, 9))
+    assert torch.equal(observation, kept)
+
+
+def test_rsl_rl_trains_in_it(room: Path, tmp_path: Path) -> None:
+    env = make("open_part", room, num_envs=4, device="cpu", overrides=("reward=led",))
+    small = {"num_steps_per_env": 4, "iterations": 2, "num_mini_batches": 2, "hidden_dims": [8]}
+    report = train(env.worlds, load(PpoConfig, "ppo/default", **small), tmp_path / "run")
+    assert report["env_steps"] == 2 * 4 * 4 and (tmp_path / "run/model_1.pt").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"task": "open_prat"}, "task 'open_prat' is unknown; did you mean: open_part"),
+        ({"part": "drawer_9"}, "drawer_9"),
+        ({"device": "cuda:7"}, "key 'device' is 'cuda:7'; on this machine one of: auto, cpu"),
+        ({"overrides": ("task.epsiode_steps=1",)}, "task.epsiode_steps"),
+        ({"room": Path("nowhere.usd")}, "nowhere.usd: no such file"),
+    ],
+)
+def test_wrong_arguments_are_one_line(room: Path, arguments: dict[str, Any], message: str) -> None:
+    given = {"task": "open_part", "room": room, "num_envs": 1, "device": "cpu"} | arguments
+    with pytest.raises(InputError, match=message) as error:
+        make(**given)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.slow
+def test_environments_leak_no_memory(room: Path) -> None:
+    used = []
+    for _ in range(50):
+        env = make("open_part", room, num_envs=4, device="cpu")
+        env.step(torch.zeros(4, 9))
+        del env
+        gc.collect()
+        used.append(int(Path(f"/proc/{os.getpid()}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE"))
+    assert used[-1] - used[4] < 30e6

@@ -1,0 +1,212 @@
+"""How much virtual rooms differ: sizes of what opens, handles, plans; varied homes beside the classic rooms, without scanning.
+
+    python tools/variety.py --rooms 600 --out runs/variety.png --json runs/variety.json
+
+handles  distinct by style and the three extents of their box, each rounded to a millimetre
+nearest  1 - intersection over union of two floor plans of the same kind, cells of 0.25 m by the name of what stands there, the
+         best of four turns and two reflections; for each room the nearest of all others: 0 is the same plan, 1 shares nothing
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+from s2a.synth.catalog import Entry, catalog, moves  # noqa: E402
+from s2a.synth.homes import HOMES, home  # noqa: E402
+from s2a.synth.room import Room  # noqa: E402
+from s2a.synth.rooms import ROOMS  # noqa: E402
+
+CELL = 0.25
+"""[m] Edge of a cell of a floor plan."""
+SIDE = 32
+"""Cells along each side of a plan."""
+SHELL = ("wall", "floor", "ceiling", "ceiling lamp")
+PANELS = (
+    "width [m]",
+    "height [m]",
+    "height above floor [m]",
+    "travel [m]",
+    "opening [deg]",
+    "length [mm]",
+    "stand-off [mm]",
+)
+Plan = dict[tuple[int, int], str]
+
+
+def rooms(make: Callable[[str, int], Room], kinds: list[str], count: int) -> Iterator[tuple[str, Room]]:
+    """Yield so many rooms, kind by kind in turn."""
+    for i in range(count):
+        kind = kinds[i % len(kinds)]
+        yield kind, make(kind, i // len(kinds))
+
+
+def classic(kind: str, seed: int) -> Room:
+    """Return a classic room."""
+    return ROOMS[kind](np.random.default_rng(seed).spawn(1)[0])
+
+
+def measure(found: Iterator[tuple[str, Room]]) -> dict[str, Any]:
+    """Return the figures of some rooms."""
+    values: dict[str, list[float]] = {name: [] for name in PANELS}
+    styles: Counter[str] = Counter()
+    handles: set[tuple] = set()
+    plans: dict[str, list[np.ndarray]] = defaultdict(list)
+    counts: dict[str, list[int]] = {"movables": [], "parts": [], "objects": []}
+    labels: Counter[str] = Counter()
+    for kind, room in found:
+        entries = catalog(room.pieces)
+        _fronts(entries, values, styles, handles)
+        plans[kind].append(_plan(room))
+        counts["movables"].append(sum(e.piece.joint is not None for e in entries))
+        counts["parts"].append(len(entries))
+        counts["objects"].append(sum(e.parent is None for e in entries))
+        labels.update(e.piece.name for e in entries)
+    nearest = [d for kind in plans for d in _nearest(plans[kind])]
+    return {
+        "values": values,
+        "styles": dict(styles),
+        "handles": len(handles),
+        "nearest": nearest,
+        "counts": counts,
+        "labels": dict(labels),
+    }
+
+
+def _fronts(entries: list[Entry], values: dict[str, list[float]], styles: Counter[str], handles: set[tuple]) -> None:
+    """Add what is measured of all parts that open and of all handles of a room."""
+    below = {e.parent for e in entries if e.piece.style is not None}
+    for entry in entries:
+        piece, joint = entry.piece, entry.piece.joint
+        if joint is not None:
+            values["width [m]"].append(piece.size[1])
+            values["height [m]"].append(piece.size[2])
+            values["height above floor [m]"].append(float(piece.surface.vertices[:, 2].mean()))
+            slides = joint.kind == "prismatic"
+            values["travel [m]" if slides else "opening [deg]"].append(
+                joint.limits[1] if slides else float(np.degrees(joint.limits[1]))
+            )
+            if entry.number not in below and not piece.children:
+                styles["none"] += 1
+        if piece.style is not None:
+            styles[str(piece.facts.get("family", piece.style))] += 1
+            values["length [mm]"].append(1e3 * piece.size[1:].max())
+            values["stand-off [mm]"].append(1e3 * piece.size[0])
+            handles.add((piece.style, *np.round(1e3 * piece.size).astype(int).tolist()))
+
+
+def _plan(room: Room) -> np.ndarray:
+    """Return a room's floor plan about its middle: a number for the name of what stands in each cell, shape [SIDE SIDE]."""
+    plan = np.zeros((SIDE, SIDE), np.int64)
+    middle = np.array(room.size[:2]) / 2
+    for piece in room.pieces:
+        if piece.name in SHELL or not (moves(piece) or np.ptp(piece.surface.vertices[:, :2], axis=0).max() > 0.5):
+            continue
+        points = piece.surface.vertices[:, :2] - middle
+        low, high = (
+            np.clip(np.round(p / CELL) + SIDE // 2, 0, SIDE).astype(int)
+            for p in (points.min(axis=0), points.max(axis=0))
+        )
+        plan[low[0] : max(high[0], low[0] + 1), low[1] : max(high[1], low[1] + 1)] = _number(piece.name)
+    return plan
+
+
+def _number(name: str) -> int:
+    """Return a number that stands for a name."""
+    return int.from_bytes(name.encode()[:6].ljust(6), "big") + 1
+
+
+def _nearest(plans: list[np.ndarray]) -> list[float]:
+    """Return each plan's distance to the nearest other one."""
+    turned = [[np.rot90(p, k) for p in (plan, plan[::-1]) for k in range(4)] for plan in plans]
+    distance = np.ones((len(plans), len(plans)))
+    for i, plan in enumerate(plans):
+        for j in range(i):
+            distance[i, j] = distance[j, i] = min(_apart(plan, other) for other in turned[j])
+    return distance.min(axis=1).tolist() if len(plans) > 1 else []
+
+
+def _apart(a: np.ndarray, b: np.ndarray) -> float:
+    """Return 1 - intersection over union of two plans."""
+    union = ((a > 0) | (b > 0)).sum()
+    return 1.0 - float(((a == b) & (a > 0)).sum()) / max(int(union), 1)
+
+
+def overlap(labels: dict[str, int], listing: Path) -> dict[str, Any]:
+    """Return which labels of a real scan's list of prims the virtual rooms have, and what the real scan counts."""
+    prims = json.loads(listing.read_text())
+    names = Counter(prim["label"].replace("_", " ") for prim in prims)
+    children = Counter(prim["parent_id"] for prim in prims if prim["parent_id"] is not None)
+    return {
+        "labels shared": sorted(set(names) & set(labels)),
+        "labels missing": sorted(set(names) - set(labels)),
+        "share of prims": sum(count for name, count in names.items() if name in labels) / len(prims),
+        "prims": len(prims),
+        "objects with parts": sum(prim["depth"] == 1 and children[prim["part_id"]] > 0 for prim in prims),
+    }
+
+
+def draw(figures: dict[str, dict[str, Any]], out: Path) -> None:
+    """Draw histograms of all figures, one preset over the other."""
+    fig, axes = plt.subplots(3, 3, figsize=(12, 9), layout="constrained")
+    for axis, name in zip(axes.flat, PANELS, strict=False):
+        everything = np.concatenate([f["values"][name] for f in figures.values()])
+        bins = np.linspace(0.0, np.percentile(everything, 99.5), 41)
+        for preset, f in figures.items():
+            axis.hist(f["values"][name], bins, density=True, histtype="stepfilled", alpha=0.5, label=preset)
+        axis.set_title(name)
+    axes.flat[0].legend()
+    names = sorted({s for f in figures.values() for s in f["styles"]})
+    for i, (_, f) in enumerate(figures.items()):
+        total = sum(f["styles"].values())
+        shares = [f["styles"].get(n, 0) / total for n in names]
+        axes.flat[7].barh(np.arange(len(names)) + 0.4 * i, shares, 0.4, alpha=0.7)
+    axes.flat[7].set_yticks(np.arange(len(names)), names)
+    axes.flat[7].set_title("handles by family")
+    for f in figures.values():
+        axes.flat[8].hist(f["nearest"], np.linspace(0, 1, 41), density=True, alpha=0.5)
+    axes.flat[8].set_title("distance to the nearest plan")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    fig.savefig(out, dpi=90)
+
+
+def main() -> None:
+    """Measure, print and draw."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rooms", type=int, default=600)
+    parser.add_argument("--out", type=Path, default=Path("runs/variety.png"))
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--listing", type=Path, help="a real scan's list of prims, as JSON")
+    args = parser.parse_args()
+    figures = {
+        "varied": measure(rooms(home, list(HOMES), args.rooms)),
+        "classic": measure(rooms(classic, list(ROOMS), args.rooms)),
+    }
+    for preset, f in figures.items():
+        movables = np.percentile(f["counts"]["movables"], [5, 50, 95])
+        nearest = np.percentile(f["nearest"], [0, 5, 50])
+        print(
+            f"{preset}: {f['handles']} distinct handles; nearest plan {nearest.round(2)} (least, 5 %, median); ", end=""
+        )
+        print(f"movables a room {movables} (5, 50, 95 %); {len(f['labels'])} labels")
+        for name in PANELS:
+            print(f"  {name:24s}", np.percentile(f["values"][name], [1, 25, 50, 75, 99]).round(3))
+        if args.listing:
+            print(f"  real listing: {overlap(f['labels'], args.listing)}")
+    draw(figures, args.out)
+    if args.json:
+        args.json.write_text(json.dumps(figures, default=float) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,6 +1,6 @@
 """One file for a whole room: how long it takes, how large it is, which of its parts the planner opens, what lies still.
 
-    python experiments/room_file.py STAGE ... [--steps prepare free open] [--worlds 16] [--seed 0] [--free 3] [--out FILE]
+    python experiments/room_file.py STAGE ... [--steps prepare free open] [--num-envs 16] [--seed 0] [--free 3] [--out FILE]
 
 STAGE is a geometric.usd. `prepare` writes all parts of the room into one file, once with an empty cache and once with a full one.
 `open` lets the planner open every part in that one file from noisy starts. `free` takes the first small objects that stand on
@@ -25,17 +25,17 @@ import newton
 import numpy as np
 
 from s2a import config
-from s2a.env.vec_env import OpenDrawerEnv
+from s2a.commands.evaluate import Config
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
-from s2a.planner.motion import Planner, PlannerConfig
+from s2a.planner.motion import Planner
 from s2a.prepare import ALL, PrepareConfig, prepare
 from s2a.prepare.colliders.free import free_objects
 from s2a.provenance import provenance
 from s2a.scene import Scene
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
-from s2a.tasks.open_part.config import OpenDrawerConfig
+from s2a.tasks import make_env
 from s2a.usd import geometric, sim_stage
 
 RESULTS = Path(__file__).parent / "results/room_file.json"
@@ -72,7 +72,7 @@ def _figures(
     if "open" in args.steps:
         opened = dict(row.get("open", {}))
         for part in sim_stage.read(file, visuals=False).articulations:
-            opened[part] = _open(file, part, args.worlds, args.seed)
+            opened[part] = _open(file, part, args.num_envs, args.seed)
             print(scene.name, part, json.dumps(opened[part]), flush=True)
             yield "open", opened
 
@@ -118,18 +118,19 @@ def _processor_time() -> float:
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
-def _open(file: Path, part: str, worlds: int, seed: int) -> dict[str, Any]:
+def _open(file: Path, part: str, num_envs: int, seed: int) -> dict[str, Any]:
     """Return what the planner reaches with one part of a room."""
-    values = config.compose("evaluate")
+    settings = config.load(Config, config.compose("evaluate", [f"stage={file}", f"part={part}", "out=-"]))
     try:
-        sim = Simulation(read_stage(file, part), config.load(SimConfig, values["sim"]), worlds)
-        env = OpenDrawerEnv(sim, config.load(OpenDrawerConfig, values["task"]), values["reward"], seed)
-        found = evaluate(env, Planner(env, config.load(PlannerConfig, values["policy"])))
+        sim = Simulation(read_stage(file, part), settings.sim, num_envs)
+        env = make_env(sim, settings.task, settings.metrics, {}, seed)
+        found = evaluate(env, Planner(env, settings.planner))
     except InputError as error:
         return {"error": str(error).removeprefix(f"{file}: ")}
-    counts = {name: round(found[name]["rate"] * found["episodes"]) for name in ("success", "handle_success")}
+    names = ("success", "handle_success", "grasp_success")
+    counts = {name: round(found[name]["rate"] * found["episodes"]) for name in names}
     opening = {name: round(found["opening"][name], 4) for name in ("mean", "min")}
-    return {"worlds": worlds, **counts, "opening": opening, "travel": round(sim.stage.travel, 3)}
+    return {"num_envs": num_envs, **counts, "opening": opening, "travel": round(sim.stage.travel, 3)}
 
 
 def _free(scene: Scene, file: Path, count: int) -> dict[str, Any]:
@@ -183,7 +184,7 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stages", nargs="+", type=Path)
     parser.add_argument("--steps", nargs="+", default=STEPS, choices=STEPS)
-    parser.add_argument("--worlds", type=int, default=16)
+    parser.add_argument("--num-envs", type=int, default=16)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--free", type=int, default=3)
     parser.add_argument("--work", type=Path, default=Path("runs/rooms"))

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from pxr import Usd, UsdGeom, UsdPhysics
+from pxr import Usd, UsdGeom, UsdPhysics, Vt
 
 from s2a.errors import InputError
+from s2a.geometry.convex import cut_free
+from s2a.scene import Mesh
 from s2a.usd.sim_scene import SimRoom
-from s2a.usd.stage import ROOT
+from s2a.usd.stage import ROOT, read_mesh
 
 WELDED = "frozen_"
 """Before the id of a frozen part: the prim below its carrier that takes its colliders."""
@@ -40,8 +42,9 @@ def freeze(stage: Usd.Stage, room: SimRoom, kept: Collection[str]) -> None:
     stage.SetEditTarget(stage.GetSessionLayer())
     for i in (*room.bodies, *room.free):
         prim = stage.GetPrimAtPath(f"{ROOT}/{i}")
-        if prim.HasAPI(UsdPhysics.FilteredPairsAPI):  # Newton knows no frozen bodies; `add_room` filters shapes
-            UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel().SetTargets([])
+        if prim.HasAPI(UsdPhysics.FilteredPairsAPI):  # Newton knows no frozen bodies
+            pairs = UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel()
+            pairs.SetTargets([path for path in pairs.GetTargets() if i in kept and path.name in kept])
         joint = stage.GetPrimAtPath(f"{ROOT}/joints/{i}")
         carrier = next((c for c in room.carriers(i) if c in kept), None) if i in room.articulations else None
         if i in kept:
@@ -57,6 +60,22 @@ def freeze(stage: Usd.Stage, room: SimRoom, kept: Collection[str]) -> None:
             welded = UsdGeom.Xform.Define(stage, f"{ROOT}/{carrier}/{WELDED}{i}").GetPrim()
             welded.GetReferences().AddInternalReference(f"{ROOT}/{i}/colliders")
             prim.SetActive(False)
+
+
+def cut_colliders(prims: Sequence[Usd.Prim], obstacles: Sequence[Mesh]) -> None:
+    """Cut colliders free of obstacles in the edit target of their stage; deactivate those of which nothing is left."""
+    for prim in prims:
+        whole = read_mesh(prim)
+        left: Mesh | None = whole
+        for obstacle in obstacles:
+            left = None if left is None else cut_free(left, obstacle)
+        if left is None:
+            prim.SetActive(False)
+        elif left is not whole:
+            mesh = UsdGeom.Mesh(prim)
+            mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(left.vertices))
+            mesh.GetFaceVertexCountsAttr().Set(Vt.IntArray(len(left.faces), 3))
+            mesh.GetFaceVertexIndicesAttr().Set(Vt.IntArray.FromNumpy(left.faces.ravel()))
 
 
 def owner(label: str) -> str:

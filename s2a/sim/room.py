@@ -13,8 +13,10 @@ from scipy.spatial.transform import Rotation
 from s2a import robot
 from s2a.articulation import displace, open_limit
 from s2a.geometry.convex import column
+from s2a.geometry.mesh_ops import merge
+from s2a.geometry.sweep import sweep
 from s2a.scene import Mesh
-from s2a.sim.freezing import WELDED, freeze, kept_bodies, owner
+from s2a.sim.freezing import WELDED, cut_colliders, freeze, kept_bodies
 from s2a.sim.nearby import Workspace, drop_far, static_colliders
 from s2a.usd.sim_scene import SimRoom
 from s2a.usd.sim_stage import open_physics
@@ -24,8 +26,8 @@ PEDESTAL = f"{ROOT}/static/colliders/pedestal_00"
 """Label of the column under a robot that does not stand on the floor."""
 GAP = 0.002
 """[m] Between a pedestal and the robot's base."""
-OVERLAPPING = -2
-"""Collision group of what must not collide with each other, but with all else."""
+CLEARANCE = 0.003
+"""[m] Between the path of an active part and what is frozen: a physics step at 1 m/s is 4 mm."""
 STOPS = 9
 """Coordinates of a joint at which the path of its part is taken."""
 APPROACH = 0.2
@@ -60,12 +62,11 @@ def add_room(
         for path in still:
             if prim := stage.GetPrimAtPath(path):
                 prim.SetActive(False)
+    _clear_paths(stage, room, active, kept)
     if space is not None:
         welded = [f"{ROOT}/{carrier}/{WELDED}{i}" for carrier in kept for i in room.bodies]
         drop_far(stage, static_colliders(stage, [*still, *welded]), space, stage.GetRootLayer().realPath)
-    first = builder.shape_count
     builder.add_usd(stage, load_visual_shapes=False, **options)
-    _filter(builder, room, active, first)
 
 
 def workspace(room: SimRoom, active: Sequence[str], base: np.ndarray, robot_name: str) -> Workspace:
@@ -102,17 +103,19 @@ def add_pedestal(builder: newton.ModelBuilder, mesh: Mesh, *, collides: bool = T
     builder.add_shape_convex_hull(-1, mesh=hull, cfg=shape, label=PEDESTAL)
 
 
-def _filter(builder: newton.ModelBuilder, room: SimRoom, active: Sequence[str], first: int) -> None:
-    """Switch off contacts between active parts and the bodies that they overlap on their paths, from a shape index on.
+def _clear_paths(stage: Usd.Stage, room: SimRoom, active: Sequence[str], kept: Sequence[str]) -> None:
+    """Cut static hulls of frozen bodies free of the paths of the active parts that overlap them, in the session layer.
 
-    By a collision group: the file's pairs are of bodies, which frozen ones are no longer, and filtered pairs with static shapes
-    are dropped in silence where Newton 1.8 cannot express all of a world's pairs as MuJoCo's masks.
+    A filter would not do: Newton 1.8 drops filtered pairs with static shapes in silence where not all pairs of a world fit into
+    MuJoCo's masks.
     """
-    parts = [part for part in active if part in room.articulations and room.articulations[part].filtered]
-    overlapping = {*parts, *(other for part in parts for other in room.articulations[part].filtered)}
-    for shape in range(first, builder.shape_count):
-        if owner(builder.shape_label[shape]) in overlapping:
-            builder.shape_collision_group[shape] = OVERLAPPING
+    for part in active:
+        found = room.articulations.get(part)
+        others = [i for i in found.filtered if i not in kept] if found else []
+        prims = static_colliders(stage, [f"{ROOT}/{i}" for i in others])
+        if found and prims:
+            surface = merge([collider.mesh for collider in room.bodies[part].colliders])
+            cut_colliders(prims, sweep(surface, found.joint, CLEARANCE))
 
 
 __all__ = ["PEDESTAL", "add_pedestal", "add_room", "open_physics", "pedestal", "workspace"]

@@ -14,9 +14,10 @@ from cabinet import HANDLE, box, free_cube, write_cabinet
 from nested_room import INNER, LONE, nested_room, quick
 from settings import load
 
-from s2a import robot
 from s2a.errors import InputError
+from s2a.geometry.sweep import deepest
 from s2a.prepare import prepare
+from s2a.scene import Mesh
 from s2a.sim import nearby
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import JointConfig, build_world, read_stage
@@ -103,27 +104,29 @@ def test_nothing_of_the_file_is_lost_where_newton_reads_it_by_itself(path: Path)
     assert np.abs(state.joint_q.numpy()).max() < 1e-3
 
 
-def collide(solver: newton.solvers.SolverMuJoCo, builder: newton.ModelBuilder, one: str, other: str) -> bool:
-    """Return whether MuJoCo looks for contacts between any colliders whose labels have these names."""
-    model, shapes = solver.mj_model, solver.mjc_geom_to_newton_shape.numpy()[0]
-    bodies = [*builder.body_label, ""]  # -1 is the world
-    labels = [f"{bodies[builder.shape_body[s]]} {builder.shape_label[s]}" for s in shapes]
-    geoms = [[g for g, label in enumerate(labels) if name in label] for name in (one, other)]
-    assert all(geoms)
-    types, masks = model.geom_contype, model.geom_conaffinity
-    return any(types[a] & masks[b] or types[b] & masks[a] for a in geoms[0] for b in geoms[1])
+def hulls_of(builder: newton.ModelBuilder, body: str) -> list[Mesh]:
+    """Return the colliders that a body of the file has in a world."""
+    found = [i for i, label in enumerate(builder.shape_label) if label.startswith(f"/scene/{body}/colliders/")]
+    return [Mesh(builder.shape_source[i].vertices, builder.shape_source[i].indices.reshape(-1, 3)) for i in found]
 
 
-def test_parts_that_overlap_on_the_path_do_not_collide(path: Path) -> None:
-    stage = read_stage(path, "drawer_7")
-    part = replace(stage.room.articulations["drawer_7"], filtered=(LONE,))
-    room = replace(stage.room, articulations={**stage.room.articulations, "drawer_7": part})
-    for of, filtered in ((stage.room, False), (room, True)):
-        builder = build_world(replace(stage, room=of), FREE, 1 / 240, robot=robot.load("panda"))
-        solver = newton.solvers.SolverMuJoCo(builder.finalize())
-        assert collide(solver, builder, "/drawer_7/", f"/{LONE}/") != filtered
-        assert collide(solver, builder, "/drawer_7/", "/static/")
-        assert collide(solver, builder, "finger", "/drawer_7/") and collide(solver, builder, "finger", f"/{LONE}/")
+def test_what_is_frozen_in_the_path_of_a_part_is_cut_in_its_worlds_alone(tmp_path: Path) -> None:
+    scene = nested_room()
+    near = scene.parts["drawer_7"].mesh.bounds.mean(axis=0) + [0.35, 0.3, 0.0]
+    moved = {
+        i: replace(scene.parts[i], mesh=Mesh(scene.parts[i].mesh.vertices - shift, scene.parts[i].mesh.faces))
+        for shift in [scene.parts[LONE].mesh.bounds.mean(axis=0) - near]
+        for i in (LONE, "handle_41")
+    }
+    room = prepare(replace(scene, parts={**scene.parts, **moved}), ["drawer_7", LONE], quick())
+    assert LONE in room.articulations["drawer_7"].filtered
+    sim_stage.write(room, tmp_path / "room.usd")
+    own = [collider.mesh for collider in room.bodies["drawer_7"].colliders]
+    slide = room.articulations["drawer_7"].joint
+    frozen, active = (hulls_of(world(tmp_path / "room.usd", part), LONE) for part in ("drawer_7", LONE))
+    whole = [collider.mesh for collider in room.bodies[LONE].colliders]
+    assert deepest(own, whole, slide) > 0.005 > 5e-4 > deepest(own, frozen, slide)
+    assert len(active) == len(whole)
 
 
 def crowded(tmp_path: Path, count: int, apart: float) -> Path:

@@ -145,7 +145,7 @@ def closing(s: State, h: OpenPart, world: int):
 
 @wp.func
 def joint_speed(s: State, h: OpenPart, world: int):
-    """weight of the sum of the squared speeds of the arm's joints [rad^2/s^2]; below 0: a cost."""
+    """Weight of the sum of the squared speeds of the arm's joints [rad^2/s^2]; below 0: a cost."""
     squares = float(0.0)
     for i in range(s.arm):
         squares += s.joint_qd[world, i] * s.joint_qd[world, i]
@@ -154,7 +154,7 @@ def joint_speed(s: State, h: OpenPart, world: int):
 
 @wp.func
 def torque(s: State, h: OpenPart, world: int):
-    """weight of the sum of the squared torques of the arm's drives [N^2 m^2]; below 0: a cost."""
+    """Weight of the sum of the squared torques of the arm's drives [N^2 m^2]; below 0: a cost."""
     squares = float(0.0)
     for i in range(s.arm):
         squares += s.torque[world, i] * s.torque[world, i]
@@ -163,7 +163,7 @@ def torque(s: State, h: OpenPart, world: int):
 
 @wp.func
 def contact_force(s: State, h: OpenPart, world: int):
-    """weight of how far the robot's largest contact force of the step exceeds task.gentle_force [N]; below 0: a cost."""
+    """Weight of how far the robot's largest contact force of the step exceeds task.gentle_force [N]; below 0: a cost."""
     return wp.max(h.p.contacts.peak[world] - h.gentle_force, 0.0)
 
 

@@ -69,13 +69,13 @@ def certify(path: Path, config: CertifyConfig, part: str | None = None, robot: s
     seconds, found = time.perf_counter() - start, []
     for one in [held.part] if part else contents.parts(held) or [""]:
         begun = time.perf_counter()
-        checks, graspable = _part(path, contents.about(held, one), [*room, *foundation_checks], config, robot)
+        checks, graspable = _part(path, contents.about(held, one), room, config, robot)
         found.append(
             Certificate(
                 stage=str(path),
                 sha256=fingerprint(path),
                 target=one,
-                checks=tuple(checks),
+                checks=(*foundation_checks, *checks),
                 graspable=graspable,
                 settings=dataclasses.asdict(config),
                 seconds=round(seconds + time.perf_counter() - begun, 2),

@@ -25,7 +25,7 @@ from s2a.rl.run_world import write_world
 from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import read_stage
-from s2a.tasks import MdpSettings, MetricSettings, RewardWeights, make_env
+from s2a.tasks import MdpSettings, MetricSettings, RewardWeights, make_env, task
 
 METRICS = "metrics.json"
 
@@ -85,7 +85,7 @@ def run(config: Config) -> str:
     sim = Simulation(stage, config.sim, config.num_envs, device)
     demo = None
     if config.demo_reset_fraction > 0.0:
-        demo = ([grasping_motion(sim, config.planner)], config.demo_reset_fraction)
+        demo = ([grasping_motion(sim, config.planner, task(config.task.name).tool_path)], config.demo_reset_fraction)
     env = make_env(sim, config.task, config.metrics, config.reward, seed, demo=demo)
     if lead:
         config.out.mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,9 @@ import warp as wp
 from s2a.env.state import State
 from s2a.errors import InputError
 from s2a.ranges import AtLeast, NotNegative, Positive
+from s2a.robot.tool_path import PathSettings, ToolPath
 from s2a.sim.simulation import Simulation
+from s2a.sim.world import SimStage
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,11 @@ class Task:
     handles: Any
     thresholds: Mapping[str, float]
     error_fraction: float = 0.001
+
+    @staticmethod
+    def tool_path(stage: SimStage, motion: PathSettings) -> ToolPath:
+        """Return the path of the tool frame that does the task in a stage: what the planner follows."""
+        raise NotImplementedError
 
     def __init__(self, sim: Simulation, config: Any, metrics: Any) -> None:
         """Bind the task to worlds."""

@@ -15,14 +15,19 @@ TRIED = 16
 """Number of joint paths that are checked."""
 
 
-def most_clear(sim: Simulation, paths: np.ndarray) -> int:
+def most_clear(sim: Simulation, paths: np.ndarray, start: float = 0.0) -> int:
     """Return the index of the first joint path [path pose arm] that collides with nothing, else of the one that does least.
 
     The arm turns all joints evenly from home to a path's first pose, where nothing may touch; from there on the fingers and
     the part move together.
+
+    Args:
+        sim: the world.
+        paths: the joint paths.
+        start: coordinate of the part when it is grasped [m or rad].
     """
     shape, base = robot_shape(sim.robot), matrices(sim.stage.base[None])[0]
-    static, all_hulls = _hulls(sim, moving=False), _hulls(sim, moving=True)
+    static, all_hulls = _hulls(sim, start, moving=False), _hulls(sim, start, moving=True)
     home = np.array(sim.robot.home)
     best = (np.inf, 0)
     for k, path in enumerate(paths[:TRIED]):
@@ -45,10 +50,11 @@ def _penetration(shape: RobotShape, base: np.ndarray, hulls: Surfaces, q: np.nda
     return hulls.penetration(centers.reshape(-1, 3), np.tile(shape.radii[chosen], len(q)))[0]
 
 
-def _hulls(sim: Simulation, *, moving: bool) -> Surfaces:
-    """Return the collision hulls around the robot as scanned; those of what can move only where asked for."""
+def _hulls(sim: Simulation, start: float, *, moving: bool) -> Surfaces:
+    """Return the collision hulls around the robot, the part at `start`; those of what can move only where asked for."""
     model = sim.solver.mj_model
     data = mujoco.MjData(model)
+    data.qpos[sim.layout.part_coord] = start
     mujoco.mj_kinematics(model, data)
     shape_body = np.append(sim.world.shape_body, -1)
     own = {

@@ -1,10 +1,11 @@
-"""Opening a part by plan: a tool path, a joint path that follows it, and a trajectory within the robot's limits.
+"""Doing a task by plan: its tool path, a joint path that follows it, and a trajectory within the robot's limits.
 
 The grip is friction alone; nothing is attached.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +18,12 @@ from s2a.planner.trajectory import Trajectory, closing, eased, reach_steps, time
 from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import Kinematics, kinematics
-from s2a.robot.tool_path import ToolPath, matrices, opening_coordinate, opening_path
+from s2a.robot.tool_path import PathSettings, ToolPath, matrices
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
+
+Skill = Callable[[SimStage, PathSettings], ToolPath]
+"""A task's tool path in a stage: `Task.tool_path`."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ class Planner:
     def __init__(self, env: VecEnv, config: PlannerConfig) -> None:
         """Plan for an environment's stage; InputError if the arm cannot reach along the whole path."""
         sim = env.sim
-        self._env, self.trajectory = env, plan(sim, config)
+        self._env, self.trajectory = env, plan(sim, config, env.task.tool_path)
         self.grasp_steps = self.trajectory.reach_steps + self.trajectory.closed
         self._targets = torch.tensor(self.trajectory.targets, dtype=torch.float32, device=sim.device)
         self._start = sim.joint_target_q[:, : self._targets.shape[1]].clone()
@@ -78,31 +82,26 @@ class Planner:
         return (torch.where((step < reach)[:, None], reaching, following) - now) / self._env.action_step
 
 
-def grasping_motion(sim: Simulation, config: PlannerConfig) -> np.ndarray:
+def grasping_motion(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> np.ndarray:
     """Return joint targets [step joint] that bring the open gripper straight to the grasp and close it.
 
     Raises:
         InputError: the arm cannot reach along the whole path.
     """
-    trajectory = plan(sim, config)
+    trajectory = plan(sim, config, tool_path)
     return trajectory.targets[: trajectory.closed]
 
 
-def plan(sim: Simulation, config: PlannerConfig) -> Trajectory:
-    """Return the trajectory that opens a stage's part; InputError: out of reach."""
-    path = _tool_path(sim.stage, config)
+def plan(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Trajectory:
+    """Return the trajectory that does a task in a simulation's stage; InputError: out of reach."""
+    path = tool_path(sim.stage, config)
     paths = joint_paths(kinematics(sim.robot), sim.stage, path, config)
-    return _trajectory(sim, path, paths[most_clear(sim, paths)], config)
+    return _trajectory(sim, path, paths[most_clear(sim, paths, float(path.q[0]))], config)
 
 
 def _rate(sim: Simulation) -> float:
     """Return the control steps a second."""
     return 1.0 / (sim.config.dt * sim.config.substeps)
-
-
-def _tool_path(stage: SimStage, config: PlannerConfig) -> ToolPath:
-    opening = opening_coordinate(stage.joint, stage.grasp[:3], config.opening)
-    return opening_path(stage.joint, stage.grasp, config.approach, opening, config.depth)
 
 
 def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, config: PlannerConfig) -> np.ndarray:

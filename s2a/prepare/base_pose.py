@@ -18,7 +18,7 @@ from s2a.ranges import Count, Numbers, Positive
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import opening_coordinate, opening_path
+from s2a.robot.tool_path import opening_coordinate, part_path
 from s2a.scene import Mesh, Scene, Vec3
 from s2a.usd.sim_scene import Grasp, Quat
 
@@ -142,7 +142,7 @@ class _Search:
         joint, self._point = scene.joint(target), np.array(grasp.point)
         opening = opening_coordinate(joint, self._point, config.opening)
         held = np.array([*grasp.point, *grasp.orientation])
-        self._poses = opening_path(joint, held, config.approach, opening).poses
+        self._poses = part_path(joint, held, config.approach, opening).poses
         self._near = Obstacles(scene, moving, self._point, config.query_radius)
         self._ahead, self._floor = heading(scene, target), floor_points(scene)
         self._swept, self._config, self._robot, self._shape = swept, config, robot, robot_shape(robot)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.articulation import displace, lever_arm, open_limit, pose_at
+from s2a.articulation import displace, lever_arm, open_limit, pose_at, transform
 from s2a.scene import Joint
 
 STEP = 0.015
@@ -38,26 +39,47 @@ def opening_coordinate(joint: Joint, point: np.ndarray, opening: float) -> float
     return math.copysign(min(opening / lever, 0.95 * abs(end)), end) if lever > 1e-6 else 0.0
 
 
-def opening_path(joint: Joint, grasp: np.ndarray, approach: float, opening: float, depth: float = 0.0) -> ToolPath:
+class PathSettings(Protocol):
+    """What a tool path takes of a planner's settings; see `PlannerConfig`."""
+
+    @property
+    def approach(self) -> float:
+        """Where the straight path begins, before the grasp [m]."""
+
+    @property
+    def opening(self) -> float:
+        """Path of the grasp point [m]."""
+
+    @property
+    def depth(self) -> float:
+        """How far the tool frame goes past the grasp [m]."""
+
+
+def part_path(
+    joint: Joint, grasp: np.ndarray, approach: float, end: float, depth: float = 0.0, start: float = 0.0
+) -> ToolPath:
     """Return the path to a grasp and from there with the part.
 
     Args:
         joint: of the part.
         grasp: pose of the grasp frame, the part at zero: 7-vector (position, quaternion xyzw), z forward; scene frame.
         approach: where the straight path begins, before the grasp [m].
-        opening: coordinate to which the part is opened [m] or [rad], with its sign.
+        end: coordinate to which the part is moved [m] or [rad], with its sign.
         depth: how far the tool frame goes past the grasp [m].
+        start: coordinate at which it is grasped.
     """
     forward = Rotation.from_quat(grasp[3:]).as_matrix()[:, 2]
     held = np.concatenate([grasp[:3] + depth * forward, grasp[3:]])
     back = np.linspace(approach, 0.0, max(2, round(approach / STEP) + 1))
-    length = float(np.linalg.norm(displace(held[None, :3], joint, opening)[0] - held[:3]))
-    turn = 0.0 if joint.kind == "prismatic" else abs(opening)
+    ends = [displace(held[None, :3], joint, q)[0] for q in (start, end)]
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    turn = 0.0 if joint.kind == "prismatic" else abs(end - start)
     count = max(2, round(length / STEP) + 1, math.ceil(turn / TURN) + 1)
-    q = np.concatenate([np.zeros(len(back)), np.linspace(0.0, opening, count)[1:]])
+    q = np.concatenate([np.full(len(back), start), np.linspace(start, end, count)[1:]])
     vectors = [pose_at(joint, held, value) for value in q]
+    ahead = transform(joint, start)[:3, :3] @ forward
     for vector, distance in zip(vectors, back, strict=False):
-        vector[:3] -= distance * forward
+        vector[:3] -= distance * ahead
     return ToolPath(matrices(np.array(vectors)), q, len(back) - 1)
 
 

@@ -7,13 +7,14 @@ horizontal bar), moving with the part. The opening is the path of the grasp poin
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from s2a.articulation import opening_sign
 from s2a.env.state import State
-from s2a.env.task import MdpConfig
+from s2a.env.task import MdpConfig, Task
 from s2a.ranges import NotNegative, Positive
 from s2a.sim.contacts import ContactSensor, PartContacts
 from s2a.sim.simulation import Simulation
@@ -111,6 +112,11 @@ class Frames:
     grasp: wp.transform
     left: wp.vec3
     right: wp.vec3
+
+
+def observations(sim: Simulation) -> int:
+    """Return the length of what `observe` writes."""
+    return 2 * sim.layout.robot_joints + 5
 
 
 def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles:
@@ -232,3 +238,29 @@ def observe(s: State, h: PartHandles):
         s.observation[world, 2 * s.joints + i] = wp.clamp(seen[i], -limit, limit)
     s.observation[world, 2 * s.joints + 3] = wp.clamp(s.joint_q[world, b.coord], -limit, limit)
     s.observation[world, 2 * s.joints + 4] = wp.clamp(s.joint_qd[world, b.dof], -limit, limit)
+
+
+class PartTask(Task):
+    """A task with an articulated part: the shared observation, and the kernels `reset`, `update`, `write_result` of KERNELS."""
+
+    KERNELS: Any
+
+    def launch(self, kernel: wp.Kernel, state: State) -> None:
+        """Launch a kernel of (state, handles) in all worlds."""
+        wp.launch(kernel, dim=len(state.done), inputs=[state, self.handles])
+
+    def reset(self, state: State) -> None:
+        """Start a new episode where one ended."""
+        self.launch(self.KERNELS.reset, state)
+
+    def update(self, state: State) -> None:
+        """Keep what reward terms and results read."""
+        self.launch(self.KERNELS.update, state)
+
+    def observe(self, state: State) -> None:
+        """Write the observations."""
+        wp.launch(observe, dim=len(state.done), inputs=[state, self.handles.p])
+
+    def result(self, state: State) -> None:
+        """Write how finished episodes went."""
+        self.launch(self.KERNELS.write_result, state)

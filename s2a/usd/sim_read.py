@@ -32,7 +32,7 @@ def read(path: Path, *, visuals: bool = True) -> SimRoom:
 
     Args:
         path: the file.
-        visuals: whether the surfaces are read too; without them they are empty, and nothing but physics is loaded.
+        visuals: Read the surfaces too; without them they are empty, and nothing but physics is loaded.
 
     Raises:
         InputError: no such file, another kind of stage, or a damaged one.

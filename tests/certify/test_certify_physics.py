@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from seeded_defects import JOINT, STATIC_DEFECTS, TARGET, attribute, edit, nan_point, reshape
 from settings import load
 
+from s2a import robot
 from s2a.certify import contents, finger_gap, physics_grip, physics_motion
 from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.certify.physics import World
@@ -23,6 +24,7 @@ from s2a.usd.joints import frame
 from s2a.usd.stage import new_stage, save
 
 ROOM = "/scene/static/colliders/room_3_01"
+PANDA = robot.load("panda")
 CONFIG: CertifyConfig = load(CertifyConfig, "certify/default")
 QUICK = replace(CONFIG, motion=replace(CONFIG.motion, settle_time=0.2, open_time=0.2))
 
@@ -167,9 +169,9 @@ def test_a_pull_beyond_friction_slips(stage: Path) -> None:
 
 
 def test_colliders_that_fill_what_the_scan_leaves_free_are_named(stage: Path) -> None:
-    assert finger_gap.gap(stage, contents.read(stage)).filled == 0.0
+    assert finger_gap.gap(stage, contents.read(stage), PANDA.gripper).filled == 0.0
     edit(stage, swallowed_gap)
-    room = finger_gap.gap(stage, contents.read(stage))
+    room = finger_gap.gap(stage, contents.read(stage), PANDA.gripper)
     assert room.graspable(CONFIG.gap) and room.filled > 0.5
     attempt = physics_grip.grip(World(stage, CONFIG.physics), CONFIG.grip)
     assert not attempt.holds and attempt.prim == f"{TARGET}/colliders/hull_00"

@@ -78,7 +78,6 @@ NOT_YET = (
     "commands/evaluate.py",
     "commands/prepare.py",
     "commands/train.py",
-    "commands/trained.py",
     "env",
     "evaluate.py",
     "geometry/handles",

@@ -15,11 +15,12 @@ from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
 from s2a.planner.collision import most_clear
-from s2a.planner.motion import Planner, PlannerConfig, _tool_path, joint_paths
+from s2a.planner.motion import Planner, PlannerConfig, joint_paths
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
+from s2a.tasks.open_part.skill import tool_path
 
 
 def planner_env(stage_path: Path, base: tuple[float, float, float] | None = None) -> VecEnv:
@@ -42,7 +43,7 @@ def test_the_arm_takes_a_path_on_which_nothing_is_in_its_way(tmp_path: Path) -> 
     config, settings = load(SimConfig, "sim/planner"), load(PlannerConfig, "planner/default")
     plain = Simulation(read_stage(write_cabinet(tmp_path / "plain.usda")), config, 1)
     kin = kinematics(plain.robot)
-    paths = joint_paths(kin, plain.stage, _tool_path(plain.stage, settings), settings)
+    paths = joint_paths(kin, plain.stage, tool_path(plain.stage, settings), settings)
     first = paths[most_clear(plain, paths)]
     halfway = (np.array(plain.robot.home) + first[0]) / 2
     place = matrices(plain.stage.base[None])[0] @ kin.tool(halfway[None])[0]

@@ -16,7 +16,7 @@ from settings import load
 
 from s2a import robot
 from s2a.geometry.sweep import sweep
-from s2a.planner.motion import PlannerConfig, _tool_path, joint_paths
+from s2a.planner.motion import PlannerConfig, joint_paths
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.base_pose import BaseConfig, BasePose, find_base
 from s2a.prepare.grasp import find_grasp
@@ -25,10 +25,11 @@ from s2a.prepare.path_clearance import deepest_collision
 from s2a.robot.collision import robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
-from s2a.robot.tool_path import opening_coordinate, opening_path
+from s2a.robot.tool_path import opening_coordinate, part_path
 from s2a.scene import Joint, Mesh, Part, Scene
 from s2a.sim.room import PEDESTAL, pedestal
 from s2a.sim.world import JointConfig, build_world, read_stage
+from s2a.tasks.open_part.skill import tool_path
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import SimRoom
 
@@ -51,7 +52,7 @@ def poses_of(scene: Scene, target: str) -> np.ndarray:
     grasp, joint = find_grasp(scene, target), scene.joint(target)
     opening = opening_coordinate(joint, np.array(grasp.point), config().opening)
     held = np.array([*grasp.point, *grasp.orientation])
-    return opening_path(joint, held, config().approach, opening).poses
+    return part_path(joint, held, config().approach, opening).poses
 
 
 def with_block(low: tuple[float, ...], high: tuple[float, ...], scene: Scene | None = None) -> Scene:
@@ -179,13 +180,14 @@ def test_the_planner_finds_the_joint_paths_that_the_base_search_found(high_up: S
     sim_stage.write(high_up, tmp_path / "sim.usd")
     (articulation,) = high_up.articulations.values()
     assert base_of(high_up).free
-    settings, stage = load(PlannerConfig, "policy/planner"), read_stage(tmp_path / "sim.usd")
-    path = _tool_path(stage, settings)
-    searched = opening_path(
-        high_up.joint,
-        np.array([*high_up.grasp.point, *high_up.grasp.orientation]),
+    settings, stage = load(PlannerConfig, "planner/default"), read_stage(tmp_path / "sim.usd")
+    (articulation,) = high_up.articulations.values()
+    path = tool_path(stage, settings)
+    searched = part_path(
+        articulation.joint,
+        np.array([*articulation.grasp.point, *articulation.grasp.orientation]),
         config().approach,
-        opening_coordinate(high_up.joint, np.array(high_up.grasp.point), config().opening),
+        opening_coordinate(articulation.joint, np.array(articulation.grasp.point), config().opening),
     )
     assert path.poses == pytest.approx(searched.poses, abs=1e-6)
     assert len(joint_paths(kinematics(PANDA), stage, path, settings))

@@ -14,7 +14,7 @@ from s2a import robot
 from s2a.robot.joint_path import JUMP, follow, straight
 from s2a.robot.kinematics import kinematics
 from s2a.robot.model import add_robot
-from s2a.robot.tool_path import opening_coordinate, opening_path
+from s2a.robot.tool_path import opening_coordinate, part_path
 from s2a.scene import Joint
 
 SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))
@@ -65,13 +65,13 @@ def test_inverse_kinematics_find_what_kinematics_made(name: str) -> None:
 
 
 def test_the_tool_path_turns_with_a_door_and_is_straight_with_a_drawer() -> None:
-    drawer = opening_path(SLIDE, GRASP, 0.1, 0.3)
+    drawer = part_path(SLIDE, GRASP, 0.1, 0.3)
     assert drawer.poses[0, :3, 3] - drawer.poses[-1, :3, 3] == pytest.approx(
         [-0.2, 0, 0], abs=1e-9
     )  # 0.1 m before, 0.3 m out
     assert drawer.poses[drawer.grasp, :3, 3] == pytest.approx(GRASP[:3])
     assert drawer.poses[:, :3, :3] == pytest.approx(np.broadcast_to(drawer.poses[0, :3, :3], (len(drawer.q), 3, 3)))
-    door = opening_path(HINGE, GRASP, 0.1, -math.pi / 2)
+    door = part_path(HINGE, GRASP, 0.1, -math.pi / 2)
     turn = Rotation.from_matrix(door.poses[-1, :3, :3] @ door.poses[0, :3, :3].T).as_rotvec()
     assert turn == pytest.approx([0, 0, -math.pi / 2], abs=1e-9)
     assert door.poses[-1, :3, 3] == pytest.approx([0.4, -0.4, 0.5])
@@ -89,7 +89,7 @@ def test_joint_paths_follow_the_tool_path_on_one_branch(name: str, joint: Joint,
     kin = kinematics(robot.load(name))
     base = np.diag([-1.0, -1.0, 1.0, 1.0])
     base[0, 3] = kin.spec.base.distances[0]
-    path = opening_path(joint, GRASP, 0.1, opening)
+    path = part_path(joint, GRASP, 0.1, opening)
     away = base.copy()
     away[0, 3] += 2.0
     found, none = follow(kin, path.poses, np.stack([base, away]), 16)

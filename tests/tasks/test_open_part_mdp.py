@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+import warp as wp
 from cabinet import write_cabinet
 from part_worlds import (
     RADIUS,
@@ -112,6 +113,9 @@ def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, 
     contacts(env)["on_region"].copy_(pressed)
     body_q, opening = sim.body_q.double().clone(), sim.joint_q[:, 9].double() * lever
     action = torch.randn(WORLDS, 9, generator=generator)
+    speed = torch.randn(WORLDS, 7, generator=generator)
+    sim.joint_qd[:, :7] = speed
+    wp.to_torch(env.state.torque)[:, :7] = 9.0 * torch.randn(WORLDS, 7, generator=generator)
     env.step(action)
 
     hand, hand_axes = frames(body_q[:, sim.body("panda_hand")], TOOL, Rotation.identity())
@@ -134,6 +138,9 @@ def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, 
         "grip": grip,
         "grasped_opening": grip * opening,
         "closing": torch.zeros(WORLDS).double(),
+        "joint_speed": speed.square().sum(dim=1).double(),
+        "torque": wp.to_torch(env.state.torque)[:, :7].double().square().sum(dim=1),
+        "contact_force": torch.zeros(WORLDS).double(),
     }
     assert set(expected) == {each.key for each in env.task.REWARDS} and 0.2 < grip.mean() < 0.8
     for name, values in expected.items():
@@ -183,7 +190,7 @@ def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(stage:
         return torch.stack(seen)
 
     first = run(0)
-    assert first.shape == (20, 2, 23 + 2 + 9)
+    assert first.shape == (20, 2, 23 + 2 + 12)
     assert first[:, :, 24].sum() == 2.0
     assert torch.equal(first, run(0))
     assert not torch.equal(first[0, 1], run(1)[0, 1])  # world 1 began where its seed says
@@ -277,3 +284,10 @@ def test_a_part_that_something_else_of_the_robot_moves_is_not_grasped(stage: Sim
             contacts(env)["pull"][world, i] = wrench((pull, 0.0, 0.0), stage.grasp[:3])
     assert grasped(env) == [1, 1, 0, 1, 1]
     assert grasped(env, sense=-1.0) == [1, 1, 1, 1, 0], "while it closes, what pushes it shut counts"
+
+
+def test_contact_forces_cost_what_is_above_a_gentle_one(stage: SimStage) -> None:
+    env = hold_still(make_env(stage))
+    env.task.sensor.update = lambda: wp.to_torch(env.task.sensor.found.peak).copy_(torch.tensor([59.0, 100.0]))
+    env.step(torch.zeros(2, 9))
+    assert term(env, "contact_force").tolist() == [0.0, 40.0]

@@ -198,7 +198,8 @@ def test_an_overflow_is_counted_in_the_episodes_that_it_concerns(
         env.step(torch.zeros(2, 9))
     assert counts(env)[expected[0]] == expected[1], "the next episodes, at the start position, have none"
     warn_of_errors(known, env)
-    assert [key in message for message in caplog.messages] == [True]
+    warned = [message for message in caplog.messages if "episodes" in message]
+    assert [key in message for message in warned] == [True]
     caplog.clear()
     warn_of_errors({**known, "episodes": 1e6}, env)
     assert caplog.messages == []

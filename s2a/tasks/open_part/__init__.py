@@ -5,25 +5,25 @@ from __future__ import annotations
 import warp as wp
 
 from s2a.env.state import State
-from s2a.env.task import Task
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.tasks import part
-from s2a.tasks.open_part import mdp, metrics
+from s2a.tasks.open_part import mdp, metrics, skill
 from s2a.tasks.open_part.config import OpenPartConfig, OpenPartMetrics
 
 
-class OpenPartTask(Task):
+class OpenPartTask(part.PartTask):
     """Open the part of every world; observations are the reference's (`s2a.tasks.part.observe`)."""
 
     Config, Metrics = OpenPartConfig, OpenPartMetrics
-    Handles, PERSISTENT = mdp.OpenPart, ("led", "progress")
+    KERNELS, Handles, PERSISTENT = mdp, mdp.OpenPart, ("led", "progress")
     REWARDS, METRICS, VALUES, METRICS_VERSION = (
         mdp.REWARDS,
         metrics.METRICS,
         ("opening", "grasped_fraction"),
         metrics.VERSION,
     )
+    tool_path = staticmethod(skill.tool_path)
     LOGGED = ("grasp_success", "success", "final_success", "handle_success", "single_finger_success", "open_30cm")
 
     def __init__(self, sim: Simulation, config: OpenPartConfig, metrics_config: OpenPartMetrics) -> None:
@@ -33,11 +33,7 @@ class OpenPartTask(Task):
             self.sensor = ContactSensor(sim, config.contact_distance)
             self.handles = mdp.bind(sim, part.bind(sim, self.sensor, config), config)
             self.thresholds = metrics.bind(sim, self.handles, metrics_config)
-        self.observations = 2 * sim.layout.robot_joints + 5
-
-    def reset(self, state: State) -> None:
-        """Forget the last episode."""
-        wp.launch(mdp.reset, dim=len(state.done), inputs=[state, self.handles])
+        self.observations = part.observations(sim)
 
     def before_step(self, state: State) -> None:
         """Forget the contacts of the control step before."""
@@ -52,17 +48,13 @@ class OpenPartTask(Task):
         wp.launch(metrics.attribute, dim=len(state.done), inputs=[now, self.handles])
 
     def update(self, state: State) -> None:
-        """Keep what the reward reads."""
-        wp.launch(mdp.update, dim=len(state.done), inputs=[state, self.handles])
-        wp.launch(metrics.notice_standing, dim=len(state.done), inputs=[state, self.handles])
-
-    def observe(self, state: State) -> None:
-        """Write the observations."""
-        wp.launch(part.observe, dim=len(state.done), inputs=[state, self.handles.p])
+        """Keep what the reward reads, and whether the part stands open."""
+        super().update(state)
+        self.launch(metrics.notice_standing, state)
 
     def result(self, state: State) -> None:
         """Write how finished episodes went."""
-        wp.launch(metrics.write_result, dim=len(state.done), inputs=[state, self.handles])
+        self.launch(metrics.write_result, state)
 
 
 TASK = OpenPartTask

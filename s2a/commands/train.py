@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +86,8 @@ def run(config: Config) -> str:
     sim = Simulation(stage, config.sim, config.num_envs, device)
     demo = None
     if config.demo_reset_fraction > 0.0:
-        demo = ([grasping_motion(sim, config.planner, task(config.task.name).tool_path)], config.demo_reset_fraction)
+        skill = partial(task(config.task.name).tool_path, config=config.task)
+        demo = ([grasping_motion(sim, config.planner, skill)], config.demo_reset_fraction)
     env = make_env(sim, config.task, config.metrics, config.reward, seed, demo=demo)
     if lead:
         config.out.mkdir(parents=True, exist_ok=True)

@@ -76,8 +76,8 @@ class Task:
     error_fraction: float = 0.001
 
     @staticmethod
-    def tool_path(stage: SimStage, motion: PathSettings) -> ToolPath:
-        """Return the path of the tool frame that does the task in a stage: what the planner follows."""
+    def tool_path(stage: SimStage, motion: PathSettings, config: Any) -> ToolPath:
+        """Return the path of the tool frame that does the task, of these settings, in a stage: what the planner follows."""
         raise NotImplementedError
 
     def __init__(self, sim: Simulation, config: Any, metrics: Any) -> None:

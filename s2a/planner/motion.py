@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
@@ -23,7 +24,7 @@ from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 
 Skill = Callable[[SimStage, PathSettings], ToolPath]
-"""A task's tool path in a stage: `Task.tool_path`."""
+"""A task's tool path in a stage: `Task.tool_path` of its settings."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Planner:
     def __init__(self, env: VecEnv, config: PlannerConfig) -> None:
         """Plan for an environment's stage; InputError if the arm cannot reach along the whole path."""
         sim = env.sim
-        self._env, self.trajectory = env, plan(sim, config, env.task.tool_path)
+        self._env, self.trajectory = env, plan(sim, config, partial(env.task.tool_path, config=env.task.config))
         self.grasp_steps = self.trajectory.reach_steps + self.trajectory.closed
         self._targets = torch.tensor(self.trajectory.targets, dtype=torch.float32, device=sim.device)
         self._start = sim.joint_target_q[:, : self._targets.shape[1]].clone()

@@ -160,6 +160,15 @@ def tool_distance(f: Frames):
 
 
 @wp.func
+def squared_action(s: State, world: int):
+    """Return the sum of the squared actions."""
+    effort = float(0.0)
+    for i in range(s.action.shape[1]):
+        effort += s.action[world, i] * s.action[world, i]
+    return effort
+
+
+@wp.func
 def opening_of(s: State, h: PartHandles, world: int):
     """Return how far the part is open [m]."""
     return s.joint_q[world, h.bodies.coord] * h.part[world].lever

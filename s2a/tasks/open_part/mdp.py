@@ -11,7 +11,7 @@ import warp as wp
 from s2a.env.state import State
 from s2a.sim.simulation import Simulation
 from s2a.tasks.open_part.config import OpenPartConfig
-from s2a.tasks.part import PartHandles, frames, opening_of, tool_distance
+from s2a.tasks.part import PartHandles, frames, opening_of, squared_action, tool_distance
 
 
 @wp.struct
@@ -113,10 +113,7 @@ def bonus(s: State, h: OpenPart, world: int):
 @wp.func
 def action(s: State, h: OpenPart, world: int):
     """Weight of the sum of the squared actions; below 0: a cost."""
-    effort = float(0.0)
-    for i in range(s.action.shape[1]):
-        effort += s.action[world, i] * s.action[world, i]
-    return effort
+    return squared_action(s, world)
 
 
 @wp.func

@@ -31,7 +31,7 @@ def test_opening_is_a_task() -> None:
 
 
 def test_an_unknown_task_is_one_line_with_the_known_ones() -> None:
-    with pytest.raises(InputError, match="^task 'open_parts' is unknown; did you mean: open_part$"):
+    with pytest.raises(InputError, match="^task 'open_parts' is unknown; did you mean: open_part, close_part$"):
         tasks.task("open_parts")
     values = config.compose("train", ["stage=x", "out=y", "task.name=open_parts"])
     with pytest.raises(InputError, match="task 'open_parts' is unknown"):

@@ -1,0 +1,44 @@
+"""Closing an articulated part that stands open."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from s2a.robot.tool_path import PathSettings, ToolPath, opening_coordinate, part_path
+from s2a.sim.contacts import ContactSensor
+from s2a.sim.simulation import Simulation
+from s2a.sim.world import SimStage
+from s2a.tasks import part
+from s2a.tasks.close_part import mdp
+from s2a.tasks.close_part.config import ClosePartConfig, ClosePartMetrics
+
+
+class ClosePartTask(part.PartTask):
+    """Close the part of every world; observations are those of `s2a.tasks.part.observe`."""
+
+    Config, Metrics = ClosePartConfig, ClosePartMetrics
+    KERNELS, Handles, PERSISTENT = mdp, mdp.ClosePart, ("closed",)
+    REWARDS, METRICS, VALUES, METRICS_VERSION = mdp.REWARDS, mdp.METRICS, ("remaining",), 1
+    LOGGED = ("final_success", "success")
+
+    def __init__(self, sim: Simulation, config: ClosePartConfig, metrics: ClosePartMetrics) -> None:
+        """Bind the task to worlds."""
+        self.config, self.error_fraction = config, metrics.error_fraction
+        self.thresholds = {"closed": metrics.closed_opening}
+        with wp.ScopedDevice(sim.device):
+            h = self.handles = mdp.ClosePart()
+            h.p = part.bind(sim, ContactSensor(sim, config.contact_distance), config)
+            starts = [opening_coordinate(s.joint, s.grasp[:3], config.start_opening) for s in sim.stages]
+            h.start = wp.array([starts[i] for i in sim.stage_of_env], dtype=float)
+            h.closed = wp.zeros(sim.num_envs, dtype=float)
+            h.closed_opening = metrics.closed_opening
+        self.observations = part.observations(sim)
+
+    @staticmethod
+    def tool_path(stage: SimStage, motion: PathSettings, config: ClosePartConfig) -> ToolPath:
+        """Return the tool path that grasps the part where it stands open, and closes it."""
+        start = opening_coordinate(stage.joint, stage.grasp[:3], config.start_opening)
+        return part_path(stage.joint, stage.grasp, motion.approach, 0.0, motion.depth, start)
+
+
+TASK = ClosePartTask

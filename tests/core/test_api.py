@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,13 +61,16 @@ def test_the_scene_snippet_of_the_readme_runs(
     office_scan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = (Path(__file__).parents[2] / "README.md").read_text()
-    snippet = next(block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "load_scene" in block)
+    scene, task = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "demo").mkdir()
     (tmp_path / "demo" / "scan").symlink_to(office_scan)
     assert cli.main(["zoo", "out=demo/zoo"]) == 0
-    exec(snippet, {})
+    exec(scene, {})
     lines = capsys.readouterr().out.splitlines()
     assert any("'drawer_7'" in line for line in lines)
     assert lines[-1] == "True"
     assert (tmp_path / "demo" / "insert" / "insert.usda").is_file()
+    names: dict[str, Any] = {}
+    exec(task, names)
+    assert names["observation"].shape == (16, 23) and not names["terminated"].any()

@@ -130,10 +130,6 @@ class Plan:
         self.taken = Boxes(*(np.concatenate(pair) for pair in zip(self.taken.groups, there.groups, strict=True)))
         return True
 
-    def sides_of(self, length: float) -> list[int]:
-        """Return the walls that are at least so long [m]."""
-        return [i for i, side in enumerate(self.room.sides) if side.length >= length]
-
     def side(self, index: int) -> Side:
         """Return a wall."""
         return self.room.sides[index]

@@ -23,6 +23,7 @@ from s2a.rl.export import export
 from s2a.rl.run_world import read_world
 from s2a.robot.spec import RobotSpec
 from s2a.sim.camera import Camera, CameraConfig
+from s2a.sim.limit_use import LimitUse
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import read_stage
 from s2a.tasks import MdpSettings, MetricSettings, make_env
@@ -135,10 +136,15 @@ def run(config: Config) -> str:
         sim = Simulation(stage, sim_config, config.num_envs, device_of(config.device))
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env)
-        album = Album(env)
-        watch = [album.watch] if config.images else []  # it waits for the device in every step
+        album, use = Album(env), LimitUse(sim)
+
+        def watch() -> None:
+            use.watch(env.episode_step == 0)
+            if config.images:  # it waits for the device in every step
+                album.watch()
+
         origin = {"stage": config.stage.name, "policy": _who(config), "seed": config.seed, **provenance(sim.device)}
-        metrics = evaluate(env, policy, *watch) | origin
+        metrics = evaluate(env, policy, watch) | {"limit_use": use.fractions()} | origin
         out.write_text(json.dumps(metrics, indent=1))
     warn_of_errors(metrics, env)
     if config.export and config.checkpoint:
@@ -153,4 +159,6 @@ def run(config: Config) -> str:
     lines += [
         f"  {name:24}mean {v['mean']:.3f}, min {v['min']:.3f}" for name in env.task.VALUES if (v := metrics[name])
     ]
+    used = ", ".join(f"{name.replace('_', ' ')} {fraction:.0%}" for name, fraction in use.fractions().items())
+    lines.append(f"  of the robot's limits at most: {used}")
     return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *lines])

@@ -123,7 +123,7 @@ def test_a_grip_is_felt_on_the_region_and_pulls_the_drawer_as_mujoco_says(stage:
     assert found["on_region"].flatten().tolist() == pytest.approx([23.8] * 4, rel=0.2)
     assert found["normal"][:, :, 2].tolist() == [pytest.approx([-23.8, 23.8], rel=0.2)] * 2
     assert float(found["off_region"].abs().max()) == float(found["other_links"].abs().max()) == 0.0
-    assert term(env, "grip").tolist() == [1.0, 1.0] and grasped(env) == [1, 1]
+    assert term(env, "grip").tolist() == term(env, "pinch").tolist() == [1.0, 1.0] and grasped(env) == [1, 1]
     for _ in range(80):  # it is drawn open
         env.step(planner(env.observation.clone()))
     pulls, kept, before = [], env.sim.after_substep, env.sim.joint_qd[:, 9].clone()

@@ -111,6 +111,8 @@ def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, 
     sim.joint_q[:, 9] = torch.rand(WORLDS, generator=generator) * 0.38 / lever
     pressed = torch.rand(WORLDS, 2, generator=generator) * 3.0
     contacts(env)["on_region"].copy_(pressed)
+    normal = torch.randn(WORLDS, 2, 3, generator=generator) * 2.0
+    contacts(env)["normal"].copy_(normal)
     body_q, opening = sim.body_q.double().clone(), sim.joint_q[:, 9].double() * lever
     action = torch.randn(WORLDS, 9, generator=generator)
     speed = torch.randn(WORLDS, 7, generator=generator)
@@ -128,6 +130,7 @@ def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, 
     dots = [(hand_axes[:, :, i] * axes[:, :, i]).sum(dim=1) for i in (2, 1)]
     travel = min(1.0, max(map(abs, sim.stage.joint.limits)) * abs(lever) / 0.4)
     grip = (pressed.min(dim=1).values >= 1.0).double()
+    pinch = grip * (torch.cosine_similarity(normal[:, 0], normal[:, 1], dim=1) < -0.5)
     expected = {
         "distance": torch.where(away <= 0.02, 2.0 * near, near),
         "rotation": 0.5 * sum(d.sign() * d**2 for d in dots),
@@ -136,13 +139,15 @@ def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, 
         "bonus": sum((opening > travel * x).double() for x in (0.01, 0.2, 0.35)),
         "action": (action.clamp(-1.0, 1.0) ** 2).sum(dim=1).double(),
         "grip": grip,
-        "grasped_opening": grip * opening,
+        "pinch": pinch,
+        "grasped_opening": pinch * opening,
         "closing": torch.zeros(WORLDS).double(),
         "joint_speed": speed.square().sum(dim=1).double(),
         "torque": wp.to_torch(env.state.torque)[:, :7].double().square().sum(dim=1),
         "contact_force": torch.zeros(WORLDS).double(),
     }
     assert set(expected) == {each.key for each in env.task.REWARDS} and 0.2 < grip.mean() < 0.8
+    assert 3.0 <= pinch.sum() < grip.sum()
     for name, values in expected.items():
         assert torch.allclose(term(env, name).double(), values, atol=1e-5), name
     total = sum(weight * expected[name] for name, weight in load(dict, "reward/paper").items())
@@ -190,23 +195,25 @@ def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(stage:
         return torch.stack(seen)
 
     first = run(0)
-    assert first.shape == (20, 2, 23 + 2 + 12)
+    assert first.shape == (20, 2, 23 + 2 + 13)
     assert first[:, :, 24].sum() == 2.0
     assert torch.equal(first, run(0))
     assert not torch.equal(first[0, 1], run(1)[0, 1])  # world 1 began where its seed says
 
 
-def test_both_fingers_are_paid_for_what_they_led_until_it_closes_again(stage: SimStage) -> None:
-    env = hold_still(make_env(stage, 3, episode_steps=9))
-    # Both fingers in 3 of the 4 steps, both in 1 of them, the right finger alone in all.
-    held = torch.tensor([[3.0, 1.0, 0.0]]).T > torch.arange(4.0)
+def test_a_grasp_is_paid_for_what_it_opened_until_it_closes_again(stage: SimStage) -> None:
+    env = hold_still(make_env(stage, 4, episode_steps=9))
+    # Both fingers in 3 of the 4 steps, both in 1 of them, the right finger alone in all, both in all but from one side.
+    held = torch.tensor([[3.0, 1.0, 0.0, 4.0]]).T > torch.arange(4.0)
+    left = torch.tensor([1.0, 1.0, 1.0, -1.0])
+    contacts(env)["normal"][:, 0, 2], contacts(env)["normal"][:, 1, 2] = left, -1.0
     for step, opening in enumerate((0.05, 0.10, 0.15, 0.25)):
-        pressed = torch.stack([held[:, step], torch.ones(3)], dim=1) * 2.0
+        pressed = torch.stack([held[:, step], torch.ones(4)], dim=1) * 2.0
         open_to(env, opening, lambda pressed=pressed: contacts(env)["on_region"].copy_(pressed))
-    assert term(env, "grip").tolist() == [0.0, 0.0, 0.0]
-    assert term(env, "grasped_opening").tolist() == pytest.approx([0.15, 0.05, 0.0], abs=1e-6)
+    assert term(env, "grip").tolist() == [0.0, 0.0, 0.0, 1.0] and not term(env, "pinch").any()
+    assert term(env, "grasped_opening").tolist() == pytest.approx([0.15, 0.05, 0.0, 0.0], abs=1e-6)
     open_to(env, 0.10)
-    assert term(env, "grasped_opening").tolist() == pytest.approx([0.10, 0.05, 0.0], abs=1e-6)
+    assert term(env, "grasped_opening").tolist() == pytest.approx([0.10, 0.05, 0.0, 0.0], abs=1e-6)
 
 
 def test_closing_counts_around_the_grasp_point_alone(stage: SimStage) -> None:

@@ -20,7 +20,7 @@ class OpenPartTask(part.PartTask):
     REWARDS, METRICS, VALUES, METRICS_VERSION = (
         mdp.REWARDS,
         metrics.METRICS,
-        ("opening", "grasped_fraction"),
+        ("opening", "grasped_fraction", "contact_force"),
         metrics.VERSION,
     )
     tool_path = staticmethod(skill.tool_path)
@@ -40,11 +40,12 @@ class OpenPartTask(part.PartTask):
         wp.launch(part.clear_touch, dim=len(state.done), inputs=[self.handles.p])
 
     def after_substep(self, state: State) -> None:
-        """Read the contacts, and attribute what the part gained."""
+        """Read the contacts, and attribute what the part gained to what held it."""
         self.sensor.update()
         wp.launch(part.keep_touch, dim=len(state.done), inputs=[self.handles.p])
         # After an odd number of physics steps the coordinates are in the simulation's other buffer.
         now = self.sim.state.joint_q.reshape(state.joint_q.shape)
+        wp.launch(mdp.lead, dim=len(state.done), inputs=[now, self.handles])
         wp.launch(metrics.attribute, dim=len(state.done), inputs=[now, self.handles])
 
     def update(self, state: State) -> None:

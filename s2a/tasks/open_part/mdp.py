@@ -11,7 +11,7 @@ import warp as wp
 from s2a.env.state import State
 from s2a.sim.simulation import Simulation
 from s2a.tasks.open_part.config import OpenPartConfig
-from s2a.tasks.part import PartHandles, frames, opening_of, squared_action, tool_distance
+from s2a.tasks.part import PartHandles, frames, is_grasped, opening_of, squared_action, tool_distance
 
 
 @wp.struct
@@ -25,7 +25,7 @@ class OpenPart:
         termination: opening that ends the episode [m].
         close_distance: [m].
         gentle_force: [N].
-        led: opening (0) and how much of it both fingers led the part by the region (1) [m], shape [world 2].
+        led: opening (0) and how much of it the part was grasped over (1) [m], shape [world 2].
         progress: of the running episode, see metrics, shape [world column].
         limits: thresholds of the metrics, shape [world limit].
         force: from which a contact counts in the metrics [N].
@@ -123,8 +123,14 @@ def grip(s: State, h: OpenPart, world: int):
 
 
 @wp.func
+def pinch(s: State, h: OpenPart, world: int):
+    """Weight of the part being grasped (`s2a.tasks.part.is_grasped`), 0 or 1."""
+    return wp.where(is_grasped(h.p, h.p.contact_force, 1.0, world), 1.0, 0.0)
+
+
+@wp.func
 def grasped_opening(s: State, h: OpenPart, world: int):
-    """Weight of how far both fingers led the part by the grasp region [m]; never more than it is open."""
+    """Weight of how far the part was opened while it was grasped [m]; never more than it is open."""
     return h.led[world, 1]
 
 
@@ -172,6 +178,7 @@ REWARDS = (
     bonus,
     action,
     grip,
+    pinch,
     grasped_opening,
     closing,
     joint_speed,
@@ -181,13 +188,22 @@ REWARDS = (
 
 
 @wp.kernel
-def update(s: State, h: OpenPart):
-    """Keep how far both fingers led the part, and end the episode where it is open far enough."""
+def lead(joint_q: wp.array2d(dtype=float), h: OpenPart):
+    """Keep how far the part was opened while it was grasped; joint_q is that after the physics step."""
     world = wp.tid()
-    now = opening_of(s, h.p, world)
-    gained = grip(s, h, world) * wp.max(now - h.led[world, 0], 0.0)
+    now = joint_q[world, h.p.bodies.coord] * h.p.part[world].lever
+    gained = float(0.0)
+    if is_grasped(h.p, h.p.contact_force, 1.0, world):
+        gained = wp.max(now - h.led[world, 0], 0.0)
     h.led[world, 1] = wp.clamp(h.led[world, 1] + gained, 0.0, wp.max(now, 0.0))
     h.led[world, 0] = now
+
+
+@wp.kernel
+def update(s: State, h: OpenPart):
+    """End the episode where the part is open far enough."""
+    world = wp.tid()
+    now = opening_of(s, h.p, world)
     s.terminated[world] = wp.where(now > h.scale[world] * h.termination, 1, 0)
 
 

@@ -34,12 +34,14 @@ METRICS = (
     "final_open_95pct",
     "opening",
     "grasped_fraction",
+    "contact_force",
 )
 """success: opened by `success_opening` at any time, and physics held; final_*: at the end. Of successes, by what held the part
 over enough of the gained opening: grasp_success: a pinch (`is_grasped`); handle_success: both fingers on the region;
 single_finger_success: a finger on it, and both over less than enough; off_handle_success: a finger on the part and none on
 the region; body_success: any other link of the robot on the part, whatever the fingers did. opening: the largest [m];
-grasped_fraction: fraction of the gained opening over which the part was grasped."""
+grasped_fraction: fraction of the gained opening over which the part was grasped; contact_force: the largest of any contact of
+the robot [N]."""
 VERSION = 2
 """1 (until November 2026) counted control steps instead of opening, no opposed forces, and no other links."""
 START = wp.constant(0.1)
@@ -47,10 +49,11 @@ START = wp.constant(0.1)
 
 Limit = columns(("success", "wide", "static", "full"))
 """Columns of the thresholds [m]."""
-Progress = columns(("largest", "gained", "grasped", "both", "any", "off", "body", "stood", "pushed"))
+Progress = columns(("largest", "gained", "grasped", "both", "any", "off", "body", "stood", "pushed", "force"))
 """What is kept of a running episode: its largest opening [m]; the opening gained [m], in all and while grasped, with both
 fingers on the region, with one or both, with a finger on the part but none on the region, pushed by another link of the
-robot; whether the part ever stood open as `open_75pct_static` demands; whether another link touched the part last."""
+robot; whether the part ever stood open as `open_75pct_static` demands; whether another link touched the part last; the largest
+contact force [N]."""
 Result = columns(METRICS)
 
 
@@ -78,6 +81,7 @@ def attribute(joint_q: wp.array2d(dtype=float), h: OpenPart):
     """Attribute the opening that a physics step gained to what held the part in it; joint_q is that after the step."""
     world = wp.tid()
     c, force = h.p.contacts, h.force
+    h.progress[world, Progress.force] = wp.max(h.progress[world, Progress.force], c.peak[world])
     left, right = c.on_region[world, 0], c.on_region[world, 1]
     on, off = wp.max(left, right) >= force, wp.max(c.off_region[world, 0], c.off_region[world, 1]) >= force
     # A light part that is pushed runs ahead of the link and is caught up again: its coasting is the push's.
@@ -148,5 +152,6 @@ def write_result(s: State, h: OpenPart):
     s.result[world, Result.open_95pct] = sound * flag(largest >= full)
     s.result[world, Result.final_open_95pct] = sound * flag(now >= full)
     s.result[world, Result.opening] = largest
+    s.result[world, Result.contact_force] = h.progress[world, Progress.force]
     grasped = h.progress[world, Progress.grasped] / wp.max(h.progress[world, Progress.gained], 1.0e-9)
     s.result[world, Result.grasped_fraction] = grasped

@@ -71,13 +71,32 @@ def rate(hits: float, episodes: float) -> dict[str, float]:
     return {"rate": hits / episodes, "low": float(low), "high": float(high)}
 
 
-def baseline(agent: Literal["zero", "random"], env: VecEnv, seed: int) -> Policy:
-    """Return a policy that has learned nothing: actions of zero, or uniform ones in [-1, 1]."""
+Agent = Literal["zero", "random", "extreme"]
+HELD = (1, 60, 240)
+"""[control steps] For which the extreme agent holds an action, by world: noise, pushes of a second, from end to end."""
+
+
+def baseline(agent: Agent, env: VecEnv, seed: int) -> Policy:
+    """Return a policy that has learned nothing: actions of zero, uniform ones in [-1, 1], or -1 and 1 held for HELD."""
     device = env.observation.device
     if agent == "zero":
         return lambda observation: torch.zeros(env.num_envs, env.num_actions, device=device)
     generator = torch.Generator(device).manual_seed(seed)
-    return lambda observation: torch.rand(env.num_envs, env.num_actions, generator=generator, device=device) * 2.0 - 1.0
+
+    def uniform(observation: torch.Tensor) -> torch.Tensor:
+        return torch.rand(env.num_envs, env.num_actions, generator=generator, device=device) * 2.0 - 1.0
+
+    if agent == "random":
+        return uniform
+    held = torch.tensor(HELD, device=device)[torch.arange(env.num_envs, device=device) % len(HELD)]
+    signs = torch.zeros(env.num_envs, env.num_actions, device=device)
+
+    def extreme(observation: torch.Tensor) -> torch.Tensor:
+        anew = env.episode_step % held == 0
+        signs[anew] = uniform(observation)[anew].sign()
+        return signs.clone()
+
+    return extreme
 
 
 def warn_of_errors(counts: Mapping[str, float], env: VecEnv) -> None:

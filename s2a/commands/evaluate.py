@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import torch
 from PIL import Image
@@ -13,7 +12,7 @@ from PIL import Image
 from s2a import robot
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
-from s2a.evaluate import Policy, baseline, evaluate, warn_of_errors
+from s2a.evaluate import Agent, Policy, baseline, evaluate, warn_of_errors
 from s2a.outputs import atomic_write
 from s2a.planner.motion import Planner, PlannerConfig
 from s2a.provenance import provenance
@@ -38,7 +37,8 @@ class Config:
         part: id of the articulated part; null: the only one of the stage.
         out: the metrics.json to write.
         checkpoint: model_N.pt of a training run, or null: the planner.
-        agent: zero (actions of 0) or random (uniform in [-1, 1]) to act instead, as a baseline; or null.
+        agent: who acts instead, as a baseline: zero (actions of 0), random (uniform in [-1, 1]), extreme (-1 and 1, held for up
+            to four seconds); or null.
         export: write the checkpoint as TorchScript and ONNX too, beside it.
         num_envs: worlds, one episode each.
         device: cpu, cuda:0, or auto: a GPU where there is one.
@@ -56,7 +56,7 @@ class Config:
     part: str | None
     out: Path
     checkpoint: Path | None
-    agent: Literal["zero", "random"] | None
+    agent: Agent | None
     export: bool
     num_envs: Count
     device: str

@@ -25,7 +25,7 @@ class Motion:
         limited: 1 where the controller keeps to velocity and acceleration; then the first two are not used.
         velocity: velocity of each joint for an action of 1 [rad/s, m/s], shape [joint].
         acceleration: largest change of it [rad/s^2, m/s^2], shape [joint].
-        window: largest distance of a target from its joint's position [rad, m].
+        window: distance of a target from its joint's position at which it stops [rad, m].
         dt: physics time step [s].
         home: joint positions at the start [rad, m], shape [joint].
         noise: half range of the uniform noise on it [rad, m].
@@ -83,6 +83,9 @@ def act(s: State, m: Motion):
 def move_targets(s: State, m: Motion, joint_q: wp.array2d(dtype=float)):
     """Move the targets for a physics step: velocities change no faster than the limits, and vanish before the joint limits.
 
+    A target also stops a window ahead of its joint, which something may hold, and returns where the joint is pushed back: never
+    faster than the limits, so that it can be ahead by the braking distance more.
+
     Args:
         s: the worlds.
         m: the limits.
@@ -91,13 +94,15 @@ def move_targets(s: State, m: Motion, joint_q: wp.array2d(dtype=float)):
     world = wp.tid()
     for i in range(s.joints):
         q, target, a = joint_q[world, i], s.target_q[world, i], m.acceleration[i]
-        low, high = wp.max(s.lower[i], q - m.window), wp.min(s.upper[i], q + m.window)
+        above = wp.min(s.upper[i], q + m.window) - target
+        below = target - wp.max(s.lower[i], q - m.window)
         # From a velocity v the target stops within v^2 / 2a.
-        fastest = wp.sqrt(2.0 * a * wp.max(s.upper[i] - target, 0.0))
-        slowest = -wp.sqrt(2.0 * a * wp.max(target - s.lower[i], 0.0))
+        fastest = wp.sign(above) * wp.sqrt(2.0 * a * wp.abs(above))
+        slowest = -wp.sign(below) * wp.sqrt(2.0 * a * wp.abs(below))
+        asked = wp.clamp(wp.clamp(s.asked[world, i], slowest, fastest), -m.velocity[i], m.velocity[i])
         now = s.target_qd[world, i]
-        v = now + wp.clamp(wp.clamp(s.asked[world, i], slowest, fastest) - now, -a * m.dt, a * m.dt)
-        moved = wp.clamp(target + v * m.dt, low, high)
+        v = now + wp.clamp(asked - now, -a * m.dt, a * m.dt)
+        moved = wp.clamp(target + v * m.dt, s.lower[i], s.upper[i])
         s.target_qd[world, i] = (moved - target) / m.dt
         s.target_q[world, i] = moved
 

@@ -19,7 +19,6 @@ from s2a.env import kernels
 from s2a.env.state import allocate
 from s2a.env.task import Task, weights_of
 from s2a.errors import InputError
-from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import Simulation
 
 FINGER_TIME = 0.05
@@ -206,25 +205,16 @@ def _motion(sim: Simulation, task: Task, demo: tuple[ArrayLike, float] | None) -
     m.step = config.action_scale * m.dt * sim.config.substeps
     m.finger_step, m.limited = config.finger_speed * m.step, int(limits is not None)
     if limits is not None:
-        velocity, acceleration = _limits(sim.robot)
-        m.velocity = wp.array(limits.velocity * velocity, dtype=float)
-        m.acceleration, m.window = wp.array(limits.acceleration * acceleration, dtype=float), limits.window
+        arm, fingers = sim.arm_limits, [sim.robot.gripper.finger_speed] * 2
+        m.velocity = wp.array([*arm.velocity, *fingers], dtype=float)
+        m.acceleration = wp.array([*arm.acceleration, *(each / FINGER_TIME for each in fingers)], dtype=float)
+        m.window = limits.window
     m.home, m.noise = wp.array(sim.layout.home, dtype=float), config.start_noise
     m.scanned = wp.clone(sim.model.joint_q).reshape((sim.num_envs, -1))
     targets, m.demo_fraction = demo or ([[sim.layout.home]], 0.0)
     m.demo = wp.array(np.asarray(targets, dtype=np.float32), dtype=float)
     m.stage = wp.array(sim.stage_of_env if demo else np.zeros(sim.num_envs), dtype=int)
     return m
-
-
-def _limits(robot: RobotSpec) -> tuple[np.ndarray, np.ndarray]:
-    """Return velocity and acceleration limits of all driven joints [rad/s, m/s; per s^2], shape [joint] each.
-
-    A finger reaches its speed within FINGER_TIME.
-    """
-    fingers = np.full(2, robot.gripper.finger_speed)
-    velocity = np.concatenate([robot.limits.velocity, fingers])
-    return velocity, np.concatenate([robot.limits.acceleration, fingers / FINGER_TIME])
 
 
 def _action_step(m: kernels.Motion, sim: Simulation) -> torch.Tensor:

@@ -5,6 +5,7 @@ The grip is friction alone; nothing is attached.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -23,6 +24,7 @@ from s2a.robot.tool_path import PathSettings, ToolPath, matrices
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 
+_log = logging.getLogger(__name__)
 Skill = Callable[[SimStage, PathSettings], ToolPath]
 """A task's tool path in a stage: `Task.tool_path` of its settings."""
 
@@ -69,6 +71,11 @@ class Planner:
         sim = env.sim
         self._env, self.trajectory = env, plan(sim, config, partial(env.task.tool_path, config=env.task.config))
         self.grasp_steps = self.trajectory.reach_steps + self.trajectory.closed
+        steps = self.trajectory.reach_steps + len(self.trajectory.targets)
+        if steps > env.max_episode_length:
+            _log.warning(
+                "an episode of %d steps cuts the plan off; give task.episode_steps=%d", env.max_episode_length, steps
+            )
         self._targets = torch.tensor(self.trajectory.targets, dtype=torch.float32, device=sim.device)
         self._start = sim.joint_target_q[:, : self._targets.shape[1]].clone()
 
@@ -127,13 +134,13 @@ def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, config: Planne
 
 def _trajectory(sim: Simulation, path: ToolPath, arm: np.ndarray, config: PlannerConfig) -> Trajectory:
     """Return a joint path [pose arm] in time: approach, close, pull."""
-    spec, rate = sim.robot, _rate(sim)
-    approach = timed(arm[: path.grasp + 1], config.approach_time, spec.limits, rate)
+    spec, limits, rate = sim.robot, sim.arm_limits, _rate(sim)
+    approach = timed(arm[: path.grasp + 1], config.approach_time, limits, rate)
     # A finger target of zero presses the pads on the handle; where they stop is the handle's thickness.
     fingers = closing(spec.gripper, config.close_time, rate)
-    pull = timed(arm[path.grasp :], config.pull_time, spec.limits, rate)
+    pull = timed(arm[path.grasp :], config.pull_time, limits, rate)
     arms = np.concatenate([arm[:1], approach, np.tile(arm[path.grasp], (len(fingers), 1)), pull])
     before = np.full(1 + len(approach), spec.gripper.finger_joint_open)
     both = np.concatenate([before, fingers, np.zeros(len(pull))])[:, None]
-    reach = reach_steps(np.array(spec.home), arm[0], config.start_noise, config.reach_time, spec, rate)
+    reach = reach_steps(np.array(spec.home), arm[0], config.start_noise, config.reach_time, limits, rate)
     return Trajectory(np.concatenate([arms, both, both], axis=1), reach, len(before) + len(fingers))

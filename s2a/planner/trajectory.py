@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from s2a.robot.spec import GripperSpec, JointLimits, RobotSpec
+from s2a.robot.spec import GripperSpec, JointLimits
 
 USED = 0.8
 """Largest fraction of a limit that is planned with; the rest is for the controller."""
@@ -71,7 +71,7 @@ def limit_use(targets: np.ndarray, limits: JointLimits, rate: float) -> float:
 
 
 def reach_steps(
-    start: np.ndarray, goal: np.ndarray, noise: float, duration: float, spec: RobotSpec, rate: float
+    start: np.ndarray, goal: np.ndarray, noise: float, duration: float, limits: JointLimits, rate: float
 ) -> int:
     """Return the steps of an eased motion from near a start to a goal, shape [arm] each, `duration` [s] or more.
 
@@ -80,11 +80,11 @@ def reach_steps(
         goal: [rad].
         noise: how far the real start may be from it [rad].
         duration: at least [s].
-        spec: the robot.
+        limits: of the joints.
         rate: steps a second.
     """
     far = goal + np.where(goal >= start, noise, -noise)
-    return len(timed(np.linspace(start, far, 9), duration, spec.limits, rate))
+    return len(timed(np.linspace(start, far, 9), duration, limits, rate))
 
 
 def closing(gripper: GripperSpec, duration: float, rate: float) -> np.ndarray:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 from s2a.errors import InputError
-from s2a.ranges import NotNegative, Numbers, Positive
+from s2a.ranges import Above, NotNegative, Numbers, Positive
 from s2a.scene import Vec3
 
 
@@ -81,6 +82,26 @@ class JointLimits:
     velocity: Numbers
     acceleration: Numbers
     torque: Numbers
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """What the arm's controller keeps to, as a real one does; joint limits are stiff and the links touch each other then.
+
+    Attributes:
+        velocity: fraction of the arm's velocity limits that an action of 1 asks for; the fingers' own speed counts whole.
+        acceleration: fraction of its acceleration limits with which the commanded velocity changes.
+        window: distance of a target from its joint's position at which it stops [rad, m].
+    """
+
+    velocity: Annotated[float, Above(0.0, 1.0)]
+    acceleration: Annotated[float, Above(0.0, 1.0)]
+    window: Positive
+
+    def of(self, arm: JointLimits) -> JointLimits:
+        """Return what the controller of an arm with these limits lets anyone ask for."""
+        velocity = tuple(self.velocity * each for each in arm.velocity)
+        return JointLimits(velocity, tuple(self.acceleration * each for each in arm.acceleration), arm.torque)
 
 
 @dataclass(frozen=True)

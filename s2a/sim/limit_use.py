@@ -37,20 +37,24 @@ class LimitUse:
 
     def watch(self, reset: torch.Tensor) -> None:
         """Look at the worlds after a control step; those that were reset in it ([world], bool) only begin again."""
+        arm, finger = self._arm, self._sim.robot.gripper.finger_speed
         target, speed = self._sim.joint_target_q[:, : self._joints], self._sim.joint_qd[:, : self._joints]
         command = torch.where(reset[:, None], 0.0, (target - self._last_target) * self._rate)
-        change = torch.where(reset[:, None], 0.0, (command - self._last_command) * self._rate)
-        gained = torch.where(reset[:, None], 0.0, (speed - self._last_speed) * self._rate)
-        arm, finger = self._arm, self._sim.robot.gripper.finger_speed
+        change, gained = (command - self._last_command) * self._rate, (speed - self._last_speed) * self._rate
         position = (self._sim.joint_q[:, : self._joints] - self._middle) / self._range
-        self._keep("commanded_velocity", command[:, :arm] / self._velocity)
-        self._keep("commanded_acceleration", change[:, :arm] / self._acceleration)
-        self._keep("commanded_finger_speed", command[:, arm:] / finger)
-        self._keep("position", position[:, :arm])
-        self._keep("velocity", speed[:, :arm] / self._velocity)
-        self._keep("acceleration", gained[:, :arm] / self._acceleration)
-        self._keep("torque", self._motors()[:, :arm] / self._torque)
-        self._keep("finger_speed", speed[:, arm:] / finger)
+        used = {
+            "commanded_velocity": command[:, :arm] / self._velocity,
+            "commanded_acceleration": change[:, :arm] / self._acceleration,
+            "commanded_finger_speed": command[:, arm:] / finger,
+            "position": position[:, :arm],
+            "velocity": speed[:, :arm] / self._velocity,
+            "acceleration": gained[:, :arm] / self._acceleration,
+            "torque": self._motors()[:, :arm] / self._torque,
+            "finger_speed": speed[:, arm:] / finger,
+        }
+        for name, fraction in used.items():
+            seen = torch.where(reset[:, None], 0.0, fraction.abs()).amax(dim=0)
+            self.peaks[name] = torch.maximum(self.peaks[name], seen)
         self._remember()
         self._last_command = command
 
@@ -65,6 +69,3 @@ class LimitUse:
     def _motors(self) -> torch.Tensor:
         """Return the motors' torques [N m] in the last physics step, shape [world dof]."""
         return wp.to_torch(self._sim.solver.mjw_data.qfrc_actuator)
-
-    def _keep(self, name: str, fraction: torch.Tensor) -> None:
-        self.peaks[name] = torch.maximum(self.peaks[name], fraction.abs().amax(dim=0))

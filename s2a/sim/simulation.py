@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import mujoco_warp
 import newton
@@ -14,28 +14,13 @@ import warp as wp
 
 from s2a import robot
 from s2a.errors import InputError
-from s2a.ranges import Above, Count, Positive
-from s2a.robot.spec import Gains
+from s2a.ranges import Count, Positive
+from s2a.robot.spec import Gains, MotionLimits
 from s2a.sim.layout import Layout, layout
 from s2a.sim.world import JointConfig, SimStage, body_index, build_world
 
 IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
 """Reports that are switched off: reaching the iteration limits is meant, they are set low; capacities stay reported."""
-
-
-@dataclass(frozen=True)
-class MotionLimits:
-    """What the arm's controller keeps to, as a real one does; joint limits are stiff and the links touch each other then.
-
-    Attributes:
-        velocity: fraction of the robot's velocity limits that an action of 1 asks for, of its fingers too.
-        acceleration: fraction of its acceleration limits with which the commanded velocity changes.
-        window: largest distance of a target from its joint's position [rad, m].
-    """
-
-    velocity: Annotated[float, Above(0.0, 1.0)]
-    acceleration: Annotated[float, Above(0.0, 1.0)]
-    window: Positive
 
 
 @dataclass(frozen=True)
@@ -82,6 +67,7 @@ class Simulation:
         stages: what is simulated; `stage` is the first.
         stage_of_env: index of each world's stage, shape [world].
         robot: the robot that the stages were prepared for.
+        arm_limits: what its controller lets an action or a plan ask for.
         world: builder of the first stage's world.
         layout: which body and coordinate of a world is what.
         model: the Newton model of all worlds.
@@ -120,6 +106,7 @@ class Simulation:
         self.stage_of_env = np.arange(num_envs) % len(self.stages)
         _check_alike(self.stages)
         self.robot = robot.load(self.stage.robot)
+        self.arm_limits = config.limits.of(self.robot.limits) if config.limits else self.robot.limits
         with wp.ScopedDevice(device):
             worlds = [self._world(stage, with_robot) for stage in self.stages]
             self.world = worlds[0]

@@ -29,7 +29,7 @@ def test_an_agent_that_does_nothing_opens_nothing_and_says_so(tmp_path: Path) ->
     metrics = json.loads((tmp_path / "zero.json").read_text())
     assert metrics["episodes"] == 3
     assert (metrics["stage"], metrics["policy"]) == ("sim.usda", "zero")
-    names = [name for name in METRICS if name not in ("opening", "grasped_fraction")]
+    names = [name for name in METRICS if name not in ("opening", "grasped_fraction", "contact_force")]
     assert {"grasp_success", "open_30cm", "final_open_95pct"} <= set(names)
     for name in names:
         # Wilson's interval of 0 of 3: z^2 / (3 + z^2) = 3.84 / 6.84.
@@ -52,8 +52,20 @@ def test_the_baselines_are_zero_and_uniform_and_the_seed_decides() -> None:
     assert not torch.equal(actions, baseline("random", env, 1)(env.observation))
 
 
+def test_the_extreme_agent_holds_its_signs_for_a_step_a_second_and_four() -> None:
+    env = SimpleNamespace(num_envs=6, num_actions=40, observation=torch.zeros(6, 1), episode_step=torch.zeros(6).int())
+    act, seen = baseline("extreme", env, 0), []
+    for step in range(480):
+        env.episode_step[:] = step
+        seen.append(act(env.observation))
+    actions = torch.stack(seen)
+    assert (actions.abs() == 1.0).all() and (actions.mean(dim=(0, 2)).abs() < 0.3).all()
+    changes = (actions.diff(dim=0) != 0.0).any(dim=2).sum(dim=0)
+    assert changes.tolist() == [479, 7, 1] * 2
+
+
 def test_an_unknown_agent_is_told_the_known_ones() -> None:
-    with pytest.raises(InputError, match="'agent' is 'zeros'; expected one of: zero, random, or null"):
+    with pytest.raises(InputError, match="'agent' is 'zeros'; expected one of: zero, random, extreme, or null"):
         settings("stage=x", "out=y", "agent=zeros")
 
 

@@ -1,0 +1,91 @@
+"""An arm that keeps to its limits (sim=real), whatever it is asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+from cabinet import write_cabinet
+from part_worlds import make_env
+from settings import load
+
+from s2a.env.vec_env import VecEnv
+from s2a.evaluate import baseline, evaluate
+from s2a.planner.motion import Planner, PlannerConfig
+from s2a.sim.limit_use import LimitUse
+from s2a.sim.world import SimStage, read_stage
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> SimStage:
+    """A hand-made cabinet."""
+    return read_stage(write_cabinet(tmp_path_factory.mktemp("cabinet") / "sim.usda"))
+
+
+def without_physics(env: VecEnv) -> VecEnv:
+    """Let something hold the arm: the controller moves its targets, and nothing else moves."""
+
+    def step() -> None:
+        for _ in range(env.sim.config.substeps):
+            env.sim.before_substep()
+
+    env.sim.step = step
+    return env
+
+
+def test_targets_brake_before_an_arm_that_is_held_and_return_with_it(stage: SimStage) -> None:
+    env = without_physics(make_env(stage, start_noise=0.0, sim="sim/real"))
+    sim, limits, rate = env.sim, env.sim.config.limits, 60.0
+    start, speed, last = sim.joint_q[:, :7].clone(), torch.zeros(2, 7), sim.joint_target_q[:, :7].clone()
+    top, change = torch.tensor(sim.arm_limits.velocity), torch.tensor(sim.arm_limits.acceleration)
+    for step in range(160):
+        if step == 80:  # something pushes the arm back
+            sim.joint_q[:, :7] -= 0.05
+        env.step(torch.ones(2, 9))
+        target = sim.joint_target_q[:, :7].clone()
+        now = (target - last) * rate
+        assert (now.abs() <= top * 1.001).all() and ((now - speed).abs() * rate <= change * 1.001).all(), step
+        speed, last = now, target
+        if step in (79, 159):
+            ahead = target - sim.joint_q[:, :7]
+            assert torch.allclose(ahead, torch.full_like(ahead, limits.window), atol=2e-3)
+    assert torch.equal(sim.joint_q[:, :7], start - 0.05)
+
+
+def test_both_fingers_follow_the_mean_of_their_actions_at_their_motors_speed(stage: SimStage) -> None:
+    env = without_physics(make_env(stage, start_noise=0.0, sim="sim/real"))
+    first = env.sim.joint_target_q[:, 7:9].clone()
+    action = torch.zeros(2, 9)
+    action[:, 7:] = torch.tensor([[-1.0, 1.0], [-1.0, -1.0]])
+    for _ in range(12):
+        env.step(action)
+    moved = env.sim.joint_target_q[:, 7:9] - first
+    assert moved[0].tolist() == [0.0, 0.0] and torch.equal(moved[:, 0], moved[:, 1])
+    # 0.05 m/s for 0.2 s, less what a motor needs 0.05 s for.
+    assert float(moved[1, 0]) == pytest.approx(-0.05 * (0.2 - 0.025), abs=2e-4)
+
+
+def test_extreme_actions_stay_within_every_limit_and_press_gently(stage: SimStage) -> None:
+    env = make_env(stage, 12, episode_steps=300, sim="sim/real")
+    use = LimitUse(env.sim)
+    result = evaluate(env, baseline("extreme", env, 0), lambda: use.watch(env.episode_step == 0))
+    assert max(use.fractions().values()) <= 1.02, use.fractions()
+    assert use.fractions()["position"] > 0.95, "some joint was driven to its end"
+    assert result["contact_force"]["max"] < 300.0 and result["invalid"] == 0
+
+
+@pytest.mark.slow
+def test_the_planner_takes_the_time_that_the_controller_leaves_it(
+    stage: SimStage, caplog: pytest.LogCaptureFixture
+) -> None:
+    env = make_env(stage, sim="sim/real", episode_steps=600)
+    planner, use = Planner(env, load(PlannerConfig, "planner/default")), LimitUse(env.sim)
+    result = evaluate(env, planner, lambda: use.watch(env.episode_step == 0))
+    assert result["grasp_success"]["rate"] == 1.0
+    assert use.fractions()["commanded_velocity"] <= env.sim.config.limits.velocity
+    assert max(use.fractions().values()) <= 1.0, use.fractions()
+    assert not caplog.records
+    short = make_env(stage, sim=env.sim, episode_steps=200)
+    Planner(short, load(PlannerConfig, "planner/default"))
+    assert "an episode of 200 steps cuts the plan off; give task.episode_steps=" in caplog.text

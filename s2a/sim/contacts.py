@@ -8,10 +8,17 @@ import mujoco_warp
 import numpy as np
 import warp as wp
 
+from s2a.geometry.mesh_ops import merge
+from s2a.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene import Mesh
 from s2a.sim.simulation import Simulation
+from s2a.sim.world import SimStage
 
 LEFT, RIGHT, LINK, PART = (wp.constant(i) for i in range(4))
 """What a collider belongs to: a finger, any other link of the robot, the body that is watched; -1 for anything else."""
+
+SECTION = 0.03
+"""[m] A handle's section is no thicker, so that its unseen side is no farther from the seen one."""
 
 
 @wp.struct
@@ -114,7 +121,7 @@ class ContactSensor:
         """Watch the target of a simulation; a contact within `distance` [m] of the annotated region is on it."""
         n, data = sim.num_envs, sim.solver.mjw_data
         self._sim = sim
-        regions = [wp.Mesh(_points(stage.region.vertices), _indices(stage.region.faces)) for stage in sim.stages]
+        regions = [wp.Mesh(_points(mesh.vertices), _indices(mesh.faces)) for mesh in map(touched, sim.stages)]
         self._regions = regions  # a mesh lives as long as somebody holds it
         s = self._sensor = Sensor()
         s.owner = wp.array(_owners(sim), dtype=int)
@@ -136,6 +143,17 @@ class ContactSensor:
         mujoco_warp.contact_force(sim.solver.mjw_model, data, self._ids, False, self._sensor.force)
         self._sensor.body_q = sim.before.body_q.reshape((sim.num_envs, -1))
         wp.launch(collect, dim=data.naconmax, inputs=[self._sensor, self.found])
+
+
+def touched(stage: SimStage) -> Mesh:
+    """Return the surface on which a contact is on the grasp region: what was scanned of it, and hulls that complete it.
+
+    No scanner sees behind a handle, where a finger presses. A hull completes the region if it stands for another part than the
+    target, which is the handle's way to be one, and lies nowhere farther than SECTION from the scanned region.
+    """
+    hulls = [c.mesh for c in stage.room.bodies[stage.target].colliders if c.part != stage.target]
+    surface = ray_mesh(stage.region.vertices, stage.region.faces)
+    return merge([stage.region, *(h for h in hulls if (nearest_faces(surface, h.vertices, SECTION)[0] >= 0).all())])
 
 
 def _points(vertices: np.ndarray) -> wp.array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco_warp
 import numpy as np
 import pytest
@@ -15,11 +17,13 @@ from settings import load
 
 from s2a.env.vec_env import VecEnv
 from s2a.evaluate import evaluate
+from s2a.geometry.mesh_ops import keep, normals
 from s2a.planner.motion import Planner, PlannerConfig
-from s2a.scene import Joint
-from s2a.sim.contacts import ContactSensor
+from s2a.scene import Joint, Mesh
+from s2a.sim.contacts import ContactSensor, touched
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
+from s2a.usd.sim_scene import Collider
 
 LEFT, RIGHT, LINK, PART, OTHER = 0, 1, 2, 3, -1
 FOUND = ("normal", "on_region", "off_region", "other_links", "pull", "peak")
@@ -202,3 +206,21 @@ def test_openings_without_the_region_in_the_fingers_use_no_handle(stage: SimStag
     assert result["handle_success"]["rate"] == result["grasp_success"]["rate"] == 0.0
     assert result["off_handle_success"]["rate"] == 1.0
     assert result["invalid"] == 0
+
+
+def test_hulls_of_the_handle_complete_a_region_that_was_scanned_from_one_side(stage: SimStage) -> None:
+    # The scan saw the bar from above; its lower side lies 23.8 mm below.
+    top = keep(stage.region, np.flatnonzero(normals(stage.region)[:, 2] > 0.9))
+    body = stage.room.bodies["drawer_2"]
+    bar, *others = (collider.mesh for collider in body.colliders)
+    plate = Mesh(
+        bar.vertices + np.float32([0.0, 0.0, 0.04]), bar.faces
+    )  # claimed by the handle too, and on no side of the region
+
+    def seen(part: str) -> Mesh:
+        mine = [Collider("handle_4", plate), Collider(part, bar), *(Collider("drawer_2", mesh) for mesh in others)]
+        room = replace(stage.room, bodies={**stage.room.bodies, "drawer_2": replace(body, colliders=tuple(mine))})
+        return touched(replace(stage, region=top, room=room))
+
+    assert np.allclose(seen("drawer_2").bounds, top.bounds), "a hull of the front completes nothing"
+    assert np.allclose(seen("handle_4").bounds, bar.bounds)

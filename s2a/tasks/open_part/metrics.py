@@ -42,8 +42,9 @@ single_finger_success: a finger on it, and both over less than enough; off_handl
 the region; body_success: any other link of the robot on the part, whatever the fingers did. opening: the largest [m];
 grasped_fraction: fraction of the gained opening over which the part was grasped; contact_force: the largest of any contact of
 the robot [N]."""
-VERSION = 2
-"""1 (until November 2026) counted control steps instead of opening, no opposed forces, and no other links."""
+VERSION = 3
+"""2 took the scanned surface alone for the region, without the hulls that complete it; 1 (until November 2026) counted control
+steps instead of opening, no opposed forces, and no other links."""
 START = wp.constant(0.1)
 """Fraction of the success opening from which gains count: before it a part may be jolted open in passing."""
 

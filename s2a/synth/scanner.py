@@ -31,11 +31,11 @@ class ScannerConfig:
         drift: errors of the places.
         fusion: how all panoramas become one surface.
         smooth: passes of averaging over neighbouring vertices after the fusion.
-        snap: whether vertices are drawn onto the measured planes, which keeps a laser's detail.
+        snap: Project vertices onto the measured planes, which keeps a laser's detail.
         colors: "surface": of the nearest true surface; "camera": of what is seen from where the scanner stood, so that a
             handle that is missing in the mesh is painted on its front.
         thin: how that surface is thinned out.
-        glb: whether a textured GLB with y up is written beside the annotated scan.
+        glb: Write a textured GLB with y up beside the annotated scan.
     """
 
     poses: Annotated[int, AtLeast(4, 24)]

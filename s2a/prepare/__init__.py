@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,7 +9,6 @@ import numpy as np
 
 from s2a import robot
 from s2a.articulation import lever_arm
-from s2a.errors import InputError
 from s2a.geometry.convex import column
 from s2a.geometry.mesh_ops import merge
 from s2a.geometry.simplify import DecimateConfig, decimate_room
@@ -22,18 +20,17 @@ from s2a.prepare.colliders.target import ColliderConfig
 from s2a.prepare.filtering import filtered_pairs
 from s2a.prepare.interior import cabinet_walls
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
-from s2a.prepare.part import PartConfig, PartResult, part_results
-from s2a.prepare.target import bodies, parent_body, target_joint
+from s2a.prepare.part import PartConfig, PartResult
+from s2a.prepare.selection import ALL, selected_parts
+from s2a.prepare.target import bodies, parent_body
 from s2a.progress import track
 from s2a.ranges import NotNegative
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, Grasp, SimBody, SimRoom
 
-_log = logging.getLogger(__name__)
+__all__ = ["ALL", "PrepareConfig", "prepare"]
 
-ALL = "all"
-"""Stands for every articulated part of a room."""
 UNEVEN = 0.01
 """[m] A scanned floor may rise by so much under a robot's base."""
 
@@ -94,7 +91,7 @@ def prepare(
     """
     asked = (targets,) if isinstance(targets, str) else tuple(dict.fromkeys(targets))
     spec = spec or robot.load(DEFAULT_ROBOT)
-    results = (_all_that_can if asked == (ALL,) else _exactly)(scene, asked, config.part(spec))
+    results = selected_parts(scene, asked, config.part(spec))
     lifted = free_objects(scene, free, tuple(results), config.free)
     owners = bodies(scene, results)
     obstacles = _obstacles(scene, results, lifted, config)
@@ -131,39 +128,6 @@ def _notes(fixed: Mapping[str, SimBody], trimmed: Sequence[str]) -> tuple[str, .
         *cut,
         *(f"back and sides of {i} added: they were not scanned" for i, body in fixed.items() if body.completed),
     )
-
-
-def _exactly(scene: Scene, parts: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
-    """Return the results of parts that were asked for by their ids."""
-    for part in parts:
-        target_joint(scene, part)  # one that cannot move is refused before the first is worked on
-    results = part_results(scene, _with_members(scene, parts), config)
-    for result in results.values():
-        if isinstance(result, InputError):
-            raise result
-    return {part: result for part, result in results.items() if isinstance(result, PartResult)}
-
-
-def _all_that_can(scene: Scene, _: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
-    """Return the results of all articulated parts that can be prepared; warn of the others, which are frozen."""
-    parts = scene.movable
-    while True:
-        results = part_results(scene, _with_members(scene, parts), config)
-        refused = {part: result for part, result in results.items() if isinstance(result, InputError)}
-        for part, error in refused.items():
-            _log.warning("%s is left out: %s", part, error)
-        # Without those, what they carried belongs to other bodies.
-        parts = tuple(part for part in parts if part not in refused)
-        if not parts:
-            raise InputError(f"scene {scene.name!r} has no articulated part that can be prepared")
-        if not refused:
-            return {part: result for part, result in results.items() if isinstance(result, PartResult)}
-
-
-def _with_members(scene: Scene, parts: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
-    """Return articulated parts with the parts of their bodies."""
-    owners = bodies(scene, parts)
-    return [(part, tuple(i for i, owner in owners.items() if owner == part)) for part in parts]
 
 
 def _obstacles(

@@ -11,7 +11,7 @@ from s2a import robot
 from s2a.articulation import opening_direction
 from s2a.geometry.handles.bar import bar_profile
 from s2a.geometry.mesh_ops import centroids, merge, normals
-from s2a.geometry.simplify import is_shell
+from s2a.geometry.simplify import is_structure
 from s2a.prepare.gripper_roll import ROUND, free_roll, free_side, is_round
 from s2a.robot.collision import robot_shape
 from s2a.robot.spec import RobotSpec
@@ -99,7 +99,7 @@ def heading(scene: Scene, target: str) -> np.ndarray:
 
 def floor_points(scene: Scene) -> np.ndarray:
     """Return points of the floor [m], shape [point 3]: of the parts labelled so, else one at the room's lowest height."""
-    floors = merge([part.mesh for part in scene.parts.values() if is_shell(part.label, FLOOR)])
+    floors = merge([part.mesh for part in scene.parts.values() if is_structure(part.label, FLOOR)])
     points = centroids(floors)[normals(floors)[:, 2] > 0.5]
     lowest = np.nanmin([part.mesh.bounds[0, 2] for part in scene.parts.values()])
     return points if len(points) else np.array([[0.0, 0.0, lowest]])

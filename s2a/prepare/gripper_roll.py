@@ -34,16 +34,16 @@ def is_round(grasp: Grasp) -> bool:
 def free_roll(scene: Scene, target: str, grasp: Grasp, shape: RobotShape) -> Grasp:
     """Return a grasp of what is round, rolled about its approach if the hand would otherwise reach into the room."""
     near = Obstacles(scene, (target, *scene.descendants(target)), np.array(grasp.point), AROUND)
-    return _freest(near, shape, grasp, (_rolled(grasp, turn) for turn in TURNS[1:]))
+    return _collision_free(near, shape, grasp, (_rolled(grasp, turn) for turn in TURNS[1:]))
 
 
 def free_side(scene: Scene, target: str, grasp: Grasp, others: Iterable[Grasp], shape: RobotShape) -> Grasp:
     """Return a grasp, or one from another side if the hand would otherwise reach into anything beside what it holds."""
     near = Obstacles(scene, scene.grasp_parts(target), np.array(grasp.point), AROUND)
-    return _freest(near, shape, grasp, others)
+    return _collision_free(near, shape, grasp, others)
 
 
-def _freest(near: Obstacles, shape: RobotShape, grasp: Grasp, others: Iterable[Grasp]) -> Grasp:
+def _collision_free(near: Obstacles, shape: RobotShape, grasp: Grasp, others: Iterable[Grasp]) -> Grasp:
     """Return a grasp, or another one on whose way the hand reaches clearly less into what is there."""
     depth = _depth(near, shape, grasp)
     if depth <= BETTER:  # as almost always: then the others are not even made

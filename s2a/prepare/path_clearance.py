@@ -11,7 +11,7 @@ from s2a.robot.joint_path import HALF_TURN, straight
 
 UNREACHABLE = 10.0
 """Depth [m] that stands for a place from which the arm cannot reach."""
-LONGEST_REACH = 2.0
+MAX_REACH_TIME = 2.0
 """[s] In which every joint, at full speed, has to turn from home to the path: an episode has to have time for the rest."""
 TRIED = 8
 """Number of joint paths that are checked: those that begin nearest to home."""
@@ -50,7 +50,7 @@ def _along(near: Obstacles, shape: RobotShape, base: np.ndarray, paths: np.ndarr
     time = (np.abs(paths[:, 0] - home) / kin.spec.limits.velocity).max(axis=1)
     order = np.argsort(distance, kind="stable")
     best: Hit = (UNREACHABLE, "the arm cannot turn so far")
-    for path in paths[order[time[order] < LONGEST_REACH]][:TRIED]:
+    for path in paths[order[time[order] < MAX_REACH_TIME]][:TRIED]:
         depth, owner = _path_collision(near, shape, base, straight(home, path[0]), path)
         if depth <= SLACK:
             return 0.0, ""

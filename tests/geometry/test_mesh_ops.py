@@ -9,7 +9,7 @@ from closeness import surface_distance
 
 from s2a.geometry import convex, mesh_ops, planes
 from s2a.geometry.handles.finger_gap import share_inside
-from s2a.geometry.simplify import decimate, is_shell
+from s2a.geometry.simplify import decimate, is_structure
 from s2a.scene import Mesh
 
 
@@ -59,8 +59,8 @@ def test_decimation_reaches_its_ratio_and_stays_near_the_surface(ratio: float) -
 
 def test_a_wall_cabinet_is_no_wall() -> None:
     labels = ("wall", "floor", "ceiling")
-    assert is_shell("wall", labels) and is_shell("Office_Floor", labels)
-    assert not any(is_shell(label, labels) for label in ("wall cabinet", "floor lamp", "whiteboard", ""))
+    assert is_structure("wall", labels) and is_structure("Office_Floor", labels)
+    assert not any(is_structure(label, labels) for label in ("wall cabinet", "floor lamp", "whiteboard", ""))
 
 
 def test_a_rough_wall_becomes_one_box_behind_its_surface() -> None:

@@ -118,7 +118,7 @@ def test_it_stays_where_it_is(prepared: SimRoom, tmp_path: Path) -> None:
     world = World(tmp_path / "sim.usd", config.physics)
     assert "box_20" in " ".join(world.model.body_label)
     found = {check.name: check for check in rest(world, replace(config.motion, open_time=2.0))}
-    assert found["settle"].status == found["self_opening"].status == "pass"
+    assert found["rest_displacement"].status == found["self_opening"].status == "pass"
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from s2a.geometry.handles.bar import FEW, GAP, HEAD, LIKE, MARGIN, SAMPLES, SHAL
 from s2a.geometry.mesh_ops import sample
 from s2a.scene import Mesh
 
-LONGEST_POST = 0.3
+MAX_POST_LENGTH = 0.3
 """Largest length of a post in the middle, as a fraction of the bar's length; a longer one is a web."""
 SIDES = 16
 """Of a prism that stands for a piece of a bar."""
@@ -18,7 +18,7 @@ TAIL = 0.03
 """Fraction of the points that may be outside of it in each direction."""
 
 
-def bar_pieces(
+def bar_hulls(
     region: Mesh, frame: np.ndarray, profile: Profile, front: float, ground: float | None = None
 ) -> list[Mesh] | None:
     """Return a bar as convex pieces along its length, or None if it stands too near the front for fingers.
@@ -82,7 +82,7 @@ def _short(runs: list[list[int]], count: int) -> list[tuple[int, int]]:
     start, end = round((1 - SPAN) / 2 * count), round((1 + SPAN) / 2 * count)
     found = []
     for first, last in runs:
-        is_web = last - first > LONGEST_POST * count and first < end and last > start
+        is_web = last - first > MAX_POST_LENGTH * count and first < end and last > start
         found += [(first, min(last, start)), (max(first, end), last)] if is_web else [(first, last)]
     return [(first, last) for first, last in found if first < last]
 

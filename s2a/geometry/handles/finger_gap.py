@@ -69,7 +69,7 @@ def finger_space(region: Mesh, point: np.ndarray, frame: np.ndarray, front: floa
     return FingerSpace(None if reaches_front else space((low, high), (back + margin, end)), beside)
 
 
-def share_inside(pieces: Sequence[Mesh], points: np.ndarray) -> float:
+def fraction_inside(pieces: Sequence[Mesh], points: np.ndarray) -> float:
     """Return the share of points [point 3] that lie in any of the pieces, 0 to 1."""
     inside = np.zeros(len(points), bool)
     for piece in pieces:

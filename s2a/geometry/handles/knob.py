@@ -29,7 +29,7 @@ FEW = 20
 """Smallest number of points of a usable sector."""
 
 
-def knob_pieces(region: Mesh, frame: np.ndarray, front: float) -> list[Mesh] | None:
+def knob_hulls(region: Mesh, frame: np.ndarray, front: float) -> list[Mesh] | None:
     """Return a knob as frusta from its face to the front, or None if it is not round.
 
     Args:

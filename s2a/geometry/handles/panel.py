@@ -98,7 +98,7 @@ def near_region(points: np.ndarray, region: Mesh, frame: np.ndarray, distance: f
     return ((across > low - distance) & (across < high + distance)).all(axis=1)
 
 
-def part_ways(front: Mesh, region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float]) -> tuple[Mesh, Mesh]:
+def reassign_border(front: Mesh, region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float]) -> tuple[Mesh, Mesh]:
     """Give every face at the border between front and handle to the side that it belongs to.
 
     Annotators cut along triangles, and one or two of them land on the wrong side; as front, they would pull its hull

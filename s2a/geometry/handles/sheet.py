@@ -78,7 +78,7 @@ def _is_cup(points: np.ndarray) -> bool:
     )
 
 
-def shell_pieces(region: Mesh, frame: np.ndarray, opening: np.ndarray, count: int, max_vertices: int) -> list[Mesh]:
+def sheet_hulls(region: Mesh, frame: np.ndarray, opening: np.ndarray, count: int, max_vertices: int) -> list[Mesh]:
     """Return convex patches of a sheet behind its scanned face.
 
     Args:

@@ -18,7 +18,7 @@ from s2a.geometry.decompose import vhacd
 from s2a.geometry.mesh_ops import keep, merge
 from s2a.geometry.mesh_query import first_hits, ray_mesh
 from s2a.geometry.sweep import grown
-from s2a.prepare.colliders.feet import split_foot, whole_foot
+from s2a.prepare.colliders.foot import split_foot, whole_foot
 from s2a.prepare.mass import MassConfig, known_mass
 from s2a.ranges import AtLeast, Count, Fraction, NotNegative, Positive
 from s2a.scene import Mesh, Scene

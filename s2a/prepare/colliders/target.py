@@ -11,17 +11,17 @@ import numpy as np
 from s2a.geometry.convex import clip, hull, overlap, subtract
 from s2a.geometry.decompose import coacd_default, one_hull, vhacd
 from s2a.geometry.handles.bar import bar_profile
-from s2a.geometry.handles.bar_hulls import bar_pieces
+from s2a.geometry.handles.bar_hulls import bar_hulls
 from s2a.geometry.handles.finger_gap import FingerSpace, finger_space
-from s2a.geometry.handles.knob import knob_pieces
-from s2a.geometry.handles.panel import front_behind, front_coordinate, part_ways, patch, slab
-from s2a.geometry.handles.sheet import hidden_wall, sheet_opening, shell_pieces
+from s2a.geometry.handles.knob import knob_hulls
+from s2a.geometry.handles.panel import front_behind, front_coordinate, patch, reassign_border, slab
+from s2a.geometry.handles.sheet import hidden_wall, sheet_hulls, sheet_opening
 from s2a.prepare.target import Target
 from s2a.ranges import AtLeast, Count, CountFromZero, Positive
 from s2a.scene import Mesh
 from s2a.usd.sim_scene import Collider
 
-SWALLOWED = 2e-4
+BLOCKED = 2e-4
 """[m] A piece that reaches into the fingers' space by a smaller ball than this leaves it free."""
 
 
@@ -33,8 +33,8 @@ class ColliderConfig:
         method: "handle" (each part on its own, the grasp region finer, the fingers' space kept free), "coacd" (the
             library's defaults on all parts fused) or "one_hull" (all parts in one convex hull; it swallows the handle).
         bar_slices: places along a bar-like handle at which its section is taken; like neighbours become one piece.
-        handle_pieces: largest number of pieces of a grasp region that is neither bar nor knob.
-        front_pieces: largest number of pieces of each other part.
+        handle_hulls: largest number of pieces of a grasp region that is neither bar nor knob.
+        front_panel_hulls: largest number of pieces of each other part.
         thickness: of the front, inwards from its outer surface, of which alone a scan knows [m].
         resolution: voxels of the decomposition.
         max_vertices: largest number of vertices of a piece.
@@ -43,8 +43,8 @@ class ColliderConfig:
 
     method: Literal["handle", "coacd", "one_hull"]
     bar_slices: Count
-    handle_pieces: Count
-    front_pieces: Count
+    handle_hulls: Count
+    front_panel_hulls: Count
     thickness: Positive
     resolution: Count
     max_vertices: Annotated[int, AtLeast(4)]
@@ -78,7 +78,7 @@ def find_handle(target: Target) -> tuple[Handle, dict[str, Mesh]]:
     plane = front_behind(others[target.id], region, frame) if target.id in others else None
     if plane is None:
         return Handle(frame, region, None, float(point @ frame[:, 2]), FingerSpace(None, ())), others
-    others[target.id], region = part_ways(others[target.id], region, frame, plane)
+    others[target.id], region = reassign_border(others[target.id], region, frame, plane)
     front = front_coordinate(plane, frame, point)
     return Handle(frame, region, plane, front, finger_space(region, point, frame, front)), others
 
@@ -97,22 +97,22 @@ def target_colliders(
         return tuple(Collider(target.id, piece) for piece in pieces)
     found = []
     for i, mesh in others.items():
-        pieces = _front_pieces(mesh, handle, config) if i == target.id else _rough_pieces(mesh, config)
+        pieces = _front_panel_hulls(mesh, handle, config) if i == target.id else _rough_hulls(mesh, config)
         found += [Collider(i, piece) for piece in flatten(pieces, handle)]
     ground = _ground(handle, others.get(target.base_plate or ""))
-    pieces = _handle_pieces(handle, others.get(target.id), ground, config)
+    pieces = _handle_hulls(handle, others.get(target.id), ground, config)
     found += [Collider(target.grasp_parts[0], piece) for piece in free_fingers(pieces, handle.space)]
     return tuple(found)
 
 
-def _front_pieces(mesh: Mesh, handle: Handle, config: ColliderConfig) -> list[Mesh]:
+def _front_panel_hulls(mesh: Mesh, handle: Handle, config: ColliderConfig) -> list[Mesh]:
     """Return a flat front as one slab; another shape as hulls, with what the handle hid from the scanner."""
     whole = slab(mesh, -handle.frame[:, 2], config.thickness)
     if whole is not None:
         return [whole]
     hidden = [] if handle.plane is None else [patch(handle.region, handle.frame, handle.plane, config.thickness)]
     inwards = config.thickness * handle.frame[:, 2]
-    solid = [hull(np.concatenate([p.vertices, p.vertices + inwards])) for p in _rough_pieces(mesh, config)]
+    solid = [hull(np.concatenate([p.vertices, p.vertices + inwards])) for p in _rough_hulls(mesh, config)]
     return [*(piece for piece in solid if piece is not None), *hidden]
 
 
@@ -124,33 +124,33 @@ def _ground(handle: Handle, base: Mesh | None) -> float:
     return min(handle.front, front_coordinate(plane, handle.frame, handle.region.vertices.mean(axis=0)))
 
 
-def _handle_pieces(handle: Handle, front: Mesh | None, ground: float, config: ColliderConfig) -> list[Mesh]:
+def _handle_hulls(handle: Handle, front: Mesh | None, ground: float, config: ColliderConfig) -> list[Mesh]:
     """Return a sheet in patches, a bar in slices (which end where fingers need space), a knob in frusta, else hulls."""
     if handle.plane is not None:
         opening = None if front is None else sheet_opening(handle.region, handle.frame, handle.plane, front)
         if opening is not None:
             wall = hidden_wall(handle.region, handle.frame, opening, handle.front)
-            sheet = shell_pieces(handle.region, handle.frame, opening, config.handle_pieces, config.max_vertices)
+            sheet = sheet_hulls(handle.region, handle.frame, opening, config.handle_hulls, config.max_vertices)
             return sheet if wall is None else [*sheet, wall]
         profile = bar_profile(handle.region, handle.frame, config.bar_slices)
         if profile is not None:
-            pieces = bar_pieces(handle.region, handle.frame, profile, handle.front, ground)
+            pieces = bar_hulls(handle.region, handle.frame, profile, handle.front, ground)
         else:
-            pieces = knob_pieces(handle.region, handle.frame, handle.front)
+            pieces = knob_hulls(handle.region, handle.frame, handle.front)
         if pieces is not None:
             return pieces
-    return vhacd(handle.region, config.handle_pieces, config.resolution, config.max_vertices)
+    return vhacd(handle.region, config.handle_hulls, config.resolution, config.max_vertices)
 
 
-def _rough_pieces(mesh: Mesh, config: ColliderConfig) -> list[Mesh]:
-    return vhacd(mesh, config.front_pieces, config.resolution, config.max_vertices)
+def _rough_hulls(mesh: Mesh, config: ColliderConfig) -> list[Mesh]:
+    return vhacd(mesh, config.front_panel_hulls, config.resolution, config.max_vertices)
 
 
 def flatten(pieces: Iterable[Mesh], handle: Handle) -> list[Mesh]:
     """Cut pieces of the front that reach into the fingers' space off at the front's plane."""
     flat = []
     for piece in pieces:
-        reaches = any(overlap(piece, box) > SWALLOWED for box in handle.space.boxes)
+        reaches = any(overlap(piece, box) > BLOCKED for box in handle.space.boxes)
         flat.append(clip(piece, *handle.plane) if reaches and handle.plane is not None else piece)
     return [piece for piece in flat if piece is not None]
 
@@ -159,6 +159,6 @@ def free_fingers(pieces: Iterable[Mesh], space: FingerSpace) -> list[Mesh]:
     """Cut the fingers' space out of pieces, which may come apart into several."""
     free = list(pieces)
     for box in space.boxes:
-        parts = [subtract(piece, box) if overlap(piece, box) > SWALLOWED else [piece] for piece in free]
+        parts = [subtract(piece, box) if overlap(piece, box) > BLOCKED else [piece] for piece in free]
         free = [part for group in parts for part in group]
     return free

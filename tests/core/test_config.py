@@ -164,7 +164,9 @@ def test_overrides_reach_nested_values_and_options_of_groups():
 def test_the_help_tells_what_each_reward_term_and_each_number_of_the_task_is(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["train", "--help"]) == 0
     text = capsys.readouterr().out
-    assert "reward=...  one of: close_part, handle, led, paper" in text and "sim=...  one of: paper, planner" in text
+    assert (
+        "reward=...  one of: close_part, grasped, handle, paper" in text and "sim=...  one of: paper, planner" in text
+    )
     for key, words in (
         ("reward.distance=1.5", "1 / (1 + d"),
         ("task.termination_opening=0.39", "ends the episode"),
@@ -195,4 +197,4 @@ def test_numbers_that_the_tree_says_twice_are_equal():
     assert [sim["dt"] for sim in sims] == 2 * [certify["certify"]["physics"]["dt"]]
     assert (base["approach"], base["opening"]) == (planner["approach"], planner["opening"])
     assert certify["certify"]["grip"]["approach"] == planner["approach"]
-    assert prepare["prepare"]["decimate"]["shell_labels"] == prepare["prepare"]["room"]["shell_labels"]
+    assert prepare["prepare"]["decimate"]["structure_labels"] == prepare["prepare"]["room"]["structure_labels"]

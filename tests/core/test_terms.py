@@ -72,42 +72,24 @@ WORDS = {
 """Old word -> what the field says."""
 PHRASES = ("no number", "belongs here", "anew", "mend ", "the verb", "a verb", "by the handle", "tears the")
 """Not in messages, help texts or the README."""
-NOT_YET = (
-    "certify",
-    "commands/certify.py",
-    "commands/evaluate.py",
-    "commands/prepare.py",
-    "commands/train.py",
-    "env",
-    "evaluate.py",
-    "geometry/handles",
-    "planner",
-    "prepare",
-    "rl",
-    "robot",
-    "sim",
-    "synth",
-    "tasks",
-    "usd/sim_scene.py",
-    "usd/sim_stage.py",
-    "usd/visuals.py",
-)
-"""Files and folders of the package that still have to be renamed."""
-KEYS_NOT_YET = ("certify", "evaluate", "prepare", "sample", "train")
-"""Commands whose keys still have to be renamed."""
 ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
     "aliases.py": (tuple(WORDS), "lists the old names"),
     "insert/scale.py": (("longest",), "a field of the model's answers, which are recorded word for word"),
     "llm/rules.py": (("longest",), "as in insert/scale.py"),
     "ranges.py": (("least",), "AtLeast(4) reads as the bound it is"),
+    "rl/config.py": (("epochs",), "num_learning_epochs, rsl_rl's own name"),
+    "synth/draw.py": (("draw",), "random draws"),
+    "synth/families/openings.py": (("openings",), "doors and windows of a room"),
+    "synth/objects.py": (("picture",), "a framed one, which hangs on a wall"),
+    "tasks/open_part/config.py": (("openings",), "task.bonus_openings: displacements of the grasp point"),
 }
 """Files with old words that stay, and why."""
+ALLOWED_KEYS = ("ppo.num_learning_epochs", "task.bonus_openings")
+"""Keys with old words that stay, as the files above say."""
 
 
 def _sources() -> list[Path]:
-    package = ROOT / "s2a"
-    relative = [(path, path.relative_to(package).as_posix()) for path in sorted(package.rglob("*.py"))]
-    return [path for path, name in relative if not any(name == one or name.startswith(f"{one}/") for one in NOT_YET)]
+    return sorted((ROOT / "s2a").rglob("*.py"))
 
 
 def _words(name: str) -> list[str]:
@@ -149,9 +131,9 @@ def test_public_names_and_messages_are_in_the_fields_words(path: Path) -> None:
     assert sorted(found) == []
 
 
-@pytest.mark.parametrize("command", sorted(set(COMMANDS) - set(KEYS_NOT_YET)))
+@pytest.mark.parametrize("command", COMMANDS)
 def test_configuration_keys_are_in_the_fields_words(command: str) -> None:
-    keys = config.keys(config.compose(command))
+    keys = set(config.keys(config.compose(command))).difference(ALLOWED_KEYS)
     assert [(key, word) for key in keys for word in re.split(r"[._]", key) if word in WORDS] == []
 
 
@@ -168,8 +150,9 @@ def test_the_readme_is_in_the_fields_words() -> None:
 
 
 def test_everything_that_is_excused_exists() -> None:
-    assert [name for name in (*NOT_YET, *ALLOWED) if not (ROOT / "s2a" / name).exists()] == []
-    assert set(KEYS_NOT_YET) <= set(COMMANDS)
+    assert [name for name in ALLOWED if not (ROOT / "s2a" / name).exists()] == []
+    known = {key for command in COMMANDS for key in config.keys(config.compose(command))}
+    assert set(ALLOWED_KEYS) <= known
 
 
 def test_no_two_modules_define_a_public_class_of_the_same_name() -> None:

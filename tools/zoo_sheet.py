@@ -1,4 +1,4 @@
-"""Draw docs/zoo.png: all objects of the zoo with their labels, one row for each half of a category.
+"""Render docs/zoo.png: all objects of the zoo with their labels, one row for each half of a category.
 
 python tools/zoo_sheet.py docs/zoo.png [LABEL_OR_CATEGORY ...]
 """
@@ -19,14 +19,14 @@ from s2a.synth.zoo import ZooObject, zoo
 
 COLUMNS = 10
 TILE, CAPTION = 168, 22
-"""Side of a picture, and height of the label below it [pixel]."""
-LOOK = OrbitCamera(TILE, TILE, 3, fov=0.5, azimuth=0.45, elevation=0.5, margin=1.06, backface_culling=False)
+"""Side of an image, and height of the label below it [pixel]."""
+CAMERA = OrbitCamera(TILE, TILE, 3, fov=0.5, azimuth=0.45, elevation=0.5, margin=1.06, backface_culling=False)
 COLORS = 255
 """Of the palette, which halves the file."""
 
 
 def main(out: Path, chosen: list[str]) -> None:
-    """Draw the objects of the chosen labels and categories, or all."""
+    """Render the objects of the chosen labels and categories, or all."""
     shown = [item for item in zoo() if not chosen or {item.label, item.category} & set(chosen)]
     columns = min(COLUMNS, len(shown))
     rows = -(-len(shown) // columns)
@@ -43,20 +43,20 @@ def main(out: Path, chosen: list[str]) -> None:
 
 
 def _image(item: ZooObject) -> np.ndarray:
-    """Draw an object from the front, the right and above; what hangs on walls is seen more level."""
+    """Render an object from the front, the right and above; what hangs on walls is seen more level."""
     mesh = item.surface.mesh
     # As large as a room, so that its own small parts throw shadows.
     size = 1.0 / np.ptp(mesh.vertices, axis=0).max()
     large = Mesh(mesh.vertices * size, mesh.faces, mesh.colors)
-    camera = replace(LOOK, elevation=0.15, azimuth=0.35) if item.placement == "hanging" else LOOK
+    camera = replace(CAMERA, elevation=0.15, azimuth=0.35) if item.placement == "hanging" else CAMERA
     return render([large], framing_pose(large.vertices, np.array([1.0, 0.0, 0.0]), camera), camera)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("picture", type=Path)
-    parser.add_argument("chosen", nargs="*", metavar="LABEL_OR_CATEGORY", help="draw these alone")
+    parser.add_argument("image", type=Path)
+    parser.add_argument("chosen", nargs="*", metavar="LABEL_OR_CATEGORY", help="render these alone")
     args = parser.parse_args()
     if unknown := set(args.chosen) - {name for item in zoo() for name in (item.label, item.category)}:
         parser.error(f"no object has the label or category {min(unknown)!r}")
-    main(args.picture, args.chosen)
+    main(args.image, args.chosen)

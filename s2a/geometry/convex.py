@@ -1,4 +1,4 @@
-"""Convex pieces: construction, cuts, containment and overlap.
+"""Convex hulls: construction, cuts, containment and overlap.
 
 A piece is a closed Mesh whose faces look outwards.
 """
@@ -96,7 +96,7 @@ def cut_free(piece: Mesh, obstacle: Mesh, margin: float = 1e-4) -> Mesh | None:
 
 
 def subtract(piece: Mesh, obstacle: Mesh, thinnest: float = 2 * FLAT) -> list[Mesh]:
-    """Return the part of a piece outside of an obstacle as convex pieces, none thinner than `thinnest` [m]."""
+    """Return the part of a piece outside of an obstacle as convex hulls, none thinner than `thinnest` [m]."""
     outside, rest = [], piece
     for plane in np.unique(halfspaces(obstacle).round(6), axis=0):
         part = clip(rest, -plane[:3], plane[3])

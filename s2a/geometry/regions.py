@@ -208,7 +208,7 @@ def _measured(support: np.ndarray, grid: Grid, own: Above, whole: Above, config:
     kind: Kind = "horizontal" if np.mean(above[support] < config.search_height) < config.cover_fraction else "inside"
     if abs(grid.axes[2, 2]) < 0.5:
         kind = "vertical"
-    # From behind: another thing stands here, or the target's own next board, whose underside was not scanned, is above.
+    # From behind: another object stands here, or the target's own next board, whose underside was not scanned, is above.
     standing = behind & (room < above - config.noise_height)
     clearances = np.where(support & ~standing, room, 0.0)
     solid = ndimage.binary_fill_holes(support)

@@ -23,7 +23,7 @@ def deepest(pieces: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, steps:
 
 
 def sweep(mesh: Mesh, joint: Joint, clearance: float = 0.0, step: float = 0.2) -> list[Mesh]:
-    """Return convex pieces that cover the swept volume of a mesh between the limits of its joint.
+    """Return convex hulls that cover the swept volume of a mesh between the limits of its joint.
 
     A turn is covered in steps of at most `step` [rad], each by the hull of its two ends and of where their tangents meet:
     the arc between lies inside.

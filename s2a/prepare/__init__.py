@@ -37,7 +37,7 @@ UNEVEN = 0.01
 
 @dataclass(frozen=True)
 class PrepareConfig:
-    """How a scene is prepared.
+    """Settings of the preparation.
 
     Attributes:
         friction: dry friction of an articulated part's joint as a force at the grasp point [N]; holds a drawer whose annotated
@@ -49,8 +49,8 @@ class PrepareConfig:
         colliders: the convex hulls of the articulated parts.
         cabinet: those of the furniture that they belong to.
         room: those of the static room.
-        mass: what an articulated part weighs.
-        free: objects that are taken out of the room.
+        mass: mass of articulated parts.
+        free: objects extracted from the room.
     """
 
     friction: NotNegative
@@ -87,21 +87,21 @@ def prepare(
 
     Raises:
         InputError: a part that was asked for by its id is unknown, does not move, has limits that no robot can use, or has no
-            surface; nothing can be prepared; an object cannot be taken out.
+            surface; nothing can be prepared; an object cannot be extracted.
     """
     asked = (targets,) if isinstance(targets, str) else tuple(dict.fromkeys(targets))
     spec = spec or robot.load(DEFAULT_ROBOT)
     results = selected_parts(scene, asked, config.part(spec))
-    lifted = free_objects(scene, free, tuple(results), config.free)
+    extracted = free_objects(scene, free, tuple(results), config.free)
     owners = bodies(scene, results)
-    obstacles = _obstacles(scene, results, lifted, config)
+    obstacles = _obstacles(scene, results, extracted, config)
     fixed = _fixed_bodies(scene, results, owners, obstacles, config)
     moving = {part: _moving_body(scene, result, config) for part, result in results.items()}
     filtered = filtered_pairs(moving, fixed, {part: result.target.joint for part, result in results.items()})
-    taken = {i for item in lifted for i in item.members}
+    taken = {i for item in extracted for i in item.members}
     static = [i for i, owner in owners.items() if owner is None and i not in taken]
     colliders, trimmed = _static_colliders(
-        scene, static, lifted, [o for group in obstacles.values() for o in group], config
+        scene, static, extracted, [o for group in obstacles.values() for o in group], config
     )
     visual = decimate_room(scene, static, config.decimate)
     return SimRoom(
@@ -113,7 +113,7 @@ def prepare(
         },
         static_visual=visual.mesh,
         static_colliders=colliders,
-        free={item.body.id: item.body for item in lifted},
+        free={item.body.id: item.body for item in extracted},
         notes=_notes(fixed, trimmed),
         static_parts=visual.parts,
         static_face_part=visual.face_part,
@@ -131,7 +131,7 @@ def _notes(fixed: Mapping[str, SimBody], trimmed: Sequence[str]) -> tuple[str, .
 
 
 def _obstacles(
-    scene: Scene, results: Mapping[str, PartResult], lifted: Sequence[FreeObject], config: PrepareConfig
+    scene: Scene, results: Mapping[str, PartResult], extracted: Sequence[FreeObject], config: PrepareConfig
 ) -> dict[str, list[Mesh]]:
     """Return the convex hulls that colliders must leave free, by the object that they are of.
 
@@ -142,7 +142,7 @@ def _obstacles(
         found.setdefault(scene.root(part), []).extend(result.swept)
         foot, room = np.array(result.base.position) + [0.0, 0.0, UNEVEN], config.room
         found[""].append(column(foot, room.base_radius, room.base_height - UNEVEN))
-    for item in lifted:
+    for item in extracted:
         found.setdefault(item.body.id, []).extend(item.space)
     return found
 
@@ -184,7 +184,11 @@ def _moving_body(scene: Scene, result: PartResult, config: PrepareConfig) -> Sim
 
 
 def _static_colliders(
-    scene: Scene, parts: Sequence[str], lifted: Sequence[FreeObject], obstacles: Sequence[Mesh], config: PrepareConfig
+    scene: Scene,
+    parts: Sequence[str],
+    extracted: Sequence[FreeObject],
+    obstacles: Sequence[Mesh],
+    config: PrepareConfig,
 ) -> tuple[tuple[Collider, ...], tuple[str, ...]]:
     """Return the hulls of the static room, free of obstacles, and the ids of the parts of which something was cut off."""
     found = []
@@ -193,7 +197,7 @@ def _static_colliders(
             hulls = part_hulls(scene.parts[part], config.room)
             found += [Collider(part, hull.mesh, hull.structure) for hull in hulls]
     colliders, trimmed = cut_out(found, obstacles, config.room.min_volume)
-    return (*(item.support for item in lifted), *colliders), trimmed
+    return (*(item.support for item in extracted), *colliders), trimmed
 
 
 def _articulation(

@@ -1,4 +1,4 @@
-"""Where the robot stands: where its arm can follow the whole path of the handle without a collision."""
+"""The base pose of the robot: where its arm can follow the whole path of the handle without a collision."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STUCK = 1.0
 
 @dataclass(frozen=True)
 class BaseConfig:
-    """Where a robot may stand; the robot's spec has the distances.
+    """Candidate base poses; the robot's spec has the distances.
 
     The first place that serves is taken, nearest to the preferred one first: the first distance, straight before the
     handle, facing it, on the floor.
@@ -41,7 +41,7 @@ class BaseConfig:
         pedestals: heights of what it may stand on [m].
         approach: distance before the handle from which the gripper moves straight to it [m].
         opening: path of the handle that the arm has to follow [m]; less where the joint ends earlier.
-        ik_seeds: starts of the inverse kinematics at each place, for either way round of the gripper.
+        ik_seeds: starts of the inverse kinematics at each place, for both gripper rolls.
         query_radius: how far from the handle the room is looked at [m].
         search: other places than the preferred one are tried.
     """
@@ -215,11 +215,11 @@ def _places(config: BaseConfig, distances: Sequence[float]) -> Iterator[list[Pla
 def _pose(floor: np.ndarray, point: np.ndarray, ahead: np.ndarray, place: Place) -> np.ndarray:
     """Return the pose [4 4] of the base at a place above the floor's points [point 3], facing the handle."""
     left = np.array([-ahead[1], ahead[0]])
-    spot = point[:2] - place.distance * ahead + place.side * left
-    towards = point[:2] - spot
+    position = point[:2] - place.distance * ahead + place.side * left
+    towards = point[:2] - position
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("z", math.atan2(towards[1], towards[0])).as_matrix()
-    pose[:3, 3] = [*spot, floor_height(floor, spot) + place.pedestal]
+    pose[:3, 3] = [*position, floor_height(floor, position) + place.pedestal]
     return pose
 
 

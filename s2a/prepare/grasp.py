@@ -1,4 +1,4 @@
-"""Where the hand takes hold of a part, and where the robot stands to open it."""
+"""The grasp of a part, and the heading of a robot that opens it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FLOOR = ("floor", "floors")
 def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None) -> Grasp:
     """Return the grasp of a movable part: point, frame and extents of its annotated region.
 
-    The hand comes along the way on which the part closes; where it would bump into something there, and the region is a bar,
+    The gripper approaches in the direction in which the part closes; if it would collide there, and the region is a bar,
     from another side of the bar.
 
     Raises:
@@ -44,7 +44,7 @@ def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None) -> Gras
 
 
 def _grasp(point: np.ndarray, region: Mesh, inwards: np.ndarray) -> Grasp:
-    """Return the grasp of a region at a point [m] by a hand that comes along `inwards`."""
+    """Return the grasp of a region at a point [m] by a gripper that approaches along `inwards`."""
     frame = grasp_frame(region, inwards)
     size = np.subtract(*extents(region, frame)[::-1])
     profile = bar_profile(region, frame, SLICES)
@@ -88,7 +88,7 @@ def extents(region: Mesh, frame: np.ndarray, tail: float = 0.005) -> tuple[np.nd
 
 
 def heading(scene: Scene, target: str) -> np.ndarray:
-    """Return the level unit direction (x, y) in which a robot before the handle of a part looks at it."""
+    """Return the level unit direction (x, y) in which a robot before the handle of a part faces it."""
     point = scene.grasp_point(target)
     outwards = opening_direction(scene.joint(target), point)
     if math.hypot(outwards[0], outwards[1]) < 0.3:  # a lid opens upwards: stand before the middle of its front edge

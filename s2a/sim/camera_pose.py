@@ -25,7 +25,7 @@ BEFORE = 0.05
 def viewpoint(stage: SimStage, distance: float, azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray]:
     """Return where a camera stands and the point in the middle of its image [m], shape [3] each, scene frame.
 
-    The first place that sees all of grasp, hand before it and shoulder; else the one that sees most of them.
+    The first place that sees all of grasp, gripper before it and shoulder; else the one that sees most of them.
 
     Args:
         stage: what is looked at.

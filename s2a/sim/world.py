@@ -147,7 +147,7 @@ def build_world(
     """
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-    # The default of 0.1 m makes contact candidates of everything within reach of the hand.
+    # The default of 0.1 m makes contact candidates of everything within reach of the gripper.
     builder.rigid_gap = 0.01
     builder.default_shape_cfg.mu = 1.0
     if robot is not None:

@@ -16,7 +16,7 @@ class Opening:
         kind: "drawer", "left", "right", "pair" (two doors), "up", "down" (flaps), "rise" (shutter that slides up behind a
             fixed upper half), "open" (nothing) or "fixed" (a panel).
         name: of the part.
-        panel: of the panel, see `panels.front`.
+        panel: its profile, see `panels.front`.
         grip: the handle.
         thick: of the front [m].
         limit: how far it opens [m] or [rad].
@@ -42,7 +42,7 @@ class Style:
         top: colour of the top board.
         dark: colour of plinth and legs.
         texture: of all of these.
-        panel: of doors, see `panels.front`.
+        panel: profile of doors, see `panels.front`.
         drawer_panel: of drawers.
         grip: handles of drawers and flaps.
         door_grip: handles of doors.

@@ -149,7 +149,7 @@ class Reduction:
     """What decimation did to a group of surfaces.
 
     Attributes:
-        group: "shell" (walls, floor, ceiling) or "other".
+        group: "structure" (walls, floor, ceiling) or "other".
         before: faces that it had.
         after: faces that it has.
         asked: faces that it should have.

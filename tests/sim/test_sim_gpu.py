@@ -30,6 +30,6 @@ def test_captured_graph_equals_eager_steps(tmp_path: Path) -> None:
         for env in envs:
             env.step(action)
         worst = max(worst, float((envs[0].observation - envs[1].observation).abs().max()))
-    print(f"max_opening difference of an observation in 100 steps: {worst:.2e}")
+    print(f"largest difference of an observation in 100 steps: {worst:.2e}")
     assert worst <= 1e-5
     assert torch.allclose(envs[0].reward, envs[1].reward, atol=1e-5)

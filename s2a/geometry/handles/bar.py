@@ -3,7 +3,7 @@
 No scanner sees the back of a bar. Fusion draws its surface on into the shadow behind it, in skirts that hang from its
 edges and may reach the front, so only its outermost few millimetres say how thick it is. How deep it is, its sides say:
 the shadows that all scanners share draw in behind it. Often only one side has been seen, a bar's upper one from above, and
-the other is a skirt all the way. A bar is symmetric: what the side that flares out least shows counts for both.
+the other is a skirt throughout. A bar is symmetric: what the side that flares out least shows counts for both.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A bar and its posts as convex pieces, which leave room for fingers behind them."""
+"""A bar and its posts as convex hulls, which leave the finger gap behind them free."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TAIL = 0.03
 def bar_hulls(
     region: Mesh, frame: np.ndarray, profile: Profile, front: float, ground: float | None = None
 ) -> list[Mesh] | None:
-    """Return a bar as convex pieces along its length, or None if it stands too near the front for fingers.
+    """Return a bar as convex hulls along its length, or None if it stands too near the front for fingers.
 
     The bar ends where its sides do, and leaves fingers their space; posts join it to the front.
     Neighbouring slices of like section become one piece.

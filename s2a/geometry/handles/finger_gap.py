@@ -1,4 +1,4 @@
-"""Whether fingers fit behind a handle, and how much of their room convex pieces fill."""
+"""The finger gap behind a handle, and its fill ratio by convex hulls."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def slab(mesh: Mesh, outwards: np.ndarray, thickness: float) -> Mesh | None:
     """Return a flat front as one solid piece behind its plane, or None if it is not flat or has a shape of its own.
 
     Args:
-        mesh: a front as scanned: its outer surface, a strip of its sides, holes where a handle was in the way.
+        mesh: a front as scanned: its outer surface, a strip of its sides, holes where a handle occluded it.
         outwards: unit direction out of the furniture, shape [3].
         thickness: of the piece [m].
     """

@@ -15,7 +15,7 @@ from s2a.scene import Mesh, Scene
 
 @dataclass(frozen=True)
 class SweptVolume:
-    """A convex piece of the swept volume of a part.
+    """A convex hull of a section of a part's swept volume.
 
     Attributes:
         part: id of the moving part.

@@ -1,4 +1,4 @@
-"""Convex pieces for the part that is to be opened, with the gap behind its handle free for fingers."""
+"""Convex hulls of the part that is to be opened, with a free finger gap behind its handle."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from s2a.scene import Mesh
 from s2a.usd.sim_scene import Collider
 
 BLOCKED = 2e-4
-"""[m] A piece that reaches into the fingers' space by a smaller ball than this leaves it free."""
+"""[m] A hull that reaches into the finger gap by a smaller ball than this leaves it free."""
 
 
 @dataclass(frozen=True)
 class ColliderConfig:
-    """How the target becomes convex pieces.
+    """Settings of the target's convex decomposition.
 
     Attributes:
-        method: "handle" (each part on its own, the grasp region finer, the fingers' space kept free), "coacd" (the
-            library's defaults on all parts fused) or "one_hull" (all parts in one convex hull; it swallows the handle).
-        bar_slices: places along a bar-like handle at which its section is taken; like neighbours become one piece.
-        handle_hulls: largest number of pieces of a grasp region that is neither bar nor knob.
-        front_panel_hulls: largest number of pieces of each other part.
+        method: "handle" (each part on its own, the grasp region finer, the finger gap kept free), "coacd" (the
+            library's defaults on all parts fused) or "one_hull" (all parts in one convex hull; it fills the finger gap).
+        bar_slices: places along a bar-like handle at which its section is taken; similar neighbours become one hull.
+        handle_hulls: max number of hulls of a grasp region that is neither bar nor knob.
+        front_panel_hulls: max number of hulls of each other part.
         thickness: of the front, inwards from its outer surface, of which alone a scan knows [m].
         resolution: voxels of the decomposition.
-        max_vertices: largest number of vertices of a piece.
+        max_vertices: max number of vertices of a hull.
         seed: of the decomposition.
     """
 
@@ -53,7 +53,7 @@ class ColliderConfig:
 
 @dataclass(frozen=True)
 class Handle:
-    """What surrounds the grasp of a part.
+    """The handle of a part, and the front panel behind it.
 
     Attributes:
         frame: the grasp frame's axes as columns [3 3]: z into the furniture.
@@ -72,7 +72,7 @@ class Handle:
 
 
 def find_handle(target: Target) -> tuple[Handle, dict[str, Mesh]]:
-    """Return the surroundings of the grasp, and the tidied surface of every other part of the body, by id."""
+    """Return the handle at the grasp, and the tidied surface of every other part of the body, by id."""
     region, frame, point = target.grasp.region, target.frame, target.point
     others = {i: mesh for i, mesh in target.surfaces.items() if i not in target.grasp_parts}
     plane = front_behind(others[target.id], region, frame) if target.id in others else None

@@ -40,7 +40,7 @@ class OpenPartMetrics:
         full_fraction: fraction of the travel that counts as `open_95pct`.
         contact_force: normal force from which a contact counts [N].
         grasp_fraction: fraction of the gained opening over which a grasp must have held for `grasp_success`.
-        contact_fraction: that over which a contact must have held for the other ways to open.
+        contact_fraction: that over which a contact must have held for the other success metrics.
         error_fraction: fraction of the episodes from which infinite values, dropped rows and dropped contacts are warned of.
     """
 

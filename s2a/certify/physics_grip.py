@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from s2a.certify.physics import World
 from s2a.ranges import NotNegative, Numbers, Positive
 
-TOUCH = 1.0
+PRESS_FORCE = 1.0
 """[N] Force with which a finger counts as pressing."""
 
 
@@ -159,7 +159,7 @@ def _presses(world: World, data: mujoco.MjData, finger: str) -> bool:
         if (contact.geom1 in one and contact.geom2 in other) or (contact.geom2 in one and contact.geom1 in other):
             mujoco.mj_contactForce(world.mj, data, i, force)
             total += force[0]
-    return total > TOUCH
+    return total > PRESS_FORCE
 
 
 def _gripper_pose(world: World, q: float, inwards: float) -> np.ndarray:

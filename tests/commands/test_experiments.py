@@ -202,4 +202,4 @@ def test_ratings_count_what_both_accept_and_how_they_agree_beyond_chance(tmp_pat
     lines = ratings(key, verdicts(sorted(tmp_path.glob("*.csv"))))
     assert "| kitchen | ours | 2 | 1 | 2 |" in lines and "| all | paper | 2 | 0 | 0 |" in lines
     # They agree on 3 of 4; by chance on (2/4 x 1/4) + (2/4 x 3/4) = 1/2.
-    assert lines[-1] == "The two agree on 75 % of 4 pictures, Cohen's kappa 0.50."
+    assert lines[-1] == "The two agree on 75 % of 4 images, Cohen's kappa 0.50."

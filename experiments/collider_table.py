@@ -30,7 +30,7 @@ from closeness import gap_points, surface_distance
 from scipy.spatial.transform import Rotation
 
 from s2a import config, scan
-from s2a.geometry.handles.finger_gap import FINGER_DEPTH, FingerSpace, finger_space, share_inside
+from s2a.geometry.handles.finger_gap import FINGER_DEPTH, FingerSpace, finger_space, fraction_inside
 from s2a.geometry.handles.panel import front_behind, front_coordinate
 from s2a.geometry.mesh_ops import centroids, merge, normals, sample, sample_with_faces
 from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
@@ -121,7 +121,7 @@ def measure(scanned: Scene, true: Scene, target: str, method: str) -> dict:
         "seen_mm": 1e3 * float(distance[seen].mean()) if seen.any() else None,
         "shown_mm": 1e3 * float(shown[seen].mean()) if seen.any() else None,
         "seen_pct": 1e2 * float(seen.mean()),
-        "gap_pct": 1e2 * share_inside(pieces, asked) if len(asked) else None,
+        "gap_pct": 1e2 * fraction_inside(pieces, asked) if len(asked) else None,
         "web_pct": webbed(surface, space, true, target),
         "hulls": len(pieces),
         "vertices": sum(len(piece.vertices) for piece in pieces),

@@ -31,7 +31,7 @@ CELL = 0.25
 """[m] Edge of a cell of a floor plan."""
 SIDE = 32
 """Cells along each side of a plan."""
-SHELL = ("wall", "floor", "ceiling", "ceiling lamp")
+STRUCTURE = ("wall", "floor", "ceiling", "ceiling lamp")
 PANELS = (
     "width [m]",
     "height [m]",
@@ -110,7 +110,7 @@ def _plan(room: Room) -> np.ndarray:
     plan = np.zeros((SIDE, SIDE), np.int64)
     middle = np.array(room.size[:2]) / 2
     for piece in room.pieces:
-        if piece.name in SHELL or not (moves(piece) or np.ptp(piece.surface.vertices[:, :2], axis=0).max() > 0.5):
+        if piece.name in STRUCTURE or not (moves(piece) or np.ptp(piece.surface.vertices[:, :2], axis=0).max() > 0.5):
             continue
         points = piece.surface.vertices[:, :2] - middle
         low, high = (

@@ -69,7 +69,7 @@ class ValidationReport:
         return not self.failed
 
 
-def judge(
+def check_bound(
     name: str, value: float, bound: float, unit: str = "", *, prim: str = "", message: str = "", remedy: str = ""
 ) -> Check:
     """Return the check that passes if value <= bound; NaN fails."""

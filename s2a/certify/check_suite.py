@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 
 from s2a.certify import contents, finger_gap, foundation, physics_grip, shapes, static
-from s2a.certify.check import Check, Status, ValidationReport, judge
+from s2a.certify.check import Check, Status, ValidationReport, check_bound
 from s2a.certify.contents import Contents
 from s2a.certify.finger_gap import Gap, GapConfig
 from s2a.certify.foundation import FoundationConfig
@@ -120,7 +120,7 @@ def _fingers(target: str, room: Gap, attempt: Grip, config: CertifyConfig) -> li
         filled = Check("finger_gap", "info", prim=region, message=said)
     else:
         remedy = "prepare with colliders that keep the gap free (prepare=handle)"
-        filled = judge(
+        filled = check_bound(
             "finger_gap", room.fill_ratio, config.gap.max_fill_ratio, "", prim=region, message=said, remedy=remedy
         )
         filled = filled if fits else replace(filled, status="info", remedy="")

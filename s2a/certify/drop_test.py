@@ -18,7 +18,7 @@ from s2a.scene import Mesh
 
 INTERVAL = 10
 """Steps between two tests of rest."""
-FEW = 200
+FIRST_TRIANGLES = 200
 """Nearest triangles to a wall-mounted object that are tested first."""
 NONE = 1e-9
 """Change of a speed that is none [m/s]: what a slow fall would grow to in two seconds from there is under a millimetre."""
@@ -189,7 +189,7 @@ def _hangs(
     # What is not before the object's foremost point is not in it, and a few triangles suffice to find a contact.
     gaps = (wall @ toward).min(axis=1) - max(float((hull.vertices @ toward).max()) for hull in hulls)
     wall = wall[np.argsort(gaps, kind="stable")]
-    for count in (max(FEW, int((gaps <= 0).sum())), len(wall)):
+    for count in (max(FIRST_TRIANGLES, int((gaps <= 0).sum())), len(wall)):
         found = _attached(model(hulls, wall[:count], center, config), toward, config)
         if found.stays or found.penetration > config.penetration or count >= len(wall):
             break

@@ -8,7 +8,7 @@ import mujoco
 import newton
 import numpy as np
 
-from s2a.certify.check import Check, judge
+from s2a.certify.check import Check, check_bound
 from s2a.certify.physics import World
 from s2a.ranges import Count, NotNegative, Positive
 
@@ -78,11 +78,11 @@ def rest(world: World, config: MotionConfig) -> list[Check]:
     worst = int(np.argmax(np.where(np.isnan(moved), np.inf, moved)))
     joint = f"/scene/joints/{world.stage.target}"
     return [
-        judge(
+        check_bound(
             "rest_displacement", float(moved[worst]), config.rest_displacement, "m", prim=f"/scene/{names[own[worst]]}",
             message=f"max displacement of a body within {config.rest_time:g} s, no robot", remedy=FIX,
         ),
-        judge(
+        check_bound(
             "self_opening", abs(coordinate), config.open, "m", prim=joint,
             message=f"displacement of the grasp point after {config.open_time:g} s under gravity alone",
             remedy="level the annotated axis, or give the joint dry friction (prepare.friction)",
@@ -108,7 +108,7 @@ def joint_sweep(world: World, config: MotionConfig) -> Check:
     message = f"short of its {('open', 'closed')[worst]} limit when pushed with {config.force:g} N at the grasp"
     message += f" besides the {max(weights):.1f} N or less that carry its weight" if max(weights) > 0.1 else ""
     stopped = reached[worst] > SLACK and blocks[worst]
-    return judge(
+    return check_bound(
         "joint_sweep", float(reached[worst]), SLACK, "m", prim=blocks[worst] if stopped else joint,
         message=f"{message}: blocked by {blocks[worst]}" if stopped else message,
         remedy="correct the colliders that block it, or lower the joint's dry friction",
@@ -121,7 +121,7 @@ def penetration(world: World, name: str, coordinates: np.ndarray, config: Motion
     moving, room = world.geoms(stage.target), world.obstacles()
     found = [(*world.deepest(world.data(float(q)), moving, room, 0.001), float(q)) for q in coordinates]
     depth, a, b, q = max(found)
-    return judge(
+    return check_bound(
         name, max(depth, 0.0), config.penetration, "m", prim=world.labels[a] if depth > 0 else f"/scene/{stage.target}",
         message=f"in {world.labels[b]} at {q:.3f}" if depth > 0 else "no collision with the room", remedy=FIX,
     )  # fmt: skip
@@ -156,7 +156,7 @@ def reload(world: World) -> Check:
         problems.append("coordinates that are not finite after 100 steps")
     path, count = f"/scene/joints/{world.stage.target}", float(len(problems))
     message = "; ".join(problems) or f"MuJoCo {mujoco.__version__} alone has the same joint, limits and mass"
-    return judge("mujoco_reload", count, 0.0, "problems", prim=path, message=message, remedy=FIX)
+    return check_bound("mujoco_reload", count, 0.0, "problems", prim=path, message=message, remedy=FIX)
 
 
 def _push(world: World, data: mujoco.MjData, goal: float, config: MotionConfig) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from scipy.spatial import ConvexHull, QhullError
 
-from s2a.certify.check import Check, decide, judge
+from s2a.certify.check import Check, check_bound, decide
 from s2a.certify.contents import Contents, faces, points
 from s2a.ranges import CountFromZero, NotNegative
 from s2a.usd.stage import ROOT
@@ -67,7 +67,7 @@ def convex(contents: Contents, config: ShapeConfig) -> Check:
         if not depth <= worst:
             worst, where = depth, str(prim.GetPath())
     remedy = "decompose the collider into convex hulls; " + PREPARE
-    return judge("convex", worst, config.dent, "m", prim=where, message=message, remedy=remedy)
+    return check_bound("convex", worst, config.dent, "m", prim=where, message=message, remedy=remedy)
 
 
 def dent(vertices: np.ndarray, triangles: np.ndarray) -> float:
@@ -135,7 +135,7 @@ def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
     a, b, c = np.moveaxis(points(region)[faces(region)], 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     middle = np.average((a + b + c) / 3.0, axis=0, weights=areas)
-    return judge(
+    return check_bound(
         name, float(np.linalg.norm(middle - np.array(Gf.Vec3d(place)))), config.site, "m", prim=str(site.GetPath()),
         message="from the middle of the grasp region", remedy="put the site where the region is; " + PREPARE,
     )  # fmt: skip

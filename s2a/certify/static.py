@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from s2a import limits
-from s2a.certify.check import Check, decide, judge
+from s2a.certify.check import Check, check_bound, decide
 from s2a.certify.contents import Contents, ends, fixed_carrier
 from s2a.usd.joints import KINDS
 from s2a.usd.stage import ROOT
@@ -174,7 +174,7 @@ def joint_frames(contents: Contents) -> Check:
         # Frames turned against each other about the axis itself would move a hinge's zero.
         here, there = (np.array([q.GetReal(), *q.GetImaginary()]) for q in _turns(physics))
         worst = float(np.max([worst, min(np.abs(here - there).max(), np.abs(here + there).max())]))
-    return judge(
+    return check_bound(
         name, worst, EXACT, prim=str(joint.GetPath()), message="axis and origin against the physics frames",
         remedy="write axis and origin through s2a, which keeps both in step; " + PREPARE,
     )  # fmt: skip
@@ -193,7 +193,7 @@ def opens_outwards(contents: Contents) -> Check:
     inwards = np.array(place.TransformDir(Gf.Vec3d(0, 0, 1)))
     axis, (low, high) = np.array(values[0]), values[1]
     along = float((axis if abs(high) >= abs(low) else -axis) @ inwards)
-    return judge(
+    return check_bound(
         name, along, INWARDS, "cosine", prim=str(joint.GetPath()), message="opening direction against the approach",
         remedy="turn the annotated axis or the sign of its range round and " + PREPARE,
     )  # fmt: skip

@@ -63,8 +63,8 @@ def clip(piece: Mesh, normal: np.ndarray, offset: float) -> Mesh | None:
     edges = np.concatenate([piece.faces[:, [0, 1]], piece.faces[:, [1, 2]], piece.faces[:, [2, 0]]])
     crossing = edges[(heights[edges[:, 0]] < 0) & (heights[edges[:, 1]] > 0)]
     a, b = piece.vertices[crossing[:, 0]].astype(np.float64), piece.vertices[crossing[:, 1]].astype(np.float64)
-    share = heights[crossing[:, 0]] / (heights[crossing[:, 0]] - heights[crossing[:, 1]])
-    return hull(np.concatenate([piece.vertices[heights <= 0], a + share[:, None] * (b - a)]))
+    fraction = heights[crossing[:, 0]] / (heights[crossing[:, 0]] - heights[crossing[:, 1]])
+    return hull(np.concatenate([piece.vertices[heights <= 0], a + fraction[:, None] * (b - a)]))
 
 
 def overlap(a: Mesh, b: Mesh) -> float:

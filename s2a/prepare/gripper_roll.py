@@ -19,7 +19,7 @@ TURNS = (0, 90, 45, -45)
 """[degrees] Rolls about the approach, the preferred one first: the fingers close along the vertical."""
 APPROACH = 0.1
 """[m] Length of the approach that has to be free before the grasp."""
-AROUND = 0.4
+SEARCH_RADIUS = 0.4
 """[m] Radius of the gripper around the grasp in plan."""
 BETTER = 0.005
 """[m] Another roll or side has to penetrate the room by so much less: scans are rough."""
@@ -33,13 +33,13 @@ def is_round(grasp: Grasp) -> bool:
 
 def free_roll(scene: Scene, target: str, grasp: Grasp, shape: RobotShape) -> Grasp:
     """Return a grasp of what is round, rolled about its approach if the gripper would otherwise collide with the room."""
-    near = Obstacles(scene, (target, *scene.descendants(target)), np.array(grasp.point), AROUND)
+    near = Obstacles(scene, (target, *scene.descendants(target)), np.array(grasp.point), SEARCH_RADIUS)
     return _collision_free(near, shape, grasp, (_rolled(grasp, turn) for turn in TURNS[1:]))
 
 
 def free_side(scene: Scene, target: str, grasp: Grasp, others: Iterable[Grasp], shape: RobotShape) -> Grasp:
     """Return a grasp, or one from another side if the gripper would otherwise collide with anything beside its grasp region."""
-    near = Obstacles(scene, scene.grasp_parts(target), np.array(grasp.point), AROUND)
+    near = Obstacles(scene, scene.grasp_parts(target), np.array(grasp.point), SEARCH_RADIUS)
     return _collision_free(near, shape, grasp, others)
 
 

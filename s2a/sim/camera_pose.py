@@ -12,7 +12,7 @@ from s2a.sim.world import SimStage
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import in_scene
 
-AROUND = (1.0, -1.0, 0.7, -0.7, 1.3, -1.3, 0.4, -0.4)
+AZIMUTHS = (1.0, -1.0, 0.7, -0.7, 1.3, -1.3, 0.4, -0.4)
 """Fractions of the requested azimuth that are tried, in this order at each distance."""
 NEARER = (1.0, 0.85, 0.7, 0.55)
 """Fractions of the requested distance."""
@@ -75,7 +75,7 @@ def _places(
     middle: np.ndarray, heading: float, distance: float, azimuth: float, elevation: float
 ) -> Iterator[np.ndarray]:
     """Yield places around a point, the asked one first."""
-    for near, high, around in itertools.product(NEARER, HIGHER, AROUND):
+    for near, high, around in itertools.product(NEARER, HIGHER, AZIMUTHS):
         turn, up = heading + around * azimuth, min(high * elevation, 1.4)
         level = np.array([np.cos(turn), np.sin(turn), 0.0]) * np.cos(up)
         yield middle + near * distance * (level + [0.0, 0.0, np.sin(up)])

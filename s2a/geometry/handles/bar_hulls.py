@@ -6,7 +6,19 @@ import numpy as np
 from scipy.spatial import HalfspaceIntersection, QhullError
 
 from s2a.geometry.convex import hull
-from s2a.geometry.handles.bar import FEW, GAP, HEAD, LIKE, MARGIN, SAMPLES, SHALLOWEST, SPAN, UNEVEN, Profile, bar_depth
+from s2a.geometry.handles.bar import (
+    GAP,
+    HEAD,
+    LIKE,
+    MARGIN,
+    MIN_POINTS,
+    SAMPLES,
+    SHALLOWEST,
+    SPAN,
+    UNEVEN,
+    Profile,
+    bar_depth,
+)
 from s2a.geometry.mesh_ops import sample
 from s2a.scene import Mesh
 
@@ -62,7 +74,7 @@ def _posts(points: np.ndarray, profile: Profile, depth: float, ground: float) ->
     reaches = np.zeros(len(profile.low) + 2, int)
     for k in range(len(profile.low)):
         here = deep & (slices == k)
-        reaches[k + 1] = here.sum() >= FEW and points[here, 2].max() > ground - HEAD
+        reaches[k + 1] = here.sum() >= MIN_POINTS and points[here, 2].max() > ground - HEAD
     posts: list[Mesh | None] = []
     for first, last in _short(np.flatnonzero(np.diff(reaches)).reshape(-1, 2).tolist(), len(profile.low)):
         here = deep & (slices >= first) & (slices < last)
@@ -89,7 +101,7 @@ def _short(runs: list[list[int]], count: int) -> list[tuple[int, int]]:
 
 def _is_post(out: np.ndarray, across: np.ndarray, profile: Profile, first: int, last: int) -> bool:
     """Return True if points behind slices first to last - 1, so far `out` of the bar's middle and `across` it [m], are a post."""
-    if len(out) < FEW:
+    if len(out) < MIN_POINTS:
         return False
     at_edge = np.quantile(out, 0.9) > 0.35 * profile.thickness
     count = len(profile.low)

@@ -10,7 +10,7 @@ from s2a.geometry.mesh_ops import centroids, keep, merge, normals, sample_with_f
 from s2a.geometry.planes import fit_plane, min_area_rectangle, plane_axes
 from s2a.scene import Mesh
 
-AROUND = 0.04
+SEARCH_RADIUS = 0.04
 """[m] Search radius for the panel around the handle."""
 SAMPLES = 40000
 """Points sampled on a panel."""
@@ -30,7 +30,7 @@ def front_behind(front: Mesh, region: Mesh, frame: np.ndarray) -> tuple[np.ndarr
     """
     outwards = -frame[:, 2]
     points = _facing(front, outwards)
-    points = points[near_region(points, region, frame, AROUND)]
+    points = points[near_region(points, region, frame, SEARCH_RADIUS)]
     return _middle_plane(points, outwards) if len(points) >= 20 else None
 
 
@@ -109,7 +109,7 @@ def reassign_border(front: Mesh, region: Mesh, frame: np.ndarray, plane: tuple[n
     """
     normal, offset = plane
     out = centroids(front) @ normal - offset
-    stray = near_region(centroids(front), region, frame, AROUND / 2) & (out > STRAY)
+    stray = near_region(centroids(front), region, frame, SEARCH_RADIUS / 2) & (out > STRAY)
     strays = keep(front, stray)
     handle_out = centroids(region) @ normal - offset
     own = handle_out > FLUSH

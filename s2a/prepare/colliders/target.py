@@ -89,19 +89,19 @@ def target_colliders(
     """Return the convex hulls of an articulated part's body."""
     if config.method != "handle":
         fused = target.surface
-        pieces = (
+        hulls = (
             one_hull(fused, config.max_vertices)
             if config.method == "one_hull"
             else coacd_default(fused, config.max_vertices, config.seed)
         )
-        return tuple(Collider(target.id, piece) for piece in pieces)
+        return tuple(Collider(target.id, piece) for piece in hulls)
     found = []
     for i, mesh in others.items():
-        pieces = _front_panel_hulls(mesh, handle, config) if i == target.id else _rough_hulls(mesh, config)
-        found += [Collider(i, piece) for piece in flatten(pieces, handle)]
+        hulls = _front_panel_hulls(mesh, handle, config) if i == target.id else _rough_hulls(mesh, config)
+        found += [Collider(i, piece) for piece in flatten(hulls, handle)]
     ground = _ground(handle, others.get(target.base_plate or ""))
-    pieces = _handle_hulls(handle, others.get(target.id), ground, config)
-    found += [Collider(target.grasp_parts[0], piece) for piece in free_fingers(pieces, handle.space)]
+    hulls = _handle_hulls(handle, others.get(target.id), ground, config)
+    found += [Collider(target.grasp_parts[0], piece) for piece in free_fingers(hulls, handle.space)]
     return tuple(found)
 
 
@@ -134,11 +134,11 @@ def _handle_hulls(handle: Handle, front: Mesh | None, ground: float, config: Col
             return sheet if wall is None else [*sheet, wall]
         profile = bar_profile(handle.region, handle.frame, config.bar_slices)
         if profile is not None:
-            pieces = bar_hulls(handle.region, handle.frame, profile, handle.front, ground)
+            hulls = bar_hulls(handle.region, handle.frame, profile, handle.front, ground)
         else:
-            pieces = knob_hulls(handle.region, handle.frame, handle.front)
-        if pieces is not None:
-            return pieces
+            hulls = knob_hulls(handle.region, handle.frame, handle.front)
+        if hulls is not None:
+            return hulls
     return vhacd(handle.region, config.handle_hulls, config.resolution, config.max_vertices)
 
 
@@ -146,18 +146,18 @@ def _rough_hulls(mesh: Mesh, config: ColliderConfig) -> list[Mesh]:
     return vhacd(mesh, config.front_panel_hulls, config.resolution, config.max_vertices)
 
 
-def flatten(pieces: Iterable[Mesh], handle: Handle) -> list[Mesh]:
-    """Cut pieces of the front that reach into the fingers' space off at the front's plane."""
+def flatten(hulls: Iterable[Mesh], handle: Handle) -> list[Mesh]:
+    """Cut hulls of the front that reach into the fingers' space off at the front's plane."""
     flat = []
-    for piece in pieces:
+    for piece in hulls:
         reaches = any(overlap(piece, box) > BLOCKED for box in handle.space.boxes)
         flat.append(clip(piece, *handle.plane) if reaches and handle.plane is not None else piece)
     return [piece for piece in flat if piece is not None]
 
 
-def free_fingers(pieces: Iterable[Mesh], space: FingerSpace) -> list[Mesh]:
-    """Cut the fingers' space out of pieces, which may come apart into several."""
-    free = list(pieces)
+def free_fingers(hulls: Iterable[Mesh], space: FingerSpace) -> list[Mesh]:
+    """Cut the fingers' space out of hulls, which may come apart into several."""
+    free = list(hulls)
     for box in space.boxes:
         parts = [subtract(piece, box) if overlap(piece, box) > BLOCKED else [piece] for piece in free]
         free = [part for group in parts for part in group]

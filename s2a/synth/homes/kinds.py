@@ -98,7 +98,7 @@ def _furnished(plan: FloorPlan, kind: Kind) -> Room:
     sockets(plan)
     lamps(plan)
     paint, ground = outline.paints(rng)
-    pieces = sorted([*plan.pieces, *outline.shell(plan.room, holes, paint, ground)], key=lambda p: not moves(p))
+    pieces = sorted([*plan.pieces, *outline.structure(plan.room, holes, paint, ground)], key=lambda p: not moves(p))
     scanners = viewpoints(pieces, plan.room, SCANNERS, rng)
     if len(scanners) < 6:
         raise Crowded

@@ -12,7 +12,7 @@ from s2a.synth import appliances, household, kitchen_units, objects, sanitary, t
 from s2a.synth.fronts import LEFT, RIGHT, bar_pull, cup_pull, knob_pull
 from s2a.synth.furniture import room_door, window
 from s2a.synth.plumbing import basin, counter, faucet
-from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, around, shell
+from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, around, structure
 from s2a.synth.sanitary import CERAMIC, VANITY_TOP
 from s2a.synth.solids import PLAIN, TILES, WOOD, Color, Piece, at
 
@@ -38,7 +38,7 @@ def bathroom(rng: np.random.Generator) -> Room:
     holes = {EAST: (depth - 1.9, depth - 1.3, 1.25, 2.05), SOUTH: (left, right, 0.0, DOOR[2])}
     pieces = [
         *_articulated(rng, size),
-        *shell(rng, size, holes, (214, 222, 222), ((140, 146, 150), TILES)),
+        *structure(rng, size, holes, (214, 222, 222), ((140, 146, 150), TILES)),
         *_washbasin(rng, size),
         *_bath(rng, size),
         *_toilet_corner(rng, size),

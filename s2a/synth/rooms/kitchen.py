@@ -16,7 +16,7 @@ from s2a.synth.fronts import LEFT, RIGHT, Pull, bar_pull, cup_pull, edge_pull, k
 from s2a.synth.furniture import room_door, window
 from s2a.synth.kitchen_units import COUNTER, FRONT_TOP
 from s2a.synth.plumbing import basin, counter, faucet
-from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, around, shell
+from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, around, structure
 from s2a.synth.solids import PLAIN, TILES, WOOD, Color, Piece, at
 
 WIDTHS = {"drawers": 0.6, "oven": 0.6, "narrow": 0.4, "sink": 0.8, "dishwasher": 0.6}
@@ -65,7 +65,7 @@ def kitchen(rng: np.random.Generator) -> Room:
         *_openings(rng, size),
         household.bread_bin(rng).moved(row.place("narrow", COUNTER, 0.07)),
         household.lidded_bin(0.15, 0.42, (70, 72, 78)).moved(at(width - 0.19, 2.42, 0, EAST)),
-        *shell(rng, size, holes, (230, 224, 206), ((176, 172, 164), TILES)),
+        *structure(rng, size, holes, (230, 224, 206), ((176, 172, 164), TILES)),
         *_counter(row),
         *_on_counter(rng, row),
         *_open_shelves(rng, row, width),

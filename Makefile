@@ -21,7 +21,7 @@ demo: $(INSTALLED)
 	$(BIN)/s2a evaluate stage=$(DEMO)/room.usd part=drawer_7 out=$(DEMO)/planner.json images=$(DEMO)
 	$(BIN)/s2a train stage=$(DEMO)/room.usd part=drawer_7 num_envs=16 ppo.iterations=3 out=$(DEMO)/ppo
 	$(BIN)/python tools/joint_table.py $(DEMO)/geometric.usd $(DEMO)/scan/truth/truth.usda
-	@echo "Look at $(DEMO)/insert.png, $(DEMO)/before.png and $(DEMO)/after.png; open $(DEMO)/*.usd* in any USD viewer;"
+	@echo "See $(DEMO)/insert.png, $(DEMO)/before.png and $(DEMO)/after.png; open $(DEMO)/*.usd* in any USD viewer;"
 	@echo "read them with: $(BIN)/s2a view path=$(DEMO)/room.usd text=true; and tensorboard --logdir $(DEMO)/ppo"
 
 test: $(INSTALLED)

@@ -20,7 +20,7 @@ def gap_points(space: FingerSpace, count: int = 4000, seed: int = 0) -> np.ndarr
 def surface_distance(pieces: Sequence[Mesh], points: np.ndarray) -> np.ndarray:
     """Return the distance of points [point 3] from the surface of the union of pieces [m], shape [point].
 
-    Inside of overlapping pieces the largest depth in any one stands for the depth in their union.
+    Inside of overlapping pieces the maximum depth in any one stands for the depth in their union.
     """
     outside = np.full(len(points), np.inf)
     depth = np.full(len(points), -np.inf)
@@ -45,6 +45,6 @@ def _distance(piece: Mesh, points: np.ndarray) -> np.ndarray:
 def _fill(piece: Mesh, count: int, seed: int) -> np.ndarray:
     """Return about `count` points spread evenly in a piece [m], shape [point 3]."""
     low, high = piece.bounds
-    tries = int(count * np.prod(high - low) / volume(piece))
-    points = np.random.default_rng(seed).uniform(low, high, (tries, 3))
+    samples = int(count * np.prod(high - low) / volume(piece))
+    points = np.random.default_rng(seed).uniform(low, high, (samples, 3))
     return points[contains(piece, points)]

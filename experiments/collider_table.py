@@ -12,8 +12,8 @@ experiments/results/colliders.json, keeps its others, and prints its table. Of e
 - fit: mean distance of the handle as scanned (what of it is handle, borders tidied) from the colliders [mm].
 - truth: mean distance of the true handle from the colliders [mm], where a fingertip can touch it.
 - seen: the same where the scan shows the true handle within 3 mm; shown: how far the scan itself is there [mm].
-- gap: share of the space of two fingers at the true handle that colliders fill [%].
-- web: share of the lines across a bar, behind it, that the scanned surface blocks [%].
+- gap: fraction of the space of two fingers at the true handle that colliders fill [%].
+- web: fraction of the lines across a bar, behind it, that the scanned surface blocks [%].
 - seconds: processor time, of all threads.
 """
 
@@ -30,7 +30,7 @@ from closeness import gap_points, surface_distance
 from scipy.spatial.transform import Rotation
 
 from s2a import config, scan
-from s2a.geometry.handles.finger_gap import FINGER_DEPTH, FingerSpace, finger_space, share_inside
+from s2a.geometry.handles.finger_gap import FINGER_DEPTH, FingerSpace, finger_space, fraction_inside
 from s2a.geometry.handles.panel import front_behind, front_coordinate
 from s2a.geometry.mesh_ops import centroids, merge, normals, sample, sample_with_faces
 from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
@@ -68,7 +68,7 @@ def main() -> None:
         report = {**provenance("cpu"), "table": table(rows), "rows": rows}
         args.out.parent.mkdir(exist_ok=True)
         args.out.write_text(json.dumps(report, indent=1) + "\n")
-    for line in told(table(rows)):
+    for line in summary(table(rows)):
         print(line)
 
 
@@ -91,7 +91,7 @@ def measure_scan(folder: Path, methods: list[str], styles: list[str], each: int)
 
 
 def style_of(true: Scene, target: str, facts: dict) -> str | None:
-    """Return the style of a part's handle, or None if it has none; bars are told apart by how they are turned."""
+    """Return the style of a part's handle, or None if it has none; bars are classified by their orientation."""
     style = facts["parts"][true.grasp_parts(target)[0]]["style"]
     if style != "bar":
         return style or None
@@ -121,7 +121,7 @@ def measure(scanned: Scene, true: Scene, target: str, method: str) -> dict:
         "seen_mm": 1e3 * float(distance[seen].mean()) if seen.any() else None,
         "shown_mm": 1e3 * float(shown[seen].mean()) if seen.any() else None,
         "seen_pct": 1e2 * float(seen.mean()),
-        "gap_pct": 1e2 * share_inside(pieces, asked) if len(asked) else None,
+        "gap_pct": 1e2 * fraction_inside(pieces, asked) if len(asked) else None,
         "web_pct": webbed(surface, space, true, target),
         "hulls": len(pieces),
         "vertices": sum(len(piece.vertices) for piece in pieces),
@@ -162,7 +162,7 @@ def true_space(true: Scene, target: str) -> FingerSpace:
 
 
 def webbed(surface: Mesh, space: FingerSpace, true: Scene, target: str) -> float | None:
-    """Return the share of the lines across a bar, behind it, that the scanned surface blocks [%]; None without a gap."""
+    """Return the fraction of the lines across a bar, behind it, that the scanned surface blocks [%]; None without a gap."""
     if space.behind is None:
         return None
     frame = Rotation.from_quat(find_grasp(true, target).orientation).as_matrix()
@@ -189,7 +189,7 @@ def table(rows: list[dict]) -> list[dict]:
     return found
 
 
-def told(rows: list[dict]) -> list[str]:
+def summary(rows: list[dict]) -> list[str]:
     """Return the table as lines."""
     keys = list(rows[0]) if rows else []
     return [" ".join(f"{key[:12]:>12}" for key in keys)] + [

@@ -1,8 +1,8 @@
-"""Draw how runs learned: episodes that opened the part, that have it open at their end, that opened it by its handle or a grasp.
+"""Plot learning curves: episodes that opened the part, that have it open at their end, that opened it by its handle or a grasp.
 
-    python experiments/curves.py RESULTS_JSON PICTURE_PNG
+    python experiments/curves.py RESULTS_JSON PLOT_PNG
 
-RESULTS_JSON is the file of a table in experiments/results, of which a row is a panel with a line of each of SHARES a seed, or the
+RESULTS_JSON is a table in experiments/results, of which a row is a panel with a line of each of FRACTIONS a seed, or the
 metrics.json of one run, as `s2a train` writes it.
 """
 
@@ -20,7 +20,7 @@ from outcome import logged
 
 from s2a import aliases
 
-SHARES = {
+FRACTIONS = {
     "success": ("opened by 0.20 m", "tab:gray"),
     "final_success": ("open at the end", "tab:orange"),
     "handle_success": ("both fingers on the handle", "tab:blue"),
@@ -32,17 +32,17 @@ COLUMNS = 4
 
 
 def main() -> None:
-    """Read the results and write the picture."""
+    """Read the results and write the image."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", type=Path)
-    parser.add_argument("picture", type=Path)
+    parser.add_argument("image", type=Path)
     args = parser.parse_args()
     try:
         results = json.loads(args.results.read_text())
         runs = results["runs"] if "runs" in results else [as_run(results)]
     except (OSError, ValueError, KeyError, TypeError) as error:
         parser.error(f"{args.results}: not results of a table, nor the metrics.json of one run ({error!r})")
-    draw(runs, args.picture)
+    plot(runs, args.image)
 
 
 def as_run(metrics: dict[str, Any]) -> dict[str, Any]:
@@ -58,8 +58,8 @@ def as_run(metrics: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def draw(runs: list[dict[str, Any]], picture: Path) -> None:
-    """Draw the shares of recent training episodes over environment steps: a panel a row, a line of each of SHARES a seed."""
+def plot(runs: list[dict[str, Any]], image: Path) -> None:
+    """Plot FRACTIONS of recent training episodes over environment steps: a panel a row, a line of each a seed."""
     rows = list(dict.fromkeys(run["about"] for run in runs))
     columns = min(len(rows), COLUMNS)
     lines = math.ceil(len(rows) / columns)
@@ -74,7 +74,7 @@ def draw(runs: list[dict[str, Any]], picture: Path) -> None:
     )
     for panel, row in zip(panels.flat, rows, strict=False):
         for run in (run for run in runs if run["about"] == row):
-            for (label, colour), values in zip(SHARES.values(), shares(run["curve"]), strict=True):
+            for (label, colour), values in zip(FRACTIONS.values(), fractions(run["curve"]), strict=True):
                 millions = [steps / 1e6 for steps in run["curve"]["env_steps"]]
                 panel.plot(millions[: len(values)], values, color=colour, label=label, linewidth=1.2)
         panel.set_title(textwrap.fill(row, 40), fontsize="small")
@@ -83,16 +83,16 @@ def draw(runs: list[dict[str, Any]], picture: Path) -> None:
     for panel in list(panels.flat)[len(rows) :]:
         panel.set_axis_off()
     figure.supxlabel("environment steps, millions", fontsize="medium")
-    figure.supylabel("share of recent episodes [%]", fontsize="medium")
+    figure.supylabel("fraction of recent episodes [%]", fontsize="medium")
     labels = dict(zip(*panels.flat[0].get_legend_handles_labels()[::-1], strict=True))
     figure.legend(labels.values(), labels.keys(), loc="outside upper center", ncols=len(labels), frameon=False)
-    figure.savefig(picture, dpi=110)
+    figure.savefig(image, dpi=110)
     plt.close(figure)
 
 
-def shares(curve: dict[str, list[float | None]]) -> list[list[float]]:
-    """Return what SHARES names, in percent, point by point; not a number where nothing was logged."""
-    return [[100.0 * share for share in logged(curve, name)] for name in SHARES]
+def fractions(curve: dict[str, list[float | None]]) -> list[list[float]]:
+    """Return what FRACTIONS names, in percent, point by point; NaN where nothing was logged."""
+    return [[100.0 * fraction for fraction in logged(curve, name)] for name in FRACTIONS]
 
 
 if __name__ == "__main__":

@@ -11,13 +11,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from curves import draw
+from curves import plot
 from multirun import Row, options, sweep
 from outcome import HOLDS, half_after, percent, trained, write
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results/ingredients.json"
-PICTURE = HERE.parent / "docs/ingredients.png"
+IMAGE = HERE.parent / "docs/ingredients.png"
 BEST = "+experiment=best"
 REFERENCE_TOOL = "task.tcp_offset=[-0.0282842712,0.0282842712,-0.045]"
 """Of the reference task, as in conf/task/open_part.yaml."""
@@ -28,7 +28,7 @@ CHANGES = {
     "no_closing": ("no reward for closing around the handle", ("reward.closing=0",)),
     "neither": ("neither of these two", ("demo_reset_fraction=0", "reward.closing=0")),
     "plain_opening": ("an opening counts however it came about", ("reward.grasped_opening=0", "reward.opening=22")),
-    "led_alone": ("no reward for an opening that was not led", ("reward.opening=0",)),
+    "led_alone": ("no reward for an opening that was not grasped", ("reward.opening=0",)),
     "soft_arm": ("the paper's arm: stiffness 80, its weight not held", ("sim=paper",)),
     "reference_tool": ("the reference's tool frame", (REFERENCE_TOOL,)),
     "ends_at_success": ("an episode ends at 0.39 m", ("task.termination_opening=0.39",)),
@@ -44,7 +44,7 @@ COLUMNS = {
 
 
 def main() -> None:
-    """Train and evaluate every change, then write results, table and picture."""
+    """Train and evaluate every change, then write results, table and image."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stage", type=Path)
     options(parser)
@@ -52,7 +52,7 @@ def main() -> None:
     rows = [Row(n, args.stage.name, (BEST, *o), args.seeds, about) for n, (about, o) in CHANGES.items()]
     runs = sweep(rows, args.stage.parent, args)
     write({"scan": "virtual", "runs": runs}, RESULTS, table(rows, runs))
-    draw(runs, PICTURE)
+    plot(runs, IMAGE)
 
 
 def table(rows: list[Row], runs: list[dict]) -> list[str]:

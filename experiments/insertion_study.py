@@ -1,11 +1,11 @@
 """Do a hundred objects land where they belong? Ours beside the paper's surface and pose, in five rooms.
 
     python experiments/insertion_study.py [--llm rules | chat | replay] [--recordings FOLDER] [--methods ours paper]
-        [--categories bathroom ... foreign] [--pictures FOLDER] [--runs runs/insertion] [--name NAME] [--seed 0] [llm.model=...]
+        [--categories bathroom ... foreign] [--images FOLDER] [--runs runs/insertion] [--name NAME] [--seed 0] [llm.model=...]
 
 Writes the zoo (`s2a zoo`) and scans of the rooms below RUNS, unless they are there; then puts every object alone into the
 room of its category, and measures what can be measured: its scale against the truth, and in the stage that came out
-collisions, support, stability, and whether every door and drawer still opens. The category "foreign" has objects that nobody
+collisions, support, stability, and the path of every door and drawer. The category "foreign" has objects that nobody
 here modelled (foreign.yaml). Prints the table by category, and writes it with a line an object to
 experiments/results/insertion_NAME.json and .md, and all records to RUNS/NAME/; categories that are done there are not done
 again.
@@ -14,7 +14,7 @@ With `--llm chat` a model is asked (OPENAI_API_KEY, OPENAI_BASE_URL, llm.model=.
 answers are kept in FOLDER/<category>.json; what is there already is not asked again, and no results are written. `--llm replay`
 needs no more than that.
 
-Pictures are for raters who must not know the method: FOLDER/<object>_<letter>.png shows before and after, wide and close,
+Images are for raters who must not know the method: FOLDER/<object>_<letter>.png shows before and after, wide and close,
 and FOLDER/key.json says which letter is which.
 """
 
@@ -33,7 +33,7 @@ from threading import Lock
 
 import numpy as np
 import yaml
-from rater_pictures import rater_pictures
+from rater_images import rater_images
 from scipy.stats import binomtest
 
 from s2a import config
@@ -62,8 +62,8 @@ ROOMS = {c: c for c in ("bathroom", "kitchen", "bedroom")} | {"stationery": "off
 ROOMS |= {"foreign": "living_room"}
 """The room that objects of a category go to."""
 METHODS = {"ours": ["surface=regions", "pose=search"], "paper": ["surface=ransac", "pose=paper", "plans=1"]}
-SCALE, DEEPEST, WAY = 0.25, 0.001, 0.008
-"""Largest error of the size, depth of a collision [m], and depth in the way of a door [m], whose scan is that noisy."""
+SCALE, DEEPEST, MAX_OVERLAP = 0.25, 0.001, 0.008
+"""Max error of the size, penetration depth [m], and overlap with the swept volume of a door [m], whose scan is that noisy."""
 CHECKS = ("scale", "free", "stable", "openings")
 
 
@@ -77,7 +77,7 @@ def main() -> None:
     parser.add_argument("--categories", nargs="*", default=[c for c in ROOMS if c != "foreign"], choices=ROOMS)
     parser.add_argument("--runs", type=Path, default=Path("runs/insertion"))
     parser.add_argument("--name", help="of the results; default: rules, or that of the folder of recordings")
-    parser.add_argument("--pictures", type=Path)
+    parser.add_argument("--images", type=Path)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("settings", nargs="*", help="of `s2a insert`, such as llm.model=gpt-4o-mini")
     args = parser.parse_intermixed_args()
@@ -110,7 +110,7 @@ def _category(category: str, name: str, args: argparse.Namespace) -> list[dict]:
 
     def insert_one(entry: tuple[ObjectRequest, float | None]) -> list[dict]:
         with turn:  # what is not waiting for a model is done by one at a time
-            return _object(room, *entry, model, settings, args.runs / name, args.pictures)
+            return _object(room, *entry, model, settings, args.runs / name, args.images)
 
     requests = _requests(category, args)
     with ThreadPoolExecutor(args.at_once) as pool:
@@ -132,7 +132,7 @@ def _in_turn(model: Model, turn: Lock) -> Model:
 
 
 def _own_script(model: Model) -> Model:
-    """Return a model whose scripts are our own: they say where the paper's method has put a thing, which was not recorded."""
+    """Return a model whose scripts are our own: they place an object where the paper's method did; none were recorded."""
     return lambda request: rules(request) if request.step == "script" else model(request)
 
 
@@ -143,7 +143,7 @@ def _object(
     model: Model,
     settings: dict[str, InsertSettings],
     out: Path,
-    pictures: Path | None,
+    images: Path | None,
 ) -> list[dict]:
     """Insert an object by every method; return a line a method. `size` is its true longest side [m], if that is known."""
     rows, done = [], {}
@@ -153,8 +153,8 @@ def _object(
         path = out / method / f"{request.file.stem}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(record, indent=1) + "\n")
-    if pictures:
-        rater_pictures(room, request.file.stem, done, pictures)
+    if images:
+        rater_images(room, request.file.stem, done, images)
     return rows
 
 
@@ -203,7 +203,7 @@ def _measured(room: RoomState, inserted: Inserted, check: StabilityCheck) -> dic
     deepest = depth(mesh, around)
     surface = np.concatenate([mesh.vertices, sample(mesh, 2000, seed=1)])
     volumes = reaching_into(room.volumes, *mesh.bounds, scene, candidate.target)
-    stops = sorted({volume.part for volume in volumes if intersects(volume, surface, WAY)})
+    stops = sorted({volume.part for volume in volumes if intersects(volume, surface, MAX_OVERLAP)})
     standing = Mesh(
         np.asarray(mesh.vertices, np.float64) - np.asarray(candidate.pose.position), mesh.faces, mesh.colors
     )
@@ -239,10 +239,10 @@ def table(rows: list[dict]) -> str:
     """Return the summary as text."""
     lines = [f"{'category':12} {'method':6} {'success':>8} {'Wilson 95 %':>16}" + "".join(f"{c:>10}" for c in CHECKS)]
     for line in summary(rows):
-        share = f"{line['success']}/{line['n']}"
+        ratio = f"{line['success']}/{line['n']}"
         span = f"{100 * line['low']:.0f} to {100 * line['high']:.0f} %"
         counts = "".join(f"{line[check]:>10}" for check in CHECKS)
-        lines.append(f"{line['category']:12} {line['method']:6} {share:>8} {span:>16}{counts}")
+        lines.append(f"{line['category']:12} {line['method']:6} {ratio:>8} {span:>16}{counts}")
     return "\n".join(lines)
 
 

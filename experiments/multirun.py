@@ -39,7 +39,7 @@ class Row:
     Attributes:
         name: of the row, and of its runs' folders.
         stage: file in the folder of stages.
-        overrides: what `s2a train` is told, beside stage, seed, number of worlds and length.
+        overrides: of `s2a train`, except stage, seed, number of environments and length.
         seeds: how many are trained, from 0.
         about: what the row is, for the table.
         paper: what the paper reports for it.
@@ -64,7 +64,7 @@ class Job:
     folder: Path
 
     def finished(self, iterations: int) -> bool:
-        """Whether the training came to so many iterations."""
+        """The training reached this many iterations."""
         return self.checkpoint is not None and run_folder.iteration(self.checkpoint) + 1 >= iterations
 
     @property
@@ -79,7 +79,7 @@ class Job:
 
     @property
     def evaluated(self) -> bool:
-        """Whether there is no checkpoint that still has to be evaluated, or whose evaluation lacks what is counted now."""
+        """No checkpoint remains to be evaluated, and every evaluation has the present columns."""
         checkpoint = self.checkpoint
         if checkpoint is None or not self.measured.is_file():
             return checkpoint is None
@@ -90,14 +90,14 @@ class Job:
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """Add what all tables can be told."""
+    """Add the options of all tables."""
     parser.add_argument("--runs", type=Path, required=True, help="folder of the runs")
     parser.add_argument("--only", nargs="+", metavar="ROW", help="train these rows alone")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--num-envs", type=int, default=4096)
     parser.add_argument("--env-steps", type=float, default=98.304e6, help="of a run: 1024 worlds x 40 steps x 2400")
     parser.add_argument("--episodes", type=int, default=1024, help="of an evaluation")
-    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="more that every training is told")
+    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="further overrides of every training")
     parser.add_argument("--side-by-side", type=int, default=1, help="runs that share a GPU")
     parser.add_argument("--minutes", type=float, default=1e6, help="when to stop, evaluation included")
     parser.add_argument("--evaluation-minutes", type=float, default=1.5, help="of them, kept for evaluation")
@@ -134,21 +134,31 @@ def jobs(rows: Sequence[Row], runs: Path) -> list[Job]:
     return sorted(every, key=lambda job: job.seed)
 
 
-def told(job: Job, args: argparse.Namespace) -> list[str]:
-    """Return what the training is told, beside the stage, the place and the length."""
+def train_overrides(job: Job, args: argparse.Namespace) -> list[str]:
+    """Return the training's overrides, except stage, folder and length."""
     return [*job.row.overrides, f"seed={job.seed}", f"num_envs={args.num_envs}", *args.set]
 
 
 def iterations(job: Job, args: argparse.Namespace) -> int:
     """Return how many iterations the training is to have."""
     env_steps = job.row.env_steps or args.env_steps
-    return round(env_steps / (args.num_envs * config.compose("train", told(job, args))["ppo"]["num_steps_per_env"]))
+    return round(
+        env_steps / (args.num_envs * config.compose("train", train_overrides(job, args))["ppo"]["num_steps_per_env"])
+    )
 
 
 def training(job: Job, stages: Path, args: argparse.Namespace) -> list[str]:
     """Return the command that trains: the row's multirun with one of its seeds."""
     return [
-        *(*S2A, "train", "-m", *told(job, args), f"stage={stages / job.row.stage}", "out=run", "resume=true"),
+        *(
+            *S2A,
+            "train",
+            "-m",
+            *train_overrides(job, args),
+            f"stage={stages / job.row.stage}",
+            "out=run",
+            "resume=true",
+        ),
         *(f"ppo.iterations={iterations(job, args)}", f"ppo.save_interval={SAVE_INTERVAL}"),
         *(f"hydra.sweep.dir={job.folder.parent}", f"hydra.sweep.subdir={job.folder.name}"),
     ]

@@ -62,10 +62,10 @@ def write(results: dict[str, Any], path: Path, table: Sequence[str]) -> None:
     print("\n".join(table))
 
 
-def percent(shares: Iterable[float]) -> str:
-    """Return shares as percentages, seed by seed: "100 / 99.7 %"; "not run" without any."""
-    told = " / ".join(f"{100.0 * share:.3g}" for share in shares)
-    return f"{told} %" if told else "not run"
+def percent(fractions: Iterable[float]) -> str:
+    """Return fractions as percentages, seed by seed: "100 / 99.7 %"; "not run" without any."""
+    text = " / ".join(f"{100.0 * fraction:.3g}" for fraction in fractions)
+    return f"{text} %" if text else "not run"
 
 
 def trained(runs: Iterable[dict[str, Any]]) -> str:

@@ -1,4 +1,4 @@
-"""Does the collider decide whether a hand can use the handle? The planner opens scanned drawers, collider by collider.
+"""Does the collider decide whether a gripper can use the handle? The planner opens scanned drawers, collider by collider.
 
     python experiments/planner_opening.py STAGE ... [--targets drawer_7 ...] [--colliders handle coacd one_hull]
         [--num-envs 16] [--seed 0] [--processes 1] [--out FILE]
@@ -6,7 +6,7 @@
 STAGE is a geometric.usd. Every target (without --targets every part that slides) is prepared with each kind of colliders and
 opened by the planner from noisy starts. Renews these rows of experiments/results/planner_opening.json, keeps its others, and
 prints the new ones. "handle" counts the openings with both fingers on the annotated grasp region, "grasp" those in which they
-pinched it all the way.
+pinched it along the whole path.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def main() -> None:
     known = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
     rows = [aliases.renamed(row, aliases.METRICS) for row in known]
     print(
-        f"{'target':26} {'colliders':10} {'pieces':>6} {'success':>8} {'handle':>8} {'grasp':>8} {'opening mean / least [m]':>26}"
+        f"{'target':26} {'colliders':10} {'pieces':>6} {'success':>8} {'handle':>8} {'grasp':>8} {'opening mean / min [m]':>26}"
     )
     with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn")) as pool:
         for row in pool.map(_row, cases):

@@ -1,9 +1,9 @@
-"""What raters made of the pictures of insertions: the share that they accept by category and method, and how they agree.
+"""What raters made of the images of insertions: the fraction that they accept by category and method, and how they agree.
 
     python experiments/ratings.py FOLDER [--out experiments/results/insertion_ratings.md]
 
-FOLDER has a CSV file a rater, lines of category,picture,yes or no,reason, and key.json: the method behind every picture, which
-the raters did not see (experiments/insertion_study.py --pictures writes it, a file a category).
+FOLDER has a CSV file a rater, lines of category,image,yes or no,reason, and key.json: the method behind every image, which
+the raters did not see (experiments/insertion_study.py --images writes it, a file a category).
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ def main() -> None:
 
 
 def verdicts(files: Sequence[Path]) -> dict[tuple[str, str], list[bool]]:
-    """Return what the raters said of every picture: (category, picture) -> whether each accepts it."""
+    """Return what the raters said of every image: (category, image) -> whether each accepts it."""
     found = defaultdict(list)
     for file in files:
         with file.open(newline="") as lines:
-            for category, picture, verdict, *_ in csv.reader(lines):
-                found[category, picture].append(verdict.strip() == "yes")
+            for category, image, verdict, *_ in csv.reader(lines):
+                found[category, image].append(verdict.strip() == "yes")
     return dict(found)
 
 
 def table(key: dict[str, dict[str, str]], said: dict[tuple[str, str], list[bool]]) -> list[str]:
-    """Return the lines of a Markdown table; Cohen's kappa is over all pictures that two rated."""
+    """Return the lines of a Markdown table; Cohen's kappa is over all images that two rated."""
     groups: dict[tuple[str, str], list[list[bool]]] = defaultdict(list)
-    for (category, picture), verdict in said.items():
+    for (category, image), verdict in said.items():
         for name in (category, "all"):
-            groups[name, key[category][picture]].append(verdict)
-    lines = ["| category | method | pictures | accepted by both raters | by one or both |", "|---|---|---|---|---|"]
+            groups[name, key[category][image]].append(verdict)
+    lines = ["| category | method | images | accepted by both raters | by one or both |", "|---|---|---|---|---|"]
     for (category, method), found in sorted(groups.items(), key=lambda group: (group[0][0] == "all", group[0])):
         both, any_of = (sum(map(accept, found)) for accept in (all, any))
         lines.append(f"| {category} | {method} | {len(found)} | {both} | {any_of} |")
@@ -54,7 +54,7 @@ def table(key: dict[str, dict[str, str]], said: dict[tuple[str, str], list[bool]
     first, second = (sum(pair[i] for pair in pairs) / len(pairs) for i in (0, 1))
     chance = first * second + (1 - first) * (1 - second)
     kappa = (agreed - chance) / (1 - chance)
-    return [*lines, "", f"The two agree on {100 * agreed:.0f} % of {len(pairs)} pictures, Cohen's kappa {kappa:.2f}."]
+    return [*lines, "", f"The two agree on {100 * agreed:.0f} % of {len(pairs)} images, Cohen's kappa {kappa:.2f}."]
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from curves import draw
+from curves import plot
 from multirun import Row, options, sweep
 from outcome import HOLDS, percent, trained, write
 from scipy.spatial.transform import Rotation
@@ -31,7 +31,7 @@ from s2a.usd import sim_stage
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results/reward_ablation.json"
-PICTURES = HERE.parent / "docs"
+IMAGES = HERE.parent / "docs"
 
 PAPER, BEST = "+experiment=paper", "+experiment=best"
 SHIFT = (0.0, 0.0, 0.01)
@@ -82,7 +82,7 @@ def main() -> None:
         "--others", nargs=2, default=["drawer_15", "door_2"], metavar=("DRAWER", "DOOR"), help="parts of it"
     )
     parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--pictures", type=Path, default=PICTURES, help="folder of ablation.png and best.png")
+    parser.add_argument("--images", type=Path, default=IMAGES, help="folder of ablation.png and best.png")
     parser.add_argument("--best-steps", type=float, default=57.344e6, help="environment steps of a run of our recipe")
     options(parser)
     args = parser.parse_args()
@@ -93,7 +93,7 @@ def main() -> None:
     write({"scan": "virtual", "target": args.target, "others": args.others, "runs": runs}, args.out, table(rows, runs))
     for name, ours in (("ablation", False), ("best", True)):
         if shown := [run for run in runs if run["row"].endswith("_best") == ours]:
-            draw(shown, args.pictures / f"{name}.png")
+            plot(shown, args.images / f"{name}.png")
 
 
 def make_stages(scan: Path, target: str, stages: Path) -> None:

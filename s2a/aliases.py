@@ -18,12 +18,12 @@ RENAMED = {
     "settle": "drop_test",
     "longest": "max_tokens",
     "bytes": "max_response_bytes",
-    "level.lean": "max_tilt",
-    "level.rounds": "smoothing_rounds",
-    "level.slope": "max_slope",
-    "level.bin": "bin_height",
-    "level.smallest": "min_area",
-    "level.count": "max_planes",
+    "plane.lean": "max_tilt",
+    "plane.rounds": "smoothing_rounds",
+    "plane.slope": "max_slope",
+    "plane.bin": "bin_height",
+    "plane.smallest": "min_area",
+    "plane.count": "max_planes",
     "regions.cells": "max_cells",
     "regions.smallest": "min_area",
     "regions.upright": "min_vertical_area",
@@ -73,22 +73,62 @@ RENAMED = {
     "task.touch_distance": "contact_distance",
     "task.touch_force": "contact_force",
     "reward.led_opening": "grasped_opening",
+    "sim.room": "load_static_colliders",
+    "gripper.palm_box": "body_box",
+    "gripper.palm_behind": "body_behind",
+    "decimate.shell": "structure",
+    "shell_labels": "structure_labels",
+    "handle_pieces": "handle_hulls",
+    "front_pieces": "front_panel_hulls",
+    "room.small": "min_decomposed_size",
+    "mass.lowest": "min_estimate",
+    "mass.highest": "max_estimate",
+    "gap.free": "min_free_fraction",
+    "gap.filled": "max_fill_ratio",
+    "motion.settle": "rest_displacement",
+    "settle_time": "rest_time",
+    "grip.touch": "max_penetration",
+    "drop_test.reach": "search_radius",
+    "drop_test.touch": "contact_distance",
+    "regions.level": "plane",
+    "snap": "project_to_scan",
+    "blind": "tripod_blind_cone",
+    "grazing": "grazing_cutoff",
+    "thin.bump": "max_thickness",
+    "thin.smallest": "min_faces",
 }
 """Old name of a segment of a dotted key, or of a segment with its parent -> its present name."""
 
 
 def current(key: str, known: Collection[str]) -> str | None:
     """Return the present name of a renamed dotted key, if it is among the known keys or their groups; else None."""
+    new, old = _renamed_once(key), key
+    while new != old:  # a segment may have been renamed after its parent
+        new, old = _renamed_once(new), new
+    exists = any(name == new or name.startswith(f"{new}.") for name in known)
+    return new if new != key and exists else None
+
+
+def _renamed_once(key: str) -> str:
     old = key.split(".")
-    parents = ["", *old]
-    new = [RENAMED.get(f"{parent}.{name}", RENAMED.get(name, name)) for parent, name in zip(parents, old, strict=False)]
-    renamed = ".".join(new)
-    exists = any(name == renamed or name.startswith(f"{renamed}.") for name in known)
-    return renamed if renamed != key and exists else None
+    new = [
+        RENAMED.get(f"{above}.{name}", RENAMED.get(name, name)) for above, name in zip(["", *old], old, strict=False)
+    ]
+    return ".".join(new)
 
 
-PPO = {old.removeprefix("policy."): new for old, new in RENAMED.items() if old.startswith("policy.")}
-"""Settings of PPO, in the policy.json of old runs."""
+def settings(values: Mapping[str, Any], group: str) -> dict[str, Any]:
+    """Return a group's settings, as an old run's folder has them, by their present keys.
+
+    Args:
+        values: without nested ones that have been renamed.
+        group: name of their group at that time, such as "policy".
+    """
+    return {RENAMED.get(f"{group}.{key}", key): value for key, value in values.items()}
+
+
+OPTIONS = {("reward", "led"): "grasped"}
+"""Group and old name of an option, conf/<group>/<name>.yaml -> its present name."""
 METRICS = {
     "hook_success": "single_finger_success",
     "side_success": "off_handle_success",

@@ -26,7 +26,7 @@ from s2a.scene import Scene
 from s2a.usd import descriptive, geometric
 
 if TYPE_CHECKING:
-    from s2a.certify.check import Certificate
+    from s2a.certify.check import ValidationReport
     from s2a.insert.batch import Insertion
 
 File = str | PathLike[str]
@@ -128,7 +128,7 @@ def prepare(stage: File, targets: str | Sequence[str], out: File, overrides: Seq
     return Path(out)
 
 
-def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ()) -> list[Certificate]:
+def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ()) -> list[ValidationReport]:
     """Validate a simulation-ready room; return a report for each part, whose `.passed` is the verdict. Needs `s2a[sim]`.
 
     Args:

@@ -39,7 +39,7 @@ COMMANDS = {
     "zoo": "write a hundred labelled objects, as untidy as downloads, to insert",
     "view": "show a scan or a stage: its tree as text, or an image",
 }
-OUTPUTS = ("out", "image", "pictures", "record")
+OUTPUTS = ("out", "image", "images", "record")
 """Keys that name output files and folders."""
 FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 
@@ -109,7 +109,7 @@ def sweep(command: str, overrides: Sequence[str]) -> None:
     Raises:
         InputError: an override that cannot be read, or that names an unknown key or option.
     """
-    # Hydra reads its arguments from sys.argv, and prints errors itself unless told to raise them.
+    # Hydra reads its arguments from sys.argv, and prints errors itself unless asked to raise them.
     folder = _sweep_folder(overrides)
     sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *config.opened(overrides), f"hydra.sweep.dir={folder}"]
     os.environ["HYDRA_FULL_ERROR"] = "1"

@@ -176,6 +176,8 @@ def explain(error: Exception, known: Iterable[str]) -> str:
         return f"{error.override!r} is not key=value; quote a value with special characters: 'key=\"value\"'"
     if isinstance(error, MissingConfigException) and error.options:
         group, _, option = str(error.missing_cfg_file).rpartition("/")
+        if now := aliases.OPTIONS.get((group, option)):
+            return f"key {group!r} is {option!r}; that option is now {now!r}"
         return f"key {group!r} is {option!r}{nearest(option, error.options)}"
     if found := re.search(r"Could not override '([^']+)'|Key '([^']+)' is not in struct", text):
         return _unknown(found[1] or found[2], list(known))

@@ -1,4 +1,4 @@
-"""Which limits a joint may have for a robot to move it: one answer for scans, for what prepares them, and for certificates."""
+"""Which limits a joint may have for a robot to move it: one answer for scans, for preparation, and for validation."""
 
 from __future__ import annotations
 

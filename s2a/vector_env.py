@@ -98,7 +98,7 @@ def make(
         num_envs: worlds that are stepped together.
         device: "cpu", "cuda:0", or "auto": a GPU where there is one.
         seed: of the start noise.
-        overrides: settings as `s2a train` takes them, such as "sim=real", "reward=led", "task.start_noise=0".
+        overrides: settings as `s2a train` takes them, such as "sim=real", "reward=grasped", "task.start_noise=0".
 
     Raises:
         InputError: an unknown task, part or setting; not a simulation-ready room.

@@ -60,7 +60,7 @@ def measure(room: RoomState, request: ObjectRequest, config: InsertSettings) -> 
 
 
 def main() -> None:
-    """Measure, print the table, and judge."""
+    """Measure, print the table, and check_bound."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stage", type=Path, help="a geometric.usd")
     parser.add_argument("list", type=Path, help="a YAML list of {object, label}, such as a zoo's")

@@ -52,7 +52,7 @@ def measure(stage: Path, targets: str, folder: Path) -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure, print the table, and judge."""
+    """Measure, print the table, and check_bound."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stage", type=Path, help="a geometric.usd")
     parser.add_argument("--targets", default="all", help="articulated parts, as s2a prepare takes them")

@@ -4,7 +4,7 @@
 
 An environment step is one control step (4 physics steps) of one world. Actions are uniform random, resets included. PPO is
 timed from its third iteration on: the first two compile and capture. Its worlds touch more as it learns, which is slower.
-"grasp_physics" is physics alone while every world's hand holds the handle, where the planner brought it (so the arm is that
+"grasp_physics" is physics alone while every world's gripper holds the handle, where the planner brought it (so the arm is that
 of conf/sim/planner.yaml), and "contacts_ms" what it then takes in a physics step to read the robot's contacts with the
 part. Contacts and constraint rows are counted after the random steps, and in the grasp. Rates are compared within one run
 only.
@@ -132,7 +132,7 @@ def _policy(shape: str, iterations: int) -> PpoConfig:
 
 
 def _grasp(env: VecEnv) -> None:
-    """Bring every world's hand to the handle and close it."""
+    """Bring every world's gripper to the handle and close it."""
     planner = Planner(env, _load(PlannerConfig, "planner/default"))
     env.reset_all()
     while int(env.episode_step.max()) < planner.grasp_steps:

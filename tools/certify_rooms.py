@@ -1,9 +1,9 @@
 """Prepare and certify every movable part of virtual rooms; the pass rate for each style of handle.
 
-    python tools/certify_rooms.py --rooms office kitchen --seeds 0 1 2 --detail demo --work runs/certificates \
+    python tools/certify_rooms.py --rooms office kitchen --seeds 0 1 2 --detail demo --work runs/certify \
         --out experiments/results/certificates.json
 
-What lies in the work folder already (scans, stages, certificates of the same stage and settings) is kept, so that an
+What lies in the work folder already (scans, stages, reports of the same stage and settings) is kept, so that an
 interrupted run goes on where it stopped.
 """
 
@@ -37,7 +37,7 @@ from s2a.usd import sim_stage
 
 
 def main() -> None:
-    """Certify the parts, write the results and print a table."""
+    """Certify the parts, write the reports and print a table."""
     asked = _arguments()
     logging.disable(logging.WARNING)
     rooms = [(room, seed, asked) for room in asked.rooms for seed in asked.seeds]
@@ -57,7 +57,7 @@ def main() -> None:
 
 
 def rates(found: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
-    """Count by style of handle: parts, certificates passed, parts that a hand can hold."""
+    """Count by style of handle: parts, passed, parts that a gripper can hold."""
     styles: dict[str, dict[str, int]] = {}
     for part in found:
         counts = styles.setdefault(part["style"], {"parts": 0, "passed": 0, "graspable": 0})
@@ -99,7 +99,7 @@ def _scene(folder: Path) -> Scene:
 
 
 def _part(case: tuple[str, int, str, argparse.Namespace]) -> dict[str, Any]:
-    """Return the result of a movable part."""
+    """Return the report of a movable part."""
     room, seed, target, asked = case
     logging.disable(logging.WARNING)
     folder = _folder(room, seed, asked)
@@ -117,17 +117,17 @@ def _certified(folder: Path, part: str, asked: argparse.Namespace) -> dict[str, 
     settings = config.load(CertifyConfig, config.compose("certify", ["stage=x", "out=y"])["certify"])
     asked_of = dataclasses.asdict(settings)
     done = report.kept(record, fingerprint(stage), asked_of, provenance("cpu"), [part])
-    (certificate,) = done or certify(stage, settings, part)
+    (result,) = done or certify(stage, settings, part)
     with atomic_write(record) as out:
-        out.write_text(report.to_json([certificate]))
-    by_name = {check.name: check for check in certificate.checks}
+        out.write_text(report.to_json([result]))
+    by_name = {check.name: check for check in result.checks}
     numbers = {
-        name: by_name[name].value for name in ("finger_gap", "finger_closure", "sweep_penetration") if name in by_name
+        name: by_name[name].value for name in ("finger_gap", "grasp_hold", "sweep_penetration") if name in by_name
     }
-    failed = [f"{check.name} at {check.prim}: {report.number(check)} {check.message}" for check in certificate.failed]
+    failed = [f"{check.name} at {check.prim}: {report.number(check)} {check.message}" for check in result.failed]
     return {
-        "passed": certificate.passed, "graspable": certificate.graspable, "failed": failed, "seconds": certificate.seconds,
-        "closure": by_name["finger_closure"].message if "finger_closure" in by_name else "", "values": numbers,
+        "passed": result.passed, "graspable": result.graspable, "failed": failed, "seconds": result.seconds,
+        "closure": by_name["grasp_hold"].message if "grasp_hold" in by_name else "", "values": numbers,
     }  # fmt: skip
 
 

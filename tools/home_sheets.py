@@ -1,4 +1,4 @@
-"""Draw contact sheets of varied homes, without scanning them: rooms from above, or handles close up.
+"""Render contact sheets of varied homes, without scanning them: rooms from above, or handles close up.
 
 python tools/home_sheets.py rooms sheet.png --count 40
 python tools/home_sheets.py handles sheet.png --count 100
@@ -12,17 +12,17 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
-from s2a.geometry.camera_pose import LookConfig, View, frame
 
 from s2a import config
-from s2a.geometry.render import draw
+from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose
+from s2a.geometry.render import render
 from s2a.scene import Mesh
 from s2a.synth.catalog import Entry, catalog
 from s2a.synth.homes import HOMES, home
 from s2a.synth.room import Room
 
 TILES = {"rooms": (640, 480), "handles": (200, 150)}
-"""Size of a picture [pixel]."""
+"""Size of an image [pixel]."""
 CAPTION = 16
 COLUMNS = {"rooms": 3, "handles": 10}
 DISTANCE = 0.75
@@ -30,39 +30,39 @@ DISTANCE = 0.75
 
 
 def main(kind: str, out: Path, count: int, first: int) -> None:
-    """Draw a sheet of so many rooms or handles, beginning with a seed."""
-    look = config.load(LookConfig, config.compose("view")["look"])
-    look = replace(look, width=TILES[kind][0], height=TILES[kind][1], samples=2)
+    """Render a sheet of so many rooms or handles, beginning with a seed."""
+    camera = config.load(OrbitCamera, config.compose("view")["camera"])
+    camera = replace(camera, width=TILES[kind][0], height=TILES[kind][1], samples=2)
     names = list(HOMES)
     tiles = []
     for i in range(count):
         name, seed = names[i % len(names)], first + i // len(names)
         room = home(name, seed)
-        picture = above(room, look) if kind == "rooms" else handle(room, i, look)
-        tiles.append((f"{name} {seed}", picture) if kind == "rooms" else picture)
+        image = above(room, camera) if kind == "rooms" else handle(room, i, camera)
+        tiles.append((f"{name} {seed}", image) if kind == "rooms" else image)
     _sheet(tiles, COLUMNS[kind], TILES[kind]).save(out)
     print(f"{out}: {count} {kind}, seeds from {first}")
 
 
-def above(room: Room, look: LookConfig) -> np.ndarray:
-    """Draw a room without its ceiling; walls are seen from within alone."""
+def above(room: Room, camera: OrbitCamera) -> np.ndarray:
+    """Render a room without its ceiling; walls are seen from within alone."""
     meshes = [mesh for entry in catalog(room.pieces) if (mesh := _inner(entry)) is not None]
     points = np.concatenate([mesh.vertices for mesh in meshes])
-    view = frame(points, np.array((0.35, -1.0, 0.0)), replace(look, elevation=0.95))
-    return draw(meshes, view, look)
+    pose = framing_pose(points, np.array((0.35, -1.0, 0.0)), replace(camera, elevation=0.95))
+    return render(meshes, pose, camera)
 
 
-def handle(room: Room, number: int, look: LookConfig) -> tuple[str, np.ndarray]:
-    """Draw one handle of a room with the front that it is on, and name its family."""
+def handle(room: Room, number: int, camera: OrbitCamera) -> tuple[str, np.ndarray]:
+    """Render one handle of a room with the front that it is on, and name its family."""
     entries = catalog(room.pieces)
     handles = [entry for entry in entries if entry.piece.style is not None]
     chosen = handles[(7 * number) % len(handles)].piece
     middle = chosen.surface.vertices.mean(axis=0)
     front = chosen.pose[:3, 0]
     eye = middle + DISTANCE * front + 0.35 * np.cross(front, (0, 0, 1)) + (0, 0, 0.25)
-    view = View(tuple(eye), tuple(middle))
-    picture = draw([entry.piece.surface.mesh for entry in entries], view, replace(look, see_through=False, fov=0.7))
-    return f"{chosen.facts.get('family', chosen.style)} {1e3 * chosen.size.max():.0f} mm", picture
+    camera = replace(camera, backface_culling=False, fov=0.7)
+    image = render([entry.piece.surface.mesh for entry in entries], CameraPose(tuple(eye), tuple(middle)), camera)
+    return f"{chosen.facts.get('family', chosen.style)} {1e3 * chosen.size.max():.0f} mm", image
 
 
 def _inner(entry: Entry) -> Mesh | None:
@@ -78,13 +78,13 @@ def _inner(entry: Entry) -> Mesh | None:
 
 
 def _sheet(tiles: list[tuple[str, np.ndarray]], columns: int, size: tuple[int, int]) -> Image.Image:
-    """Return pictures with their names in rows."""
+    """Return images with their names in rows."""
     rows = -(-len(tiles) // columns)
     sheet = Image.new("RGB", (columns * size[0], rows * (size[1] + CAPTION)), "white")
     font = ImageFont.load_default(12)
-    for i, (name, picture) in enumerate(tiles):
+    for i, (name, image) in enumerate(tiles):
         corner = i % columns * size[0], i // columns * (size[1] + CAPTION)
-        sheet.paste(Image.fromarray(picture), corner)
+        sheet.paste(Image.fromarray(image), corner)
         ImageDraw.Draw(sheet).text((corner[0] + size[0] // 2, corner[1] + size[1]), name, "black", font, anchor="ma")
     return sheet
 

@@ -59,7 +59,7 @@ def _solid(collision: ElementTree.Element) -> trimesh.Trimesh:
     assert geometry is not None
     (shape,) = geometry
     if shape.tag == "mesh":
-        path = urdf.share() / str(shape.get("filename")).removeprefix("package://")
+        path = urdf.description_folder() / str(shape.get("filename")).removeprefix("package://")
         solid = trimesh.load(str(path), force="mesh")
         solid.apply_scale([float(x) for x in shape.get("scale", "1 1 1").split()])
     elif shape.tag == "box":

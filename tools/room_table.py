@@ -4,7 +4,7 @@
         [--keep FOLDER] [--out experiments/results/rooms.json]
 
 Runs `s2a sample` and `s2a export` as a user would, each in a process of its own, one after the other. Seconds are wall clock and
-hold the start of Python. Rooms that --out already has at this detail and seed are measured anew; all others stay in it.
+hold the start of Python. Rooms that --out already has at this detail and seed are measured again; all others stay in it.
 """
 
 from __future__ import annotations
@@ -154,7 +154,9 @@ def markdown(rows: list[dict]) -> str:
         "|---" * 18 + "|",
     ]
     for r in rows:
-        times = (f"{r[f'{verb}_{k}']:.1f}" for verb in ("sample", "export") for k in ("seconds", "cpu", "gigabytes"))
+        times = (
+            f"{r[f'{command}_{k}']:.1f}" for command in ("sample", "export") for k in ("seconds", "cpu", "gigabytes")
+        )
         counts = (f"{r['vertices'] / 1e3:.0f} k", f"{r['density'] / 1e3:.1f} k", *(str(r[k]) for k in COUNTS))
         sizes = (f"{r['characters']:.0f}", f"{r['jointed']:.0f}", str(r["tokens"]))
         lines.append(

@@ -4,7 +4,7 @@
 
 handles  distinct by style and the three extents of their box, each rounded to a millimetre
 nearest  1 - intersection over union of two floor plans of the same kind, cells of 0.25 m by the name of what stands there, the
-         best of four turns and two reflections; for each room the nearest of all others: 0 is the same plan, 1 shares nothing
+         best of four turns and two reflections; for each room the nearest of all others: 0 is the same plan, 1 fractions nothing
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ CELL = 0.25
 """[m] Edge of a cell of a floor plan."""
 SIDE = 32
 """Cells along each side of a plan."""
-SHELL = ("wall", "floor", "ceiling", "ceiling lamp")
+STRUCTURE = ("wall", "floor", "ceiling", "ceiling lamp")
 PANELS = (
     "width [m]",
     "height [m]",
@@ -110,7 +110,7 @@ def _plan(room: Room) -> np.ndarray:
     plan = np.zeros((SIDE, SIDE), np.int64)
     middle = np.array(room.size[:2]) / 2
     for piece in room.pieces:
-        if piece.name in SHELL or not (moves(piece) or np.ptp(piece.surface.vertices[:, :2], axis=0).max() > 0.5):
+        if piece.name in STRUCTURE or not (moves(piece) or np.ptp(piece.surface.vertices[:, :2], axis=0).max() > 0.5):
             continue
         points = piece.surface.vertices[:, :2] - middle
         low, high = (
@@ -150,14 +150,14 @@ def overlap(labels: dict[str, int], listing: Path) -> dict[str, Any]:
     return {
         "labels shared": sorted(set(names) & set(labels)),
         "labels missing": sorted(set(names) - set(labels)),
-        "share of prims": sum(count for name, count in names.items() if name in labels) / len(prims),
+        "fraction of prims": sum(count for name, count in names.items() if name in labels) / len(prims),
         "prims": len(prims),
         "objects with parts": sum(prim["depth"] == 1 and children[prim["part_id"]] > 0 for prim in prims),
     }
 
 
-def draw(figures: dict[str, dict[str, Any]], out: Path) -> None:
-    """Draw histograms of all figures, one preset over the other."""
+def plot(figures: dict[str, dict[str, Any]], out: Path) -> None:
+    """Plot histograms of all figures, one preset over the other."""
     fig, axes = plt.subplots(3, 3, figsize=(12, 9), layout="constrained")
     for axis, name in zip(axes.flat, PANELS, strict=False):
         everything = np.concatenate([f["values"][name] for f in figures.values()])
@@ -169,8 +169,8 @@ def draw(figures: dict[str, dict[str, Any]], out: Path) -> None:
     names = sorted({s for f in figures.values() for s in f["styles"]})
     for i, (_, f) in enumerate(figures.items()):
         total = sum(f["styles"].values())
-        shares = [f["styles"].get(n, 0) / total for n in names]
-        axes.flat[7].barh(np.arange(len(names)) + 0.4 * i, shares, 0.4, alpha=0.7)
+        fractions = [f["styles"].get(n, 0) / total for n in names]
+        axes.flat[7].barh(np.arange(len(names)) + 0.4 * i, fractions, 0.4, alpha=0.7)
     axes.flat[7].set_yticks(np.arange(len(names)), names)
     axes.flat[7].set_title("handles by family")
     for f in figures.values():
@@ -181,7 +181,7 @@ def draw(figures: dict[str, dict[str, Any]], out: Path) -> None:
 
 
 def main() -> None:
-    """Measure, print and draw."""
+    """Measure, print and plot."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rooms", type=int, default=600)
     parser.add_argument("--out", type=Path, default=Path("runs/variety.png"))
@@ -196,14 +196,14 @@ def main() -> None:
         movables = np.percentile(f["counts"]["movables"], [5, 50, 95])
         nearest = np.percentile(f["nearest"], [0, 5, 50])
         print(
-            f"{preset}: {f['handles']} distinct handles; nearest plan {nearest.round(2)} (least, 5 %, median); ", end=""
+            f"{preset}: {f['handles']} distinct handles; nearest plan {nearest.round(2)} (min, 5 %, median); ", end=""
         )
         print(f"movables a room {movables} (5, 50, 95 %); {len(f['labels'])} labels")
         for name in PANELS:
             print(f"  {name:24s}", np.percentile(f["values"][name], [1, 25, 50, 75, 99]).round(3))
         if args.listing:
             print(f"  real listing: {overlap(f['labels'], args.listing)}")
-    draw(figures, args.out)
+    plot(figures, args.out)
     if args.json:
         args.json.write_text(json.dumps(figures, default=float) + "\n")
 

@@ -54,7 +54,7 @@ class Gap:
 
 
 def webs(mesh: Mesh, truth: Scene, poses: dict[str, np.ndarray]) -> dict[str, float]:
-    """Return the share of each handle's gap, along the handle, that a scan closes; handles without a gap are left out.
+    """Return the fraction of each handle's gap, along the handle, that a scan closes; handles without a gap are left out.
 
     Args:
         mesh: the scan.
@@ -64,7 +64,7 @@ def webs(mesh: Mesh, truth: Scene, poses: dict[str, np.ndarray]) -> dict[str, fl
     clean = merge([part.mesh for part in truth.parts.values()])
     true = ray_mesh(clean.vertices, clean.faces)
     gaps = {i: find_gap(truth, i, pose) for i, pose in poses.items()}
-    return {i: closed_share(mesh, true, gap) for i, gap in gaps.items() if gap.length > 4 * SLICE}
+    return {i: closed_fraction(mesh, true, gap) for i, gap in gaps.items() if gap.length > 4 * SLICE}
 
 
 def find_gap(truth: Scene, part_id: str, pose: np.ndarray) -> Gap:
@@ -88,11 +88,11 @@ def find_gap(truth: Scene, part_id: str, pose: np.ndarray) -> Gap:
     return Gap(pose, places[hit][free], back - depth[free], back)
 
 
-def closed_share(mesh: Mesh, true: RayMesh, gap: Gap) -> float:
-    """Return the share of a gap's slices across the handle that are closed in the middle half of their depth.
+def closed_fraction(mesh: Mesh, true: RayMesh, gap: Gap) -> float:
+    """Return the fraction of a gap's slices across the handle that are closed in the middle half of their depth.
 
     A slice is closed if it holds at least half the area of a flat web from the front to the handle. The outermost slices are
-    left out: webs there are too close to posts to be told from them.
+    left out: webs there are too close to posts to be distinguished from them.
     """
     along, across = 1 + gap.along, 2 - gap.along
     low, high = gap.places[:, across - 1].min() - FINGER, gap.places[:, across - 1].max() + FINGER

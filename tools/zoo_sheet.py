@@ -1,4 +1,4 @@
-"""Draw docs/zoo.png: all things of the zoo with their labels, one row for each half of a category.
+"""Render docs/zoo.png: all objects of the zoo with their labels, one row for each half of a category.
 
 python tools/zoo_sheet.py docs/zoo.png [LABEL_OR_CATEGORY ...]
 """
@@ -15,48 +15,48 @@ from PIL import Image, ImageDraw, ImageFont
 from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
 from s2a.geometry.render import render
 from s2a.scene import Mesh
-from s2a.synth.zoo import Thing, zoo
+from s2a.synth.zoo import ZooObject, zoo
 
 COLUMNS = 10
 TILE, CAPTION = 168, 22
-"""Side of a picture, and height of the label below it [pixel]."""
-LOOK = OrbitCamera(TILE, TILE, 3, fov=0.5, azimuth=0.45, elevation=0.5, margin=1.06, backface_culling=False)
+"""Side of an image, and height of the label below it [pixel]."""
+CAMERA = OrbitCamera(TILE, TILE, 3, fov=0.5, azimuth=0.45, elevation=0.5, margin=1.06, backface_culling=False)
 COLORS = 255
 """Of the palette, which halves the file."""
 
 
 def main(out: Path, chosen: list[str]) -> None:
-    """Draw the things of the chosen labels and categories, or all."""
-    shown = [thing for thing in zoo() if not chosen or {thing.label, thing.category} & set(chosen)]
+    """Render the objects of the chosen labels and categories, or all."""
+    shown = [item for item in zoo() if not chosen or {item.label, item.category} & set(chosen)]
     columns = min(COLUMNS, len(shown))
     rows = -(-len(shown) // columns)
     sheet = Image.new("RGB", (columns * TILE, rows * (TILE + CAPTION)), "white")
     font = ImageFont.load_default(13)
-    for number, thing in enumerate(shown):
+    for number, item in enumerate(shown):
         corner = number % columns * TILE, number // columns * (TILE + CAPTION)
-        sheet.paste(Image.fromarray(_picture(thing)), corner)
+        sheet.paste(Image.fromarray(_image(item)), corner)
         place = (corner[0] + TILE // 2, corner[1] + TILE + 2)
-        ImageDraw.Draw(sheet).text(place, thing.label, "black", font, anchor="ma")
+        ImageDraw.Draw(sheet).text(place, item.label, "black", font, anchor="ma")
     out.parent.mkdir(parents=True, exist_ok=True)
     sheet.quantize(COLORS).save(out, optimize=True)
-    print(f"{out}: {len(shown)} things, {out.stat().st_size / 1000:.0f} kB")
+    print(f"{out}: {len(shown)} objects, {out.stat().st_size / 1000:.0f} kB")
 
 
-def _picture(thing: Thing) -> np.ndarray:
-    """Draw a thing from the front, the right and above; what hangs on walls is seen more level."""
-    mesh = thing.surface.mesh
+def _image(item: ZooObject) -> np.ndarray:
+    """Render an object from the front, the right and above; what hangs on walls is seen more level."""
+    mesh = item.surface.mesh
     # As large as a room, so that its own small parts throw shadows.
     size = 1.0 / np.ptp(mesh.vertices, axis=0).max()
     large = Mesh(mesh.vertices * size, mesh.faces, mesh.colors)
-    camera = replace(LOOK, elevation=0.15, azimuth=0.35) if thing.placement == "hanging" else LOOK
+    camera = replace(CAMERA, elevation=0.15, azimuth=0.35) if item.placement == "hanging" else CAMERA
     return render([large], framing_pose(large.vertices, np.array([1.0, 0.0, 0.0]), camera), camera)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("picture", type=Path)
-    parser.add_argument("chosen", nargs="*", metavar="LABEL_OR_CATEGORY", help="draw these alone")
+    parser.add_argument("image", type=Path)
+    parser.add_argument("chosen", nargs="*", metavar="LABEL_OR_CATEGORY", help="render these alone")
     args = parser.parse_args()
-    if unknown := set(args.chosen) - {name for thing in zoo() for name in (thing.label, thing.category)}:
-        parser.error(f"no thing has the label or category {min(unknown)!r}")
-    main(args.picture, args.chosen)
+    if unknown := set(args.chosen) - {name for item in zoo() for name in (item.label, item.category)}:
+        parser.error(f"no object has the label or category {min(unknown)!r}")
+    main(args.image, args.chosen)

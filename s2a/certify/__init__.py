@@ -1,8 +1,8 @@
-"""What "simulation-ready" means, measured: a stage's structure, its surfaces, and what it does under physics."""
+"""Is a stage simulation-ready? Checks of its structure, its surfaces, and its behaviour under physics."""
 
 import logging
 
 import mujoco
 
-# MuJoCo writes its warnings into a file in the working directory, unless told of a better place.
+# MuJoCo writes its warnings into a file in the working directory, unless given a handler.
 mujoco.set_mju_user_warning(logging.getLogger(__name__).info)

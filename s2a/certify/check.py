@@ -1,12 +1,12 @@
-"""What a certificate is made of: one check, its number, the bound, the prim at fault and what to do."""
+"""A validation report: its checks, each with its number, the bound, the prim at fault and what to do."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Literal
 
-Status = Literal["pass", "fail", "not run", "reported"]
-"""A check that is "reported" says something of the stage that makes it neither good nor bad."""
+Status = Literal["pass", "fail", "skipped", "info"]
+"""A check of status "info" is a measurement without a bound; "skipped": its preconditions do not hold."""
 
 
 @dataclass(frozen=True)
@@ -14,13 +14,13 @@ class Check:
     """One question to a stage, and its answer.
 
     Attributes:
-        name: what is asked, such as "joint_limits".
+        name: of the property checked, such as "joint_limits".
         status: the answer.
         value: the number measured, or None where there is none.
-        bound: the largest value that passes, or None.
+        bound: max value that passes, or None.
         unit: of both.
         prim: path of the prim at fault, or of the one asked; empty for the whole stage.
-        message: the answer in words, one line.
+        message: the result in words, one line.
         remedy: what to do about it; empty where nothing has to be done.
     """
 
@@ -35,7 +35,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Certificate:
+class ValidationReport:
     """How ready for simulation a stage is.
 
     Attributes:
@@ -43,8 +43,8 @@ class Certificate:
         sha256: of its content.
         target: id of the part that moves; empty if the stage names none.
         checks: every check, in order.
-        graspable: whether a parallel gripper can hold and pull the grasp region; None if that could not be asked.
-        settings: the bounds and how was measured, as plain values.
+        graspable: A parallel gripper can hold and pull the grasp region; None if that check was skipped.
+        settings: bounds and measurement settings, as plain values.
         seconds: it took [s].
         provenance: code, versions, machine.
     """
@@ -65,14 +65,14 @@ class Certificate:
 
     @property
     def passed(self) -> bool:
-        """Whether no check failed."""
+        """No check failed."""
         return not self.failed
 
 
-def judge(
+def check_bound(
     name: str, value: float, bound: float, unit: str = "", *, prim: str = "", message: str = "", remedy: str = ""
 ) -> Check:
-    """Return the check that passes if value <= bound; a value that is no number fails."""
+    """Return the check that passes if value <= bound; NaN fails."""
     good = value <= bound
     return Check(name, "pass" if good else "fail", value, bound, unit, prim, message, "" if good else remedy)
 

@@ -1,4 +1,4 @@
-"""All checks of a stage, one after another, as one certificate."""
+"""The check suite: all checks of a stage, as one validation report a part."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 
 from s2a.certify import contents, finger_gap, foundation, physics_grip, shapes, static
-from s2a.certify.check import Certificate, Check, Status, judge
+from s2a.certify.check import Check, Status, ValidationReport, check_bound
 from s2a.certify.contents import Contents
 from s2a.certify.finger_gap import Gap, GapConfig
 from s2a.certify.foundation import FoundationConfig
@@ -27,15 +27,15 @@ from s2a.usd.layer_files import files
 
 @dataclass(frozen=True)
 class CertifyConfig:
-    """What is asked of a stage.
+    """Settings of the check suite.
 
     Attributes:
         shapes: bounds of the static rules about surfaces.
-        foundation: what is asked of NVIDIA's SimReady rules.
-        gap: bounds on the room for fingers.
+        foundation: profile of NVIDIA's SimReady rules.
+        gap: bounds on the finger gap.
         physics: how physics is stepped.
-        motion: bounds of the checks without a hand.
-        grip: how a hand takes hold.
+        motion: bounds of the checks without a gripper.
+        grip: the grasp-hold test.
     """
 
     shapes: ShapeConfig
@@ -50,13 +50,15 @@ HARMLESS = ("usd", "collider_count", "opens_outwards", "grasp_site")
 """Rules that a stage may break and still be simulated; any other would make physics tell of another stage."""
 
 
-def certify(path: Path, config: CertifyConfig, part: str | None = None, robot: str | None = None) -> list[Certificate]:
+def certify(
+    path: Path, config: CertifyConfig, part: str | None = None, robot: str | None = None
+) -> list[ValidationReport]:
     """Ask everything of the articulated parts of a sim.usd; physics only where the structure is sound, which simulators trust.
 
     Args:
         path: the file.
         config: what is asked.
-        part: id of one part; None: all of them, a certificate each.
+        part: id of one part; None: all of them, a report each.
         robot: name of the robot whose gripper is tried; None: one that the part was prepared for.
 
     Raises:
@@ -71,7 +73,7 @@ def certify(path: Path, config: CertifyConfig, part: str | None = None, robot: s
         begun = time.perf_counter()
         checks, graspable = _part(path, contents.about(held, one), room, config, robot)
         found.append(
-            Certificate(
+            ValidationReport(
                 stage=str(path),
                 sha256=fingerprint(path),
                 target=one,
@@ -93,41 +95,41 @@ def _part(
     broken = [check.name for check in (*room, *own) if check.status != "pass" and check.name not in HARMLESS]
     checks, graspable = [*room, *own], None
     if broken:
-        text = f"a simulator would trust what is broken: {', '.join(broken)}"
-        return [*checks, Check("physics", "not run", message=text)], None
+        text = f"failed checks would make the simulation meaningless: {', '.join(broken)}"
+        return [*checks, Check("physics", "skipped", message=text)], None
     found, graspable = _physics(path, held, config, robot)
     return [*checks, *found], graspable
 
 
 def _physics(path: Path, held: Contents, config: CertifyConfig, robot: str | None) -> tuple[list[Check], bool | None]:
-    """Return the checks that need a simulator, on one model of the stage, and whether a hand can hold the part."""
+    """Return the checks that need a simulator, on one model of the stage, and whether a gripper can hold the part."""
     try:
         world = World(path, config.physics, held.part, robot=robot)
     except (ValueError, RuntimeError, mujoco.FatalError, InputError) as error:
         text = " ".join(str(error).split())[:300]
-        return [Check("newton_import", "fail", prim="/scene", message=text, remedy="see what Newton says of it")], None
+        return [Check("newton_import", "fail", prim="/scene", message=text, remedy="see Newton's error")], None
     room, attempt = finger_gap.gap(path, held, world.robot.gripper), physics_grip.grip(world, config.grip)
     return [*motion(world, config.motion), *_fingers(world.stage.target, room, attempt, config)], attempt.holds
 
 
 def _fingers(target: str, room: Gap, attempt: Grip, config: CertifyConfig) -> list[Check]:
-    """Judge room and grip: what the scan leaves no room for, a parallel gripper cannot hold, and that is no defect."""
+    """Return the checks of the finger gap and of the grasp; where the scan leaves no gap, neither can fail."""
     fits, region = room.graspable(config.gap), f"/scene/{target}/region"
-    said = (
-        f"{room.free:.0%} of the fingers' room is free as scanned; the region is {1000 * room.thickness:.0f} mm thick"
-    )
-    if math.isnan(room.filled):
-        filled = Check("finger_gap", "reported", prim=region, message=said)
+    said = f"{room.free_fraction:.0%} of the finger gap is free as scanned; the region is {1000 * room.thickness:.0f} mm thick"
+    if math.isnan(room.fill_ratio):
+        filled = Check("finger_gap", "info", prim=region, message=said)
     else:
         remedy = "prepare with colliders that keep the gap free (prepare=handle)"
-        filled = judge("finger_gap", room.filled, config.gap.filled, "of it", prim=region, message=said, remedy=remedy)
-        filled = filled if fits else replace(filled, status="reported", remedy="")
-    message = attempt.way if attempt.holds else f"not graspable by a parallel gripper: {attempt.way}"
+        filled = check_bound(
+            "finger_gap", room.fill_ratio, config.gap.max_fill_ratio, "", prim=region, message=said, remedy=remedy
+        )
+        filled = filled if fits else replace(filled, status="info", remedy="")
+    message = attempt.message if attempt.holds else f"not graspable by a parallel gripper: {attempt.message}"
     message += f"; {room.blocked}" if room.blocked and not attempt.holds else ""
-    status: Status = "pass" if attempt.holds else "fail" if fits and not room.blocked else "reported"
-    mend = "look at the colliders of the grasp region and of what is around it" if status == "fail" else ""
-    closure = Check("finger_closure", status, attempt.slip, config.grip.slip, "m", attempt.prim, message, mend)
-    return [filled, closure]
+    status: Status = "pass" if attempt.holds else "fail" if fits and not room.blocked else "info"
+    fix = "inspect the colliders of the grasp region and around it" if status == "fail" else ""
+    hold = Check("grasp_hold", status, attempt.slip, config.grip.slip, "m", attempt.prim, message, fix)
+    return [filled, hold]
 
 
 def fingerprint(path: Path) -> str:
@@ -138,4 +140,4 @@ def fingerprint(path: Path) -> str:
     return digest.hexdigest()
 
 
-__all__ = ["Certificate", "CertifyConfig", "Check", "certify", "fingerprint"]
+__all__ = ["ValidationReport", "CertifyConfig", "Check", "certify", "fingerprint"]

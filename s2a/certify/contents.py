@@ -57,7 +57,7 @@ def read(path: Path, part: str | None = None) -> Contents:
         part: id of the articulated part to ask about; None: the first one.
 
     Raises:
-        InputError: no such file, not USD, a stage of another flavour, for which there are no certificates, or no such part.
+        InputError: no such file, not USD, a stage of another flavour, or no such part.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; give a sim.usd, which s2a prepare writes")

@@ -1,7 +1,7 @@
-"""Whether a placed object stays where it is: dropped from a little above, and watched.
+"""Drop test: does a placed object stay where it is when it falls from a little above?
 
-The surroundings are the scan's own triangles near the object, each a thin prism behind its face, so that nothing rests on a hull
-that the scan does not have. The object is what its convex pieces say.
+The obstacles are the scan's own triangles near the object, each a thin prism behind its face, so that nothing rests on a
+hull that the scan does not have. The object is its convex hulls.
 """
 
 from __future__ import annotations
@@ -16,34 +16,34 @@ from s2a.certify.prisms import CLOSE, close, model, near
 from s2a.ranges import NotNegative, Positive
 from s2a.scene import Mesh
 
-LOOKED = 10
-"""Steps from one look at whether an object rests to the next."""
-FEW = 200
-"""Triangles nearest to what hangs that are looked at first."""
+INTERVAL = 10
+"""Steps between two tests of rest."""
+FIRST_TRIANGLES = 200
+"""Nearest triangles to a wall-mounted object that are tested first."""
 NONE = 1e-9
 """Change of a speed that is none [m/s]: what a slow fall would grow to in two seconds from there is under a millimetre."""
 
 
 @dataclass(frozen=True)
-class SettleConfig:
-    """How an object is watched.
+class DropTestConfig:
+    """Settings of a drop test.
 
     Attributes:
         drop: height from which it falls [m].
-        seconds: how long it is watched, unless it rests before.
-        still: for how long its speed must not have changed for it to rest [s].
-        steady: by what share of itself the speed may have changed meanwhile.
-        creep: how far that speed may take it in the time that is left [m]; below 0 it is watched to the end.
+        seconds: duration, unless it rests before [s].
+        still: window in which its speed must not have changed for it to rest [s].
+        steady: fraction by which the speed may have changed meanwhile.
+        creep: how far that speed may take it in the time that is left [m]; below 0 the test runs to the end.
         step: of the simulation [s].
-        reach: triangles within this distance of a piece's box take part [m].
+        search_radius: triangles within this distance of a hull's box take part [m].
         thickness: of the prisms behind them [m].
         density: of the object [kg/m^3].
         friction: sliding [1], torsional [m] and rolling [m].
         stiffness: time constant of contacts [s].
-        drift: largest distance from the placed position [m].
-        tilt: largest angle from the placed pose [rad].
-        penetration: largest depth at rest [m].
-        touch: what hangs has a surface within this distance behind it [m].
+        drift: max distance from the placed position [m].
+        tilt: max angle from the placed pose [rad].
+        penetration: max depth at rest [m].
+        contact_distance: a wall-mounted object has a surface within this distance behind it [m].
     """
 
     drop: NotNegative
@@ -52,7 +52,7 @@ class SettleConfig:
     steady: NotNegative
     creep: float
     step: Positive
-    reach: NotNegative
+    search_radius: NotNegative
     thickness: Positive
     density: Positive
     friction: tuple[NotNegative, NotNegative, NotNegative]
@@ -60,18 +60,18 @@ class SettleConfig:
     drift: NotNegative
     tilt: NotNegative
     penetration: NotNegative
-    touch: NotNegative
+    contact_distance: NotNegative
 
 
 @dataclass(frozen=True)
-class Settled:
-    """What came of it.
+class DropTestResult:
+    """Result of a drop test.
 
     Attributes:
         drift: distance from the placed position at the end [m].
         tilt: angle of its upright from the placed one [rad].
-        penetration: largest depth of a contact in the last quarter [m].
-        problem: what is wrong, in words; empty if it stays.
+        penetration: max depth of a contact in the last quarter [m].
+        problem: why the object does not stay; empty if it does.
     """
 
     drift: float
@@ -81,46 +81,48 @@ class Settled:
 
     @property
     def stays(self) -> bool:
-        """Whether the object stays where it was placed."""
+        """The object stays where it was placed."""
         return not self.problem
 
 
-def settle(pieces: Sequence[Mesh], support: Mesh, config: SettleConfig, hangs_on: np.ndarray | None = None) -> Settled:
-    """Drop an object, and return what came of it.
+def drop_test(
+    hulls: Sequence[Mesh], support: Mesh, config: DropTestConfig, hangs_on: np.ndarray | None = None
+) -> DropTestResult:
+    """Drop an object.
 
     Args:
-        pieces: convex pieces of the object, placed in the scene [m].
+        hulls: convex hulls of the object, placed in the scene [m].
         support: the scene's triangles around it, looking outwards.
-        config: the drop and what passes.
-        hangs_on: for what is attached: direction to the wall, shape [3]; it does not fall, only its contact is looked at.
+        config: the drop and its bounds.
+        hangs_on: for what is attached: direction to the wall, shape [3]; it does not fall, only its contact is tested.
 
     Raises:
-        ValueError: no pieces.
+        ValueError: no hulls.
     """
-    if not pieces:
-        raise ValueError("an object without convex pieces cannot be dropped")
-    bounds = np.array([piece.bounds for piece in pieces])
+    if not hulls:
+        raise ValueError("an object without convex hulls cannot be dropped")
+    bounds = np.array([hull.bounds for hull in hulls])
     center = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
-    triangles = near(support, bounds, config.reach)
+    triangles = near(support, bounds, config.search_radius)
     if hangs_on is not None:
-        return _hangs(pieces, triangles, center, np.asarray(hangs_on, float), config)
+        return _hangs(hulls, triangles, center, np.asarray(hangs_on, float), config)
     radius = float(np.linalg.norm(bounds[:, 1].max(axis=0) - center))
-    few = triangles[close(triangles, pieces)]
-    found = _dropped(model(pieces, few, center, config), radius, CLOSE - config.thickness, config)
+    few = triangles[close(triangles, hulls)]
+    found = _dropped(model(hulls, few, center, config), radius, CLOSE - config.thickness, config)
     if found is None:
-        found = _dropped(model(pieces, triangles, center, config), radius, np.inf, config)
+        found = _dropped(model(hulls, triangles, center, config), radius, np.inf, config)
     assert found is not None  # nothing moves farther than infinitely far
     return found
 
 
-def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: SettleConfig) -> Settled | None:
-    """Return what comes of an object that falls; None if a point of it moves too far.
+def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: DropTestConfig) -> DropTestResult | None:
+    """Return the result for an object that falls; None if a point of it moves too far.
 
     Args:
-        built: it and its surroundings.
+        built: it and its obstacles.
         radius: distance of its farthest point from its middle [m].
         stray: distance that is too far [m].
-        config: how it is watched.
+        config: of the drop test.
     """
     data = mujoco.MjData(built)
     data.qpos[2] += config.drop
@@ -131,10 +133,10 @@ def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: SettleC
         mujoco.mj_step(built, data)
         speeds[step % window] = data.qvel * ([1.0] * 3 + [radius] * 3)
         left = (steps - 1 - step) * config.step
-        looks = step % LOOKED == 0
-        if looks and _moved(data.qpos, radius) > stray:
+        probe = step % INTERVAL == 0
+        if probe and _moved(data.qpos, radius) > stray:
             return None
-        rests = looks and _rests(speeds, speeds[step % window], left, config)
+        rests = probe and _rests(speeds, speeds[step % window], left, config)
         if rests or step >= 0.75 * steps:
             deepest, touches = max(deepest, _depth(data)), touches or data.ncon > 0
         if rests:
@@ -146,13 +148,13 @@ def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: SettleC
     problem = "" if np.isfinite(drift) else "the simulation diverged"
     # Clauses in the order in which a reader wants them: what fell also drifted.
     clauses = [
-        (touches, "it falls: nothing carries it"),
+        (touches, "it falls: nothing supports it"),
         (tilt <= config.tilt, f"it tilts by {np.degrees(tilt):.1f} deg"),
     ]
     clauses += [(drift <= config.drift, f"it drifts by {1000 * drift:.0f} mm")]
     clauses += [(deepest <= config.penetration, f"it sinks in by {1000 * deepest:.1f} mm")]
     problem = problem or next((words for holds, words in clauses if not holds), "")
-    return Settled(drift, tilt, deepest, problem)
+    return DropTestResult(drift, tilt, deepest, problem)
 
 
 def _moved(pose: np.ndarray, radius: float) -> float:
@@ -161,51 +163,51 @@ def _moved(pose: np.ndarray, radius: float) -> float:
     return float(np.linalg.norm(pose[:3]) + radius * turn)
 
 
-def _rests(speeds: np.ndarray, speed: np.ndarray, left: float, config: SettleConfig) -> bool:
-    """Whether an object stays as it is for the time that is left [s].
+def _rests(speeds: np.ndarray, speed: np.ndarray, left: float, config: DropTestConfig) -> bool:
+    """Return whether an object stays at rest for the time that is left [s].
 
     At rest, the contacts of the simulation yield at a constant speed of micrometres a second. What is about to fall is as slow
-    at first, but its speed grows: by a multiple, in the time that it is watched here.
+    at first, but its speed grows: by a multiple, within the window of the test.
 
     Args:
         speeds: of late, of its surface by moving and by turning [m/s], shape [step 6].
         speed: the last one, shape [6].
-        left: until it is not watched any longer.
-        config: what counts as none.
+        left: until the end of the test.
+        config: its bounds.
     """
     fast, change = np.linalg.norm(speed), np.linalg.norm(speeds - speed, axis=1).max()
     return bool(fast * left <= config.creep and change <= config.steady * fast + NONE)
 
 
 def _hangs(
-    pieces: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, toward: np.ndarray, config: SettleConfig
-) -> Settled:
+    hulls: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, toward: np.ndarray, config: DropTestConfig
+) -> DropTestResult:
     """Return whether an attached object is at its wall and not in it."""
     # The wall alone: a prism behind a ragged edge of the scan would reach into the room.
     across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     wall = triangles[across @ toward < -0.5 * np.linalg.norm(across, axis=1)]
-    # What is not before the object's foremost point is not in it, and of what it touches a few triangles tell.
-    gaps = (wall @ toward).min(axis=1) - max(float((piece.vertices @ toward).max()) for piece in pieces)
+    # What is not before the object's foremost point is not in it, and a few triangles suffice to find a contact.
+    gaps = (wall @ toward).min(axis=1) - max(float((hull.vertices @ toward).max()) for hull in hulls)
     wall = wall[np.argsort(gaps, kind="stable")]
-    for count in (max(FEW, int((gaps <= 0).sum())), len(wall)):
-        found = _attached(model(pieces, wall[:count], center, config), toward, config)
+    for count in (max(FIRST_TRIANGLES, int((gaps <= 0).sum())), len(wall)):
+        found = _attached(model(hulls, wall[:count], center, config), toward, config)
         if found.stays or found.penetration > config.penetration or count >= len(wall):
             break
     return found
 
 
-def _attached(built: mujoco.MjModel, toward: np.ndarray, config: SettleConfig) -> Settled:
-    """Return whether an object at its place is in nothing, and touches something a little farther on."""
+def _attached(built: mujoco.MjModel, toward: np.ndarray, config: DropTestConfig) -> DropTestResult:
+    """Return whether an object at its place penetrates nothing, and has contact a little farther on."""
     data = mujoco.MjData(built)
     mujoco.mj_forward(built, data)
     deepest = _depth(data)
-    data.qpos[:3] += toward * config.touch
+    data.qpos[:3] += toward * config.contact_distance
     mujoco.mj_forward(built, data)
     touches = data.ncon > 0
-    problem = "" if touches else f"there is nothing within {1000 * config.touch:.0f} mm behind it"
+    problem = "" if touches else f"there is nothing within {1000 * config.contact_distance:.0f} mm behind it"
     if deepest > config.penetration:
-        problem = f"it reaches {1000 * deepest:.1f} mm into what is around it"
-    return Settled(0.0, 0.0, deepest, problem)
+        problem = f"it penetrates its obstacles by {1000 * deepest:.1f} mm"
+    return DropTestResult(0.0, 0.0, deepest, problem)
 
 
 def _depth(data: mujoco.MjData) -> float:

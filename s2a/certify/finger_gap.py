@@ -1,4 +1,4 @@
-"""Room for fingers: what the scan leaves free on both sides of the grasp, and what the colliders fill of it."""
+"""Finger gap: the space on both sides of the grasp that is free in the scan, and its fill ratio by colliders."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pxr import UsdGeom
 from scipy.spatial.transform import Rotation
 
 from s2a.certify.contents import Contents
-from s2a.geometry.handles.finger_gap import share_inside
+from s2a.geometry.handles.finger_gap import fraction_inside
 from s2a.geometry.mesh_ops import keep, merge, sample
 from s2a.geometry.mesh_query import RayMesh, first_hits, ray_mesh
 from s2a.ranges import Fraction
@@ -20,61 +20,65 @@ from s2a.usd.stage import read_mesh
 from s2a.usd.visuals import visible
 
 MARGIN = 0.002
-"""[m] What a scan is sure of: points nearer to its surface count as taken."""
+"""[m] Accuracy of a scan: points nearer to its surface count as occupied."""
 APPROACH = 0.2
-"""[m] Length of the way that the hand's body takes up before the grasp: its own depth, and what it comes straight."""
+"""[m] Length of the gripper body's swept volume before the grasp: its own depth and its straight approach."""
 BLOCKED = 0.005
-"""[m] What the scan has so deep in the way of the hand's body is no roughness of the scan."""
+"""[m] Penetration depth of the gripper body that is more than the scan's roughness."""
 POINTS = 1500
-"""On either side."""
+"""Samples on either side."""
 
 
 @dataclass(frozen=True)
 class GapConfig:
-    """Bounds on the room for fingers.
+    """Bounds on the finger gap.
 
     Attributes:
-        free: share of a finger's room that the scan has to leave free for a part to be called graspable.
-        filled: largest share of the room free in the scan that colliders may fill.
+        min_free_fraction: free fraction of each finger's space in the scan from which a part is graspable.
+        max_fill_ratio: gap fill ratio from which colliders block the fingers.
     """
 
-    free: Fraction
-    filled: Fraction
+    min_free_fraction: Fraction
+    max_fill_ratio: Fraction
 
 
 @dataclass(frozen=True)
 class Gap:
-    """Room for fingers at the grasp.
+    """The finger gap at the grasp.
 
     Attributes:
-        free: share of either finger's room that is free as scanned, the smaller one, 0 to 1.
-        filled: share of what is free as scanned that colliders fill, 0 to 1; nan where nothing is free.
+        free_fraction: of each finger's space, free as scanned; the minimum of both, 0 to 1.
+        fill_ratio: fraction of the free space that colliders fill, 0 to 1; NaN where nothing is free.
         thickness: of the region between the fingers [m].
         max_opening: of the gripper [m].
-        palm: how deep anything scanned is in the way of the hand's body behind the fingers [m], and what.
+        body_penetration: max depth of scanned surfaces in the path of the gripper body [m], and the name of the deepest.
     """
 
-    free: float
-    filled: float
+    free_fraction: float
+    fill_ratio: float
     thickness: float
     max_opening: float
-    palm: tuple[float, str] = (0.0, "")
+    body_penetration: tuple[float, str] = (0.0, "")
 
     def graspable(self, config: GapConfig) -> bool:
-        """Whether the scan alone says that the fingers of a parallel gripper fit."""
-        return self.free >= config.free and self.thickness < self.max_opening
+        """The fingers of a parallel gripper fit, by the scan alone."""
+        return self.free_fraction >= config.min_free_fraction and self.thickness < self.max_opening
 
     @property
     def blocked(self) -> str:
-        """What was scanned in the way of the hand's body, in words; empty where there is room for it."""
-        depth, name = self.palm
-        return f"{name} was scanned {1000 * depth:.0f} mm deep in the way of the hand's body" if depth > BLOCKED else ""
+        """Message about a scanned obstacle in the path of the gripper body; empty if there is none."""
+        depth, name = self.body_penetration
+        return (
+            f"{name} is {1000 * depth:.0f} mm deep in the path of the gripper body, as scanned"
+            if depth > BLOCKED
+            else ""
+        )
 
 
 def gap(path: Path, held: Contents, gripper: GripperSpec) -> Gap:
-    """Ask a sound sim.usd for the room of the fingers beside the grasp region.
+    """Measure the finger gap beside the grasp region of a valid sim.usd.
 
-    A point there is free as scanned if a straight line along the hand's approach reaches it without meeting the scan.
+    A point there is free as scanned if a straight line along the gripper's approach reaches it without meeting the scan.
     """
     assert held.target is not None
     site = held.target.GetChild("grasp")
@@ -88,7 +92,7 @@ def gap(path: Path, held: Contents, gripper: GripperSpec) -> Gap:
         return Gap(0.0, float("nan"), float("nan"), gripper.max_opening)
     (low, face), (high, _) = np.quantile(here[:, 1:], [0.02, 0.98], axis=0)
     scene = visible(path)
-    pieces = [mesh for _, mesh in scene.colliders if _near(mesh, origin)]
+    colliders = [mesh for _, mesh in scene.colliders if _near(mesh, origin)]
     whole = merge(list(scene.surfaces.values()))
     surface = ray_mesh(whole.vertices, whole.faces)
     sides = [
@@ -96,15 +100,15 @@ def gap(path: Path, held: Contents, gripper: GripperSpec) -> Gap:
     ]
     free = [_reached(points, surface, origin, frame) for points in sides]
     open_points = np.concatenate([points[mask] for points, mask in zip(sides, free, strict=True)])
-    filled = share_inside(pieces, origin + open_points @ frame.T) if len(open_points) else float("nan")
-    found = max((_in_palm(mesh, origin, frame, gripper), name) for name, mesh in scene.surfaces.items())
+    filled = fraction_inside(colliders, origin + open_points @ frame.T) if len(open_points) else float("nan")
+    found = max((_body_penetration(mesh, origin, frame, gripper), name) for name, mesh in scene.surfaces.items())
     return Gap(float(min(mask.mean() for mask in free)), filled, float(high - low), gripper.max_opening, found)
 
 
-def _in_palm(mesh: Mesh, origin: np.ndarray, frame: np.ndarray, gripper: GripperSpec) -> float:
-    """Return how deep a surface is in the box that the hand's body passes through on its way to the grasp [m]."""
+def _body_penetration(mesh: Mesh, origin: np.ndarray, frame: np.ndarray, gripper: GripperSpec) -> float:
+    """Return how deep a surface is in the box that the gripper body sweeps on its approach [m]."""
     corners = mesh.vertices[mesh.faces]
-    width, height, end = gripper.palm_box[0] / 2, gripper.palm_box[1] / 2, -gripper.palm_behind
+    width, height, end = gripper.body_box[0] / 2, gripper.body_box[1] / 2, -gripper.body_behind
     reach = APPROACH + height
     near = ((corners.min(axis=1) < origin + reach) & (corners.max(axis=1) > origin - reach)).all(axis=1)
     if not mesh.face_areas[near].any():
@@ -130,8 +134,8 @@ def _reached(points: np.ndarray, surface: RayMesh, origin: np.ndarray, frame: np
     away = 0.15
     starts = origin + (points - [0.0, 0.0, away]) @ frame.T
     directions = np.tile(frame[:, 2], (len(points), 1))
-    way = first_hits(surface, starts, directions)
-    return way > away + MARGIN
+    distance = first_hits(surface, starts, directions)
+    return distance > away + MARGIN
 
 
 def _near(mesh: Mesh, origin: np.ndarray, reach: float = 0.15) -> bool:

@@ -35,14 +35,14 @@ def foundation(path: Path, config: FoundationConfig) -> list[Check]:
     """Return one check a feature of the profile; a single one that was not run where the validator is not installed."""
     if importlib.util.find_spec("simready") is None:
         text = "the package simready-validate is not installed"
-        return [Check("simready", "not run", message=text, remedy=INSTALL)]
+        return [Check("simready", "skipped", message=text, remedy=INSTALL)]
     with _silent():
         validate = _validator()
         asked = validate.AssetValidationConfig(str(path), config.profile, config.version)
         result = validate.validate_asset(asked)
     if result is None:
         text = f"no profile {config.profile} {config.version} in the installed simready-foundation-tier-core"
-        return [Check("simready", "not run", message=text, remedy=INSTALL)]
+        return [Check("simready", "skipped", message=text, remedy=INSTALL)]
     issues = [*result.issues, *result.soft_issues]
     features = sorted(result.features_summary.items(), key=lambda item: (item[0] not in config.required, item[0]))
     return [_check(name, summary, issues, name in config.required) for name, summary in features]
@@ -61,7 +61,7 @@ def _check(name: str, summary: dict[str, Any], issues: list[Any], required: bool
     """Return the check of one feature; it names the broken rules and the first prim that breaks one."""
     title = f"simready:{name}"
     if summary["passed"]:
-        return Check(title, "pass" if required else "reported", 0.0, 0.0, "rules", message="passed")
+        return Check(title, "pass" if required else "info", 0.0, 0.0, "rules", message="passed")
     broken = f"{summary.get('failing requirements', '')}{summary.get('optional requirements', '')}"
     own = [issue for issue in issues if issue.requirement and f"'{issue.requirement.code}'" in broken]
     codes = sorted({str(issue.requirement.code).removeprefix("com.nvidia.") for issue in own})
@@ -69,7 +69,7 @@ def _check(name: str, summary: dict[str, Any], issues: list[Any], required: bool
     prim = str(getattr(own[0].at, "path", "")) if own else ""
     message = f"not passed: {', '.join(codes)}: {first}"
     remedy = "see the rule in NVIDIA's SimReady Foundation" if required else ""
-    return Check(title, "fail" if required else "reported", float(len(codes)), 0.0, "rules", prim, message, remedy)
+    return Check(title, "fail" if required else "info", float(len(codes)), 0.0, "rules", prim, message, remedy)
 
 
 @contextmanager

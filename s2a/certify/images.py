@@ -1,4 +1,4 @@
-"""What a certificate shows: the scan, what collides, and both over each other."""
+"""Images of a validation report: the scan, the colliders, and both over each other."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from s2a.usd import sim_stage
 from s2a.usd.visuals import hulls, visible_room
 
 TARGET = ((230, 120, 40), (250, 170, 60), (205, 90, 60), (245, 140, 100))
-"""Colours of the moving part's pieces, one after the other."""
+"""Colours of the moving part's colliders, one after the other."""
 NEAR = 1.6
-"""Distance for the picture of the grasp, as a multiple of what just fits."""
+"""Distance for the image of the grasp, as a multiple of what just fits."""
 OTHERS = (120, 150, 190)
-"""Colour of all other pieces."""
+"""Colour of all other colliders."""
 
 
-def pictures(path: Path, part: str, camera: OrbitCamera) -> dict[str, np.ndarray]:
+def images(path: Path, part: str, camera: OrbitCamera) -> dict[str, np.ndarray]:
     """Return images [row column 3] of a sim.usd, by their captions; none where there is nothing to see of the part.
 
     Args:
@@ -48,11 +48,11 @@ def pictures(path: Path, part: str, camera: OrbitCamera) -> dict[str, np.ndarray
 
 
 def _mixed(seen: list[Mesh], hard: list[Mesh], view: CameraPose, camera: OrbitCamera) -> np.ndarray:
-    """Return a picture in which two sets of surfaces shine through each other."""
+    """Return an image of two sets of surfaces, blended."""
     return ((render(seen, view, camera).astype(int) + render(hard, view, camera)) // 2).astype(np.uint8)
 
 
 def _camera_pose(shown: Mesh, part: Mesh, camera: OrbitCamera) -> CameraPose:
-    """Return the view of a surface from the front of the part that it belongs to."""
+    """Return the camera pose that frames a surface from the front of its part."""
     front = front_of([part])
     return framing_pose(shown.vertices, np.array([1.0, 0.0, 0.0]) if front is None else front, camera)

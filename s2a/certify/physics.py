@@ -1,4 +1,4 @@
-"""One Newton model of a sim.usd with a hand parked out of reach, and MuJoCo's own view of it."""
+"""One Newton model of a sim.usd with a gripper parked out of reach, and MuJoCo's own view of it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from s2a.sim.world import JointConfig, build_world, read_stage
 from s2a.usd import sim_stage
 
 PARKED = 50.0
-"""[m] How high the hand waits."""
+"""[m] Height at which the gripper waits."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,13 @@ class World:
     """A stage under physics on the CPU.
 
     Attributes:
-        stage: what sim.usd says beside the physics.
+        stage: contents of sim.usd beside the physics.
         robot: whose gripper it is.
         model: the Newton model, built once for all checks.
         solver: Newton's MuJoCo solver, on MuJoCo's C library.
         mj: the solver's MjModel.
         xml: the same model as MuJoCo's own text.
-        labels: path of each geom's prim, or the name of the hand's link.
+        labels: path of each geom's prim, or the name of the gripper's link.
         dt: time step [s].
         joint: index of the target's joint coordinate, the same in Newton and in MuJoCo.
         dof: index of its velocity and force.
@@ -107,7 +107,7 @@ class World:
         self.fingers, self.finger_dofs = coordinates[fingers], dofs[fingers]
         self.carrier = str(self.model.body_label[int(self.model.joint_parent.numpy()[index])]).split("/")[-1]
         label = str(self.model.body_label[bodies.index(gripper.body)])
-        self._hand = int(self.mj.body_mocapid[self.mj.body(label.replace("/", "_")).id])
+        self._gripper = int(self.mj.body_mocapid[self.mj.body(label.replace("/", "_")).id])
 
     def data(self, q: float = 0.0, finger: float = 0.0) -> mujoco.MjData:
         """Return a state at rest: the target's coordinate [m or rad], both fingers' [m]."""
@@ -118,7 +118,7 @@ class World:
         return data
 
     def geoms(self, *parts: str) -> list[int]:
-        """Return the colliders of a body /scene/<part>, of a link of the hand, or, as "static", of all that is fixed."""
+        """Return the colliders of a body /scene/<part>, of a link of the gripper, or, as "static", of all that is fixed."""
         owners = [label.split("/")[2] if label.startswith("/scene/") else label for label in self.labels]
         still = [
             label.startswith("/scene/") and body == 0
@@ -132,10 +132,10 @@ class World:
         filtered = self.stage.room.articulations[self.stage.target].filtered
         return [i for i in self.geoms("static") if owner(self.labels[i]) not in filtered]
 
-    def place_hand(self, data: mujoco.MjData, pose: np.ndarray) -> None:
-        """Hold the hand at a pose, 7-vector in the scene."""
-        data.mocap_pos[self._hand] = pose[:3]
-        data.mocap_quat[self._hand] = np.roll(pose[3:], 1)
+    def place_gripper(self, data: mujoco.MjData, pose: np.ndarray) -> None:
+        """Hold the gripper at a pose, 7-vector in the scene."""
+        data.mocap_pos[self._gripper] = pose[:3]
+        data.mocap_quat[self._gripper] = np.roll(pose[3:], 1)
         mujoco.mj_kinematics(self.mj, data)
 
     def deepest(
@@ -147,7 +147,7 @@ class World:
             data: a state with up-to-date kinematics.
             one: geoms.
             other: geoms.
-            within: gaps wider than this [m] are not told apart.
+            within: gaps wider than this [m] are all reported as this.
         """
         worst, pair = -within, (-1, -1)
         radius, center = self.mj.geom_rbound, data.geom_xpos
@@ -167,9 +167,9 @@ class World:
         return pose_at(self.stage.joint, self.stage.grasp, q)
 
     @property
-    def lever(self) -> float:
-        """Way of the grasp point for a unit of the joint's coordinate [1 or m]."""
-        return self.stage.lever
+    def lever_arm(self) -> float:
+        """Grasp-point displacement per unit of joint coordinate [1 or m]."""
+        return self.stage.lever_arm
 
     @property
     def sign(self) -> float:

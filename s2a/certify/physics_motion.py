@@ -1,4 +1,4 @@
-"""What the moving part does by itself, along its whole way, and in MuJoCo without Newton."""
+"""Checks of the moving part at rest, along its whole travel, and in MuJoCo without Newton."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import mujoco
 import newton
 import numpy as np
 
-from s2a.certify.check import Check, judge
+from s2a.certify.check import Check, check_bound
 from s2a.certify.physics import World
 from s2a.ranges import Count, NotNegative, Positive
 
-MEND = "mend the colliders or the annotated axis and range, then run s2a prepare again"
+FIX = "correct the colliders or the annotated axis and range, then run s2a prepare again"
 GAIN = 200.0
 """[N s/m] How hard the sweep corrects its speed; its force is bounded, so that this is of no consequence."""
 SLACK = 0.002
@@ -21,21 +21,21 @@ SLACK = 0.002
 
 @dataclass(frozen=True)
 class MotionConfig:
-    """Bounds of the checks without a hand.
+    """Bounds of the checks without a gripper.
 
     Attributes:
-        settle_time: how long nothing may move [s].
-        settle: how far anything may have moved then [m].
-        open_time: how long the part may not open by itself [s].
+        rest_time: for how long nothing may move [s].
+        rest_displacement: max displacement of any body then [m].
+        open_time: for how long the part may not open by itself [s].
         open: how far its grasp point may have moved then [m].
         force: at the grasp point, with which the joint is swept, besides what carries its weight [N].
         speed: of the grasp point during the sweep [m/s].
-        poses: places along the way at which penetration is measured.
+        poses: coordinates along the travel at which penetration is measured.
         penetration: of colliders that no joint connects [m].
     """
 
-    settle_time: Positive
-    settle: NotNegative
+    rest_time: Positive
+    rest_displacement: NotNegative
     open_time: Positive
     open: NotNegative
     force: Positive
@@ -45,7 +45,7 @@ class MotionConfig:
 
 
 def motion(world: World, config: MotionConfig) -> list[Check]:
-    """Return the checks of a stage without a hand."""
+    """Return the checks of a stage without a gripper."""
     return [
         *rest(world, config),
         joint_sweep(world, config),
@@ -57,12 +57,12 @@ def motion(world: World, config: MotionConfig) -> list[Check]:
 
 
 def rest(world: World, config: MotionConfig) -> list[Check]:
-    """Watch the stage under gravity, stepped by Newton: whether it settles, and whether it opens by itself."""
+    """Watch the stage under gravity, stepped by Newton: does it stay at rest, and does it open by itself?"""
     model, solver = world.model, world.solver
     state, other, control = model.state(), model.state(), model.control()
     newton.eval_fk(model, model.joint_q, model.joint_qd, state)
     names = [label.split("/")[-1] for label in model.body_label]
-    own = [i for i, label in enumerate(model.body_label) if label.startswith("/scene/")]  # all but the hand
+    own = [i for i, label in enumerate(model.body_label) if label.startswith("/scene/")]  # all but the gripper
     start, moved = state.body_q.numpy()[own], np.zeros(len(own))
     # Of each body its centre, and of the target (its frame is the scene's) also where it is held.
     centers = model.body_com.numpy()[own]
@@ -71,20 +71,20 @@ def rest(world: World, config: MotionConfig) -> list[Check]:
     for step in range(round(config.open_time / world.dt)):
         solver.step(state, other, control, None, world.dt)
         state, other = other, state
-        if (step + 1) % 12 == 0 and (step + 1) * world.dt <= config.settle_time + 1e-9:
-            moved = np.fmax(moved, _ways(start, state.body_q.numpy()[own], points))
-    coordinate = float(state.joint_q.numpy()[world.joint]) * world.lever
+        if (step + 1) % 12 == 0 and (step + 1) * world.dt <= config.rest_time + 1e-9:
+            moved = np.fmax(moved, _displacements(start, state.body_q.numpy()[own], points))
+    coordinate = float(state.joint_q.numpy()[world.joint]) * world.lever_arm
     moved = np.where(np.isfinite(state.body_q.numpy()[own]).all(axis=1), moved, np.nan)
     worst = int(np.argmax(np.where(np.isnan(moved), np.inf, moved)))
     joint = f"/scene/joints/{world.stage.target}"
     return [
-        judge(
-            "settle", float(moved[worst]), config.settle, "m", prim=f"/scene/{names[own[worst]]}",
-            message=f"largest way of a body within {config.settle_time:g} s, no robot", remedy=MEND,
+        check_bound(
+            "rest_displacement", float(moved[worst]), config.rest_displacement, "m", prim=f"/scene/{names[own[worst]]}",
+            message=f"max displacement of a body within {config.rest_time:g} s, no robot", remedy=FIX,
         ),
-        judge(
+        check_bound(
             "self_opening", abs(coordinate), config.open, "m", prim=joint,
-            message=f"way of the grasp point after {config.open_time:g} s under gravity alone",
+            message=f"displacement of the grasp point after {config.open_time:g} s under gravity alone",
             remedy="level the annotated axis, or give the joint dry friction (prepare.friction)",
         ),
     ]  # fmt: skip
@@ -93,25 +93,25 @@ def rest(world: World, config: MotionConfig) -> list[Check]:
 def joint_sweep(world: World, config: MotionConfig) -> Check:
     """Push the part to its far limit and back to the near one, with a small force besides what carries its weight.
 
-    What a lid weighs is no jam; the force at the grasp point that it asks for is reported.
+    What a lid weighs is no jam; the force at the grasp point that carries it is part of the message.
     """
-    data, lever, limits = world.data(), world.lever, world.stage.joint.limits
+    data, lever_arm, limits = world.data(), world.lever_arm, world.stage.joint.limits
     world.mj.opt.timestep, joint = world.dt, f"/scene/joints/{world.stage.target}"
     far, near = (limits[1], limits[0]) if world.sign > 0 else limits
     reached, blocks, weights = [], [], []
     for goal in (far, near):
         end, weight = _push(world, data, goal, config)
-        reached.append(abs(goal - end) * lever)
+        reached.append(abs(goal - end) * lever_arm)
         blocks.append(_touched(world, data))
         weights.append(weight)
     worst = int(np.argmax(reached))
     message = f"short of its {('open', 'closed')[worst]} limit when pushed with {config.force:g} N at the grasp"
     message += f" besides the {max(weights):.1f} N or less that carry its weight" if max(weights) > 0.1 else ""
     stopped = reached[worst] > SLACK and blocks[worst]
-    return judge(
+    return check_bound(
         "joint_sweep", float(reached[worst]), SLACK, "m", prim=blocks[worst] if stopped else joint,
-        message=f"{message}: it meets {blocks[worst]}" if stopped else message,
-        remedy="free the way of what blocks it, or lower the joint's dry friction",
+        message=f"{message}: blocked by {blocks[worst]}" if stopped else message,
+        remedy="correct the colliders that block it, or lower the joint's dry friction",
     )  # fmt: skip
 
 
@@ -121,9 +121,9 @@ def penetration(world: World, name: str, coordinates: np.ndarray, config: Motion
     moving, room = world.geoms(stage.target), world.obstacles()
     found = [(*world.deepest(world.data(float(q)), moving, room, 0.001), float(q)) for q in coordinates]
     depth, a, b, q = max(found)
-    return judge(
+    return check_bound(
         name, max(depth, 0.0), config.penetration, "m", prim=world.labels[a] if depth > 0 else f"/scene/{stage.target}",
-        message=f"in {world.labels[b]} at {q:.3f}" if depth > 0 else "nothing of the room in the way", remedy=MEND,
+        message=f"in {world.labels[b]} at {q:.3f}" if depth > 0 else "no collision with the room", remedy=FIX,
     )  # fmt: skip
 
 
@@ -134,13 +134,11 @@ def cabinet_overlap(world: World) -> Check:
     found = [world.deepest(world.data(float(q)), moving, still, 0.001) for q in np.linspace(*stage.joint.limits, 9)]
     depth, a, _ = max(found)
     path = world.labels[a] if depth > 0 else f"/scene/{stage.target}"
-    return Check(
-        "cabinet_overlap", "reported", max(depth, 0.0), None, "m", path, f"deepest in {world.carrier}; filtered"
-    )
+    return Check("cabinet_overlap", "info", max(depth, 0.0), None, "m", path, f"deepest in {world.carrier}; filtered")
 
 
 def reload(world: World) -> Check:
-    """Compile the model anew from its own XML with MuJoCo alone, and compare what moves, its limits and its mass."""
+    """Compile the model again from its own XML with MuJoCo alone, and compare what moves, its limits and its mass."""
     problems = []
     again = mujoco.MjModel.from_xml_string(world.xml)
     joint = int(world.mj.dof_jntid[world.dof])
@@ -158,27 +156,27 @@ def reload(world: World) -> Check:
         problems.append("coordinates that are not finite after 100 steps")
     path, count = f"/scene/joints/{world.stage.target}", float(len(problems))
     message = "; ".join(problems) or f"MuJoCo {mujoco.__version__} alone has the same joint, limits and mass"
-    return judge("mujoco_reload", count, 0.0, "problems", prim=path, message=message, remedy=MEND)
+    return check_bound("mujoco_reload", count, 0.0, "problems", prim=path, message=message, remedy=FIX)
 
 
 def _push(world: World, data: mujoco.MjData, goal: float, config: MotionConfig) -> tuple[float, float]:
     """Drive the joint towards a coordinate at an even speed with a bounded force besides the one that carries its weight.
 
     Returns:
-        Where it ends [m] or [rad], and the largest force at the grasp point [N] that carries its weight on the way.
+        Where it ends [m] or [rad], and the largest force at the grasp point [N] that carries its weight.
     """
-    lever, model, heaviest = world.lever, world.mj, 0.0
+    lever_arm, model, heaviest = world.lever_arm, world.mj, 0.0
     mujoco.mj_forward(model, data)
-    way = abs(goal - data.qpos[world.joint]) * lever
+    travel = abs(goal - data.qpos[world.joint]) * lever_arm
     direction = np.sign(goal - data.qpos[world.joint])
-    for _ in range(round((2.0 * way / config.speed + 2.0) / world.dt)):
-        speed = data.qvel[world.dof] * lever * direction
-        left = abs(goal - data.qpos[world.joint]) * lever
+    for _ in range(round((2.0 * travel / config.speed + 2.0) / world.dt)):
+        speed = data.qvel[world.dof] * lever_arm * direction
+        left = abs(goal - data.qpos[world.joint]) * lever_arm
         # Slower towards the end: the check is whether the limit is reached, not how hard it is hit.
         force = np.clip(GAIN * (min(config.speed, 2.0 * left + 0.01) - speed), -config.force, config.force)
         weight = float(data.qfrc_bias[world.dof])
-        data.qfrc_applied[world.dof] = direction * force * lever + weight
-        heaviest = max(heaviest, abs(weight) / lever if lever > 0.0 else 0.0)
+        data.qfrc_applied[world.dof] = direction * force * lever_arm + weight
+        heaviest = max(heaviest, abs(weight) / lever_arm if lever_arm > 0.0 else 0.0)
         mujoco.mj_step(model, data)
         if left < 0.2 * SLACK:
             break
@@ -196,13 +194,13 @@ def _touched(world: World, data: mujoco.MjData) -> str:
     return max(found)[1]
 
 
-def _ways(start: np.ndarray, now: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _displacements(start: np.ndarray, now: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return how far bodies moved [m], shape [body].
 
     Args:
         start: their poses, shape [body 7].
         now: the same, later.
-        points: what is watched of each, in its own frame [m], shape [body point 3].
+        points: of each, in its own frame [m], shape [body point 3].
     """
 
     def carried(poses: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A simulated world of a free body, made of convex pieces, and of a scan's triangles, each a thin prism behind its face."""
+"""A simulated world of a free body, made of convex hulls, and of a scan's triangles, each a thin prism behind its face."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from s2a.scene import Mesh
 
 if TYPE_CHECKING:
-    from s2a.certify.drop_test import SettleConfig
+    from s2a.certify.drop_test import DropTestConfig
 
 ANGLES = np.arange(12) * np.pi / 12
 SIDES = np.array([[0.0, 0.0, 1.0], *np.stack([np.cos(ANGLES), np.sin(ANGLES), 0.0 * ANGLES], axis=1)])
@@ -21,12 +21,12 @@ CLOSE = 0.025
 
 
 def near(support: Mesh, bounds: np.ndarray, reach: float) -> np.ndarray:
-    """Return the triangles that pieces may touch [m], shape [face 3 3], float64.
+    """Return the triangles that hulls may touch [m], shape [face 3 3], float64.
 
     Args:
         support: the scene's triangles.
-        bounds: of the pieces [m], shape [piece 2 3].
-        reach: triangles within this distance of a piece's box are meant [m].
+        bounds: of the hulls [m], shape [hull 2 3].
+        reach: triangles within this distance of a hull's box are meant [m].
     """
     triangles = support.vertices[support.faces].astype(np.float64)
     low, high = triangles.min(axis=1), triangles.max(axis=1)
@@ -36,18 +36,18 @@ def near(support: Mesh, bounds: np.ndarray, reach: float) -> np.ndarray:
     return triangles[found & (support.face_areas > 1e-8)]
 
 
-def close(triangles: np.ndarray, pieces: Sequence[Mesh]) -> np.ndarray:
-    """Return which triangles matter as long as the pieces hardly move, shape [face]."""
+def close(triangles: np.ndarray, hulls: Sequence[Mesh]) -> np.ndarray:
+    """Return which triangles matter as long as the hulls hardly move, shape [face]."""
     along = triangles @ SIDES.T
     low, high = along.min(axis=1), along.max(axis=1)
     found = np.zeros(len(triangles), bool)
-    for piece in pieces:
-        own = piece.vertices @ SIDES.T
+    for hull in hulls:
+        own = hull.vertices @ SIDES.T
         found |= ((low <= own.max(axis=0) + CLOSE) & (high >= own.min(axis=0) - CLOSE)).all(axis=1)
     return found
 
 
-def model(pieces: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, config: SettleConfig) -> mujoco.MjModel:
+def model(hulls: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, config: DropTestConfig) -> mujoco.MjModel:
     """Return a model of prisms and a free body, its frame at the object's middle."""
     spec = mujoco.MjSpec()
     spec.option.timestep = config.step
@@ -64,8 +64,8 @@ def model(pieces: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, con
         _geom(spec, spec.worldbody, f"prism_{number}", prism)
     body = spec.worldbody.add_body(name="object")
     body.add_freejoint()
-    for number, piece in enumerate(pieces):
-        _geom(spec, body, f"piece_{number}", piece.vertices.astype(np.float64) - center)
+    for number, hull in enumerate(hulls):
+        _geom(spec, body, f"hull_{number}", hull.vertices.astype(np.float64) - center)
     return spec.compile()
 
 

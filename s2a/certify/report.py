@@ -1,4 +1,4 @@
-"""A certificate as JSON, as a page to read, and many of them as a table."""
+"""Validation reports as JSON, as an HTML page, and as a table."""
 
 from __future__ import annotations
 
@@ -14,39 +14,39 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from s2a.certify.check import Certificate, Check
+from s2a.certify.check import Check, ValidationReport
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 76em; color: #222 }
 table { border-collapse: collapse; width: 100% } td, th { text-align: left; padding: .25em .8em; vertical-align: top }
 tr { border-bottom: 1px solid #ddd } td.number { text-align: right; white-space: nowrap }
-.pass { color: #187a2f } .fail { color: #b3261e; font-weight: 600 } .reported, .not { color: #777 }
+.pass { color: #187a2f } .fail { color: #b3261e; font-weight: 600 } .info, .skipped { color: #777 }
 figure { display: inline-block; margin: 0 .6em 1em 0 } img { width: 24em; max-width: 100%; border: 1px solid #ddd }
 """
 
 
-def to_json(certificates: Sequence[Certificate]) -> str:
-    """Return certificates as JSON; NaN and infinity, which JSON has not, become null."""
-    rows = [{"passed": c.passed, **dataclasses.asdict(c)} for c in certificates]
-    return json.dumps(_plain({"passed": all(c.passed for c in certificates), "certificates": rows}), indent=1)
+def to_json(results: Sequence[ValidationReport]) -> str:
+    """Return validation reports as JSON; NaN and infinity, which JSON has not, become null."""
+    rows = [{"passed": c.passed, **dataclasses.asdict(c)} for c in results]
+    return json.dumps(_plain({"passed": all(c.passed for c in results), "reports": rows}), indent=1)
 
 
-def from_json(text: str) -> list[Certificate]:
-    """Read certificates back; ValueError, KeyError or TypeError if the text is none."""
-    return [_certificate(values) for values in json.loads(text)["certificates"]]
+def from_json(text: str) -> list[ValidationReport]:
+    """Read validation reports; ValueError, KeyError or TypeError if the text is none."""
+    return [_result(values) for values in json.loads(text)["reports"]]
 
 
-def _certificate(values: dict[str, Any]) -> Certificate:
+def _result(values: dict[str, Any]) -> ValidationReport:
     values = {key: value for key, value in values.items() if key not in ("passed", "checks")} | {
         "checks": tuple(Check(**check) for check in values["checks"])
     }
-    return Certificate(**values)
+    return ValidationReport(**values)
 
 
 def kept(
     path: Path, sha256: str, settings: Mapping[str, object], made: Mapping[str, object], parts: Sequence[str]
-) -> list[Certificate] | None:
-    """Return the certificates in a file if they are of these parts of this stage, with these settings and by this code.
+) -> list[ValidationReport] | None:
+    """Return the reports in a file if they are of these parts of this stage, with these settings and by this code.
 
     What changed code found is never kept: its commit says no more than that it was changed.
     """
@@ -60,73 +60,71 @@ def kept(
     return earlier if same and [c.target for c in earlier] == list(parts) else None
 
 
-def to_html(certificates: Sequence[Certificate], pictures: Mapping[str, Mapping[str, np.ndarray]]) -> str:
+def to_html(results: Sequence[ValidationReport], images: Mapping[str, Mapping[str, np.ndarray]]) -> str:
     """Return a page that stands alone.
 
     Args:
-        certificates: of the parts of one stage.
-        pictures: RGB images [row column 3], uint8, by their captions, of each part.
+        results: reports of the parts of one stage.
+        images: RGB images [row column 3], uint8, by their captions, of each part.
     """
-    names = ", ".join(c.target for c in certificates) or "no articulated part"
-    good = sum(c.passed for c in certificates)
-    title = html.escape(
-        f"{names}: {good} of {len(certificates)} passed" if len(certificates) > 1 else _title(certificates[0])
-    )
-    sections = "".join(_section(c, pictures.get(c.target, {}), len(certificates) > 1) for c in certificates)
-    first = certificates[0]
+    names = ", ".join(c.target for c in results) or "no articulated part"
+    good = sum(c.passed for c in results)
+    title = html.escape(f"{names}: {good} of {len(results)} passed" if len(results) > 1 else _title(results[0]))
+    sections = "".join(_section(c, images.get(c.target, {}), len(results) > 1) for c in results)
+    first = results[0]
     source = html.escape(f"{first.stage}, SHA-256 {first.sha256}; {first.provenance}")
-    overview = f"<pre>{html.escape(table(certificates))}</pre>" if len(certificates) > 1 else ""
+    overview = f"<pre>{html.escape(table(results))}</pre>" if len(results) > 1 else ""
     return (
         f"<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title><style>{STYLE}</style>"
         f"<h1>{title}</h1>{overview}{sections}<p><small>{source}</small></p></html>\n"
     )
 
 
-def _section(certificate: Certificate, pictures: Mapping[str, np.ndarray], titled: bool) -> str:
-    """Return what a page says of one part."""
+def _section(result: ValidationReport, images: Mapping[str, np.ndarray], titled: bool) -> str:
+    """Return the section of one part."""
     figures = "".join(
         f"<figure><img src='{_embedded(image)}' alt=''><figcaption>{html.escape(caption)}</figcaption></figure>"
-        for caption, image in pictures.items()
+        for caption, image in images.items()
     )
-    rows = "".join(_row(check) for check in certificate.checks)
-    title = f"<h2>{html.escape(_title(certificate))}</h2>" if titled else ""
+    rows = "".join(_row(check) for check in result.checks)
+    title = f"<h2>{html.escape(_title(result))}</h2>" if titled else ""
     return (
-        f"{title}<p>{html.escape(grip(certificate))}; {certificate.seconds:.1f} s</p>{figures}"
-        f"<table><tr><th>check<th><th>measured<th>bound<th>prim<th>what<th>remedy</tr>{rows}</table>"
+        f"{title}<p>{html.escape(grip(result))}; {result.seconds:.1f} s</p>{figures}"
+        f"<table><tr><th>check<th><th>measured<th>bound<th>prim<th>message<th>remedy</tr>{rows}</table>"
     )
 
 
-def _title(certificate: Certificate) -> str:
-    verdict = "passed" if certificate.passed else f"failed: {', '.join(c.name for c in certificate.failed)}"
-    return f"{certificate.target or Path(certificate.stage).name}: {verdict}"
+def _title(result: ValidationReport) -> str:
+    verdict = "passed" if result.passed else f"failed: {', '.join(c.name for c in result.failed)}"
+    return f"{result.target or Path(result.stage).name}: {verdict}"
 
 
-def grip(certificate: Certificate) -> str:
+def grip(result: ValidationReport) -> str:
     """Return in words whether a parallel gripper can hold the part."""
-    words = {True: "graspable", False: "not graspable by a parallel gripper", None: "grasp not asked"}
-    return words[certificate.graspable]
+    words = {True: "graspable", False: "not graspable by a parallel gripper", None: "grasp not tested"}
+    return words[result.graspable]
 
 
-def summary(certificate: Certificate) -> str:
-    """Return a certificate as a few lines: its verdict, each failed check with what to do, and why others were not run."""
-    counts = {status: sum(c.status == status for c in certificate.checks) for status in ("pass", "fail", "not run")}
-    verdict = "PASSED" if certificate.passed else "FAILED"
-    head = f"{certificate.stage}: {verdict}; {certificate.target or 'no target'}: {grip(certificate)}"
-    lines = [f"  {c.name} at {c.prim or '/scene'}: {number(c)} {c.message}; {c.remedy}" for c in certificate.failed]
+def summary(result: ValidationReport) -> str:
+    """Return a report as a few lines: its verdict, each failed check with its remedy, and why others were skipped."""
+    counts = {status: sum(c.status == status for c in result.checks) for status in ("pass", "fail", "skipped")}
+    verdict = "PASSED" if result.passed else "FAILED"
+    head = f"{result.stage}: {verdict}; {result.target or 'no target'}: {grip(result)}"
+    lines = [f"  {c.name} at {c.prim or '/scene'}: {number(c)} {c.message}; {c.remedy}" for c in result.failed]
     tail = ", ".join(f"{count} {status}" for status, count in counts.items() if count)
-    lines += [f"  {tail}", *(f"  {c.name} not run: {c.message}" for c in certificate.checks if c.status == "not run")]
+    lines += [f"  {tail}", *(f"  {c.name} skipped: {c.message}" for c in result.checks if c.status == "skipped")]
     return "\n".join([head, *lines])
 
 
-def table(certificates: Sequence[Certificate]) -> str:
-    """Return many certificates as text, one a line, and how many passed."""
+def table(results: Sequence[ValidationReport]) -> str:
+    """Return many reports as text, one a line, and how many passed."""
     lines = [f"{'stage':40} {'target':16} {'verdict':8} {'grip':14} failed checks"]
-    for c in certificates:
-        grasp = {True: "graspable", False: "not graspable", None: "not asked"}[c.graspable]
+    for c in results:
+        grasp = {True: "graspable", False: "not graspable", None: "not tested"}[c.graspable]
         verdict = "passed" if c.passed else "FAILED"
         failed = ", ".join(check.name for check in c.failed)
         lines.append(f"{c.stage[-40:]:40} {c.target:16} {verdict:8} {grasp:14} {failed}".rstrip())
-    return "\n".join([*lines, f"{sum(c.passed for c in certificates)} of {len(certificates)} passed"])
+    return "\n".join([*lines, f"{sum(c.passed for c in results)} of {len(results)} passed"])
 
 
 def number(check: Check) -> str:

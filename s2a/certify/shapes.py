@@ -10,14 +10,14 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from scipy.spatial import ConvexHull, QhullError
 
-from s2a.certify.check import Check, decide, judge
+from s2a.certify.check import Check, check_bound, decide
 from s2a.certify.contents import Contents, faces, points
 from s2a.ranges import CountFromZero, NotNegative
 from s2a.usd.stage import ROOT
 
 PREPARE = "run s2a prepare again"
 OPEN = 0.02
-"""Share of its hull's volume that a piece may lack: more is a hole or a dent."""
+"""Fraction of its hull's volume that a collider may lack: more is a hole or a dent."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ def finite(contents: Contents, config: ShapeConfig) -> Check:
     """Every coordinate of every surface is a number."""
     bad = [(str(prim.GetPath()), int((~np.isfinite(points(prim))).any(axis=1).sum())) for prim in contents.meshes]
     problems = [(path, f"{count} points are not finite") for path, count in bad if count]
-    return decide("finite", problems, "mend the scan's points and export it again", f"{len(bad)} surfaces")
+    return decide("finite", problems, "correct the scan's points and export it again", f"{len(bad)} surfaces")
 
 
 def collision(contents: Contents, config: ShapeConfig) -> Check:
-    """Every piece in a folder of colliders collides, as a convex hull, and says which part it stands for."""
+    """Every mesh in a folder of colliders collides, as a convex hull, and names the part it approximates."""
     problems = []
     for prim in contents.colliders:
         path, mesh = str(prim.GetPath()), UsdPhysics.MeshCollisionAPI(prim)
@@ -55,19 +55,19 @@ def collision(contents: Contents, config: ShapeConfig) -> Check:
         if approximation != UsdPhysics.Tokens.convexHull:
             problems.append((path, f"its approximation is {approximation}, not convexHull"))
         if not prim.GetAttribute("s2a:part").Get():
-            problems.append((path, "no s2a:part says what it stands for"))
+            problems.append((path, "no s2a:part names the part it approximates"))
     return decide("collision", problems, PREPARE, f"{len(contents.colliders)} colliders")
 
 
 def convex(contents: Contents, config: ShapeConfig) -> Check:
     """Every collider is a closed convex surface; MuJoCo would silently fill what is not."""
-    worst, where, message = 0.0, "", f"{len(contents.colliders)} pieces against their hulls"
+    worst, where, message = 0.0, "", f"{len(contents.colliders)} colliders against their convex hulls"
     for prim in contents.colliders:
         depth = dent(points(prim), faces(prim))
         if not depth <= worst:
             worst, where = depth, str(prim.GetPath())
-    remedy = "cut the piece into convex ones; " + PREPARE
-    return judge("convex", worst, config.dent, "m", prim=where, message=message, remedy=remedy)
+    remedy = "decompose the collider into convex hulls; " + PREPARE
+    return check_bound("convex", worst, config.dent, "m", prim=where, message=message, remedy=remedy)
 
 
 def dent(vertices: np.ndarray, triangles: np.ndarray) -> float:
@@ -105,19 +105,19 @@ def collider_count(contents: Contents, config: ShapeConfig) -> Check:
 
 
 def grasp_and_base(contents: Contents, config: ShapeConfig) -> Check:
-    """The stage says where to take hold of the target, and where the robot stands."""
+    """The stage has a grasp site, a grasp region and a base pose for the target."""
     name = "grasp_and_base"
     if contents.target is None:
-        return Check(name, "not run", message="needs what target asks for")
+        return Check(name, "skipped", message="requires check target")
     grasp, region = (contents.target.GetChild(key) for key in ("grasp", "region"))
     problems = []
     if not grasp or not isinstance(grasp.GetAttribute("s2a:size").Get(), Gf.Vec3d):
         problems.append((f"{contents.target.GetPath()}/grasp", "no grasp site with s2a:size, three doubles"))
     if not region or not len(faces(region)):
-        problems.append((f"{contents.target.GetPath()}/region", "no annotated surface to take hold of"))
+        problems.append((f"{contents.target.GetPath()}/region", "no annotated grasp region"))
     bases = contents.target.GetChild("bases")
     if not bases or not bases.GetChildren():
-        problems.append((str(contents.target.GetPath()), "no base pose says where a robot stands"))
+        problems.append((str(contents.target.GetPath()), "no base pose"))
     for base in bases.GetChildren() if bases else []:
         ops = {op.GetOpName() for op in UsdGeom.Xformable(base).GetOrderedXformOps()}
         if not {"xformOp:translate", "xformOp:orient"} <= ops:
@@ -130,12 +130,12 @@ def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
     name = "grasp_site"
     site, region = (contents.target and contents.target.GetChild(key) for key in ("grasp", "region"))
     if not site or not region or not len(faces(region)):
-        return Check(name, "not run", message="needs what grasp_and_base asks for")
+        return Check(name, "skipped", message="requires check grasp_and_base")
     place = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractTranslation()
     a, b, c = np.moveaxis(points(region)[faces(region)], 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     middle = np.average((a + b + c) / 3.0, axis=0, weights=areas)
-    return judge(
+    return check_bound(
         name, float(np.linalg.norm(middle - np.array(Gf.Vec3d(place)))), config.site, "m", prim=str(site.GetPath()),
         message="from the middle of the grasp region", remedy="put the site where the region is; " + PREPARE,
     )  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from s2a import limits
-from s2a.certify.check import Check, decide, judge
+from s2a.certify.check import Check, check_bound, decide
 from s2a.certify.contents import Contents, ends, fixed_carrier
 from s2a.usd.joints import KINDS
 from s2a.usd.stage import ROOT
@@ -60,14 +60,14 @@ def self_contained(contents: Contents) -> Check:
 
 
 def target(contents: Contents) -> Check:
-    """The part that the joint is called like is a rigid body."""
+    """The part that the joint is named after is a rigid body."""
     name, problems = contents.part, []
     if not name:
         problems.append((f"{ROOT}/joints", "no joint moves anything"))
     elif not contents.target or not contents.target.HasAPI(UsdPhysics.RigidBodyAPI):
-        problems.append((f"{ROOT}/{name}", f"the joint {name!r} is called like no rigid body of the stage"))
+        problems.append((f"{ROOT}/{name}", f"the joint {name!r} has no rigid body of its name"))
     elif contents.joint and contents.joint.GetName() != name:
-        problems.append((str(contents.joint.GetPath()), f"the joint that moves {name!r} is called otherwise"))
+        problems.append((str(contents.joint.GetPath()), f"the joint that moves {name!r} has another name"))
     return decide("target", problems, PREPARE, f"{name!r} moves", f"{ROOT}/{name}")
 
 
@@ -147,7 +147,7 @@ def joint_limits(contents: Contents) -> Check:
     ):
         problems.append(f"physics limits {physics[0]} to {physics[1]} say other than s2a:limits {low:g} to {high:g}")
     path = str(joint.GetPath())
-    remedy = "mend the annotation's range (metres or radians, from the scanned pose) and " + PREPARE
+    remedy = "correct the annotation's range (metres or radians, from the scanned pose) and " + PREPARE
     return decide(name, [(path, text) for text in problems], remedy, f"{low:.3f} to {high:.3f}", path)
 
 
@@ -174,26 +174,26 @@ def joint_frames(contents: Contents) -> Check:
         # Frames turned against each other about the axis itself would move a hinge's zero.
         here, there = (np.array([q.GetReal(), *q.GetImaginary()]) for q in _turns(physics))
         worst = float(np.max([worst, min(np.abs(here - there).max(), np.abs(here + there).max())]))
-    return judge(
+    return check_bound(
         name, worst, EXACT, prim=str(joint.GetPath()), message="axis and origin against the physics frames",
         remedy="write axis and origin through s2a, which keeps both in step; " + PREPARE,
     )  # fmt: skip
 
 
 def opens_outwards(contents: Contents) -> Check:
-    """A slide that moves along the approach of the hand comes out of its furniture, not into it."""
+    """A slide that moves along the gripper's approach comes out of its furniture, not into it."""
     name, joint = "opens_outwards", contents.joint
     grasp = contents.target and contents.target.GetChild("grasp")
     values = [joint.GetAttribute(f"s2a:{key}").Get() for key in ("axis", "limits")] if joint else [None]
     if joint is None or not grasp or values[0] is None or values[1] is None:
         return _unasked(name, "target_joint")
-    if joint.GetTypeName() != "PhysicsPrismaticJoint":  # a door may open away from the hand; its way is swept
-        return Check(name, "pass", prim=str(joint.GetPath()), message="a hinge, which may open either way")
+    if joint.GetTypeName() != "PhysicsPrismaticJoint":  # a door may open away from the gripper; its path is swept
+        return Check(name, "pass", prim=str(joint.GetPath()), message="a hinge, which may open in either direction")
     place = UsdGeom.Xformable(grasp).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
     inwards = np.array(place.TransformDir(Gf.Vec3d(0, 0, 1)))
     axis, (low, high) = np.array(values[0]), values[1]
     along = float((axis if abs(high) >= abs(low) else -axis) @ inwards)
-    return judge(
+    return check_bound(
         name, along, INWARDS, "cosine", prim=str(joint.GetPath()), message="opening direction against the approach",
         remedy="turn the annotated axis or the sign of its range round and " + PREPARE,
     )  # fmt: skip
@@ -237,7 +237,7 @@ def _turns(joint: UsdPhysics.Joint) -> tuple[Gf.Quatf, Gf.Quatf]:
 
 
 def _unasked(name: str, needs: str) -> Check:
-    return Check(name, "not run", message=f"needs what {needs} asks for")
+    return Check(name, "skipped", message=f"requires check {needs}")
 
 
 def _path(prim: Usd.Prim | None) -> str:

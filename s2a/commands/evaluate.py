@@ -97,7 +97,7 @@ class Album:
     def save(self, camera: Camera, folder: Path) -> None:
         """Write before.png and after.png."""
         for name, pose in zip(("before", "after"), (self._poses[0], self._poses[-1]), strict=True):
-            Image.fromarray(camera.picture(pose)).save(folder / f"{name}.png")
+            Image.fromarray(camera.image(pose)).save(folder / f"{name}.png")
 
 
 def _policy(config: Config, env: VecEnv) -> Policy:

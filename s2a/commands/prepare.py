@@ -39,7 +39,7 @@ def run(config: Config) -> str:
     """Read the stage, prepare its parts, write the room, and return what is in it.
 
     Raises:
-        InputError: a part is not in the stage or does not move; an object cannot be taken out of the room.
+        InputError: a part is not in the stage or does not move; an object cannot be extracted from the room.
     """
     if not config.targets:
         raise InputError(
@@ -77,7 +77,7 @@ def _lines(room: SimRoom) -> list[str]:
 
 
 def _stands(articulation: Articulation) -> str:
-    """Return where robots stand, and whether they are in nothing's way there."""
+    """Return the base poses of the robots, and whether they are free of collisions."""
     words = (
         f"{name}: {base.reason}"
         if base.free

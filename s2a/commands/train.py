@@ -49,7 +49,7 @@ class Config:
         task: what the robot has to do.
         metrics: what is reported of an episode.
         reward: weight of each reward term.
-        ppo: what rsl-rl is told.
+        ppo: rsl-rl's settings.
         demo_reset_fraction: fraction of the episodes that start on the planner's motion to the handle or in its grasp; evaluation
             has none.
         planner: that motion.

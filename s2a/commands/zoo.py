@@ -50,13 +50,13 @@ def run(config: Config) -> str:
 
 def _entry(item: Download) -> str:
     """Return one line of the list; JSON strings are valid YAML."""
-    fields = {"object": f"objects/{item.file}", "label": item.thing.label, "category": item.thing.category}
+    fields = {"object": f"objects/{item.file}", "label": item.object.label, "category": item.object.category}
     return "- {" + ", ".join(f"{key}: {json.dumps(value)}" for key, value in fields.items()) + "}\n"
 
 
 def _truth(item: Download) -> tuple[str, dict[str, object]]:
     """Return an object's name and its ground truth."""
-    return item.thing.slug, {
+    return item.object.slug, {
         "object": f"objects/{item.file}",
-        **item.truth(np.ptp(item.thing.surface.vertices, axis=0)),
+        **item.truth(np.ptp(item.object.surface.vertices, axis=0)),
     }

@@ -51,7 +51,7 @@ class Motion:
 
 
 @wp.kernel
-def seed_worlds(seed: int, rng: wp.array(dtype=wp.uint32)):
+def seed_envs(seed: int, rng: wp.array(dtype=wp.uint32)):
     """Give every world a random stream of its own."""
     world = wp.tid()
     rng[world] = wp.rand_init(seed, world)

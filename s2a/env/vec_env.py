@@ -80,7 +80,7 @@ class VecEnv:
             articulations = sim.model.articulation_count // sim.num_envs
             self._articulation_mask = wp.zeros((sim.num_envs, articulations), dtype=bool)
             self._final = wp.zeros_like(self.state.observation) if final_observation else None
-            self._launch(kernels.seed_worlds, seed, self.state.rng)
+            self._launch(kernels.seed_envs, seed, self.state.rng)
         self._share_with_torch()
         self.action_step = _action_step(self._motion, sim)
         if self._motion.limited:
@@ -99,7 +99,7 @@ class VecEnv:
         self.done.fill_(1)
         with wp.ScopedDevice(self.sim.device):
             if seed is not None:
-                self._launch(kernels.seed_worlds, seed, self.state.rng)
+                self._launch(kernels.seed_envs, seed, self.state.rng)
             self._reset_and_observe()
         self.done.zero_()
         self.counts.zero_()

@@ -11,7 +11,7 @@ from s2a.scene import Mesh
 
 
 def border(faces: np.ndarray) -> np.ndarray:
-    """Return the directed edges [edge 2] that no face runs through the other way, as often as they are missing.
+    """Return the directed edges [edge 2] that no face traverses in the opposite direction, as often as they are missing.
 
     They form closed loops, whatever the surface: the border of a border is nothing.
     """
@@ -56,11 +56,11 @@ def drop_small_components(mesh: Mesh, min_area_fraction: float) -> Mesh:
 def close(mesh: Mesh, ground: float, near: float) -> Mesh:
     """Return a closed solid that stands flat on horizontal ground.
 
-    A border that comes near the ground is led straight down to it all along: it runs around the underside and the sides that
-    were not seen. Every other hole is closed by a fan around its middle.
+    A border that comes near the ground is extruded straight down to it: it runs around the underside and the sides that were
+    not seen. Every other hole is closed by a fan around its middle.
 
     Args:
-        mesh: a surface, faces outwards; vertices below the ground are lifted to it.
+        mesh: a surface, faces outwards; vertices below the ground are extracted to it.
         ground: height of the ground [m].
         near: borders this close to the ground are closed along it [m].
     """

@@ -1,4 +1,4 @@
-"""Convex pieces: construction, cuts, containment and overlap.
+"""Convex hulls: construction, cuts, containment and overlap.
 
 A piece is a closed Mesh whose faces look outwards.
 """
@@ -63,8 +63,8 @@ def clip(piece: Mesh, normal: np.ndarray, offset: float) -> Mesh | None:
     edges = np.concatenate([piece.faces[:, [0, 1]], piece.faces[:, [1, 2]], piece.faces[:, [2, 0]]])
     crossing = edges[(heights[edges[:, 0]] < 0) & (heights[edges[:, 1]] > 0)]
     a, b = piece.vertices[crossing[:, 0]].astype(np.float64), piece.vertices[crossing[:, 1]].astype(np.float64)
-    share = heights[crossing[:, 0]] / (heights[crossing[:, 0]] - heights[crossing[:, 1]])
-    return hull(np.concatenate([piece.vertices[heights <= 0], a + share[:, None] * (b - a)]))
+    fraction = heights[crossing[:, 0]] / (heights[crossing[:, 0]] - heights[crossing[:, 1]])
+    return hull(np.concatenate([piece.vertices[heights <= 0], a + fraction[:, None] * (b - a)]))
 
 
 def overlap(a: Mesh, b: Mesh) -> float:
@@ -96,7 +96,7 @@ def cut_free(piece: Mesh, obstacle: Mesh, margin: float = 1e-4) -> Mesh | None:
 
 
 def subtract(piece: Mesh, obstacle: Mesh, thinnest: float = 2 * FLAT) -> list[Mesh]:
-    """Return the part of a piece outside of an obstacle as convex pieces, none thinner than `thinnest` [m]."""
+    """Return the part of a piece outside of an obstacle as convex hulls, none thinner than `thinnest` [m]."""
     outside, rest = [], piece
     for plane in np.unique(halfspaces(obstacle).round(6), axis=0):
         part = clip(rest, -plane[:3], plane[3])

@@ -35,7 +35,7 @@ def deviation(a: Mesh, b: Mesh, count: int, seed: int = 0, tree: RayMesh | None 
         b: another one.
         count: points sampled on either, evenly by area.
         seed: of the points.
-        tree: `ray_mesh` of a, if it is at hand.
+        tree: `ray_mesh` of a, if it exists.
     """
     empty = [not mesh.face_areas.any() for mesh in (a, b)]
     if any(empty):

@@ -14,14 +14,14 @@ def _look(
     start: wp.array(dtype=wp.vec3),
     direction: wp.array(dtype=wp.vec3),
     reach: float,
-    way: wp.array(dtype=float),
+    distance: wp.array(dtype=float),
     behind: wp.array(dtype=wp.bool),
 ):
     tid = wp.tid()
     hit = wp.mesh_query_ray(mesh, start[tid], direction[tid], reach)
-    way[tid] = reach
+    distance[tid] = reach
     if hit.result:
-        way[tid] = hit.t
+        distance[tid] = hit.t
         behind[tid] = wp.dot(hit.normal, direction[tid]) > 0.0
 
 
@@ -41,7 +41,7 @@ def visible_distance(
     start = np.asarray(start, np.float32)
     asked = wp.array(start, dtype=wp.vec3, device="cpu")
     toward = wp.array(np.broadcast_to(direction, start.shape).astype(np.float32), dtype=wp.vec3, device="cpu")
-    way = wp.empty(len(start), dtype=float, device="cpu")
+    distance = wp.empty(len(start), dtype=float, device="cpu")
     behind = wp.zeros(len(start), dtype=wp.bool, device="cpu")
-    wp.launch(_look, dim=len(start), inputs=[mesh.id, asked, toward, reach], outputs=[way, behind], device="cpu")
-    return way.numpy(), behind.numpy()
+    wp.launch(_look, dim=len(start), inputs=[mesh.id, asked, toward, reach], outputs=[distance, behind], device="cpu")
+    return distance.numpy(), behind.numpy()

@@ -31,16 +31,16 @@ class NoiseConfig:
         correlated: standard deviation of the error that neighbouring rays share [m].
         correlation: angle over which it is shared [rad].
         registration: standard deviation of the offset of a whole panorama [m].
-        grazing: rays whose incidence has a cosine below this return nothing, raggedly (half of them at this value).
-        blind: rays steeper down than this below the horizon return nothing [rad]: the tripod.
+        grazing_cutoff: rays whose incidence has a cosine below this return nothing, raggedly (half of them at this value).
+        tripod_blind_cone: rays steeper down than this below the horizon return nothing [rad]: the tripod.
     """
 
     white: NotNegative
     correlated: NotNegative
     correlation: Positive
     registration: NotNegative
-    grazing: Fraction
-    blind: NotNegative
+    grazing_cutoff: Fraction
+    tripod_blind_cone: NotNegative
 
 
 @wp.struct
@@ -51,7 +51,7 @@ class Errors:
     white: float
     correlated: float
     offset: float
-    grazing: float
+    grazing_cutoff: float
     lowest: float
     lattice: wp.array3d(dtype=float)
 
@@ -134,7 +134,7 @@ def _cast(
     if not hit.result:
         return
     rng = wp.rand_init(errors.seed, tid)
-    if wp.abs(wp.dot(hit.normal, ray)) < errors.grazing * 2.0 * wp.randf(rng):
+    if wp.abs(wp.dot(hit.normal, ray)) < errors.grazing_cutoff * 2.0 * wp.randf(rng):
         return
     # Sharing the lattice between ranges and dropouts is harmless: glass has no other surface to be compared with.
     shared = _smooth_noise(errors.lattice, d)
@@ -171,8 +171,8 @@ def cast_panorama(
     """
     errors = Errors()
     errors.seed = int(rng.integers(1 << 30))
-    errors.white, errors.correlated, errors.grazing = noise.white, noise.correlated, noise.grazing
-    errors.offset, errors.lowest = float(rng.normal(0.0, noise.registration)), -float(np.sin(noise.blind))
+    errors.white, errors.correlated, errors.grazing_cutoff = noise.white, noise.correlated, noise.grazing_cutoff
+    errors.offset, errors.lowest = float(rng.normal(0.0, noise.registration)), -float(np.sin(noise.tripod_blind_cone))
     lattice = rng.normal(size=(int(2.0 / noise.correlation) + 2,) * 3).astype(np.float32)
     errors.lattice = wp.array(lattice, dtype=float, device="cpu")
     tangents = wp.array(pixel_tangents(spacing), dtype=float, device="cpu")

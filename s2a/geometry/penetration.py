@@ -93,7 +93,7 @@ def depth(mesh: Mesh, obstacles: Mesh, reach: float = 0.03) -> float:
     """Return the penetration depth of a closed mesh and a scanned surface [m]; 0 where they are apart.
 
     A vertex of the surface within the mesh is as deep as the mesh's surface is far; a vertex of the mesh behind the scanned
-    surface as deep as that is far, up to `reach`: farther behind, there may be another thing's back. Vertices on the rim of the
+    surface as deep as that is far, up to `reach`: farther behind, there may be another object's back. Vertices on the rim of the
     scanned surface measure nothing, for there is no behind.
 
     Args:

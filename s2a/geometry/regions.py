@@ -14,7 +14,7 @@ from skimage.measure import approximate_polygon, find_contours
 from s2a.geometry.mesh_ops import keep
 from s2a.geometry.occupancy import Grid, occupied_layers
 from s2a.geometry.planes import Plane, plane_axes
-from s2a.geometry.support_planes import LevelConfig, horizontal_levels, upright_planes
+from s2a.geometry.support_planes import PlaneConfig, horizontal_planes, vertical_planes
 from s2a.ranges import Count, CountFromZero, Fraction, NotNegative, Positive
 from s2a.scene import Mesh
 
@@ -29,7 +29,7 @@ class RegionConfig:
     """Growth of support regions.
 
     Attributes:
-        level: detection of planar patches.
+        plane: detection of planar patches.
         cell: cell size of the grid on a region [m]; large regions have larger cells.
         max_cells: largest number of cells along a side.
         closing: gaps of the scan up to twice as many cells wide are closed.
@@ -42,7 +42,7 @@ class RegionConfig:
         rim_distance: a border cell has a rim if the target rises within this distance, to at most twice this height [m].
     """
 
-    level: LevelConfig
+    plane: PlaneConfig
     cell: Positive
     max_cells: Count
     closing: CountFromZero
@@ -154,11 +154,11 @@ def support_regions(
         return []
     found: list[Region] = []
     if set(kinds) != {"vertical"}:
-        planes = horizontal_levels(mesh, config.level)
+        planes = horizontal_planes(mesh, config.plane)
         some = [region for plane in planes for region in _split(mesh, plane, config.min_area, around, config)]
         found += sorted((region for region in some if region.kind in kinds), key=lambda region: -region.area)
     if "vertical" in kinds:
-        planes = upright_planes(mesh, config.level)
+        planes = vertical_planes(mesh, config.plane)
         some = [region for plane in planes for region in _split(mesh, plane, config.min_vertical_area, around, config)]
         found += sorted(some, key=lambda region: -region.area)
     return found
@@ -208,7 +208,7 @@ def _measured(support: np.ndarray, grid: Grid, own: Above, whole: Above, config:
     kind: Kind = "horizontal" if np.mean(above[support] < config.search_height) < config.cover_fraction else "inside"
     if abs(grid.axes[2, 2]) < 0.5:
         kind = "vertical"
-    # From behind: another thing stands here, or the target's own next board, whose underside was not scanned, is above.
+    # From behind: another object stands here, or the target's own next board, whose underside was not scanned, is above.
     standing = behind & (room < above - config.noise_height)
     clearances = np.where(support & ~standing, room, 0.0)
     solid = ndimage.binary_fill_holes(support)

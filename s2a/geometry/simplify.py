@@ -34,19 +34,19 @@ class DecimateConfig:
 
     Attributes:
         mode: "ratio" (keep a fraction of the faces), "error" (as few as an error allows) or "none" (keep all).
-        shell: fraction of the faces of walls, floor and ceiling that mode "ratio" keeps.
+        structure: fraction of the faces of walls, floor and ceiling that mode "ratio" keeps.
         other: fraction of the faces of all other parts that mode "ratio" keeps.
         max_error: 99th percentile of the distance between the surfaces in mode "error" [m].
-        shell_labels: words in the labels of walls, floor and ceiling.
+        structure_labels: words in the labels of walls, floor and ceiling.
         aggressiveness: how fast the bound on the collapses grows from pass to pass; smaller is slower and more exact.
         samples: points on either surface by which the error is measured.
     """
 
     mode: Literal["ratio", "error", "none"]
-    shell: Annotated[float, Above(0.0, 1.0)]
+    structure: Annotated[float, Above(0.0, 1.0)]
     other: Annotated[float, Above(0.0, 1.0)]
     max_error: Positive
-    shell_labels: tuple[str, ...]
+    structure_labels: tuple[str, ...]
     aggressiveness: Positive
     samples: Count
 
@@ -68,16 +68,16 @@ class Decimated:
     reductions: tuple[Reduction, ...]
 
 
-def is_shell(label: str, shell_labels: tuple[str, ...]) -> bool:
+def is_structure(label: str, structure_labels: tuple[str, ...]) -> bool:
     """Return True for labels of walls, floor and ceiling; "wall cabinet" and "floor lamp" are none."""
     words = label.lower().replace("_", " ").split()
-    return bool(words) and words[-1] in shell_labels
+    return bool(words) and words[-1] in structure_labels
 
 
 def decimate_room(scene: Scene, parts: Sequence[str], config: DecimateConfig) -> Decimated:
     """Return parts as one mesh with fewer faces, with the colours and the part of each face carried over."""
-    flat = np.array([is_shell(scene.parts[i].label, config.shell_labels) for i in parts], bool)
-    groups = [("shell", flat, config.shell), ("other", ~flat, config.other)]
+    flat = np.array([is_structure(scene.parts[i].label, config.structure_labels) for i in parts], bool)
+    groups = [("structure", flat, config.structure), ("other", ~flat, config.other)]
     found = [
         _decimate_group(scene, name, [(k, i) for k, i in enumerate(parts) if chosen[k]], ratio, config)
         for name, chosen, ratio in track(groups, "decimate")

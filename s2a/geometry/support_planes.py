@@ -17,7 +17,7 @@ ROUGH = 0.5
 
 
 @dataclass(frozen=True)
-class LevelConfig:
+class PlaneConfig:
     """Detection of planar patches.
 
     Attributes:
@@ -58,7 +58,7 @@ def smoothed_normals(mesh: Mesh, direction: np.ndarray, rounds: int) -> np.ndarr
     return smooth
 
 
-def horizontal_levels(mesh: Mesh, config: LevelConfig) -> list[Plane]:
+def horizontal_planes(mesh: Mesh, config: PlaneConfig) -> list[Plane]:
     """Return the horizontal planes of a surface that face up, in the order of their detection.
 
     The most common height is taken first, a slightly sloping plane is fitted to it, and its faces leave the search:
@@ -76,7 +76,7 @@ def horizontal_levels(mesh: Mesh, config: LevelConfig) -> list[Plane]:
     return found
 
 
-def upright_planes(mesh: Mesh, config: LevelConfig) -> list[Plane]:
+def vertical_planes(mesh: Mesh, config: PlaneConfig) -> list[Plane]:
     """Return the vertical planes of a surface, largest first."""
     upright = np.abs(normals(mesh)[:, 2]) < 0.5
     if not upright.any():
@@ -88,7 +88,7 @@ def upright_planes(mesh: Mesh, config: LevelConfig) -> list[Plane]:
     return [Plane(plane.normal, plane.offset, chosen[plane.faces]) for plane in level]
 
 
-def _level(middle: np.ndarray, areas: np.ndarray, config: LevelConfig) -> tuple[np.ndarray, np.ndarray, float]:
+def _level(middle: np.ndarray, areas: np.ndarray, config: PlaneConfig) -> tuple[np.ndarray, np.ndarray, float]:
     """Return which faces belong to the most common height, shape [face], with the normal and offset of their plane."""
     heights = middle[:, 2]
     slices = ((heights - heights.min()) / config.bin_height).astype(int)

@@ -13,17 +13,17 @@ from s2a.geometry.convex import hull, overlap
 from s2a.scene import Joint, Mesh
 
 
-def deepest(pieces: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, steps: int = 8) -> float:
+def deepest(hulls: Sequence[Mesh], others: Sequence[Mesh], joint: Joint, steps: int = 8) -> float:
     """Return the radius of the largest ball [m] that fits into both a moving piece and another, anywhere along a joint."""
     worst = 0.0
     for q in np.linspace(*joint.limits, steps):
-        moved = [Mesh(displace(piece.vertices, joint, q), piece.faces) for piece in pieces]
+        moved = [Mesh(displace(piece.vertices, joint, q), piece.faces) for piece in hulls]
         worst = max([worst, *(overlap(piece, other) for piece in moved for other in others)])
     return worst
 
 
 def sweep(mesh: Mesh, joint: Joint, clearance: float = 0.0, step: float = 0.2) -> list[Mesh]:
-    """Return convex pieces that cover the swept volume of a mesh between the limits of its joint.
+    """Return convex hulls that cover the swept volume of a mesh between the limits of its joint.
 
     A turn is covered in steps of at most `step` [rad], each by the hull of its two ends and of where their tangents meet:
     the arc between lies inside.

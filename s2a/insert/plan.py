@@ -65,7 +65,7 @@ class FailedPlan:
 
     Attributes:
         plan: the plan.
-        reason: what was in the way; goes back to the model.
+        reason: the collisions; goes back to the model.
         unstable: Set where the object tilted, drifted or fell at a free candidate pose.
     """
 

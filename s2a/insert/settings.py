@@ -13,7 +13,7 @@ from s2a.insert.object_file import ObjectConfig
 from s2a.insert.pipeline import InsertConfig
 from s2a.insert.place.pose import PoseConfig
 from s2a.insert.place.supports import SurfaceConfig
-from s2a.insert.stability import HullsConfig, SettleConfig
+from s2a.insert.stability import DropTestConfig, HullsConfig
 from s2a.llm.client import LlmConfig, kind_of
 from s2a.ranges import Count, CountFromZero
 from s2a.sandbox.jail import SandboxConfig
@@ -36,7 +36,7 @@ class PlacementConfig:
     surface: Literal["regions", "ransac"]
     ransac: RansacConfig
     pose: PoseConfig
-    drop_test: SettleConfig
+    drop_test: DropTestConfig
     object: ObjectConfig
 
 

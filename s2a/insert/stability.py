@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from s2a.certify.drop_test import SettleConfig, settle
+from s2a.certify.drop_test import DropTestConfig, drop_test
 from s2a.geometry.convex import hull
 from s2a.geometry.decompose import one_hull
 from s2a.geometry.mesh_ops import sample
@@ -19,7 +19,7 @@ from s2a.llm.usage_log import Record
 from s2a.ranges import AtLeast, Count, Fraction
 from s2a.scene import Mesh, Scene
 
-__all__ = ["HullsConfig", "SettleConfig", "drop_check"]
+__all__ = ["HullsConfig", "DropTestConfig", "drop_check"]
 
 FOOT = 0.03
 """The foot of an object, as a fraction of its height."""
@@ -44,7 +44,7 @@ class HullsConfig:
     max_vertices: Annotated[int, AtLeast(4)]
 
 
-def drop_check(hulls: HullsConfig, config: SettleConfig) -> StabilityCheck:
+def drop_check(hulls: HullsConfig, config: DropTestConfig) -> StabilityCheck:
     """Return a check that drops an object at a candidate pose and reports whether it stays there.
 
     The hulls of an object are made once and kept for its other candidate poses.
@@ -57,7 +57,7 @@ def drop_check(hulls: HullsConfig, config: SettleConfig) -> StabilityCheck:
         moved = [candidate.pose.moved(piece) for piece in known[id(object)][1]]
         low, high = candidate.pose.moved(object).bounds
         hangs_on = -candidate.normal if candidate.choice.relation == "hanging" else None
-        found = settle(moved, nearby(scene, low - QUERY_RADIUS, high + QUERY_RADIUS), config, hangs_on)
+        found = drop_test(moved, nearby(scene, low - QUERY_RADIUS, high + QUERY_RADIUS), config, hangs_on)
         unstable = np.isfinite(found.drift) and (found.tilt > config.tilt or found.drift > config.drift)
         values = {name: round(value, 5) if isinstance(value, float) else value for name, value in vars(found).items()}
         return {**values, "unstable": bool(unstable)}

@@ -119,7 +119,7 @@ def _range(text: str) -> Range:
 def _size(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
     """Answer the question about the size."""
     height, longest = (entry.height, entry.longest) if entry else (UNKNOWN_HEIGHT, UNKNOWN_LONGEST)
-    reason = "the table says so" if entry else "the table does not know it: something that a hand can hold"
+    reason = "the table says so" if entry else "the table does not know it: something hand-held"
     noun = entry.noun if entry else str(facts["label"])[:60]
     return {"noun": noun, "height": height, "longest": longest, "unit": "unknown", "reason": reason}
 

@@ -94,8 +94,8 @@ def closing(gripper: GripperSpec, duration: float, rate: float) -> np.ndarray:
     time = np.arange(1, steps + 1) / steps
     ramp = min(0.5, RAMP * rate / steps)
     speeds = np.clip(np.minimum(time, 1.0 - time) / ramp, 0.0, 1.0)
-    way = np.cumsum(speeds) / speeds.sum()
-    return gripper.finger_joint_open * (1.0 - way)
+    progress = np.cumsum(speeds) / speeds.sum()
+    return gripper.finger_joint_open * (1.0 - progress)
 
 
 def _sampled(path: np.ndarray, steps: int) -> np.ndarray:

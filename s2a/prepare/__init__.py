@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,7 +9,6 @@ import numpy as np
 
 from s2a import robot
 from s2a.articulation import lever_arm
-from s2a.errors import InputError
 from s2a.geometry.convex import column
 from s2a.geometry.mesh_ops import merge
 from s2a.geometry.simplify import DecimateConfig, decimate_room
@@ -22,25 +20,24 @@ from s2a.prepare.colliders.target import ColliderConfig
 from s2a.prepare.filtering import filtered_pairs
 from s2a.prepare.interior import cabinet_walls
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
-from s2a.prepare.part import PartConfig, PartResult, part_results
-from s2a.prepare.target import bodies, parent_body, target_joint
+from s2a.prepare.part import PartConfig, PartResult
+from s2a.prepare.selection import ALL, selected_parts
+from s2a.prepare.target import bodies, parent_body
 from s2a.progress import track
 from s2a.ranges import NotNegative
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, Grasp, SimBody, SimRoom
 
-_log = logging.getLogger(__name__)
+__all__ = ["ALL", "PrepareConfig", "prepare"]
 
-ALL = "all"
-"""Stands for every articulated part of a room."""
 UNEVEN = 0.01
 """[m] A scanned floor may rise by so much under a robot's base."""
 
 
 @dataclass(frozen=True)
 class PrepareConfig:
-    """How a scene is prepared.
+    """Settings of the preparation.
 
     Attributes:
         friction: dry friction of an articulated part's joint as a force at the grasp point [N]; holds a drawer whose annotated
@@ -52,8 +49,8 @@ class PrepareConfig:
         colliders: the convex hulls of the articulated parts.
         cabinet: those of the furniture that they belong to.
         room: those of the static room.
-        mass: what an articulated part weighs.
-        free: objects that are taken out of the room.
+        mass: mass of articulated parts.
+        free: objects extracted from the room.
     """
 
     friction: NotNegative
@@ -90,21 +87,21 @@ def prepare(
 
     Raises:
         InputError: a part that was asked for by its id is unknown, does not move, has limits that no robot can use, or has no
-            surface; nothing can be prepared; an object cannot be taken out.
+            surface; nothing can be prepared; an object cannot be extracted.
     """
     asked = (targets,) if isinstance(targets, str) else tuple(dict.fromkeys(targets))
     spec = spec or robot.load(DEFAULT_ROBOT)
-    results = (_all_that_can if asked == (ALL,) else _exactly)(scene, asked, config.part(spec))
-    lifted = free_objects(scene, free, tuple(results), config.free)
+    results = selected_parts(scene, asked, config.part(spec))
+    extracted = free_objects(scene, free, tuple(results), config.free)
     owners = bodies(scene, results)
-    obstacles = _obstacles(scene, results, lifted, config)
+    obstacles = _obstacles(scene, results, extracted, config)
     fixed = _fixed_bodies(scene, results, owners, obstacles, config)
     moving = {part: _moving_body(scene, result, config) for part, result in results.items()}
     filtered = filtered_pairs(moving, fixed, {part: result.target.joint for part, result in results.items()})
-    taken = {i for item in lifted for i in item.members}
+    taken = {i for item in extracted for i in item.members}
     static = [i for i, owner in owners.items() if owner is None and i not in taken]
     colliders, trimmed = _static_colliders(
-        scene, static, lifted, [o for group in obstacles.values() for o in group], config
+        scene, static, extracted, [o for group in obstacles.values() for o in group], config
     )
     visual = decimate_room(scene, static, config.decimate)
     return SimRoom(
@@ -116,7 +113,7 @@ def prepare(
         },
         static_visual=visual.mesh,
         static_colliders=colliders,
-        free={item.body.id: item.body for item in lifted},
+        free={item.body.id: item.body for item in extracted},
         notes=_notes(fixed, trimmed),
         static_parts=visual.parts,
         static_face_part=visual.face_part,
@@ -133,41 +130,8 @@ def _notes(fixed: Mapping[str, SimBody], trimmed: Sequence[str]) -> tuple[str, .
     )
 
 
-def _exactly(scene: Scene, parts: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
-    """Return the results of parts that were asked for by their ids."""
-    for part in parts:
-        target_joint(scene, part)  # one that cannot move is refused before the first is worked on
-    results = part_results(scene, _with_members(scene, parts), config)
-    for result in results.values():
-        if isinstance(result, InputError):
-            raise result
-    return {part: result for part, result in results.items() if isinstance(result, PartResult)}
-
-
-def _all_that_can(scene: Scene, _: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
-    """Return the results of all articulated parts that can be prepared; warn of the others, which are frozen."""
-    parts = scene.movable
-    while True:
-        results = part_results(scene, _with_members(scene, parts), config)
-        refused = {part: result for part, result in results.items() if isinstance(result, InputError)}
-        for part, error in refused.items():
-            _log.warning("%s is left out: %s", part, error)
-        # Without those, what they carried belongs to other bodies.
-        parts = tuple(part for part in parts if part not in refused)
-        if not parts:
-            raise InputError(f"scene {scene.name!r} has no articulated part that can be prepared")
-        if not refused:
-            return {part: result for part, result in results.items() if isinstance(result, PartResult)}
-
-
-def _with_members(scene: Scene, parts: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
-    """Return articulated parts with the parts of their bodies."""
-    owners = bodies(scene, parts)
-    return [(part, tuple(i for i, owner in owners.items() if owner == part)) for part in parts]
-
-
 def _obstacles(
-    scene: Scene, results: Mapping[str, PartResult], lifted: Sequence[FreeObject], config: PrepareConfig
+    scene: Scene, results: Mapping[str, PartResult], extracted: Sequence[FreeObject], config: PrepareConfig
 ) -> dict[str, list[Mesh]]:
     """Return the convex hulls that colliders must leave free, by the object that they are of.
 
@@ -178,7 +142,7 @@ def _obstacles(
         found.setdefault(scene.root(part), []).extend(result.swept)
         foot, room = np.array(result.base.position) + [0.0, 0.0, UNEVEN], config.room
         found[""].append(column(foot, room.base_radius, room.base_height - UNEVEN))
-    for item in lifted:
+    for item in extracted:
         found.setdefault(item.body.id, []).extend(item.space)
     return found
 
@@ -220,7 +184,11 @@ def _moving_body(scene: Scene, result: PartResult, config: PrepareConfig) -> Sim
 
 
 def _static_colliders(
-    scene: Scene, parts: Sequence[str], lifted: Sequence[FreeObject], obstacles: Sequence[Mesh], config: PrepareConfig
+    scene: Scene,
+    parts: Sequence[str],
+    extracted: Sequence[FreeObject],
+    obstacles: Sequence[Mesh],
+    config: PrepareConfig,
 ) -> tuple[tuple[Collider, ...], tuple[str, ...]]:
     """Return the hulls of the static room, free of obstacles, and the ids of the parts of which something was cut off."""
     found = []
@@ -229,7 +197,7 @@ def _static_colliders(
             hulls = part_hulls(scene.parts[part], config.room)
             found += [Collider(part, hull.mesh, hull.structure) for hull in hulls]
     colliders, trimmed = cut_out(found, obstacles, config.room.min_volume)
-    return (*(item.support for item in lifted), *colliders), trimmed
+    return (*(item.support for item in extracted), *colliders), trimmed
 
 
 def _articulation(

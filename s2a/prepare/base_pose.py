@@ -1,4 +1,4 @@
-"""Where the robot stands: where its arm can follow the whole path of the handle without a collision."""
+"""The base pose of the robot: where its arm can follow the whole path of the handle without a collision."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STUCK = 1.0
 
 @dataclass(frozen=True)
 class BaseConfig:
-    """Where a robot may stand; the robot's spec has the distances.
+    """Candidate base poses; the robot's spec has the distances.
 
     The first place that serves is taken, nearest to the preferred one first: the first distance, straight before the
     handle, facing it, on the floor.
@@ -41,7 +41,7 @@ class BaseConfig:
         pedestals: heights of what it may stand on [m].
         approach: distance before the handle from which the gripper moves straight to it [m].
         opening: path of the handle that the arm has to follow [m]; less where the joint ends earlier.
-        ik_seeds: starts of the inverse kinematics at each place, for either way round of the gripper.
+        ik_seeds: starts of the inverse kinematics at each place, for both gripper rolls.
         query_radius: how far from the handle the room is looked at [m].
         search: other places than the preferred one are tried.
     """
@@ -76,7 +76,7 @@ class BasePose:
 
 
 @dataclass(frozen=True)
-class Place:
+class Candidate:
     """A candidate: distance and offset to the side [m], height of the pedestal [m], turn [rad]."""
 
     distance: float
@@ -92,7 +92,7 @@ class Place:
         return ", ".join(words)
 
 
-Tried = tuple[float, str, np.ndarray, Place]
+Tried = tuple[float, str, np.ndarray, Candidate]
 """A place that does not serve: depth of the collision [m], words for it, pose of the base, place."""
 
 
@@ -147,7 +147,7 @@ class _Search:
         self._ahead, self._floor = heading(scene, target), floor_points(scene)
         self._swept, self._config, self._robot, self._shape = swept, config, robot, robot_shape(robot)
 
-    def first_free(self, places: Sequence[Place], tried: list[Tried]) -> BasePose | None:
+    def first_free(self, places: Sequence[Candidate], tried: list[Tried]) -> BasePose | None:
         """Return the first place that serves; add the others to those tried."""
         poses = [_pose(self._floor, self._point, self._ahead, place) for place in places]
         taken = [self._taken(base, place) for base, place in zip(poses, places, strict=True)]
@@ -170,7 +170,7 @@ class _Search:
                 return chosen
         return None
 
-    def _facing(self, base: np.ndarray, place: Place, paths: np.ndarray, tried: list[Tried]) -> BasePose | None:
+    def _facing(self, base: np.ndarray, place: Candidate, paths: np.ndarray, tried: list[Tried]) -> BasePose | None:
         """Return a place if the robot is free there, facing the handle or turned past it; else add it to those tried."""
         first = np.eye(len(self._robot.arm_joints))[0]
         for turn in self._config.turns if self._config.search and len(paths) else self._config.turns[:1]:
@@ -182,7 +182,7 @@ class _Search:
             tried.append((depth, problem, turned, there))
         return None
 
-    def _taken(self, base: np.ndarray, place: Place) -> str | None:
+    def _taken(self, base: np.ndarray, place: Candidate) -> str | None:
         """Return why a base cannot stand at a place, or None if it can."""
         body, foot = self._robot.base, base[:3, 3]
         floor = foot[2] - place.pedestal
@@ -196,15 +196,15 @@ class _Search:
         return "the part would open into the base" if opens_into else None
 
 
-def _praise(place: Place, tried: Sequence[Tried]) -> str:
+def _praise(place: Candidate, tried: Sequence[Tried]) -> str:
     """Return why a place was taken."""
     instead = f" (not {tried[0][3]}: {tried[0][1]})" if tried else ""
     return f"{place}; the arm reaches the whole path, start and path are free{instead}"
 
 
-def _places(config: BaseConfig, distances: Sequence[float]) -> Iterator[list[Place]]:
+def _places(config: BaseConfig, distances: Sequence[float]) -> Iterator[list[Candidate]]:
     """Yield the places in the order of how far they are from the preferred one."""
-    places = [Place(*p) for p in itertools.product(distances, config.sides, config.pedestals)]
+    places = [Candidate(*p) for p in itertools.product(distances, config.sides, config.pedestals)]
     places = sorted(places, key=lambda p: abs(p.distance - distances[0]) + abs(p.side) + 0.5 * p.pedestal)
     places = places if config.search else places[:1]
     yield places[:1]
@@ -212,18 +212,18 @@ def _places(config: BaseConfig, distances: Sequence[float]) -> Iterator[list[Pla
         yield places[k : k + CHUNK]
 
 
-def _pose(floor: np.ndarray, point: np.ndarray, ahead: np.ndarray, place: Place) -> np.ndarray:
+def _pose(floor: np.ndarray, point: np.ndarray, ahead: np.ndarray, place: Candidate) -> np.ndarray:
     """Return the pose [4 4] of the base at a place above the floor's points [point 3], facing the handle."""
     left = np.array([-ahead[1], ahead[0]])
-    spot = point[:2] - place.distance * ahead + place.side * left
-    towards = point[:2] - spot
+    position = point[:2] - place.distance * ahead + place.side * left
+    towards = point[:2] - position
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("z", math.atan2(towards[1], towards[0])).as_matrix()
-    pose[:3, 3] = [*spot, floor_height(floor, spot) + place.pedestal]
+    pose[:3, 3] = [*position, floor_height(floor, position) + place.pedestal]
     return pose
 
 
-def _chosen(base: np.ndarray, place: Place, reason: str, free: bool) -> BasePose:
+def _chosen(base: np.ndarray, place: Candidate, reason: str, free: bool) -> BasePose:
     x, y, z = map(float, base[:3, 3])
     half = math.atan2(base[1, 0], base[0, 0]) / 2
     return BasePose((x, y, z), (0.0, 0.0, math.sin(half), math.cos(half)), reason, place.pedestal, free)

@@ -10,7 +10,7 @@ from s2a.geometry.sweep import deepest, sweep
 from s2a.scene import Joint, Mesh
 from s2a.usd.sim_scene import SimBody
 
-CLASH = 1e-4
+MAX_CONTACT_DEPTH = 1e-4
 """[m] Hulls that overlap by less touch at most."""
 
 
@@ -37,7 +37,7 @@ def filtered_pairs(
             if other == part or (low > reach[1]).any() or (high < reach[0]).any():
                 continue
             depth = deepest(hulls, [collider.mesh for collider in still.colliders], joints[part])
-            if depth > CLASH:
+            if depth > MAX_CONTACT_DEPTH:
                 found[part][other] = depth
     return found
 

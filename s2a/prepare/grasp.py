@@ -1,4 +1,4 @@
-"""Where the hand takes hold of a part, and where the robot stands to open it."""
+"""The grasp of a part, and the heading of a robot that opens it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from s2a import robot
 from s2a.articulation import opening_direction
 from s2a.geometry.handles.bar import bar_profile
 from s2a.geometry.mesh_ops import centroids, merge, normals
-from s2a.geometry.simplify import is_shell
+from s2a.geometry.simplify import is_structure
 from s2a.prepare.gripper_roll import ROUND, free_roll, free_side, is_round
 from s2a.robot.collision import robot_shape
 from s2a.robot.spec import RobotSpec
@@ -27,7 +27,7 @@ FLOOR = ("floor", "floors")
 def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None) -> Grasp:
     """Return the grasp of a movable part: point, frame and extents of its annotated region.
 
-    The hand comes along the way on which the part closes; where it would bump into something there, and the region is a bar,
+    The gripper approaches in the direction in which the part closes; if it would collide there, and the region is a bar,
     from another side of the bar.
 
     Raises:
@@ -44,7 +44,7 @@ def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None) -> Gras
 
 
 def _grasp(point: np.ndarray, region: Mesh, inwards: np.ndarray) -> Grasp:
-    """Return the grasp of a region at a point [m] by a hand that comes along `inwards`."""
+    """Return the grasp of a region at a point [m] by a gripper that approaches along `inwards`."""
     frame = grasp_frame(region, inwards)
     size = np.subtract(*extents(region, frame)[::-1])
     profile = bar_profile(region, frame, SLICES)
@@ -88,7 +88,7 @@ def extents(region: Mesh, frame: np.ndarray, tail: float = 0.005) -> tuple[np.nd
 
 
 def heading(scene: Scene, target: str) -> np.ndarray:
-    """Return the level unit direction (x, y) in which a robot before the handle of a part looks at it."""
+    """Return the level unit direction (x, y) in which a robot before the handle of a part faces it."""
     point = scene.grasp_point(target)
     outwards = opening_direction(scene.joint(target), point)
     if math.hypot(outwards[0], outwards[1]) < 0.3:  # a lid opens upwards: stand before the middle of its front edge
@@ -99,7 +99,7 @@ def heading(scene: Scene, target: str) -> np.ndarray:
 
 def floor_points(scene: Scene) -> np.ndarray:
     """Return points of the floor [m], shape [point 3]: of the parts labelled so, else one at the room's lowest height."""
-    floors = merge([part.mesh for part in scene.parts.values() if is_shell(part.label, FLOOR)])
+    floors = merge([part.mesh for part in scene.parts.values() if is_structure(part.label, FLOOR)])
     points = centroids(floors)[normals(floors)[:, 2] > 0.5]
     lowest = np.nanmin([part.mesh.bounds[0, 2] for part in scene.parts.values()])
     return points if len(points) else np.array([[0.0, 0.0, lowest]])

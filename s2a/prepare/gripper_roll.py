@@ -1,4 +1,4 @@
-"""Which way round the hand takes hold of what is round, and from which side of a bar: so that it has room itself."""
+"""The gripper roll about a round grasp region, and the side of a bar that it approaches from, free of collisions."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from s2a.scene import Scene
 from s2a.usd.sim_scene import Grasp
 
 ROUND = 1.5
-"""A grasp region whose section is less elongated than this can be held any way round."""
+"""A grasp region whose section is less elongated than this can be held at any gripper roll."""
 TURNS = (0, 90, 45, -45)
 """[degrees] Rolls about the approach, the preferred one first: the fingers close along the vertical."""
 APPROACH = 0.1
-"""[m] Way of the hand that has to be free before the grasp."""
-AROUND = 0.4
-"""[m] How far from the grasp the hand reaches in plan."""
+"""[m] Length of the approach that has to be free before the grasp."""
+SEARCH_RADIUS = 0.4
+"""[m] Radius of the gripper around the grasp in plan."""
 BETTER = 0.005
-"""[m] By so much less another roll or side has to reach into the room: scans are rough."""
+"""[m] Another roll or side has to penetrate the room by so much less: scans are rough."""
 
 
 def is_round(grasp: Grasp) -> bool:
-    """Return whether a grasp's region can be held any way round."""
+    """Return whether a grasp's region can be held at any gripper roll."""
     along, across, _ = grasp.size
     return max(along, across) < ROUND * min(along, across)
 
 
 def free_roll(scene: Scene, target: str, grasp: Grasp, shape: RobotShape) -> Grasp:
-    """Return a grasp of what is round, rolled about its approach if the hand would otherwise reach into the room."""
-    near = Obstacles(scene, (target, *scene.descendants(target)), np.array(grasp.point), AROUND)
-    return _freest(near, shape, grasp, (_rolled(grasp, turn) for turn in TURNS[1:]))
+    """Return a grasp of what is round, rolled about its approach if the gripper would otherwise collide with the room."""
+    near = Obstacles(scene, (target, *scene.descendants(target)), np.array(grasp.point), SEARCH_RADIUS)
+    return _collision_free(near, shape, grasp, (_rolled(grasp, turn) for turn in TURNS[1:]))
 
 
 def free_side(scene: Scene, target: str, grasp: Grasp, others: Iterable[Grasp], shape: RobotShape) -> Grasp:
-    """Return a grasp, or one from another side if the hand would otherwise reach into anything beside what it holds."""
-    near = Obstacles(scene, scene.grasp_parts(target), np.array(grasp.point), AROUND)
-    return _freest(near, shape, grasp, others)
+    """Return a grasp, or one from another side if the gripper would otherwise collide with anything beside its grasp region."""
+    near = Obstacles(scene, scene.grasp_parts(target), np.array(grasp.point), SEARCH_RADIUS)
+    return _collision_free(near, shape, grasp, others)
 
 
-def _freest(near: Obstacles, shape: RobotShape, grasp: Grasp, others: Iterable[Grasp]) -> Grasp:
-    """Return a grasp, or another one on whose way the hand reaches clearly less into what is there."""
+def _collision_free(near: Obstacles, shape: RobotShape, grasp: Grasp, others: Iterable[Grasp]) -> Grasp:
+    """Return a grasp, or another one with a clearly smaller penetration depth on its approach."""
     depth = _depth(near, shape, grasp)
     if depth <= BETTER:  # as almost always: then the others are not even made
         return grasp
@@ -65,7 +65,7 @@ def _rolled(grasp: Grasp, degrees: float) -> Grasp:
 
 
 def _depth(near: Obstacles, shape: RobotShape, grasp: Grasp) -> float:
-    """Return how deep the open hand reaches into what is near, on its straight way to the grasp [m]."""
+    """Return the penetration depth of the open gripper in the obstacles on its straight approach [m]."""
     turn = Rotation.from_quat(grasp.orientation)
     back = np.linspace(0.0, APPROACH, 6)[:, None, None] * np.array([0.0, 0.0, 1.0])
     centers = turn.apply((shape.gripper[None] - back).reshape(-1, 3)) + grasp.point

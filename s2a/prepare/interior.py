@@ -32,7 +32,7 @@ CELL = 0.05
 
 
 def drawer_box(target: Target) -> list[Mesh]:
-    """Return bottom, two sides and back of a drawer's box as convex pieces, at the pose in which it was scanned.
+    """Return bottom, two sides and back of a drawer's box as convex hulls, at the pose in which it was scanned.
 
     It is as deep as the joint's range, but ends inside the cabinet. None for a part that turns or opens upwards, or whose
     front was not scanned.

@@ -21,26 +21,26 @@ class MassConfig:
 
     Attributes:
         priors: mass [kg] by the last word of a label.
-        lowest: smallest estimate [kg].
-        highest: largest estimate [kg].
+        min_estimate: min mass from a volume [kg].
+        max_estimate: max mass from a volume [kg].
         density: [kg/m^3] by which a volume is weighed, for labels without a prior.
     """
 
     priors: dict[str, Positive]
-    lowest: Positive
-    highest: Positive
+    min_estimate: Positive
+    max_estimate: Positive
     density: Positive
 
     def __post_init__(self) -> None:
         """Refuse bounds that leave no mass between them."""
-        if self.lowest > self.highest:
+        if self.min_estimate > self.max_estimate:
             raise InputError(
-                f"key 'mass.lowest' is {self.lowest:g}, more than 'mass.highest', {self.highest:g}; give less"
+                f"key 'mass.min_estimate' is {self.min_estimate:g}; expected {self.max_estimate:g} or less, as mass.max_estimate"
             )
 
     def estimate(self, volume: float) -> float:
         """Return what a volume [m^3] weighs within bounds [kg]."""
-        return float(np.clip(self.density * volume, self.lowest, self.highest))
+        return float(np.clip(self.density * volume, self.min_estimate, self.max_estimate))
 
 
 def known_mass(scene: Scene, members: Sequence[str], config: MassConfig) -> tuple[float, str] | None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from s2a.geometry.mesh_ops import centroids, keep
-from s2a.robot.collision import Hit, Surfaces
+from s2a.robot.collision import Penetration, Surfaces
 from s2a.scene import Mesh, Scene
 
 
@@ -28,7 +28,7 @@ class Obstacles:
         again._pedestal = (foot, radius) if height > 0.0 else None
         return again
 
-    def penetration(self, centers: np.ndarray, radii: np.ndarray, *, moving: bool) -> Hit:
+    def penetration(self, centers: np.ndarray, radii: np.ndarray, *, moving: bool) -> Penetration:
         """Return how deep spheres [sphere 3] of radii [sphere] reach into a surface [m] (0: not at all), and which part's.
 
         Args:

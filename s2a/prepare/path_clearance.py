@@ -6,12 +6,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from s2a.prepare.obstacles import Obstacles
-from s2a.robot.collision import SLACK, Hit, RobotShape
+from s2a.robot.collision import SLACK, Penetration, RobotShape
 from s2a.robot.joint_path import HALF_TURN, straight
 
 UNREACHABLE = 10.0
 """Depth [m] that stands for a place from which the arm cannot reach."""
-LONGEST_REACH = 2.0
+MAX_REACH_TIME = 2.0
 """[s] In which every joint, at full speed, has to turn from home to the path: an episode has to have time for the rest."""
 TRIED = 8
 """Number of joint paths that are checked: those that begin nearest to home."""
@@ -19,7 +19,7 @@ TRIED = 8
 
 def deepest_collision(
     near: Obstacles, shape: RobotShape, base: np.ndarray, poses: np.ndarray, paths: np.ndarray
-) -> Hit:
+) -> Penetration:
     """Return the robot's deepest collision from one place, on the best of its joint paths, with words for it.
 
     Args:
@@ -41,7 +41,7 @@ def deepest_collision(
     return _along(near, shape, base, paths)
 
 
-def _along(near: Obstacles, shape: RobotShape, base: np.ndarray, paths: np.ndarray) -> Hit:
+def _along(near: Obstacles, shape: RobotShape, base: np.ndarray, paths: np.ndarray) -> Penetration:
     """Return the deepest collision on the best path to the handle and with it."""
     kin = shape.kin
     home = np.array(kin.spec.home)
@@ -49,8 +49,8 @@ def _along(near: Obstacles, shape: RobotShape, base: np.ndarray, paths: np.ndarr
     distance = np.abs(paths[:, 0] - home).max(axis=1)
     time = (np.abs(paths[:, 0] - home) / kin.spec.limits.velocity).max(axis=1)
     order = np.argsort(distance, kind="stable")
-    best: Hit = (UNREACHABLE, "the arm cannot turn so far")
-    for path in paths[order[time[order] < LONGEST_REACH]][:TRIED]:
+    best: Penetration = (UNREACHABLE, "the arm cannot turn so far")
+    for path in paths[order[time[order] < MAX_REACH_TIME]][:TRIED]:
         depth, owner = _path_collision(near, shape, base, straight(home, path[0]), path)
         if depth <= SLACK:
             return 0.0, ""
@@ -58,7 +58,9 @@ def _along(near: Obstacles, shape: RobotShape, base: np.ndarray, paths: np.ndarr
     return best
 
 
-def _path_collision(near: Obstacles, shape: RobotShape, base: np.ndarray, reach: np.ndarray, path: np.ndarray) -> Hit:
+def _path_collision(
+    near: Obstacles, shape: RobotShape, base: np.ndarray, reach: np.ndarray, path: np.ndarray
+) -> Penetration:
     """Return the deepest collision on the joint path to the point of approach [pose arm] and on that from there."""
     depth, owner = _robot(near, shape, base, path[1:], moving=False)
     if depth > SLACK:
@@ -69,16 +71,16 @@ def _path_collision(near: Obstacles, shape: RobotShape, base: np.ndarray, reach:
     return shape.self_penetration(np.concatenate([reach, path]))
 
 
-def _robot(near: Obstacles, shape: RobotShape, base: np.ndarray, q: np.ndarray, *, moving: bool) -> Hit:
+def _robot(near: Obstacles, shape: RobotShape, base: np.ndarray, q: np.ndarray, *, moving: bool) -> Penetration:
     """Return the deepest collision in joints [pose arm]; while it moves the handle, the fingers may touch what they hold."""
     chosen = shape.moving & (~shape.fingers | moving)
     centers = shape.centers(q)[:, chosen] @ base[:3, :3].T + base[:3, 3]
     return near.penetration(centers.reshape(-1, 3), np.tile(shape.radii[chosen], len(q)), moving=moving)
 
 
-def _straight(near: Obstacles, shape: RobotShape, start: np.ndarray, end: np.ndarray) -> Hit:
+def _straight(near: Obstacles, shape: RobotShape, start: np.ndarray, end: np.ndarray) -> Penetration:
     """Return the gripper's deepest collision on the straight path between two poses of the tool frame [4 4]."""
-    best: Hit = (np.inf, "")
+    best: Penetration = (np.inf, "")
     for flip in (np.eye(3), HALF_TURN[:3, :3]):
         turns = Rotation.from_matrix(np.stack([start[:3, :3], end[:3, :3] @ flip]))
         count = max(2, int(np.linalg.norm(end[:3, 3] - start[:3, 3]) / 0.03))

@@ -54,7 +54,7 @@ def _settings(file: Path) -> PpoConfig:
     """Return how a policy was trained, without what only makes training fast."""
     try:
         values = json.loads(file.read_text())
-        trained = config.load(PpoConfig, aliases.renamed(values, aliases.PPO))
+        trained = config.load(PpoConfig, aliases.settings(values, "policy"))
     except (OSError, ValueError, AttributeError, InputError) as error:
         raise InputError(f"{file}: not what s2a train writes ({error}); train again") from error
     return replace(trained, cuda_graph=False, torch_compile_mode=None, fused_adam=False)

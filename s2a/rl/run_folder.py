@@ -15,6 +15,7 @@ from typing import Any
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.utils.tensorboard import SummaryWriter
 
+from s2a import aliases
 from s2a.config import leaves
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
@@ -43,6 +44,7 @@ def keep_settings(values: Mapping[str, Any], out: Path) -> None:
         except (OSError, ValueError, AttributeError) as error:
             raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error
         given = dict(leaves(now))
+        then = {aliases.current(key, given) or key: value for key, value in then.items()}
         for key in given | then:  # what is no longer there counts too: a reward term that is not listed weighs nothing
             if given.get(key) != then.get(key) and not _may_change(key, given.get(key), then.get(key)):
                 raise InputError(

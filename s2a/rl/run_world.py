@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from s2a import tasks
+from s2a import aliases, tasks
 from s2a.config import load
 from s2a.env.task import MdpConfig
 from s2a.errors import InputError
@@ -31,6 +31,7 @@ def read_world(checkpoint: Path) -> tuple[SimConfig, MdpConfig] | None:
         return None
     try:
         values = json.loads(file.read_text())
-        return load(SimConfig, values["sim"]), load(tasks.of(values).Config, values["task"])
+        sim, task = (aliases.settings(values[group], group) for group in ("sim", "task"))
+        return load(SimConfig, sim), load(tasks.of(values).Config, task)
     except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
         raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error

@@ -19,7 +19,7 @@ BULGE = 0.02
 SLACK = 0.005
 """[m] Accepted penetration of the spheres, which stand out of the links by more."""
 
-Hit = tuple[float, str]
+Penetration = tuple[float, str]
 """Penetration depth [m] (0: no collision), and with what."""
 
 
@@ -33,7 +33,7 @@ class Surfaces:
         self._owners = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes.values()])
         self._tree: RayMesh | None = ray_mesh(whole.vertices, whole.faces) if len(whole.faces) else None
 
-    def penetration(self, centers: np.ndarray, radii: np.ndarray) -> Hit:
+    def penetration(self, centers: np.ndarray, radii: np.ndarray) -> Penetration:
         """Return how deep spheres [sphere 3] of radii [sphere] reach into a surface [m], and its name."""
         if self._tree is None or not len(centers):
             return 0.0, ""
@@ -75,9 +75,9 @@ class RobotShape:
         poses = self.kin.frames(q)[:, self._link]
         return np.einsum("psij,sj->psi", poses[..., :3, :3], self._centers) + poses[..., :3, 3]
 
-    def self_penetration(self, q: np.ndarray) -> Hit:
+    def self_penetration(self, q: np.ndarray) -> Penetration:
         """Return how deep two links reach into each other [m] in any of the poses [pose arm], and which."""
-        worst: Hit = (0.0, "")
+        worst: Penetration = (0.0, "")
         centers = self.centers(q)
         for a, b in self._pairs:
             depth = _deepest(

@@ -25,7 +25,7 @@ def follow(kin: Kinematics, poses: np.ndarray, bases: np.ndarray, ik_seeds: int,
         kin: of the robot.
         poses: of the tool frame, shape [pose 4 4], scene frame; it may also be turned by half about its z axis.
         bases: poses of the base, shape [base 4 4], scene frame.
-        ik_seeds: starts of the inverse kinematics for each base and either way round: home, and random ones.
+        ik_seeds: starts of the inverse kinematics for each base and both gripper rolls: home, and random ones.
         seed: of those.
     """
     local = np.linalg.inv(bases)[:, None] @ poses[None]

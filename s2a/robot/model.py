@@ -101,7 +101,7 @@ def _add_links(builder: newton.ModelBuilder, robot: ElementTree.Element, pose: w
     first_shape, first_body = builder.shape_count, builder.body_count
     builder.add_urdf(
         ElementTree.tostring(robot, encoding="unicode"),
-        package_dirs=[str(urdf.share())],
+        package_dirs=[str(urdf.description_folder())],
         xform=pose,
         enable_self_collisions=False,
         collapse_fixed_joints=False,

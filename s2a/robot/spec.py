@@ -48,8 +48,8 @@ class GripperSpec:
         finger_inset: how far each fingertip is mounted nearer to the middle than in the URDF [m].
         finger_box: extents of a fingertip along the tool frame's axes [m].
         tip_ahead: how far the fingertips reach past the tool frame's origin [m].
-        palm_box: extents of the gripper body along the tool frame's axes [m].
-        palm_behind: distance from the gripper body's front to the tool frame's origin [m].
+        body_box: extents of the gripper body along the tool frame's axes [m].
+        body_behind: distance from the gripper body's front to the tool frame's origin [m].
         finger_speed: maximum speed of each finger [m/s].
         coupled: one motor drives both fingers.
     """
@@ -63,8 +63,8 @@ class GripperSpec:
     finger_inset: NotNegative
     finger_box: Vec3
     tip_ahead: NotNegative
-    palm_box: Vec3
-    palm_behind: NotNegative
+    body_box: Vec3
+    body_behind: NotNegative
     finger_speed: Positive
     coupled: bool
 

@@ -34,7 +34,7 @@ def gripper(spec: RobotSpec) -> ElementTree.Element:
     return robot
 
 
-def share() -> Path:
+def description_folder() -> Path:
     """Return the folder that holds example-robot-data's packages."""
     for file in files("example-robot-data") or []:
         if file.name == "panda.urdf":
@@ -90,7 +90,7 @@ def _text(path: Path) -> str:
 
 def _reduced(spec: RobotSpec, root: str, visuals: bool) -> ElementTree.Element:
     """Return the URDF of what hangs on a link."""
-    robot = ElementTree.fromstring(_text(share() / "example-robot-data/robots" / spec.urdf))
+    robot = ElementTree.fromstring(_text(description_folder() / "example-robot-data/robots" / spec.urdf))
     names = {str(link.get("name")) for link in robot.findall("link")}
     if missing := {root, spec.gripper.body, *spec.gripper.links} - names:
         raise InputError(f"robot {spec.name!r}: {spec.urdf} has no link {', '.join(sorted(missing))}; correct its YAML")

@@ -96,8 +96,8 @@ def _refuse_changes(before: dict, after: dict, path: Sdf.Path) -> None:
         if key[0].HasPrefix(path):
             continue
         if key not in before or key not in after or before[key] != after[key]:
-            verb = "adds" if key not in before else "removes" if key not in after else "changes"
-            raise _violation(f"it {verb} {key[1]!r} at {key[0]}; only {path} may be added, and nothing else changed")
+            change = "adds" if key not in before else "removes" if key not in after else "changes"
+            raise _violation(f"it {change} {key[1]!r} at {key[0]}; only {path} may be added, and nothing else changed")
 
 
 def _check_prim(prim: Sdf.PrimSpec, plan: Placement) -> None:

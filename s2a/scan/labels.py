@@ -12,7 +12,7 @@ IndexPath = tuple[str, ...]
 
 
 def split(label: str) -> tuple[str, IndexPath]:
-    """Split a label into the thing's name and its index path: "handle base.1.2_1" -> "handle base", ("1", "2_1").
+    """Split a label into the object's name and its index path: "handle base.1.2_1" -> "handle base", ("1", "2_1").
 
     The first dot ends the name. Stray dots and blanks, which annotators leave behind, are dropped: "box lid." is a
     "box lid" without a path.

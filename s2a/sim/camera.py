@@ -29,7 +29,7 @@ BLOCK = 4
 
 @dataclass(frozen=True)
 class CameraConfig:
-    """A picture of the robot and what it opens, from the first place near the one asked for that sees both.
+    """An image of the robot and what it opens, from the first place near the one asked for that sees both.
 
     Attributes:
         width: [pixel].
@@ -52,7 +52,7 @@ class Camera:
     """A camera on one world of a stage; it has a model of its own, with everything that can be seen."""
 
     def __init__(self, stage: SimStage, config: CameraConfig) -> None:
-        """Load the visuals; takes seconds, so make one camera and take many pictures."""
+        """Load the visuals; takes seconds, so make one camera and take many images."""
         builder = newton.ModelBuilder()
         newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
         add_robot(builder, robot.load(stage.robot), wp.transform(*stage.base[:3], *stage.base[3:]), visuals=True)
@@ -72,7 +72,7 @@ class Camera:
             self._image = self._camera.allocate_image_color(1, config.width, config.height)
             self._pose = wp.array([_pose(stage, config)], dtype=wp.transformf)
 
-    def picture(self, joint_q: torch.Tensor) -> np.ndarray:
+    def image(self, joint_q: torch.Tensor) -> np.ndarray:
         """Return RGB [height width 3], uint8, for the joint coordinates of a world, shape [coord]."""
         with wp.ScopedDevice("cpu"):
             self._model.joint_q.assign(joint_q.cpu().numpy())

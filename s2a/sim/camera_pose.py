@@ -12,20 +12,20 @@ from s2a.sim.world import SimStage
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import in_scene
 
-AROUND = (1.0, -1.0, 0.7, -0.7, 1.3, -1.3, 0.4, -0.4)
-"""Shares of the asked azimuth that are tried, in this order at each distance."""
+AZIMUTHS = (1.0, -1.0, 0.7, -0.7, 1.3, -1.3, 0.4, -0.4)
+"""Fractions of the requested azimuth that are tried, in this order at each distance."""
 NEARER = (1.0, 0.85, 0.7, 0.55)
-"""Shares of the asked distance."""
+"""Fractions of the requested distance."""
 HIGHER = (1.0, 0.5, 1.6)
-"""Shares of the asked elevation."""
+"""Fractions of the requested elevation."""
 BEFORE = 0.05
 """[m] So much before what is looked at, a surface no longer hides it: it may be its own."""
 
 
 def viewpoint(stage: SimStage, distance: float, azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return where a camera stands and the point in the middle of its picture [m], shape [3] each, scene frame.
+    """Return where a camera stands and the point in the middle of its image [m], shape [3] each, scene frame.
 
-    The first place that sees all of grasp, hand before it and shoulder; else the one that sees most of them.
+    The first place that sees all of grasp, gripper before it and shoulder; else the one that sees most of them.
 
     Args:
         stage: what is looked at.
@@ -38,7 +38,7 @@ def viewpoint(stage: SimStage, distance: float, azimuth: float, elevation: float
     back = base - grasp
     shoulder = base + [0.0, 0.0, robot.load(stage.robot).base.shoulder_height]
     seen = np.stack([grasp, grasp + 0.15 * back / np.linalg.norm(back), shoulder])
-    room = _surroundings(stage)
+    room = _obstacles(stage)
     best, most = middle, -1
     for place in _places(middle, float(np.arctan2(back[1], back[0])), distance, azimuth, elevation):
         free = sum(not blocked(place, point, room) for point in seen)
@@ -57,16 +57,16 @@ def blocked(start: np.ndarray, end: np.ndarray, triangles: np.ndarray) -> bool:
         end: [m], shape [3].
         triangles: corners [m], shape [face 3 3].
     """
-    way = end - start
-    way *= max(0.0, 1.0 - BEFORE / max(float(np.linalg.norm(way)), 1e-9))
+    ray = end - start
+    ray *= max(0.0, 1.0 - BEFORE / max(float(np.linalg.norm(ray)), 1e-9))
     first = triangles[:, 0]
     a, b = triangles[:, 1] - first, triangles[:, 2] - first
-    across = np.cross(way, b)
+    across = np.cross(ray, b)
     size = np.einsum("fk,fk->f", a, across)
     with np.errstate(divide="ignore", invalid="ignore"):
         u = np.einsum("fk,fk->f", start - first, across) / size
         turned = np.cross(start - first, a)
-        v = turned @ way / size
+        v = turned @ ray / size
         t = np.einsum("fk,fk->f", b, turned) / size
         return bool(((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < 1)).any())
 
@@ -75,13 +75,13 @@ def _places(
     middle: np.ndarray, heading: float, distance: float, azimuth: float, elevation: float
 ) -> Iterator[np.ndarray]:
     """Yield places around a point, the asked one first."""
-    for near, high, around in itertools.product(NEARER, HIGHER, AROUND):
+    for near, high, around in itertools.product(NEARER, HIGHER, AZIMUTHS):
         turn, up = heading + around * azimuth, min(high * elevation, 1.4)
         level = np.array([np.cos(turn), np.sin(turn), 0.0]) * np.cos(up)
         yield middle + near * distance * (level + [0.0, 0.0, np.sin(up)])
 
 
-def _surroundings(stage: SimStage) -> np.ndarray:
+def _obstacles(stage: SimStage) -> np.ndarray:
     """Return the triangles of all that is seen and stands still [m], shape [face 3 3]."""
     room, found = sim_stage.read(stage.path), [np.zeros((0, 3, 3))]
     for body in (*room.bodies.values(), *room.free.values()):

@@ -35,8 +35,8 @@ class Workspace:
     @classmethod
     def around(cls, paths: np.ndarray, held: np.ndarray, shoulder: np.ndarray, reach: float) -> Workspace:
         """Return the workspace of a robot that leads grasp points `held` [point 3] while surfaces move along `paths`."""
-        share = np.linspace(0.0, 1.0, 7)[:, None, None]
-        arm = (shoulder + share * (held - shoulder)).reshape(-1, 3)
+        fraction = np.linspace(0.0, 1.0, 7)[:, None, None]
+        arm = (shoulder + fraction * (held - shoulder)).reshape(-1, 3)
         return cls(np.concatenate([paths, arm]), shoulder, reach)
 
 

@@ -36,8 +36,8 @@ class SimConfig:
         impratio: ratio of friction to normal impedance; higher slips less.
         njmax: constraint rows a world.
         nconmax: contacts a world.
-        multiccd: whether a pair of hulls may have several contacts.
-        room: whether the room's colliders are there.
+        multiccd: Enable several contacts a pair of hulls.
+        load_static_colliders: Load the room's colliders.
         gains: of the robot's position controller; null: the robot's own.
         gravity_compensation: the robot's weight is carried.
         limits: what the arm's controller keeps to; null: nothing, and targets move as far as the task's action asks.
@@ -53,7 +53,7 @@ class SimConfig:
     njmax: Count
     nconmax: Count
     multiccd: bool
-    room: bool
+    load_static_colliders: bool
     gains: Gains | None
     gravity_compensation: bool
     limits: MotionLimits | None
@@ -137,7 +137,7 @@ class Simulation:
             robot=self.robot if with_robot else None,
             gains=config.gains,
             gravity_compensation=config.gravity_compensation,
-            room=config.room,
+            static_colliders=config.load_static_colliders,
             realistic=config.limits is not None,
         )
 

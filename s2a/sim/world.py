@@ -73,7 +73,7 @@ class SimStage:
         return (self.target, *self.also)
 
     @property
-    def lever(self) -> float:
+    def lever_arm(self) -> float:
         """Path of the grasp point per unit of the joint's coordinate: 1, or the radius [m] of a hinge."""
         return lever_arm(self.joint, self.grasp[:3])
 
@@ -130,7 +130,7 @@ def build_world(
     robot: RobotSpec | None = None,
     gains: Gains | None = None,
     gravity_compensation: bool = True,
-    room: bool = True,
+    static_colliders: bool = True,
     realistic: bool = False,
 ) -> newton.ModelBuilder:
     """Return a builder of one world.
@@ -142,18 +142,18 @@ def build_world(
         robot: the robot, or None for a world without it.
         gains: of its position controller; None: its own.
         gravity_compensation: its weight is carried.
-        room: load the room's colliders.
+        static_colliders: Load the room's colliders.
         realistic: make the robot's joint limits stiff; see add_robot for the rest.
     """
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-    # The default of 0.1 m makes contact candidates of everything within reach of the hand.
+    # The default of 0.1 m makes contact candidates of everything within reach of the gripper.
     builder.rigid_gap = 0.01
     builder.default_shape_cfg.mu = 1.0
     if robot is not None:
         base = wp.transform(*stage.base[:3], *stage.base[3:])
         add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation)
-    _add_room(builder, stage, static=room)
+    _add_room(builder, stage, static=static_colliders)
     for part in stage.active:
         if part in stage.room.articulations:
             dof = builder.joint_qd_start[joint_index(builder, part)]

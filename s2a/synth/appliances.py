@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from s2a.synth.fronts import BOTTOM, GAP, LEFT, Pull, Side, door_bar, hinged, panel
-from s2a.synth.furniture import carcass, drawer
+from s2a.synth.furniture import cabinet_body, drawer
 from s2a.synth.handles import QUARTER, STEEL, bar, cup, edge
 from s2a.synth.kitchen_units import DARK, FRONT, FRONT_TOP, PLINTH, THICK, base_body
 from s2a.synth.solids import PLAIN, Color, Piece, Surface, at, box, cylinder, join, lathe, rotation
@@ -21,7 +21,7 @@ def refrigerator(rng: np.random.Generator, side: Side, color: Color = WHITE) -> 
     """Return a fridge above a freezer, 0.6 m wide, 0.65 m deep, 1.85 m high, both doors hinged at the same side."""
     deep, wide, high, thick, split = 0.65, 0.6, 1.85, 0.06, 0.68
     front = deep - thick - 0.004
-    body = [board.moved(at(front, 0, 0.03)) for board in carcass((front, wide, high - 0.03), 0.04, color)]
+    body = [board.moved(at(front, 0, 0.03)) for board in cabinet_body((front, wide, high - 0.03), 0.04, color)]
     boards = [box((0.04, front - 0.03), (-0.26, 0.26), (z, z + 0.012), METAL) for z in (0.3, 1.0, 1.3, 1.55)]
     shelf = box((0.04, front), (-0.26, 0.26), (split - 0.02, split + 0.02), color)
     foot = box((0.03, front - 0.03), (-0.28, 0.28), (0, 0.03), DARK)
@@ -36,7 +36,9 @@ def refrigerator(rng: np.random.Generator, side: Side, color: Color = WHITE) -> 
 def oven(rng: np.random.Generator, width: float = 0.6) -> Piece:
     """Return a built-in oven: four dials, a door that tips forward about its lower edge, and a drawer below it."""
     low, high, wide = 0.275, 0.735, width - GAP
-    cavity = [board.moved(at(0.545, 0, 0.27)) for board in carcass((0.515, width - 0.05, 0.46), 0.02, (60, 60, 64))]
+    cavity = [
+        board.moved(at(0.545, 0, 0.27)) for board in cabinet_body((0.515, width - 0.05, 0.46), 0.02, (60, 60, 64))
+    ]
     fascia = box((0.52, FRONT), (-wide / 2, wide / 2), (high + GAP, FRONT_TOP - GAP), METAL)
     dials = [
         cylinder(0.02, 0.022, DARK).moved(at(FRONT, y, 0.8) @ rotation((0, QUARTER, 0)))
@@ -68,16 +70,16 @@ def _glazed(size: tuple[float, float, float], border: tuple[float, float], color
     return join(*frame, box((-thick, -0.003), (-inner_y, inner_y), (-inner_z, inner_z), GLASS, dropout=0.3))
 
 
-def dishwasher(rng: np.random.Generator, pull: Pull, color: Color, look: int = PLAIN) -> Piece:
+def dishwasher(rng: np.random.Generator, pull: Pull, color: Color, texture: int = PLAIN) -> Piece:
     """Return a dishwasher, 0.6 m wide: a strip of keys above a kitchen front that tips forward about its lower edge."""
     wide, low, high = 0.6 - GAP, 0.14, 0.8
-    body = [board.moved(at(0.555, 0, 0.12)) for board in carcass((0.53, 0.596, 0.735), 0.025, METAL)]
+    body = [board.moved(at(0.555, 0, 0.12)) for board in cabinet_body((0.53, 0.596, 0.735), 0.025, METAL)]
     racks = [box((0.06, 0.53), (-0.25, 0.25), (z, z + 0.02), (110, 112, 118)) for z in (0.25, 0.52)]
     plinth = box((0.02, 0.51), (-0.3, 0.3), (0, 0.12), DARK)
     fascia = box((0.535, FRONT), (-wide / 2, wide / 2), (high + 2 * GAP, FRONT_TOP - GAP), METAL)
     keys = [box((FRONT, FRONT + 0.003), (y, y + 0.02), (0.828, 0.838), DARK) for y in (0.1, 0.14, 0.18, 0.22)]
     tall = high - low
-    leaf = hinged("dishwasher door", panel((0.024, wide, tall), color, look), BOTTOM, pull(wide, tall))
+    leaf = hinged("dishwasher door", panel((0.024, wide, tall), color, texture), BOTTOM, pull(wide, tall))
     return Piece(
         "dishwasher",
         join(*body, *racks, plinth, fascia, *keys),
@@ -88,7 +90,7 @@ def dishwasher(rng: np.random.Generator, pull: Pull, color: Color, look: int = P
 def microwave(rng: np.random.Generator) -> Piece:
     """Return a microwave oven, 0.48 m wide, 0.28 m high, 0.36 m deep, standing on z = 0; its door opens to the left."""
     deep, wide, high = 0.34, 0.48, 0.28
-    shell = [board.moved(at(deep - 0.026, 0, 0.01)) for board in carcass((deep - 0.026, wide, high), 0.012, METAL)]
+    shell = [board.moved(at(deep - 0.026, 0, 0.01)) for board in cabinet_body((deep - 0.026, wide, high), 0.012, METAL)]
     feet = [box((x, x + 0.03), (y, y + 0.03), (0, 0.01), DARK) for x in (0.02, 0.26) for y in (-0.22, 0.19)]
     keys = join(
         box((0.02, deep - 0.026), (wide / 2 - 0.11, wide / 2 - 0.013), (0.023, high - 0.003), DARK),
@@ -123,7 +125,7 @@ def extractor(height: float) -> Piece:
 def washing_machine(rng: np.random.Generator) -> Piece:
     """Return a front loader, 0.6 x 0.58 x 0.85 m: a porthole hinged at the left, a soap drawer, a dial."""
     deep, wide, high, z, hole = 0.56, 0.6, 0.85, 0.42, 0.145
-    shell = [board.moved(at(deep, 0, 0.02)) for board in carcass((deep, wide, high - 0.02), 0.012, WHITE)]
+    shell = [board.moved(at(deep, 0, 0.02)) for board in cabinet_body((deep, wide, high - 0.02), 0.012, WHITE)]
     face = [
         box((deep - 0.02, deep), (-wide / 2, wide / 2), (0.02, z - hole), WHITE),
         box((deep - 0.02, deep), (-wide / 2, wide / 2), (z + hole, 0.71), WHITE),

@@ -1,6 +1,6 @@
-"""The parts of storage furniture: carcass, drawers, hinged leaves. Local frames: carcass front at x = 0, facing +x, z up, metres.
+"""The parts of storage furniture: body, drawers, hinged leaves. Local frames: the body's front at x = 0, facing +x, z up, metres.
 
-Fronts lie 2 mm before the carcass and 3 mm apart, as cabinet makers hang them.
+Fronts lie 2 mm before the cabinet body and 3 mm apart, as cabinet makers hang them.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.synth.furniture import carcass, door, drawer
+from s2a.synth.furniture import cabinet_body, door, drawer
 from s2a.synth.handles import bar, cup, edge, knob, upright
 from s2a.synth.solids import WOOD, Color, Piece, Surface, at, box, rotation
 
@@ -22,15 +22,15 @@ class Finish:
     """How a piece of furniture looks.
 
     Attributes:
-        body: colour of the carcass.
+        body: colour of the cabinet body.
         front: colour of what opens.
-        look: texture of both.
+        texture: texture of both.
         metal: colour of the handles.
     """
 
     body: Color
     front: Color
-    look: int
+    texture: int
     metal: Color
 
 
@@ -72,7 +72,7 @@ def bank(
         low: height of the lowest drawer's lower end [m].
         rows: height of each, gaps included, from below [m].
         style: of the handles.
-        finish: how they look.
+        finish: how they texture.
         travel: how far they open [m].
     """
     width, drawers = span[1] - span[0] - GAP, []
@@ -81,7 +81,9 @@ def bank(
         height = row - GAP - rim
         handle = grip(style, width, height, finish.metal)
         # The tray leaves room for partitions and runners.
-        front = drawer((FRONT, width, height), (width - 0.06, height - 0.05), handle, finish.front, finish.look, travel)
+        front = drawer(
+            (FRONT, width, height), (width - 0.06, height - 0.05), handle, finish.front, finish.texture, travel
+        )
         drawers.append(_hung(rng, front).moved(at(FRONT + 0.002, sum(span) / 2, z + (row - rim) / 2)))
     return drawers
 
@@ -115,17 +117,19 @@ def leaf(
         pull = upright(bar(long, 0.012, 0.012, 0.026, 0.012, finish.metal)).moved(at(0, free + hinge * 0.05, z))
     else:
         pull = knob(0.016, 0.028, finish.metal).moved(at(0, free + hinge * 0.05, z))
-    panel = _hung(rng, door((FRONT, width, tall), hinge, pull, finish.front, finish.look))
+    panel = _hung(rng, door((FRONT, width, tall), hinge, pull, finish.front, finish.texture))
     return panel.moved(at(FRONT + 0.002, sum(span) / 2 + hinge * rim / 2, middle))
 
 
 def case(size: tuple[float, float, float], legs: float, finish: Finish) -> list[Surface]:
-    """Return a carcass on legs under a top board that covers the fronts' upper edges; size along x, y, z with both [m].
+    """Return a cabinet body on legs under a top board that covers the fronts' upper edges; size along x, y, z with both [m].
 
     The fronts have the room between z = legs and z = size - 20 mm.
     """
     deep, half, high = size[0], size[1] / 2, size[2]
-    body = [part.moved(at(0, 0, legs)) for part in carcass((deep, size[1], high - legs - 0.02), BOARD, *paint(finish))]
+    body = [
+        part.moved(at(0, 0, legs)) for part in cabinet_body((deep, size[1], high - legs - 0.02), BOARD, *paint(finish))
+    ]
     top = box((-deep, 0.024), (-half, half), (high - 0.02, high), *paint(finish))
     posts = [
         box((x, x + 0.04), (y, y + 0.04), (0, legs), finish.body, WOOD)
@@ -141,5 +145,5 @@ def _hung(rng: np.random.Generator, front: Piece) -> Piece:
 
 
 def paint(finish: Finish) -> tuple[Color, int]:
-    """Return colour and texture of a carcass."""
-    return finish.body, finish.look
+    """Return colour and texture of a cabinet body."""
+    return finish.body, finish.texture

@@ -2,7 +2,7 @@
 
 Local frame: back at x = 0, centred in y, floor at z = 0, metres. One builder makes kitchen units, wardrobes,
 chests, lockers and the like: a family (`s2a.synth.families`) only draws its numbers.
-Fronts lie before the carcass (full overlay), as wide as their cells but for the gaps between them.
+Fronts lie before the cabinet body (full overlay), as wide as their cells but for the gaps between them.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from s2a.synth import clutter, leaves
 from s2a.synth.clutter import Board
 from s2a.synth.draw import chance, integer
 from s2a.synth.fittings import Opening, Style
-from s2a.synth.furniture import carcass
+from s2a.synth.furniture import cabinet_body
 from s2a.synth.solids import Piece, Surface, at, box, join
 
 
@@ -24,12 +24,12 @@ class Cell:
     """One compartment of a column.
 
     Attributes:
-        share: its height in parts of the column's.
+        weight: its height, relative to those of the column's other cells.
         opening: what closes it.
         shelves: boards inside; None: as many as usual for its height.
     """
 
-    share: float
+    weight: float
     opening: Opening
     shelves: int | None = None
 
@@ -39,24 +39,24 @@ class Column:
     """Cells one above the other, from below.
 
     Attributes:
-        share: its width in parts of the cabinet's.
+        weight: its width, relative to those of the cabinet's other columns.
         cells: from below.
     """
 
-    share: float
+    weight: float
     cells: tuple[Cell, ...]
 
 
 @dataclass(frozen=True)
-class Base:
-    """What carries a cabinet, and what closes it above.
+class CabinetBase:
+    """The base and the top board of a cabinet.
 
     Attributes:
         kind: "plinth", "legs" or "none".
         height: of plinth or legs [m].
         cap: thickness of a top board that covers the fronts [m]; 0: none.
-        clutter: how many things stand on it.
-        open_top: whether the carcass is open above, as under a sink.
+        clutter: number of objects that stand on it.
+        open_top: The cabinet body is open above, as under a sink.
     """
 
     kind: str
@@ -66,9 +66,9 @@ class Base:
     open_top: bool = False
 
 
-def column(share: float, *cells: tuple[float, str]) -> Column:
-    """Return a column of plain cells, each given by its share of the height and its kind."""
-    return Column(share, tuple(Cell(height, Opening(kind)) for height, kind in cells))
+def column(weight: float, *cells: tuple[float, str]) -> Column:
+    """Return a column of plain cells, each given by its weight in the height and its kind."""
+    return Column(weight, tuple(Cell(height, Opening(kind)) for height, kind in cells))
 
 
 def cabinet(
@@ -77,7 +77,7 @@ def cabinet(
     size: tuple[float, float, float],
     columns: tuple[Column, ...],
     style: Style,
-    base: Base,
+    base: CabinetBase,
 ) -> Piece:
     """Return a cabinet with its fronts, and with what stands in and on it.
 
@@ -91,8 +91,8 @@ def cabinet(
     """
     depth, width, height = size
     deep, span = depth - style.thick - 0.002, (base.height, height - base.cap)
-    edges = np.cumsum([0.0, *(c.share for c in columns)]) / sum(c.share for c in columns) * width - width / 2
-    shell = carcass((deep, width, span[1] - span[0]), style.board, *style.paint)
+    edges = np.cumsum([0.0, *(c.weight for c in columns)]) / sum(c.weight for c in columns) * width - width / 2
+    shell = cabinet_body((deep, width, span[1] - span[0]), style.board, *style.paint)
     boards = [board.moved(at(deep, 0, span[0])) for board in (shell[:4] if base.open_top else shell)]
     boards += [box((0, deep), (y - style.board / 2, y + style.board / 2), span, *style.paint) for y in edges[1:-1]]
     boards += _base(size, style, base)
@@ -117,7 +117,7 @@ def cabinet(
 
 def _levels(each: Column, span: tuple[float, float]) -> list[tuple[tuple[float, float], Cell, bool]]:
     """Return each cell's lower and upper end [m], and whether a board lies between it and the next one above."""
-    cuts = np.cumsum([0.0, *(cell.share for cell in each.cells)])
+    cuts = np.cumsum([0.0, *(cell.weight for cell in each.cells)])
     cuts = span[0] + cuts / cuts[-1] * (span[1] - span[0])
     found = []
     for i, cell in enumerate(each.cells):
@@ -147,7 +147,7 @@ def _interior(
     return surfaces, things
 
 
-def _base(size: tuple[float, float, float], style: Style, base: Base) -> list[Surface]:
+def _base(size: tuple[float, float, float], style: Style, base: CabinetBase) -> list[Surface]:
     """Return plinth or legs, and the top board."""
     depth, half, height = size[0], size[1] / 2, size[2]
     found = []

@@ -19,7 +19,7 @@ class Entry:
         label: as the data set writes it ("drawer.2.1"); objects without moving parts carry only their name.
         parent: number of the part it belongs to, or None.
         piece: its shape and joint, in the scene.
-        articulated: whether its object has moving parts, hence belongs to Articulate3D's annotation.
+        articulated: Its object has moving parts, hence belongs to Articulate3D's annotation.
         carrier: number of the part in or on which it lies and with which it moves, or None.
     """
 

@@ -16,7 +16,7 @@ class Opening:
         kind: "drawer", "left", "right", "pair" (two doors), "up", "down" (flaps), "rise" (shutter that slides up behind a
             fixed upper half), "open" (nothing) or "fixed" (a panel).
         name: of the part.
-        look: of the panel, see `panels.front`.
+        panel: its profile, see `panels.front`.
         grip: the handle.
         thick: of the front [m].
         limit: how far it opens [m] or [rad].
@@ -25,7 +25,7 @@ class Opening:
 
     kind: str
     name: str | None = None
-    look: str | None = None
+    panel: str | None = None
     grip: GripDesign | None = None
     thick: float | None = None
     limit: float | None = None
@@ -37,24 +37,24 @@ class Style:
     """Materials and fittings that all fronts of a cabinet share.
 
     Attributes:
-        body: colour of carcass and shelves.
+        body: colour of the cabinet body and shelves.
         front: colour of the fronts.
         top: colour of the top board.
         dark: colour of plinth and legs.
         texture: of all of these.
-        look: of doors, see `panels.front`.
-        drawer_look: of drawers.
+        panel: profile of doors, see `panels.front`.
+        drawer_panel: of drawers.
         grip: handles of drawers and flaps.
         door_grip: handles of doors.
         thick: of the fronts [m].
-        board: thickness of the carcass [m].
+        board: thickness of the cabinet body [m].
         gap: between fronts [m].
         frame: width of framed fronts' frames [m].
         place: of drawers' handles, from 0 (the middle) to 1 (near the upper edge).
         inset: of doors' handles from the free edge [m].
         angle: by which doors open [rad].
         extension: part of a drawer's length by which it comes out.
-        soft_close: whether dampers pull the fronts shut.
+        soft_close: Dampers pull the fronts shut.
         theme: of what is in it, see `clutter.THEMES`.
         top_theme: of what is on it.
         drawer_theme: of what is in its drawers.
@@ -65,8 +65,8 @@ class Style:
     top: Color
     dark: Color
     texture: int
-    look: str
-    drawer_look: str
+    panel: str
+    drawer_panel: str
     grip: GripDesign
     door_grip: GripDesign
     thick: float
@@ -84,5 +84,5 @@ class Style:
 
     @property
     def paint(self) -> tuple[Color, int]:
-        """Colour and texture of the carcass."""
+        """Colour and texture of the cabinet body."""
         return self.body, self.texture

@@ -21,7 +21,7 @@ class Crowded(Exception):
     """A piece of furniture that a room needs has no place in it."""
 
 
-class Plan:
+class FloorPlan:
     """A room that is being furnished.
 
     Attributes:
@@ -54,7 +54,7 @@ class Plan:
         sides: Iterable[int] | None = None,
         askew: float = 1.2,
         gap: float = 0.008,
-        tries: int = 10,
+        attempts: int = 10,
     ) -> np.ndarray | None:
         """Place a group with its back to a wall and return its pose, shape [4 4], or None where no wall has room for it.
 
@@ -64,7 +64,7 @@ class Plan:
             sides: walls that are tried, in any order; all by default.
             askew: largest yaw against the wall [deg].
             gap: between wall and group [m].
-            tries: places at each wall.
+            attempts: places at each wall.
         """
         boxes, walls = measured(pieces, stand), self.room.sides
         low, high = boxes.filled[:, 0].min(axis=0), boxes.filled[:, 1].max(axis=0)
@@ -72,7 +72,7 @@ class Plan:
         for index in self.rng.permutation(chosen).tolist():
             side = walls[index]
             slack = side.length - (high[1] - low[1]) - 0.03
-            for _ in range(tries if slack > 0 else 0):
+            for _ in range(attempts if slack > 0 else 0):
                 yaw = uniform(self.rng, (-askew, askew))
                 away = gap - low[0] + abs(np.sin(np.radians(yaw))) * max(abs(low[1]), high[1])
                 # Corners are where furniture stands most often.
@@ -83,11 +83,11 @@ class Plan:
         return None
 
     def anywhere(
-        self, pieces: Sequence[Piece], stand: float = 0.0, tries: int = 20, z: float = 0.0
+        self, pieces: Sequence[Piece], stand: float = 0.0, attempts: int = 20, z: float = 0.0
     ) -> np.ndarray | None:
         """Place a group anywhere on the floor, level with a wall, and return its pose, or None."""
         boxes = measured(pieces, stand)
-        for _ in range(tries):
+        for _ in range(attempts):
             yaw = 90.0 * int(self.rng.integers(4)) + uniform(self.rng, (-2, 2))
             x, y = self.rng.uniform((0.2, 0.2), np.array(self.room.size[:2]) - 0.2)
             pose = at(x, y, z, yaw)

@@ -20,10 +20,10 @@ GAP = 0.004
 """Between two fronts, and between a front and a worktop [m]; fitters leave 3 to 4 mm."""
 
 
-def panel(size: tuple[float, float, float], color: Color, look: int = PLAIN, dropout: float = 0.0) -> Surface:
+def panel(size: tuple[float, float, float], color: Color, texture: int = PLAIN, dropout: float = 0.0) -> Surface:
     """Return a board of given thickness, width and height [m], its front at x = 0, centred in y and z."""
     thick, width, height = size
-    return box((-thick, 0), (-width / 2, width / 2), (-height / 2, height / 2), color, look, dropout)
+    return box((-thick, 0), (-width / 2, width / 2), (-height / 2, height / 2), color, texture, dropout)
 
 
 def hinged(name: str, shape: Surface, side: Side, *parts: Piece, angle: float = QUARTER) -> Piece:
@@ -90,14 +90,14 @@ def door_edge(side: Side, width: float, z: float, length: float = 0.24) -> Piece
     return turned.moved(at(0, -side[0] * width / 2, z))
 
 
-def open_box(size: tuple[float, float, float], wall: float, color: Color, look: int = PLAIN) -> Surface:
+def open_box(size: tuple[float, float, float], wall: float, color: Color, texture: int = PLAIN) -> Surface:
     """Return a box that is open above: its floor at z = 0, centred in x and y, with walls of given thickness [m]."""
     x, y, z = size[0] / 2, size[1] / 2, size[2]
     walls = [
-        box((-x, x), (-y, y), (0, wall), color, look),
-        box((-x, -x + wall), (-y, y), (wall, z), color, look),
-        box((x - wall, x), (-y, y), (wall, z), color, look),
-        box((-x + wall, x - wall), (-y, -y + wall), (wall, z), color, look),
-        box((-x + wall, x - wall), (y - wall, y), (wall, z), color, look),
+        box((-x, x), (-y, y), (0, wall), color, texture),
+        box((-x, -x + wall), (-y, y), (wall, z), color, texture),
+        box((x - wall, x), (-y, y), (wall, z), color, texture),
+        box((-x + wall, x - wall), (-y, -y + wall), (wall, z), color, texture),
+        box((-x + wall, x - wall), (y - wall, y), (wall, z), color, texture),
     ]
     return join(*walls)

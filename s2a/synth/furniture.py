@@ -21,7 +21,7 @@ def drawer(
     tray: tuple[float, float],
     handle: Piece,
     color: Color,
-    look: int,
+    texture: int,
     travel: float = 0.4,
 ) -> Piece:
     """Return a drawer: its panel ends at x = 0, its tray lies behind, centred in y and z.
@@ -31,14 +31,14 @@ def drawer(
         tray: outer width and height of the tray [m]; it is as deep as its joint is long, plus 0.11 m.
         handle: what it is pulled by.
         color: of the panel.
-        look: texture of the panel.
+        texture: texture of the panel.
         travel: how far it comes out [m].
     """
     thick, width, height = (size[0], size[1] / 2, size[2] / 2)
     y, z, back = tray[0] / 2, tray[1] / 2, -thick - travel - 0.1117
     wood = (205, 186, 150)
     walls = [
-        box((-thick, 0), (-width, width), (-height, height), color, look),
+        box((-thick, 0), (-width, width), (-height, height), color, texture),
         box((back, -thick), (-y, -y + 0.004), (-z, z), wood),
         box((back, -thick), (y - 0.004, y), (-z, z), wood),
         box((back, back + 0.004), (-y, y), (-z, z), wood),
@@ -48,7 +48,7 @@ def drawer(
     return Piece("drawer", join(*walls), (handle,), joint)
 
 
-def door(size: tuple[float, float, float], hinge: int, handle: Piece, color: Color, look: int = PLAIN) -> Piece:
+def door(size: tuple[float, float, float], hinge: int, handle: Piece, color: Color, texture: int = PLAIN) -> Piece:
     """Return a hinged door: its panel ends at x = 0, centred in y and z; positive angles open it towards +x.
 
     Args:
@@ -56,23 +56,23 @@ def door(size: tuple[float, float, float], hinge: int, handle: Piece, color: Col
         hinge: side of the hinge along y, +1 or -1.
         handle: what it is pulled by, already in place.
         color: of the panel.
-        look: texture of the panel.
+        texture: texture of the panel.
     """
     thick, width, height = size[0], size[1] / 2, size[2] / 2
-    panel = box((-thick, 0), (-width, width), (-height, height), color, look)
+    panel = box((-thick, 0), (-width, width), (-height, height), color, texture)
     origin = (-thick / 2, hinge * (width - 0.0058), 0.0)
     return Piece("door", panel, (handle,), Joint("revolute", (0.0, 0.0, float(hinge)), origin, (0.0, QUARTER)))
 
 
-def carcass(size: tuple[float, float, float], wall: float, color: Color, look: int = PLAIN) -> list[Surface]:
+def cabinet_body(size: tuple[float, float, float], wall: float, color: Color, texture: int = PLAIN) -> list[Surface]:
     """Return five panels of a box that is open towards +x: its front edge is at x = 0, its floor at z = 0."""
     deep, half, high = size[0], size[1] / 2, size[2]
     return [
-        box((-deep, -deep + wall), (-half, half), (0, high), color, look),
-        box((-deep, 0), (-half, -half + wall), (0, high), color, look),
-        box((-deep, 0), (half - wall, half), (0, high), color, look),
-        box((-deep, 0), (-half, half), (0, wall), color, look),
-        box((-deep, 0), (-half, half), (high - wall, high), color, look),
+        box((-deep, -deep + wall), (-half, half), (0, high), color, texture),
+        box((-deep, 0), (-half, -half + wall), (0, high), color, texture),
+        box((-deep, 0), (half - wall, half), (0, high), color, texture),
+        box((-deep, 0), (-half, half), (0, wall), color, texture),
+        box((-deep, 0), (-half, half), (high - wall, high), color, texture),
     ]
 
 
@@ -82,7 +82,7 @@ def main_cabinet(rng: np.random.Generator) -> Piece:
     Its own frame lies 0.4 m above the floor; heights below are written in that frame, as published.
     """
     body, top = (232, 229, 222), (168, 132, 92)
-    panels = carcass((0.61, 0.762, 0.762), 0.019, body)[:4]
+    panels = cabinet_body((0.61, 0.762, 0.762), 0.019, body)[:4]
     shell = [panel.moved(at(0.305, 0, 0.019)) for panel in panels]
     rails = [box(x, (-0.362, 0.362), (0.755, 0.782), body) for x in ((-0.292, -0.265), (0.2715, 0.2985))]
     counter = box((-0.2848, 0.3248), (-0.381, 0.381), (0.782, 0.802), top, WOOD)
@@ -101,7 +101,7 @@ def main_cabinet(rng: np.random.Generator) -> Piece:
 def pedestal(rng: np.random.Generator) -> Piece:
     """Return a desk pedestal, 0.42 m wide and 0.56 m high, with three drawers and slim bars; its back is at x = -0.58."""
     grey = (196, 198, 202)
-    body = join(*carcass((0.56, 0.42, 0.56), 0.016, grey))
+    body = join(*cabinet_body((0.56, 0.42, 0.56), 0.016, grey))
     grip = bar(0.128, 0.014, 0.012, 0.022, 0.012, BLACK)
     fronts = []
     for height, z in ((0.14, 0.095), (0.14, 0.24), (0.23, 0.43)):
@@ -115,7 +115,7 @@ def pedestal(rng: np.random.Generator) -> Piece:
 def wall_cupboard(rng: np.random.Generator) -> Piece:
     """Return a cupboard, 0.8 m wide and 0.6 m high, with a left and a right door and upright bars; its back is at x = -0.34."""
     wood = (176, 140, 100)
-    body = join(*carcass((0.32, 0.8, 0.6), 0.018, wood, WOOD))
+    body = join(*cabinet_body((0.32, 0.8, 0.6), 0.018, wood, WOOD))
     leaves = []
     for side in (1, -1):
         pull = upright(bar(0.14, 0.014, 0.012, 0.024, 0.012)).moved(at(0, -side * 0.15, -0.15))

@@ -78,9 +78,9 @@ class GripDesign:
         """How far an edge profile stands out of its front's outline, which the front gives up [m]."""
         return 0.002 if self.family == "edge" else 0.0
 
-    def fitted(self, longest: float) -> GripDesign:
+    def fitted(self, max_length: float) -> GripDesign:
         """Return the design no longer than what a front has room for [m]."""
-        return replace(self, length=min(self.length, longest))
+        return replace(self, length=min(self.length, max_length))
 
 
 SIZES: dict[str, tuple[Range, Range, Range, Range]] = {

@@ -13,7 +13,7 @@ from s2a.synth.grips import GripDesign
 from s2a.synth.handles import upright
 from s2a.synth.solids import Piece, at
 
-HAND = 1.05
+HANDLE_HEIGHT = 1.05
 """[m] Height above the floor at which handles of doors are put if the door reaches there."""
 Grips = tuple[tuple[Piece, ...], panels.Pocket | None]
 
@@ -42,7 +42,7 @@ def door_grips(grip: GripDesign, side: Side, size: panels.Size, height: float, i
         return (), None
     grip = grip.fitted(0.45 * high)
     reach = max(0.0, high / 2 - grip.length / 2 - 0.04)
-    z = float(np.clip(HAND - height, -reach, reach))
+    z = float(np.clip(HANDLE_HEIGHT - height, -reach, reach))
     free = -side[0] * wide / 2
     turned = upright(grips.make(grip)) if grip.family != "cup" else grips.make(grip)
     if grip.family == "edge":

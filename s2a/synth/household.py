@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from s2a.synth.fronts import TOP, hinged, lid, open_box, panel
-from s2a.synth.furniture import carcass
+from s2a.synth.furniture import cabinet_body
 from s2a.synth.handles import QUARTER, bar, knob
 from s2a.synth.plumbing import CHROME, pipe
 from s2a.synth.solids import FABRIC, WOOD, Color, Piece, at, box, cylinder, ellipsoid, join, lathe, rotation
@@ -19,7 +19,7 @@ def bread_bin(rng: np.random.Generator) -> Piece:
     """Return a bread bin, 0.38 m wide; its front lifts up about its upper edge by a knob."""
     color = (178, 60, 48) if rng.uniform() < 0.5 else (90, 120, 130)
     deep, wide, high = 0.25, 0.38, 0.2
-    body = join(*(board.moved(at(deep - 0.012, 0)) for board in carcass((deep - 0.012, wide, high), 0.01, color)))
+    body = join(*(board.moved(at(deep - 0.012, 0)) for board in cabinet_body((deep - 0.012, wide, high), 0.01, color)))
     leaf = hinged(
         "lid", panel((0.01, wide - 0.004, high - 0.006), color), TOP, knob(0.014, 0.026).moved(at(0, 0, -0.05))
     )

@@ -57,7 +57,7 @@ def close(rng: np.random.Generator, opening: Opening, y: Span, z: Span, depth: f
     elif opening.kind == "rise":
         return _shutter(opening, size, grip, style, centre)
     elif opening.kind == "fixed":
-        return [Piece("panel", _panel(opening, size, style, None, style.look)).moved(centre)]
+        return [Piece("panel", _panel(opening, size, style, None, style.panel)).moved(centre)]
     else:
         front = _leaf(opening, size, grip, style, centre[2, 3])
     tilt = float(np.degrees(ASKEW / (max(size[1:]) / 2)))
@@ -73,7 +73,7 @@ def _drawer(
     length = depth - thick - style.board - 0.014
     across, up = wide - 0.06, max(0.03, min(high - 0.05, 0.3))
     limit = opening.limit or round(style.extension * length, 4)
-    shape = join(_panel(opening, size, style, pocket, style.drawer_look), _tray(thick, length, across, up))
+    shape = join(_panel(opening, size, style, pocket, style.drawer_panel), _tray(thick, length, across, up))
     inside = Board(
         (-thick - length + 0.01, -thick - 0.01), (-across / 2 + 0.008, across / 2 - 0.008), 0.002 - up / 2, up
     )
@@ -101,7 +101,7 @@ def _leaf(opening: Opening, size: panels.Size, grip: GripDesign, style: Style, h
         handles, pocket = door_grips(grip, side, size, height, style.inset)
     else:
         handles, pocket = flap_grips(grip, side, size)
-    shape = _panel(opening, size, style, pocket, style.look)
+    shape = _panel(opening, size, style, pocket, style.panel)
     name = opening.name or ("door" if side[0] else "flap")
     limit = opening.limit or (style.angle if side[0] else min(style.angle, 1.5))
     facts = {"soft_close": style.soft_close}
@@ -112,7 +112,7 @@ def _shutter(opening: Opening, size: panels.Size, grip: GripDesign, style: Style
     """Return a fixed upper half, and behind its plane a lower half that slides up."""
     thick, wide, high = size
     low, up = 0.55 * high, 0.45 * high - style.gap
-    fixed = Piece("panel", panels.front(style.look, (0.5 * thick, wide, up), style.front, style.texture, style.frame))
+    fixed = Piece("panel", panels.front(style.panel, (0.5 * thick, wide, up), style.front, style.texture, style.frame))
     handles, _ = flap_grips(replace(grip, clearance=min(grip.clearance, 0.02)), TOP, (thick, wide, low))
     shape = panels.front(
         "grooved", (0.35 * thick, wide - 2 * style.board - 0.008, low), style.front, style.texture, 0.0
@@ -125,9 +125,9 @@ def _shutter(opening: Opening, size: panels.Size, grip: GripDesign, style: Style
     return [fixed.moved(centre @ at(0, 0, (high - up) / 2)), moving.moved(centre @ at(0, 0, (low - high) / 2))]
 
 
-def _panel(opening: Opening, size: panels.Size, style: Style, pocket: panels.Pocket | None, look: str) -> Surface:
+def _panel(opening: Opening, size: panels.Size, style: Style, pocket: panels.Pocket | None, panel: str) -> Surface:
     """Return the panel of a front, with a pocket for a recessed pull where it has one."""
     color = opening.color or style.front
     if pocket is not None:
         return panels.pocketed(size, pocket, 0.0135, color, style.texture)
-    return panels.front(opening.look or look, size, color, style.texture, style.frame)
+    return panels.front(opening.panel or panel, size, color, style.texture, style.frame)

@@ -133,7 +133,7 @@ def outline(rng: np.random.Generator, area: tuple[float, float], height: tuple[f
     return Outline((width, depth, high), ((first, *bay), (second, *bay)))
 
 
-def shell(room: Outline, holes: dict[int, list[Hole]], paint: Color, ground: tuple[Color, int]) -> list[Piece]:
+def structure(room: Outline, holes: dict[int, list[Hole]], paint: Color, ground: tuple[Color, int]) -> list[Piece]:
     """Return walls, floor and ceiling.
 
     Args:

@@ -25,7 +25,7 @@ AIR = 0.006
 """[m] Least distance of a moved object from everything but what it stands on."""
 LEVEL = 0.003
 """[m] Within which an object's whole footprint has to find its support."""
-TRIES = 60
+MAX_ATTEMPTS = 60
 SAMPLES = 1500
 """Points on an object whose surroundings are asked for: one every centimetre or so."""
 SCANNER_AIR = 0.15
@@ -110,7 +110,7 @@ def _elsewhere(room: Room, entry: Entry, rng: np.random.Generator) -> np.ndarray
     middle = (thing.vertices.min(axis=0) + thing.vertices.max(axis=0)) / 2
     if not _stands(mesh, thing):
         return None
-    for _ in range(TRIES):
+    for _ in range(MAX_ATTEMPTS):
         shift = rng.uniform(-SHIFT, SHIFT, 2)
         turn = at(middle[0] + shift[0], middle[1] + shift[1], 0.0, float(rng.uniform(0, 360)))
         motion = turn @ at(-middle[0], -middle[1])

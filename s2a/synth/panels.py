@@ -18,29 +18,29 @@ Pocket = tuple[float, float, float, float]
 """A hole of a front: y from, y to, z from, z to [m]."""
 
 
-def front(look: str, size: Size, color: Color, texture: int, frame: float) -> Surface:
+def front(kind: str, size: Size, color: Color, texture: int, frame: float) -> Surface:
     """Return a front panel.
 
     Args:
-        look: "slab", "framed", "glazed", "window" (dark glass), "grooved", "louvred" or "mirror".
+        kind: "slab", "framed", "glazed", "window" (dark glass), "grooved", "louvred" or "mirror".
         size: thickness, width and height [m].
         color: of its wood or paint.
         texture: of the same.
         frame: width of the frame [m], where it has one; small panels have none.
     """
-    if look not in ("slab", "grooved", "mirror") and min(size[1:]) < 3.2 * frame:
-        look = "slab"
-    if look == "framed":
+    if kind not in ("slab", "grooved", "mirror") and min(size[1:]) < 3.2 * frame:
+        kind = "slab"
+    if kind == "framed":
         return join(ring(size, frame, color, texture), inset(size, frame, color, texture, 0.4, 0.65, 0.0))
-    if look == "glazed":
+    if kind == "glazed":
         return join(ring(size, frame, color, texture), inset(size, frame, GLASS, 0, 0.35, 0.6, 0.75))
-    if look == "window":
+    if kind == "window":
         return join(ring(size, frame, color, texture), inset(size, frame, DARK_GLASS, 0, 0.0, 0.85, 0.3))
-    if look == "louvred":
+    if kind == "louvred":
         return join(ring(size, frame, color, texture), *_slats(size, frame, color, texture))
-    if look == "grooved":
+    if kind == "grooved":
         return _grooved(size, color, texture)
-    if look == "mirror":
+    if kind == "mirror":
         return join(
             panel((size[0] - 0.004, *size[1:]), color, texture).moved(at(-0.004, 0)),
             box((-0.004, 0), *_inner(size, 0.012), MIRROR, dropout=0.5),

@@ -74,15 +74,15 @@ def counter(
     z: tuple[float, float],
     hole: tuple[float, float, float, float],
     color: Color,
-    look: int,
+    texture: int,
     name: str = "kitchen counter",
 ) -> Piece:
     """Return a worktop along y as four boards around a hole (x from, x to, y from, y to) [m]: nothing closes the hole."""
     near, far, left, right = hole
     boards = [
-        box(x, (y[0], left), z, color, look),
-        box(x, (right, y[1]), z, color, look),
-        box((x[0], near), (left, right), z, color, look),
-        box((far, x[1]), (left, right), z, color, look),
+        box(x, (y[0], left), z, color, texture),
+        box(x, (right, y[1]), z, color, texture),
+        box((x[0], near), (left, right), z, color, texture),
+        box((far, x[1]), (left, right), z, color, texture),
     ]
     return Piece(name, join(*boards))

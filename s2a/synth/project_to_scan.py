@@ -69,7 +69,7 @@ def _move(
         points[tid] -= normals[tid] * share * total[tid][0] / total[tid][1]
 
 
-def snap(net: Net, views: list[View], reach: float) -> Net:
+def project_to_scan(net: Net, views: list[View], reach: float) -> Net:
     """Return a surface whose vertices have moved along their normals onto the planes measured about them.
 
     Each panorama that sees a vertex weighs as much as in the fusion; where none measured anything, it stays.

@@ -70,7 +70,7 @@ def wall(
     return join(*rest, *(box(slab, (left, right), (-0.1, low), color) for left, right, low, _ in holes if low > 0))
 
 
-def shell(
+def structure(
     rng: np.random.Generator,
     size: tuple[float, float, float],
     holes: Mapping[float, Hole],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from s2a.synth.fronts import GAP, LEFT, RIGHT, Pull, door_edge, door_knob, hinged, lid, panel
-from s2a.synth.furniture import carcass, drawer
+from s2a.synth.furniture import cabinet_body, drawer
 from s2a.synth.kitchen_units import BOARD, DARK, THICK
 from s2a.synth.plumbing import CHROME, pipe
 from s2a.synth.solids import PLAIN, Color, Piece, Surface, at, box, cylinder, join, lathe, painted
@@ -88,22 +88,23 @@ def shower(height: float) -> Piece:
     return Piece("shower head", join(mixer, *knobs, spout, rail, head, rose, *inlets))
 
 
-def vanity(rng: np.random.Generator, width: float, pull: Pull, color: Color, look: int = PLAIN) -> Piece:
+def vanity(rng: np.random.Generator, width: float, pull: Pull, color: Color, texture: int = PLAIN) -> Piece:
     """Return a vanity without its top: one door below the basin at the left, two drawers at the right, on a plinth."""
     deep, low, half, split = VANITY_DEPTH - THICK - 0.001, 0.12, width / 2, width / 2 - 0.4
     boards = [
-        board.moved(at(deep, 0, low)) for board in carcass((deep, width, VANITY_TOP - 0.03 - low), BOARD, color)[:4]
+        board.moved(at(deep, 0, low))
+        for board in cabinet_body((deep, width, VANITY_TOP - 0.03 - low), BOARD, color)[:4]
     ]
     middle = box((BOARD, deep), (split - BOARD / 2, split + BOARD / 2), (low, VANITY_TOP - 0.03), color)
     plinth = box((0.02, deep - 0.04), (-half, half), (0, low), DARK)
     tall = VANITY_TOP - 0.03 - low - 2 * GAP
     wide = split + half - GAP
     grip = door_knob(LEFT, wide, tall / 2 - 0.07)
-    leaf = hinged("door", panel((THICK, wide, tall), color, look), LEFT, grip).tilted(rng, 0.15)
+    leaf = hinged("door", panel((THICK, wide, tall), color, texture), LEFT, grip).tilted(rng, 0.15)
     parts = [leaf.moved(at(VANITY_DEPTH, (split - half) / 2, low + GAP + tall / 2))]
     high = (tall - GAP) / 2
     for z in (low + GAP + high / 2, low + 2 * GAP + 1.5 * high):
-        front = drawer((THICK, 0.4 - GAP, high), (0.33, high - 0.08), pull(0.396, high), color, look, 0.31)
+        front = drawer((THICK, 0.4 - GAP, high), (0.33, high - 0.08), pull(0.396, high), color, texture, 0.31)
         parts.append(front.tilted(rng, 0.15).moved(at(VANITY_DEPTH, split + 0.2, z)))
     return Piece("bathroom cabinet", join(*boards, middle, plinth), tuple(parts))
 
@@ -111,7 +112,7 @@ def vanity(rng: np.random.Generator, width: float, pull: Pull, color: Color, loo
 def mirror_cabinet(rng: np.random.Generator, width: float, height: float) -> Piece:
     """Return a shallow wall cabinet, its floor at z = 0, with two mirrored doors that are pulled by their edges."""
     deep, wide, tall = 0.13, width / 2 - 0.006, height - GAP
-    body = [board.moved(at(deep, 0)) for board in carcass((deep, width, height), 0.014, CERAMIC)]
+    body = [board.moved(at(deep, 0)) for board in cabinet_body((deep, width, height), 0.014, CERAMIC)]
     shelf = box((0.014, deep - 0.01), (0.014 - width / 2, width / 2 - 0.014), (height / 2, height / 2 + 0.006), MIRROR)
     leaves = []
     for side in (LEFT, RIGHT):

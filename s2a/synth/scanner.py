@@ -12,7 +12,7 @@ from s2a.progress import track
 from s2a.ranges import AtLeast, CountFromZero, Positive
 from s2a.synth.handheld import DriftConfig, drifts, smoothed
 from s2a.synth.pixel_planes import measure
-from s2a.synth.project_to_scan import snap
+from s2a.synth.project_to_scan import project_to_scan
 from s2a.synth.solids import rotation, translation
 from s2a.synth.surface_nets import extract
 from s2a.synth.thin import ThinConfig, thin
@@ -31,11 +31,11 @@ class ScannerConfig:
         drift: errors of the places.
         fusion: how all panoramas become one surface.
         smooth: passes of averaging over neighbouring vertices after the fusion.
-        snap: whether vertices are drawn onto the measured planes, which keeps a laser's detail.
+        project_to_scan: Project vertices onto the measured planes, which keeps a laser's detail.
         colors: "surface": of the nearest true surface; "camera": of what is seen from where the scanner stood, so that a
             handle that is missing in the mesh is painted on its front.
         thin: how that surface is thinned out.
-        glb: whether a textured GLB with y up is written beside the annotated scan.
+        glb: Write a textured GLB with y up beside the annotated scan.
     """
 
     poses: Annotated[int, AtLeast(4, 24)]
@@ -45,7 +45,7 @@ class ScannerConfig:
     drift: DriftConfig
     fusion: FusionConfig
     smooth: CountFromZero
-    snap: bool
+    project_to_scan: bool
     colors: Literal["surface", "camera"]
     thin: ThinConfig
     glb: bool
@@ -80,5 +80,5 @@ def scan(
         panoramas.append(np.where(ranges > config.reach, np.float32(0.0), ranges))
     views = measure(panoramas, scanners + offsets, config.spacing)
     net = extract(fuse(views, bounds, config.fusion))
-    net = snap(net, views, config.fusion.voxel) if config.snap else net
+    net = project_to_scan(net, views, config.fusion.voxel) if config.project_to_scan else net
     return thin(smoothed(net, config.smooth), config.thin)

@@ -9,7 +9,7 @@ import numpy as np
 
 from s2a.geometry.mesh_query import RayMesh, first_hits
 
-TRIES = 4
+MAX_ATTEMPTS = 4
 """Nearest cameras that are tried for each point."""
 CHUNK = 100_000
 """Points that are asked for at once."""
@@ -36,7 +36,7 @@ def _sighted(mesh: RayMesh, points: np.ndarray, normals: np.ndarray, cameras: np
     far = np.linalg.norm(rays, axis=2)
     facing = np.einsum("pci,pi->pc", rays, normals.astype(np.float32)) / far
     # Pictures from close by and straight ahead are sharpest.
-    order = np.argsort(far / np.clip(facing, 0.05, 1.0), axis=1)[:, :TRIES]
+    order = np.argsort(far / np.clip(facing, 0.05, 1.0), axis=1)[:, :MAX_ATTEMPTS]
     for rank in range(order.shape[1]):
         some = np.flatnonzero(open_)
         if not len(some):

@@ -86,13 +86,13 @@ class Piece:
             contents=tuple(thing.moved(transform) for thing in self.contents),
         )
 
-    def tilted(self, rng: np.random.Generator, largest: float = 0.5) -> Piece:
+    def tilted(self, rng: np.random.Generator, max_angle: float = 0.5) -> Piece:
         """Return a front that faces +x turned a little about its centre, its joint with it, as real fronts hang.
 
-        The angle is uniform up to `largest` [deg]; little of it is roll, which would push neighbouring fronts together.
+        The angle is uniform up to `max_angle` [deg]; little of it is roll, which would push neighbouring fronts together.
         """
         direction = rng.normal(size=3) * (0.2, 1.0, 1.0)
-        vector = direction / np.linalg.norm(direction) * np.radians(largest) * rng.uniform()
+        vector = direction / np.linalg.norm(direction) * np.radians(max_angle) * rng.uniform()
         centre = self.surface.vertices.mean(axis=0)
         return self.moved(translation(centre) @ rotation(vector) @ translation(-centre))
 

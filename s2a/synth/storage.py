@@ -1,4 +1,4 @@
-"""Storage furniture of bedrooms and living rooms. Local frames: the carcass' front edge at x = 0, facing +x, z up, metres."""
+"""Storage furniture of bedrooms and living rooms. Local frames: the body's front edge at x = 0, facing +x, z up, metres."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from s2a.scene import Joint
 from s2a.synth.cabinets import BOARD, Finish, bank, case, grip, leaf, paint
-from s2a.synth.furniture import carcass
+from s2a.synth.furniture import cabinet_body
 from s2a.synth.solids import Piece, at, box, join
 
 
@@ -42,7 +42,7 @@ def wardrobe(rng: np.random.Generator, finish: Finish) -> Piece:
     The doors' upright bars have their middle 1 m above the floor.
     """
     half, inner = 0.87, 0.28
-    body = [part.moved(at(0, 0, 0.06)) for part in carcass((0.58, 2 * half, 2.04), BOARD, *paint(finish))]
+    body = [part.moved(at(0, 0, 0.06)) for part in cabinet_body((0.58, 2 * half, 2.04), BOARD, *paint(finish))]
     body += [box((-0.57, 0), (y - 0.009, y + 0.009), (0.06, 2.1), *paint(finish)) for y in (-inner, inner)]
     body += [box((-0.57, 0), (-inner, inner), (z - BOARD, z), *paint(finish)) for z in WARDROBE_SHELVES]
     body.append(box((-0.56, -0.03), (-half + 0.02, half - 0.02), (0, 0.06), *paint(finish)))
@@ -90,7 +90,7 @@ CABINET_SHELVES = (0.96, 1.28, 1.6)
 def tall_cabinet(rng: np.random.Generator, finish: Finish) -> Piece:
     """Return a cabinet 0.96 m wide, 1.92 m high, 0.4 m deep: open shelves above a left and a right door with upright bars."""
     half = 0.48
-    body = carcass((0.4, 2 * half, 1.92), BOARD, *paint(finish))
+    body = cabinet_body((0.4, 2 * half, 1.92), BOARD, *paint(finish))
     body += [box((-0.39, 0), (-half, half), (z - BOARD, z), *paint(finish)) for z in CABINET_SHELVES]
     doors = [
         leaf(rng, span, (0.06, 0.95), side, ("bar", 0.72), finish)
@@ -111,7 +111,7 @@ def storage_bench(rng: np.random.Generator, width: float, style: str, finish: Fi
         box((-deep, 0), (-half, half), (0.05, 0.05 + BOARD), *paint(finish)),
     ]
     rise = 0.003 + rng.uniform(0, 0.001)
-    board = box((-deep, 0.02), (-half - 0.01, half + 0.01), (low + rise, low + 0.04), finish.front, finish.look)
+    board = box((-deep, 0.02), (-half - 0.01, half + 0.01), (low + rise, low + 0.04), finish.front, finish.texture)
     pull = grip(style, width, 0.04 - rise, finish.metal).moved(at(0.02, 0, low + (0.04 + rise) / 2))
     joint = Joint("revolute", (0.0, -1.0, 0.0), (-deep, 0.0, low + rise), (0.0, float(np.radians(85))))
     return Piece("storage bench", join(*walls), (Piece("lid", board, (pull,), joint),))

@@ -1,4 +1,4 @@
-"""What one household's furniture looks like: a palette drawn for a home, and a style drawn from it for each piece."""
+"""What one household's furniture panels like: a palette drawn for a home, and a style drawn from it for each piece."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PAINTS: tuple[Color, ...] = (
     (198, 176, 150),
     (150, 84, 70),
 )
-LOOKS = {"slab": 0.52, "framed": 0.3, "grooved": 0.08, "louvred": 0.04, "glazed": 0.06}
+PANELS = {"slab": 0.52, "framed": 0.3, "grooved": 0.08, "louvred": 0.04, "glazed": 0.06}
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def style(
     theme: str,
     top: str = "nothing",
     drawers: str = "paper",
-    looks: tuple[str, ...] = (),
+    panels: tuple[str, ...] = (),
 ) -> Style:
     """Return the style of one piece of furniture.
 
@@ -74,12 +74,12 @@ def style(
         theme: of what is in it, see `clutter.THEMES`.
         top: of what is on it.
         drawers: of what is in its drawers.
-        looks: of its doors, see `panels.front`; empty: any.
+        panels: of its doors, see `panels.front`; empty: any.
     """
     wooden = chance(rng, 0.5)
     front = colors.wood if wooden else colors.paint
     body = front if chance(rng, 0.6) else pick(rng, ((230, 228, 222), colors.wood))
-    look = weighted(rng, {name: LOOKS.get(name, 0.1) for name in (looks or LOOKS)})
+    panel = weighted(rng, {name: PANELS.get(name, 0.1) for name in (panels or PANELS)})
     metal = colors.metal if chance(rng, 0.7) else None
     grip = grips.design(rng, color=metal)
     door_grip = grip if grip.family not in ("cup",) and chance(rng, 0.7) else grips.design(rng, *DOORS, color=metal)
@@ -89,8 +89,8 @@ def style(
         top=colors.wood if chance(rng, 0.4) else body,
         dark=pick(rng, ((52, 52, 56), body, colors.wood)),
         texture=WOOD if wooden else PLAIN,
-        look=look,
-        drawer_look=look if look in ("slab", "framed", "grooved") else "slab",
+        panel=panel,
+        drawer_panel=panel if panel in ("slab", "framed", "grooved") else "slab",
         grip=grip,
         door_grip=door_grip,
         thick=uniform(rng, (0.016, 0.022)),

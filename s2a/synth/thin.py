@@ -21,22 +21,22 @@ class ThinConfig:
     Attributes:
         merge: vertices of flat groups of this many voxels' edge (1, 2 or 4) become one before quadric decimation.
         bend: a group is flat if its normals deviate by no more than this from their mean on average [deg].
-        bump: and if it is no thicker than this along its mean normal [m].
-        keep: share of the fused surface's vertices that is left in the end.
-        smallest: loose pieces with fewer faces than this, before decimation, are dropped.
+        max_thickness: and if it is no thicker than this along its mean normal [m].
+        keep: fraction of the fused surface's vertices that is left in the end.
+        min_faces: disconnected components with fewer faces than this, before decimation, are dropped.
     """
 
     merge: Literal[1, 2, 4]
     bend: NotNegative
-    bump: NotNegative
+    max_thickness: NotNegative
     keep: Annotated[float, Above(0.0, 1.0)]
-    smallest: CountFromZero
+    min_faces: CountFromZero
 
 
 def thin(net: Net, config: ThinConfig) -> tuple[np.ndarray, np.ndarray]:
     """Return vertices [m], shape [vertex 3], float32, and faces, shape [face 3], int32, of the thinned surface."""
     vertices, faces = merge_flat(net, config)
-    vertices, faces = drop_loose(vertices, faces, config.smallest)
+    vertices, faces = drop_small_components(vertices, faces, config.min_faces)
     wanted = int(2 * config.keep * len(net.points))
     simplify = pyfqmr.Simplify()
     simplify.setMesh(vertices.astype(np.float64), faces)
@@ -87,15 +87,15 @@ def _flat(net: Net, group: np.ndarray, config: ThinConfig) -> np.ndarray:
     height = np.einsum("ij,ij->i", net.points, normal[group].astype(np.float32))
     mean = np.bincount(group, height) / count
     spread = np.sqrt(np.maximum(np.bincount(group, (height - mean[group]) ** 2) / count, 0.0))
-    return (length > np.cos(np.radians(config.bend))) & (spread < config.bump / 2)
+    return (length > np.cos(np.radians(config.bend))) & (spread < config.max_thickness / 2)
 
 
-def drop_loose(vertices: np.ndarray, faces: np.ndarray, smallest: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mesh without connected pieces of fewer than `smallest` faces."""
+def drop_small_components(vertices: np.ndarray, faces: np.ndarray, min_faces: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mesh without connected components of fewer than `min_faces` faces."""
     edges = np.concatenate([faces[:, :2], faces[:, 1:]])
     graph = coo_array((np.ones(len(edges), bool), edges.T), shape=(len(vertices), len(vertices)))
     _, piece = connected_components(graph, directed=False)
-    big = np.bincount(piece[faces[:, 0]], minlength=piece.max() + 1) >= smallest
+    big = np.bincount(piece[faces[:, 0]], minlength=piece.max() + 1) >= min_faces
     return _compact(vertices, faces[big[piece[faces[:, 0]]]])
 
 

@@ -6,102 +6,17 @@ horizontal bar), moving with the part. The opening is the path of the grasp poin
 """
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import warp as wp
 
-from s2a.articulation import opening_sign
 from s2a.env.state import State
-from s2a.env.task import MdpConfig, Task
-from s2a.ranges import NotNegative, Positive
-from s2a.sim.contacts import ContactSensor, PartContacts
+from s2a.env.task import Task
 from s2a.sim.simulation import Simulation
-from s2a.sim.world import SimStage
-
-
-@dataclass(frozen=True)
-class PartMdp(MdpConfig):
-    """What the decision processes with a part share.
-
-    Attributes:
-        velocity_scale: factor of the joint velocities in the observation.
-        observation_limit: observations are clamped to +- this.
-        tcp_offset: shift of the tool frame from the point between the pads, in that frame [m].
-        contact_distance: distance of a contact from the annotated region up to which it is on it [m].
-        contact_force: normal force from which a contact counts [N].
-    """
-
-    velocity_scale: float
-    observation_limit: Positive
-    tcp_offset: tuple[float, float, float]
-    contact_distance: NotNegative
-    contact_force: NotNegative
-
+from s2a.tasks.part_handles import PartGeometry, PartHandles
 
 OPPOSED = wp.constant(-0.5)
 """Cosine between the forces of both fingers below which they pinch: more than 120 degrees apart."""
-
-
-@wp.struct
-class Part:
-    """A world's part and grasp.
-
-    Attributes:
-        grasp: grasp frame in the part's body.
-        base: world from the robot's base.
-        lever: opening per unit of the joint's coordinate [1 or m], positive opens.
-        axis, origin: of the joint, world frame [1, m].
-        slides: 1 for a slide, 0 for a hinge.
-        travel: opening at the open limit [m].
-        pinchable: 1 where the region is thinner than the gripper opens.
-    """
-
-    grasp: wp.transform
-    base: wp.quat
-    lever: float
-    axis: wp.vec3
-    origin: wp.vec3
-    slides: int
-    travel: float
-    pinchable: int
-
-
-@wp.struct
-class Bodies:
-    """Indices within a world: the tool's link, the fingers, the part, its coordinate; the tool frame in its link."""
-
-    tool_link: int
-    left: int
-    right: int
-    part: int
-    coord: int
-    dof: int
-    tool: wp.transform
-
-
-@wp.struct
-class PartHandles:
-    """What the tasks with a part share.
-
-    Attributes:
-        part: shape [world].
-        bodies: indices, the same in all worlds.
-        contacts: of the last physics step.
-        touch: largest force of the left and right finger on the region in the control step [N], shape [world 2].
-        contact_force: force from which a contact counts [N].
-        velocity_scale: factor of the joint velocities in the observation.
-        observation_limit: observations are clamped to +- this.
-    """
-
-    part: wp.array(dtype=Part)
-    bodies: Bodies
-    contacts: PartContacts
-    touch: wp.array2d(dtype=float)
-    contact_force: float
-    velocity_scale: float
-    observation_limit: float
 
 
 @wp.struct
@@ -117,29 +32,6 @@ class Frames:
 def observations(sim: Simulation) -> int:
     """Return the length of what `observe` writes."""
     return 2 * sim.layout.robot_joints + 5
-
-
-def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles:
-    """Return the shared handles of worlds."""
-    h, b, (left, right) = PartHandles(), Bodies(), sim.layout.finger_bodies
-    b.tool_link, b.left, b.right, b.part = sim.layout.tool_body, left, right, sim.layout.part_body
-    b.coord, b.dof = sim.layout.part_coord, sim.layout.part_dof
-    b.tool = wp.transform(wp.vec3(*np.add(sim.robot.tool_offset, config.tcp_offset)), wp.quat_identity())
-    kinds = [_part(stage, sim.robot.gripper.max_opening) for stage in sim.stages]
-    h.part, h.bodies, h.contacts = wp.array([kinds[i] for i in sim.stage_of_env], dtype=Part), b, sensor.found
-    h.touch, h.contact_force = wp.zeros((sim.num_envs, 2), dtype=float), config.contact_force
-    h.velocity_scale, h.observation_limit = config.velocity_scale, config.observation_limit
-    return h
-
-
-def _part(stage: SimStage, max_opening: float) -> Part:
-    p, joint = Part(), stage.joint
-    p.grasp = wp.transform(*stage.grasp[:3], *stage.grasp[3:])
-    p.base = wp.quat(*stage.base[3:])
-    p.lever, p.travel = opening_sign(joint) * stage.lever, stage.travel
-    p.axis, p.origin, p.slides = wp.vec3(*joint.axis), wp.vec3(*joint.origin), int(joint.kind == "prismatic")
-    p.pinchable = int(stage.grasp_size[1] < max_opening)
-    return p
 
 
 @wp.func
@@ -171,23 +63,23 @@ def squared_action(s: State, world: int):
 @wp.func
 def opening_of(s: State, h: PartHandles, world: int):
     """Return how far the part is open [m]."""
-    return s.joint_q[world, h.bodies.coord] * h.part[world].lever
+    return s.joint_q[world, h.bodies.coord] * h.part[world].lever_arm
 
 
 @wp.func
 def opening_speed(s: State, h: PartHandles, world: int):
     """Return how fast the part opens [m/s]."""
-    return s.joint_qd[world, h.bodies.dof] * h.part[world].lever
+    return s.joint_qd[world, h.bodies.dof] * h.part[world].lever_arm
 
 
 @wp.func
-def opening_force(p: Part, wrench: wp.spatial_vector):
+def opening_force(p: PartGeometry, wrench: wp.spatial_vector):
     """Return the force along the opening at the grasp point [N] of a wrench on the part about the world's origin."""
     force, torque = wp.spatial_top(wrench), wp.spatial_bottom(wrench)
     if p.slides == 1:
-        return wp.dot(force, p.axis) * wp.sign(p.lever)
+        return wp.dot(force, p.axis) * wp.sign(p.lever_arm)
     about = torque - wp.cross(p.origin, force)
-    return wp.dot(about, p.axis) / p.lever
+    return wp.dot(about, p.axis) / p.lever_arm
 
 
 @wp.func
@@ -211,20 +103,20 @@ def is_grasped(h: PartHandles, force: float, sense: float, world: int):
 
 
 @wp.kernel
-def clear_touch(h: PartHandles):
+def clear_region_force(h: PartHandles):
     """Forget the forces of the control step before."""
     world = wp.tid()
     h.contacts.peak[world] = 0.0
     for finger in range(2):
-        h.touch[world, finger] = 0.0
+        h.region_force[world, finger] = 0.0
 
 
 @wp.kernel
-def keep_touch(h: PartHandles):
-    """Keep each finger's largest force on the region in the control step."""
+def update_region_force(h: PartHandles):
+    """Keep each finger's maximum force on the region in the control step."""
     world = wp.tid()
     for finger in range(2):
-        h.touch[world, finger] = wp.max(h.touch[world, finger], h.contacts.on_region[world, finger])
+        h.region_force[world, finger] = wp.max(h.region_force[world, finger], h.contacts.on_region[world, finger])
 
 
 @wp.kernel

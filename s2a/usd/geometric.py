@@ -4,7 +4,7 @@
     /scene/wall_1               Mesh: a part of the immovable room
     /scene/cabinet_3            Xform, rigid body, articulation root: the object that carries joints ...
     /scene/cabinet_3/visual     Mesh: ... and its own surface
-    /scene/drawer_7             Xform, rigid body: a jointed part, beside its carcass, never below it
+    /scene/drawer_7             Xform, rigid body: a jointed part, beside its cabinet body, never below it
     /scene/drawer_7/visual      Mesh
     /scene/drawer_7/handle_9    Mesh: a part that moves along; `s2a:parent` says what it belongs to
     /scene/drawer_7/grasp       Sphere, site: where to take hold of it

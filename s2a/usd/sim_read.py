@@ -1,4 +1,4 @@
-"""The reader of the simulation-ready flavour; its layout is told in `s2a.usd.sim_stage`, which writes it."""
+"""The reader of the simulation-ready flavour; its layout is documented in `s2a.usd.sim_stage`, which writes it."""
 
 from __future__ import annotations
 
@@ -53,7 +53,9 @@ def read(path: Path, *, visuals: bool = True) -> SimRoom:
         notes=_strings(root, "notes"),
         static_parts=_strings(visual, "parts") if visual else (),
         static_face_part=_face_part(visual),
-        reductions=tuple(r for r in (_reduction(static, group) for group in ("shell", "other")) if r is not None),
+        reductions=tuple(
+            r for r in (_reduction(static, *group) for group in (("structure", "shell"), ("other",))) if r is not None
+        ),
     )
 
 
@@ -155,9 +157,11 @@ def _face_part(visual: Usd.Prim | None) -> np.ndarray | None:
     return np.asarray(primvar.Get(), np.int32) if primvar and primvar.HasValue() else None
 
 
-def _reduction(prim: Usd.Prim, group: str) -> Reduction | None:
-    counts = {n: prim.GetAttribute(f"s2a:{group}:faces{n.capitalize()}").Get() for n in ("before", "after", "asked")}
-    errors = {n: prim.GetAttribute(f"s2a:{group}:error{n.capitalize()}").Get() for n in ("mean", "p99", "max")}
+def _reduction(prim: Usd.Prim, group: str, old: str = "") -> Reduction | None:
+    """Return what decimation did to a group of surfaces, or None; `old` is its name in older files."""
+    name = group if prim.HasAttribute(f"s2a:{group}:facesBefore") else old
+    counts = {n: prim.GetAttribute(f"s2a:{name}:faces{n.capitalize()}").Get() for n in ("before", "after", "asked")}
+    errors = {n: prim.GetAttribute(f"s2a:{name}:error{n.capitalize()}").Get() for n in ("mean", "p99", "max")}
     return None if None in {**counts, **errors}.values() else Reduction(group, **counts, **errors)
 
 

@@ -22,7 +22,7 @@ class Collider:
     Attributes:
         part: id of the part it stands for.
         mesh: a closed convex mesh in the frame of its body: scene coordinates, but for free objects.
-        structure: whether it is of a wall, the floor or the ceiling.
+        structure: It is of a wall, the floor or the ceiling.
     """
 
     part: str
@@ -105,7 +105,7 @@ class Base:
         position: of its base [m], scene coordinates.
         orientation: quaternion xyzw; its x axis points at the furniture.
         reason: why there, in words.
-        free: whether its arm reaches along the whole path and collides with nothing.
+        free: The arm reaches along the whole path and collides with nothing.
         pedestal: height of the column under it [m]; 0 on the floor.
         radius: of that column [m].
     """
@@ -149,7 +149,7 @@ class Reduction:
     """What decimation did to a group of surfaces.
 
     Attributes:
-        group: "shell" (walls, floor, ceiling) or "other".
+        group: "structure" (walls, floor, ceiling) or "other".
         before: faces that it had.
         after: faces that it has.
         asked: faces that it should have.

@@ -189,7 +189,7 @@ def _write_articulation(stage: Usd.Stage, part: str, articulation: Articulation)
     prim = stage.GetPrimAtPath(path)
     write_attribute(prim, "notes", Types.StringArray, list(articulation.notes))
     if articulation.filtered:
-        # Simulators that do not leave out a joint's two bodies by themselves need to be told.
+        # Simulators that do not leave out a joint's two bodies by themselves need the filter.
         pairs = UsdPhysics.FilteredPairsAPI.Apply(prim)
         pairs.CreateFilteredPairsRel().SetTargets([f"{ROOT}/{other}" for other in articulation.filtered])
     _write_grasp(stage, path, articulation.grasp)

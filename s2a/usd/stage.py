@@ -48,7 +48,7 @@ def save(stage: Usd.Stage, path: Path) -> None:
 
 
 def open_stage(path: Path, *, payloads: bool = True) -> Usd.Stage:
-    """Open a stage of any flavour, as it is on disk now; without `payloads`, what lies in others by way of them is not loaded.
+    """Open a stage of any flavour, as it is on disk now; without `payloads`, what lies in files that they name is not loaded.
 
     Raises:
         InputError: no such file, not USD, no default prim `/scene`, or not in metres with z up.

@@ -123,7 +123,7 @@ def _physics_facts(prim: Usd.Prim) -> Iterator[str]:
 
 
 def _collider_facts(pieces: list[Usd.Prim]) -> Iterator[str]:
-    """Yield how convex pieces are shaped, how fine they are, and how many stand for which part."""
+    """Yield how convex hulls are shaped, how fine they are, and how many stand for which part."""
     if not pieces:
         return
     kinds = {UsdPhysics.MeshCollisionAPI(prim).GetApproximationAttr().Get() or prim.GetTypeName() for prim in pieces}

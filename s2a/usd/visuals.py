@@ -21,7 +21,7 @@ class Visible:
     Attributes:
         name: of the scan.
         surfaces: what is seen, by the id of its part or the name of its prim.
-        colliders: convex pieces with the part each stands for; none but in a simulation-ready stage.
+        colliders: convex hulls with the part each stands for; none but in a simulation-ready stage.
         jointed: ids of the parts that move.
     """
 

@@ -27,9 +27,9 @@ from settings import load
 
 from s2a import cli, provenance
 from s2a.certify import contents, foundation, report, shapes, static
-from s2a.certify.check import Certificate, Check
+from s2a.certify.check import Check, ValidationReport
 from s2a.certify.check_suite import CertifyConfig, fingerprint
-from s2a.certify.images import pictures
+from s2a.certify.images import images
 from s2a.errors import InputError
 from s2a.geometry.orbit_camera import OrbitCamera
 from s2a.usd import sim_stage
@@ -74,7 +74,7 @@ def test_a_stage_of_another_kind_gets_no_certificate(tmp_path: Path) -> None:
 
 def quick(stage: Path, out: Path) -> list[str]:
     """Return arguments that certify without long waits."""
-    times = ["certify.motion.settle_time=0.1", "certify.motion.open_time=0.1", "camera.width=60", "camera.height=40"]
+    times = ["certify.motion.rest_time=0.1", "certify.motion.open_time=0.1", "camera.width=60", "camera.height=40"]
     return ["certify", f"stage={stage}", f"out={out}", *times]
 
 
@@ -82,24 +82,24 @@ def test_the_command_writes_a_record_and_a_page_and_keeps_them(
     stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(provenance, "_commit", lambda: "abc1234")  # in a changed checkout nothing is kept
-    out = tmp_path / "certificate"
+    out = tmp_path / "validation"
     assert cli.main(quick(stage, out)) == 0
     assert "PASSED; drawer_2: graspable" in capsys.readouterr().out
-    record = json.loads((out / "certificate.json").read_text())
-    (certificate,) = record["certificates"]
-    assert record["passed"] and {"name", "value", "bound", "prim", "remedy"} <= set(certificate["checks"][0])
-    page = (out / "certificate.html").read_text()
-    assert page.count("<img") == 4 and "finger_closure" in page and "<h1>drawer_2: passed</h1>" in page
-    written = (out / "certificate.json").stat().st_mtime_ns
+    record = json.loads((out / "report.json").read_text())
+    (result,) = record["reports"]
+    assert record["passed"] and {"name", "value", "bound", "prim", "remedy"} <= set(result["checks"][0])
+    page = (out / "report.html").read_text()
+    assert page.count("<img") == 4 and "grasp_hold" in page and "<h1>drawer_2: passed</h1>" in page
+    written = (out / "report.json").stat().st_mtime_ns
     assert cli.main(quick(stage, out)) == 0
-    assert "kept from" in capsys.readouterr().out and (out / "certificate.json").stat().st_mtime_ns == written
+    assert "kept from" in capsys.readouterr().out and (out / "report.json").stat().st_mtime_ns == written
 
 
 def test_a_certificate_is_kept_for_the_same_file_settings_and_code_alone(tmp_path: Path) -> None:
     settings = {"bound": 0.1, "required": ("one", "two"), "none": float("nan")}
     code = {"commit": "abc"}
-    made = Certificate("sim.usd", "5ca1ab1e", "drawer_2", (Check("mass", "pass", 1.0),), True, settings, 1.0, code)
-    path = tmp_path / "certificate.json"
+    made = ValidationReport("sim.usd", "5ca1ab1e", "drawer_2", (Check("mass", "pass", 1.0),), True, settings, 1.0, code)
+    path = tmp_path / "report.json"
     assert report.kept(path, "5ca1ab1e", settings, code, ["drawer_2"]) is None
     path.write_text(report.to_json([made]))
     kept = report.kept(path, "5ca1ab1e", settings, code, ["drawer_2"])
@@ -127,7 +127,7 @@ def test_a_certificate_never_takes_the_stages_own_place(
     stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "kept").mkdir()
-    (tmp_path / "kept/certificate.json").write_text("{}")
+    (tmp_path / "kept/report.json").write_text("{}")
     mine = stage.rename(tmp_path / "kept" / stage.name)
     assert cli.main(quick(mine, tmp_path / "kept")) == 2
     assert "would be replaced with" in capsys.readouterr().err and mine.is_file()
@@ -135,7 +135,7 @@ def test_a_certificate_never_takes_the_stages_own_place(
 
 def test_only_what_moves_is_painted_orange_wherever_the_rest_stands(stage: Path) -> None:
     def blue() -> int:
-        image = pictures(stage, "drawer_2", load(OrbitCamera, "camera/near"))["what collides; orange moves"].astype(int)
+        image = images(stage, "drawer_2", load(OrbitCamera, "camera/near"))["what collides; orange moves"].astype(int)
         return int((image[..., 2] > image[..., 0]).sum())
 
     def plate_on_the_bar(edited: Usd.Stage) -> None:
@@ -152,10 +152,10 @@ def test_a_failed_check_is_a_result_with_exit_code_1(
     stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     edit(stage, zero_mass)
-    assert cli.main(quick(stage, tmp_path / "certificate")) == 1
+    assert cli.main(quick(stage, tmp_path / "validation")) == 1
     captured = capsys.readouterr()
     assert "FAILED" in captured.out and "mass at /scene/drawer_2" in captured.out and "a mass of 0 kg" in captured.out
-    assert "bug" not in captured.err and (tmp_path / "certificate" / "certificate.html").exists()
+    assert "bug" not in captured.err and (tmp_path / "validation" / "report.html").exists()
 
 
 @pytest.mark.parametrize("defect", [missing_grasp, missing_grasp_size, empty_region, missing_base])
@@ -163,7 +163,7 @@ def test_what_physics_would_ask_in_vain_is_a_failed_check_and_no_bug(
     defect: Callable[[Usd.Stage], None], stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     edit(stage, defect)
-    assert cli.main(quick(stage, tmp_path / "certificate")) == 1
+    assert cli.main(quick(stage, tmp_path / "validation")) == 1
     captured = capsys.readouterr()
     assert "grasp_and_base at /scene" in captured.out and "bug" not in captured.err
 
@@ -177,7 +177,7 @@ def test_a_sweep_ends_with_a_table_and_the_worst_exit_code(
     for path, defect in ((first, zero_mass), (second, missing_root)):
         write_cabinet(path)
         edit(path, defect)
-    arguments = quick(stage, Path("certificate"))
+    arguments = quick(stage, Path("validation"))
     arguments[1] = f"stage={first},{second}"
     assert cli.main([*arguments, "-m", f"hydra.sweep.dir={tmp_path / 'sweep'}"]) == 1
     lines = capsys.readouterr().out.splitlines()
@@ -188,7 +188,7 @@ def test_a_sweep_ends_with_a_table_and_the_worst_exit_code(
 def test_the_foundations_rules_hold_for_a_clean_stage(stage: Path) -> None:
     pytest.importorskip("simready.validate", reason="an optional extra")
     checks = foundation.foundation(stage, load(CertifyConfig, "certify/default").foundation)
-    required = [check for check in checks if check.status != "reported"]
+    required = [check for check in checks if check.status != "info"]
     assert [check.name for check in required if check.status == "pass"] == [
         f"simready:{name}" for name in ("FET_003_NEWTON", "FET_003_STANDARD", "FET_004_NEWTON", "FET_004_STANDARD")
     ]
@@ -197,6 +197,6 @@ def test_the_foundations_rules_hold_for_a_clean_stage(stage: Path) -> None:
 def test_without_the_validator_its_rules_are_not_run(stage: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     (check,) = foundation.foundation(stage, load(CertifyConfig, "certify/default").foundation)
-    assert check.status == "not run" and "s2a[simready]" in check.remedy
-    said = report.summary(Certificate("a.usd", "", "drawer_2", (check,), None, {}, 0.0)).splitlines()
-    assert said[1:] == ["  1 not run", "  simready not run: the package simready-validate is not installed"]
+    assert check.status == "skipped" and "s2a[simready]" in check.remedy
+    said = report.summary(ValidationReport("a.usd", "", "drawer_2", (check,), None, {}, 0.0)).splitlines()
+    assert said[1:] == ["  1 skipped", "  simready skipped: the package simready-validate is not installed"]

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from s2a.certify import drop_test as settling
-from s2a.certify.drop_test import SettleConfig, Settled, settle
+from s2a.certify.drop_test import DropTestConfig, DropTestResult, drop_test
 from s2a.config import compose
 from s2a.config import load as typed
 from s2a.geometry.convex import box, column
 from s2a.geometry.mesh_ops import merge
 from s2a.scene import Mesh
 
-CONFIG: SettleConfig = typed(SettleConfig, compose("insert/placement")["insert"]["drop_test"])
+CONFIG: DropTestConfig = typed(DropTestConfig, compose("insert/placement")["insert"]["drop_test"])
 
 
 def rough_floor(size: float = 0.5, step: float = 0.015, noise: float = 0.0015) -> Mesh:
@@ -28,9 +28,9 @@ def rough_floor(size: float = 0.5, step: float = 0.015, noise: float = 0.0015) -
     return Mesh(points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
 
 
-def dropped(piece: Mesh, support: Mesh, **changes: float) -> Settled:
+def dropped(hull: Mesh, support: Mesh, **changes: float) -> DropTestResult:
     values = {**compose("insert/placement")["insert"]["drop_test"], **changes}
-    return settle([piece], support, typed(SettleConfig, values))
+    return drop_test([hull], support, typed(DropTestConfig, values))
 
 
 def block(size: tuple[float, float, float], x: float = 0.0, z: float = 0.004) -> Mesh:
@@ -66,7 +66,7 @@ def test_a_slender_pole_on_its_tip_tilts() -> None:
 
 
 def test_what_floats_falls_and_what_is_inside_is_pushed_out() -> None:
-    found = dropped(block((0.1, 0.1, 0.1), z=0.03), rough_floor(), reach=0.1)
+    found = dropped(block((0.1, 0.1, 0.1), z=0.03), rough_floor(), search_radius=0.1)
     assert found.drift == pytest.approx(0.03, abs=0.006)
     assert "drifts by" in found.problem
     assert not dropped(block((0.1, 0.1, 0.1), z=-0.03), rough_floor()).stays
@@ -75,7 +75,7 @@ def test_what_floats_falls_and_what_is_inside_is_pushed_out() -> None:
 def test_without_a_floor_it_falls() -> None:
     away = rough_floor()
     far = Mesh(away.vertices + [5, 0, 0], away.faces)
-    assert dropped(block((0.1, 0.1, 0.1)), far).problem == "it falls: nothing carries it"
+    assert dropped(block((0.1, 0.1, 0.1)), far).problem == "it falls: nothing supports it"
 
 
 def test_a_box_in_a_narrow_bowl_rests_on_its_ground_and_on_no_hull() -> None:
@@ -95,7 +95,7 @@ def test_a_box_in_a_narrow_bowl_rests_on_its_ground_and_on_no_hull() -> None:
 def test_a_picture_hangs_at_its_wall(gap: float, stays: bool) -> None:
     wall = Mesh(np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2]]), np.array([[0, 1, 2], [0, 2, 3]]))
     picture = box(np.array([gap + 0.01, 0.0, 1.4]), np.eye(3), np.array([0.02, 0.5, 0.4]))
-    assert settle([picture], wall, CONFIG, np.array([-1.0, 0.0, 0.0])).stays is stays
+    assert drop_test([picture], wall, CONFIG, np.array([-1.0, 0.0, 0.0])).stays is stays
 
 
 def flat(edge: float) -> Mesh:
@@ -104,7 +104,7 @@ def flat(edge: float) -> Mesh:
     return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def steps(patches: pytest.MonkeyPatch, piece: Mesh, support: Mesh, **changes: float) -> tuple[Settled, int]:
+def steps(patches: pytest.MonkeyPatch, hull: Mesh, support: Mesh, **changes: float) -> tuple[DropTestResult, int]:
     """Drop something; return what came of it, and in how many steps."""
     taken, step = [0], mujoco.mj_step
 
@@ -114,14 +114,14 @@ def steps(patches: pytest.MonkeyPatch, piece: Mesh, support: Mesh, **changes: fl
 
     with patches.context() as patch:
         patch.setattr(mujoco, "mj_step", counted)
-        return dropped(piece, support, **changes), taken[0]
+        return dropped(hull, support, **changes), taken[0]
 
 
 def test_what_rests_is_not_watched_to_the_end_and_nothing_else_comes_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    piece = block((0.1, 0.12, 0.08))
+    hull = block((0.1, 0.12, 0.08))
     for support in (flat(1.0), rough_floor()):
-        short, few = steps(monkeypatch, piece, support)
-        long, all_ = steps(monkeypatch, piece, support, creep=-1.0)
+        short, few = steps(monkeypatch, hull, support)
+        long, all_ = steps(monkeypatch, hull, support, creep=-1.0)
         assert all_ == round(CONFIG.seconds / CONFIG.step)
         assert few < 0.5 * all_
         assert short.problem == long.problem == ""
@@ -130,7 +130,7 @@ def test_what_rests_is_not_watched_to_the_end_and_nothing_else_comes_of_it(monke
         assert short.penetration == pytest.approx(long.penetration, abs=2e-6)
 
 
-def on_edge(over: float, **changes: float) -> Settled:
+def on_edge(over: float, **changes: float) -> DropTestResult:
     """Watch a pole whose middle is beyond the edge of what it stands on by so much [m]."""
     return dropped(block((0.04, 0.04, 0.3), z=0.0), flat(-over), drop=0.0, **changes)
 
@@ -171,9 +171,9 @@ def test_what_is_left_out_while_an_object_hardly_moves_makes_no_difference(monke
     turned = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
     floor, wall = flat(0.02), block((0.01, 0.4, 0.3), x=0.11)
     for z, x in ((0.004, -0.2), (0.004, 0.05), (0.03, -0.2)):  # it stays, leans against the wall, falls deep
-        piece = box(np.array([x, 0.0, z + 0.1]), turned, np.array([0.12, 0.08, 0.2]))
-        values = {"reach": 0.05}
-        found = dropped(piece, merge([floor, wall]), **values)
+        hull = box(np.array([x, 0.0, z + 0.1]), turned, np.array([0.12, 0.08, 0.2]))
+        values = {"search_radius": 0.05}
+        found = dropped(hull, merge([floor, wall]), **values)
         with monkeypatch.context() as patch:
             patch.setattr(settling, "close", lambda triangles, _: np.ones(len(triangles), bool))
-            assert dropped(piece, merge([floor, wall]), **values) == found
+            assert dropped(hull, merge([floor, wall]), **values) == found

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import torch
 from cabinet import write_cabinet
-from curves import as_run, draw, shares
+from curves import as_run, fractions, plot
 from ingredients import BEST, CHANGES
 from multirun import Row, collect, jobs
 from outcome import half_after, logged, percent, write
@@ -141,7 +141,7 @@ def test_results_of_the_first_version_are_read_by_the_present_names() -> None:
     old = aliases.renamed({"hook_success": 1, "wide": 2, "success": 3}, aliases.METRICS)
     assert old == {"single_finger_success": 1, "open_30cm": 2, "success": 3}
     every = json.loads((ROOT / "experiments/results/reward_ablation.json").read_text())["runs"]
-    assert all(len(values) > 10 for run in every for values in shares(run["curve"])[:3])
+    assert all(len(values) > 10 for run in every for values in fractions(run["curve"])[:3])
 
 
 def test_half_of_the_episodes_must_open_and_by_the_handle() -> None:
@@ -157,9 +157,9 @@ def test_a_row_is_a_panel_and_a_seed_a_line_whatever_was_not_logged(tmp_path: Pa
         "final_success": [],
         "handle_success": [None, 0.5],
     }
-    opened, final, handle, grasp = shares(curve)
+    opened, final, handle, grasp = fractions(curve)
     assert math.isnan(opened[0]) and opened[1] == 50.0 and final == grasp == [] and handle[1] == 50.0
-    draw([{"about": f"row {i // 2}", "curve": curve} for i in range(10)], tmp_path / "curves.png")
+    plot([{"about": f"row {i // 2}", "curve": curve} for i in range(10)], tmp_path / "curves.png")
     assert Image.open(tmp_path / "curves.png").height > 500  # two lines of panels; one is 341
 
 
@@ -170,7 +170,7 @@ def test_the_table_is_trained_evaluated_kept_and_written_without_what_was_not_as
     for name in ("geometric", "one_hull", "handle", "coacd", "twin", "moved", "drawer", "door"):
         write_cabinet(stages / f"{name}.usda").rename(stages / f"{name}.usd")
     command = [sys.executable, ROOT / "experiments/reward_ablation.py", stages, "--runs", runs, "--out", out]
-    command += ["--pictures", tmp_path, "--seeds", "1", "--num-envs", "4", "--episodes", "4"]
+    command += ["--images", tmp_path, "--seeds", "1", "--num-envs", "4", "--episodes", "4"]
     command += ["--side-by-side", "2", "--only", "twin_paper", "scan_best"]
     command += ["--set", "ppo.num_steps_per_env=8", "task.episode_steps=20"]
     for asked, finished in ((64, True), (96, False)):
@@ -203,4 +203,4 @@ def test_ratings_count_what_both_accept_and_how_they_agree_beyond_chance(tmp_pat
     lines = ratings(key, verdicts(sorted(tmp_path.glob("*.csv"))))
     assert "| kitchen | ours | 2 | 1 | 2 |" in lines and "| all | paper | 2 | 0 | 0 |" in lines
     # They agree on 3 of 4; by chance on (2/4 x 1/4) + (2/4 x 3/4) = 1/2.
-    assert lines[-1] == "The two agree on 75 % of 4 pictures, Cohen's kappa 0.50."
+    assert lines[-1] == "The two agree on 75 % of 4 images, Cohen's kappa 0.50."

@@ -11,10 +11,11 @@ from typing import Any, Literal
 
 import pytest
 
-from s2a import cli, config, usage
+from s2a import aliases, cli, config, usage
 from s2a.cli import COMMANDS
 from s2a.commands import train
 from s2a.errors import InputError
+from s2a.tasks.open_part.mdp import REWARDS
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,9 @@ def test_overrides_reach_nested_values_and_options_of_groups():
 def test_the_help_tells_what_each_reward_term_and_each_number_of_the_task_is(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["train", "--help"]) == 0
     text = capsys.readouterr().out
-    assert "reward=...  one of: close_part, handle, led, paper" in text and "sim=...  one of: paper, planner" in text
+    assert (
+        "reward=...  one of: close_part, grasped, handle, paper" in text and "sim=...  one of: paper, planner" in text
+    )
     for key, words in (
         ("reward.distance=1.5", "1 / (1 + d"),
         ("task.termination_opening=0.39", "ends the episode"),
@@ -195,4 +198,27 @@ def test_numbers_that_the_tree_says_twice_are_equal():
     assert [sim["dt"] for sim in sims] == 2 * [certify["certify"]["physics"]["dt"]]
     assert (base["approach"], base["opening"]) == (planner["approach"], planner["opening"])
     assert certify["certify"]["grip"]["approach"] == planner["approach"]
-    assert prepare["prepare"]["decimate"]["shell_labels"] == prepare["prepare"]["room"]["shell_labels"]
+    assert prepare["prepare"]["decimate"]["structure_labels"] == prepare["prepare"]["room"]["structure_labels"]
+
+
+@pytest.mark.parametrize(
+    ("command", "old", "now"),
+    [
+        ("train", "sim.room=false", "key 'sim.room' is now 'sim.load_static_colliders'"),
+        ("train", "policy.steps=9", "key 'policy.steps' is now 'ppo.num_steps_per_env'"),
+        ("train", "reward=led", "key 'reward' is 'led'; that option is now 'grasped'"),
+        ("insert", "placement.settle.touch=1", "is now 'placement.drop_test.contact_distance'"),
+        ("certify", "certify.motion.settle=1", "is now 'certify.motion.rest_displacement'"),
+        ("prepare", "prepare.free.mass.lowest=1", "is now 'prepare.free.mass.min_estimate'"),
+    ],
+)
+def test_an_old_key_names_its_present_one(command: str, old: str, now: str) -> None:
+    with pytest.raises(InputError, match=re.escape(now)):
+        config.compose(command, [old])
+
+
+def test_every_renamed_key_exists() -> None:
+    values = [config.compose(command) for command in COMMANDS]
+    known = {segment for value in values for key in config.keys(value) for segment in key.split(".")}
+    terms = {function.key for function in REWARDS}
+    assert set(aliases.RENAMED.values()) <= known | terms

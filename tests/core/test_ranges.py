@@ -26,7 +26,7 @@ IMPOSSIBLE = {
         *((f"prepare.base.{name}", "[]", "a list of one or more") for name in ("sides", "turns", "pedestals")),
         ("prepare.base.ik_seeds", "0", "1 or more"),
         ("prepare.base.query_radius", "-1.0", "a number above 0"),
-        ("prepare.decimate.shell", "0.0", "a number above 0, up to 1"),
+        ("prepare.decimate.structure", "0.0", "a number above 0, up to 1"),
         ("prepare.decimate.other", "1.5", "a number above 0, up to 1"),
         ("prepare.decimate.max_error", "0.0", "a number above 0"),
         ("prepare.room.part_hulls", "0", "1 or more"),
@@ -38,7 +38,7 @@ IMPOSSIBLE = {
         ("certify.physics.dt", "0.0", "a number above 0"),
         ("certify.grip.depths", "[]", "a list of one or more"),
         ("certify.motion.poses", "0", "1 or more"),
-        ("certify.gap.free", "90.0", "a number from 0 to 1"),
+        ("certify.gap.min_free_fraction", "90.0", "a number from 0 to 1"),
     ],
     "train": [
         ("num_envs", "0", "1 or more"),

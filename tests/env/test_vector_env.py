@@ -92,7 +92,7 @@ def test_what_is_returned_is_not_overwritten_by_the_next_step(room: Path) -> Non
 
 
 def test_rsl_rl_trains_in_it(room: Path, tmp_path: Path) -> None:
-    env = make("open_part", room, num_envs=4, device="cpu", overrides=("reward=led",))
+    env = make("open_part", room, num_envs=4, device="cpu", overrides=("reward=grasped",))
     small = {"num_steps_per_env": 4, "iterations": 2, "num_mini_batches": 2, "hidden_dims": [8]}
     report = train(env.worlds, load(PpoConfig, "ppo/default", **small), tmp_path / "run")
     assert report["env_steps"] == 2 * 4 * 4 and (tmp_path / "run/model_1.pt").is_file()

@@ -8,8 +8,8 @@ import trimesh
 from closeness import surface_distance
 
 from s2a.geometry import convex, mesh_ops, planes
-from s2a.geometry.handles.finger_gap import share_inside
-from s2a.geometry.simplify import decimate, is_shell
+from s2a.geometry.handles.finger_gap import fraction_inside
+from s2a.geometry.simplify import decimate, is_structure
 from s2a.scene import Mesh
 
 
@@ -59,8 +59,8 @@ def test_decimation_reaches_its_ratio_and_stays_near_the_surface(ratio: float) -
 
 def test_a_wall_cabinet_is_no_wall() -> None:
     labels = ("wall", "floor", "ceiling")
-    assert is_shell("wall", labels) and is_shell("Office_Floor", labels)
-    assert not any(is_shell(label, labels) for label in ("wall cabinet", "floor lamp", "whiteboard", ""))
+    assert is_structure("wall", labels) and is_structure("Office_Floor", labels)
+    assert not any(is_structure(label, labels) for label in ("wall cabinet", "floor lamp", "whiteboard", ""))
 
 
 def test_a_rough_wall_becomes_one_box_behind_its_surface() -> None:
@@ -78,8 +78,8 @@ def test_a_door_opening_stays_open() -> None:
     wall = mesh_ops.keep(wall, (np.abs(middle[:, 0] - 1.5) > 0.5) | (middle[:, 2] > 1.8))
     (plane,) = planes.find_planes(wall, 0.02, min_area=0.05, count=4)
     boxes = planes.slabs(wall, plane, 0.05, closing=3, thickness=0.02, count=8)
-    assert share_inside(boxes, np.array([[x, 2.01, z] for x in (1.1, 1.5, 1.9) for z in (0.3, 1.0, 1.6)])) == 0.0
-    assert share_inside(boxes, np.array([[x, 2.01, z] for x in (0.3, 2.7) for z in (0.3, 1.0, 1.6)])) == 1.0
+    assert fraction_inside(boxes, np.array([[x, 2.01, z] for x in (1.1, 1.5, 1.9) for z in (0.3, 1.0, 1.6)])) == 0.0
+    assert fraction_inside(boxes, np.array([[x, 2.01, z] for x in (0.3, 2.7) for z in (0.3, 1.0, 1.6)])) == 1.0
 
 
 def test_a_floor_in_a_turned_room_becomes_one_box() -> None:

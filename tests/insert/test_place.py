@@ -104,7 +104,7 @@ def test_nothing_is_put_where_a_drawer_slides() -> None:
     still = Scene("room", {i: replace(part, motion="fixed") for i, part in scene.parts.items()})
     blind = put(still, bin_, "floor_1")
     low, high = np.array([-1.0, -1.0, 0.0]), np.array([2.0, 1.0, 1.0])
-    volumes = [volume.piece for volume in reaching_into(swept_volumes(scene), low, high, scene)]
+    volumes = [volume.hull for volume in reaching_into(swept_volumes(scene), low, high, scene)]
     assert not any(inside(volume, pose.moved(bin_).vertices).any() for volume in volumes)
     assert pose.moved(bin_).bounds[0, 0] > 0.59
     # Without the drawer the freest place is in the middle, in its way.

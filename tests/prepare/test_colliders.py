@@ -8,11 +8,11 @@ import trimesh
 from closeness import surface_distance
 
 from s2a.geometry.handles.bar import bar_depth, bar_profile
-from s2a.geometry.handles.bar_hulls import bar_pieces
-from s2a.geometry.handles.finger_gap import FingerSpace, share_inside
-from s2a.geometry.handles.knob import knob_pieces
-from s2a.geometry.handles.panel import part_ways
-from s2a.geometry.handles.sheet import hidden_wall, sheet_opening, shell_pieces
+from s2a.geometry.handles.bar_hulls import bar_hulls
+from s2a.geometry.handles.finger_gap import FingerSpace, fraction_inside
+from s2a.geometry.handles.knob import knob_hulls
+from s2a.geometry.handles.panel import reassign_border
+from s2a.geometry.handles.sheet import hidden_wall, sheet_hulls, sheet_opening
 from s2a.geometry.mesh_ops import keep, merge, normals, sample
 from s2a.prepare.colliders.target import Handle, flatten
 from s2a.scene import Mesh
@@ -52,7 +52,7 @@ def skirt(first: float, last: float) -> Mesh:
 def pieces_of(region: Mesh) -> list[Mesh]:
     profile = bar_profile(region, FRAME, 24)
     assert profile is not None
-    found = bar_pieces(region, FRAME, profile, 0.0)
+    found = bar_hulls(region, FRAME, profile, 0.0)
     assert found is not None
     return found
 
@@ -72,20 +72,20 @@ def test_a_bar_is_as_deep_as_its_sides_and_lies_within_half_a_millimetre_of_its_
 
 def test_posts_at_the_ends_stand_and_the_gap_between_them_is_free() -> None:
     pieces = pieces_of(bar(-0.074, 0.074))
-    assert share_inside(pieces, behind(-0.079, -0.069)) > 0.95
-    assert share_inside(pieces, behind(0.069, 0.079)) > 0.95
-    assert share_inside(pieces, behind(-0.06, 0.06)) == 0.0
+    assert fraction_inside(pieces, behind(-0.079, -0.069)) > 0.95
+    assert fraction_inside(pieces, behind(0.069, 0.079)) > 0.95
+    assert fraction_inside(pieces, behind(-0.06, 0.06)) == 0.0
 
 
 def test_a_single_post_in_the_middle_stands() -> None:
     pieces = pieces_of(bar(0.0))
-    assert share_inside(pieces, behind(-0.005, 0.005)) > 0.95
-    assert share_inside(pieces, np.concatenate([behind(-0.078, -0.012), behind(0.012, 0.078)])) == 0.0
+    assert fraction_inside(pieces, behind(-0.005, 0.005)) > 0.95
+    assert fraction_inside(pieces, np.concatenate([behind(-0.078, -0.012), behind(0.012, 0.078)])) == 0.0
 
 
 def test_a_skirt_behind_a_bar_is_carved() -> None:
     pieces = pieces_of(merge([bar(-0.074, 0.074), skirt(-0.06, 0.06)]))
-    assert share_inside(pieces, behind(-0.035, 0.035)) == 0.0
+    assert fraction_inside(pieces, behind(-0.035, 0.035)) == 0.0
 
 
 def test_a_bar_is_as_deep_as_the_side_that_does_not_flare_out() -> None:
@@ -111,14 +111,14 @@ def test_a_levers_neck_stands_on_its_plate_as_thick_as_it_is_seen_from_one_side(
     region = merge([bar(), keep(seen(neck), normals(seen(neck))[:, 2] > -0.5)])
     profile = bar_profile(region, FRAME, 24)
     assert profile is not None
-    pieces = bar_pieces(region, FRAME, profile, 0.0, -plate)
+    pieces = bar_hulls(region, FRAME, profile, 0.0, -plate)
     assert pieces is not None
     inside = np.random.default_rng(0).uniform(
         [plate + 0.001, -0.078, -0.0048], [GAP - 0.002, -0.067, 0.0048], (2000, 3)
     )
     beside = inside * [1, 1, 0] + [0, 0, 0.0062]
-    assert share_inside(pieces, inside) > 0.95
-    assert share_inside(pieces, beside) == share_inside(pieces, beside * [1, 1, -1]) == 0.0
+    assert fraction_inside(pieces, inside) > 0.95
+    assert fraction_inside(pieces, beside) == fraction_inside(pieces, beside * [1, 1, -1]) == 0.0
 
 
 def knob(sides: int = 64) -> Mesh:
@@ -132,12 +132,12 @@ def knob(sides: int = 64) -> Mesh:
 
 
 def test_a_knob_lies_within_half_a_millimetre_of_its_pieces_with_a_free_neck() -> None:
-    pieces = knob_pieces(knob(), FRAME, 0.0)
+    pieces = knob_hulls(knob(), FRAME, 0.0)
     assert pieces is not None and len(pieces) <= 8
     touched = sample(knob(), 2000, 0)
     assert surface_distance(pieces, touched[touched[:, 0] > 0.016]).mean() < 0.0005
     neck = np.random.default_rng(0).uniform([0.002, 0.0095, -0.002], [0.011, 0.014, 0.002], (1000, 3))
-    assert share_inside(pieces, neck) == 0.0
+    assert fraction_inside(pieces, neck) == 0.0
 
 
 def test_a_skirt_on_one_side_of_a_knob_is_no_knob() -> None:
@@ -145,14 +145,14 @@ def test_a_skirt_on_one_side_of_a_knob_is_no_knob() -> None:
         [[0.026, -0.008, -0.013], [0.026, 0.008, -0.013], [0.0, 0.008, -0.03], [0.0, -0.008, -0.03]],
         [[0, 2, 1], [0, 3, 2]],
     ).subdivide_to_size(0.004)
-    pieces = knob_pieces(merge([knob(), Mesh(hanging.vertices, hanging.faces)]), FRAME, 0.0)
+    pieces = knob_hulls(merge([knob(), Mesh(hanging.vertices, hanging.faces)]), FRAME, 0.0)
     assert pieces is not None
     below = np.random.default_rng(0).uniform([0.002, -0.005, -0.03], [0.026, 0.005, -0.017], (1000, 3))
-    assert share_inside(pieces, below) < 0.01
+    assert fraction_inside(pieces, below) < 0.01
 
 
 def test_a_square_handle_is_no_knob() -> None:
-    assert knob_pieces(seen(block((0, -0.04, -0.01), (0.028, 0.04, 0.01))), FRAME, 0.0) is None
+    assert knob_hulls(seen(block((0, -0.04, -0.01), (0.028, 0.04, 0.01))), FRAME, 0.0) is None
 
 
 def outside(piece: object) -> Mesh:
@@ -166,9 +166,9 @@ def test_a_cup_is_a_sheet_that_is_open_below_and_empty_inside() -> None:
     region = outside(cup(0.1, 0.04, 0.028))
     opening = sheet_opening(region, FRAME, PLANE, block((-0.02, -0.3, -0.1), (0.0, 0.3, 0.1)))
     assert opening == pytest.approx([0.0, 0.0, -1.0], abs=1e-6)
-    pieces = shell_pieces(region, FRAME, opening, 12, 32)
+    pieces = sheet_hulls(region, FRAME, opening, 12, 32)
     inside = np.random.default_rng(0).uniform([0.004, -0.02, -0.037], [0.014, 0.02, -0.028], (2000, 3))
-    assert share_inside(pieces, inside) == 0.0
+    assert fraction_inside(pieces, inside) == 0.0
     assert surface_distance(pieces, sample(region, 1000, 0)).mean() < 0.001
 
 
@@ -176,9 +176,9 @@ def test_an_edge_pull_is_a_sheet_that_is_open_towards_its_front() -> None:
     region = outside(edge(0.3))
     opening = sheet_opening(region, FRAME, PLANE, block((-0.02, -0.3, -0.2), (0.0, 0.3, 0.0)))
     assert opening == pytest.approx([0.0, 0.0, -1.0], abs=1e-6)
-    pieces = shell_pieces(region, FRAME, opening, 12, 32)
+    pieces = sheet_hulls(region, FRAME, opening, 12, 32)
     inside = np.random.default_rng(0).uniform([0.002, -0.14, -0.013], [0.014, 0.14, -0.004], (2000, 3))
-    assert share_inside(pieces, inside) < 0.05
+    assert fraction_inside(pieces, inside) < 0.05
 
 
 def test_an_edge_pull_whose_wall_no_scanner_saw_is_fixed_to_its_front() -> None:
@@ -209,6 +209,6 @@ def test_what_the_front_has_in_the_fingers_way_is_cut_off_at_its_plane() -> None
 def test_a_cup_that_is_sunk_into_its_front_stays_the_handle() -> None:
     front = block((-0.001, -0.2, -0.1), (0.0, 0.2, 0.1))
     cup_behind, bar_before = block((-0.03, -0.05, -0.02), (-0.002, 0.05, 0.02)), bar(0.0)
-    assert part_ways(front, cup_behind, FRAME, PLANE) == (front, cup_behind)
-    kept, handle = part_ways(front, bar_before, FRAME, PLANE)
+    assert reassign_border(front, cup_behind, FRAME, PLANE) == (front, cup_behind)
+    kept, handle = reassign_border(front, bar_before, FRAME, PLANE)
     assert kept == front and 0 < len(handle.faces) < len(bar_before.faces)  # the post's foot is flush with the front

@@ -12,7 +12,7 @@ from only_part import cabinet
 from scipy.spatial.transform import Rotation
 from settings import load
 
-from s2a.geometry.handles.finger_gap import share_inside
+from s2a.geometry.handles.finger_gap import fraction_inside
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.grasp import find_grasp
 from s2a.scene import Joint, Mesh, Part, Scene
@@ -99,4 +99,4 @@ def test_furniture_that_bulges_by_millimetres_before_the_front_leaves_the_finger
     ready = prepare(scene, "drawer_7", replace(settings, cabinet=furniture, room=around))
     low, high = [front + 0.0021, -0.009, point[2] + 0.014], [front + 0.02, 0.009, point[2] + 0.029]
     way = np.random.default_rng(0).uniform(low, high, (2000, 3))
-    assert share_inside([collider.mesh for collider in cabinet(ready).colliders], way) == 0.0
+    assert fraction_inside([collider.mesh for collider in cabinet(ready).colliders], way) == 0.0

@@ -32,7 +32,7 @@ def test_the_box_is_as_deep_as_the_drawer_opens_and_open_at_the_top() -> None:
     assert back.bounds[1, 0] < low[0] + 0.01
 
 
-def test_the_box_ends_inside_the_carcass() -> None:
+def test_the_box_ends_inside_the_cabinet() -> None:
     room = clean_cabinet_room()
     drawer = room.parts["drawer_7"]
     far = Joint("prismatic", (1.0, 0.0, 0.0), drawer.motion.origin, (0.0, 2.0))

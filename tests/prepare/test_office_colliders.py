@@ -10,7 +10,7 @@ import pytest
 from closeness import gap_points, surface_distance
 from settings import load
 
-from s2a.geometry.handles.finger_gap import share_inside
+from s2a.geometry.handles.finger_gap import fraction_inside
 from s2a.geometry.mesh_ops import merge, sample
 from s2a.prepare import PrepareConfig
 from s2a.prepare.colliders.target import find_handle, target_colliders
@@ -38,7 +38,7 @@ def test_the_true_finger_gap_is_free_though_the_scan_closed_part_of_it(
     # The truth is asked about the grasp that was found in the scan.
     space = find_handle(find_target(truth, target, grasp=_grasped(truth, target, found.grasp)))[0].space
     assert space.behind is not None
-    assert space.boxes and share_inside([collider.mesh for collider in colliders], gap_points(space)) <= 0.01
+    assert space.boxes and fraction_inside([collider.mesh for collider in colliders], gap_points(space)) <= 0.01
     assert len(colliders) <= 32
 
 

@@ -18,7 +18,7 @@ from settings import load
 from s2a import robot
 from s2a.errors import InputError
 from s2a.geometry.convex import box, column, overlap
-from s2a.geometry.handles.finger_gap import share_inside
+from s2a.geometry.handles.finger_gap import fraction_inside
 from s2a.geometry.mesh_ops import keep, sample
 from s2a.geometry.sweep import sweep
 from s2a.prepare import PrepareConfig, prepare
@@ -61,19 +61,19 @@ def behind_the_bar() -> np.ndarray:
 @pytest.mark.parametrize("seed", range(3))
 def test_fingers_fit_behind_a_scanned_handle(seed: int) -> None:
     pieces = [collider.mesh for collider in moving(scanned(seed)).colliders]
-    assert share_inside(pieces, behind_the_bar()) <= 0.01
+    assert fraction_inside(pieces, behind_the_bar()) <= 0.01
     assert len(pieces) <= 32
 
 
 def test_a_gap_that_the_scan_closed_with_a_skin_is_opened() -> None:
     pieces = [collider.mesh for collider in moving(scanned(web=1.0)).colliders]
-    assert share_inside(pieces, behind_the_bar()) <= 0.01
+    assert fraction_inside(pieces, behind_the_bar()) <= 0.01
 
 
 def test_one_hull_swallows_the_gap() -> None:
     pieces = [collider.mesh for collider in moving(scanned(method="one_hull")).colliders]
     assert len(pieces) == 1
-    assert share_inside(pieces, behind_the_bar()) > 0.9
+    assert fraction_inside(pieces, behind_the_bar()) > 0.9
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -86,7 +86,7 @@ def test_a_scanned_handle_lies_within_a_millimetre_of_its_pieces_on_average(seed
 def test_the_front_is_solid_where_the_handle_hid_it() -> None:
     front = [collider.mesh for collider in moving(scanned()).colliders if collider.part == "drawer_7"]
     inside = np.array([[-0.01, y, BAR_HEIGHT + z] for y in (-0.3, 0.0, 0.3) for z in (-0.05, 0.0, 0.05)])
-    assert share_inside(front, inside) == 1.0
+    assert fraction_inside(front, inside) == 1.0
 
 
 def test_pieces_have_few_vertices_and_a_volume() -> None:
@@ -150,7 +150,7 @@ def test_a_table_in_the_way_of_an_opening_drawer_is_cut_off_not_forgotten() -> N
     assert all(overlap(piece, way) < 5e-4 for piece in kept for way in ways)
 
 
-def test_the_other_drawers_and_doors_are_frozen_into_the_carcass() -> None:
+def test_the_other_drawers_and_doors_are_frozen_into_the_cabinet() -> None:
     scene = prepared("drawer_7")
     assert cabinet(scene).id == "cabinet_3"
     frozen = {"cabinet_3", "drawer_8", "handle_12", "door_5", "knob_15", "door_6", "knob_16"}
@@ -160,12 +160,12 @@ def test_the_other_drawers_and_doors_are_frozen_into_the_carcass() -> None:
     assert len(cabinet(scene).visual.faces) == sum(len(parts[i].mesh.faces) for i in frozen)
 
 
-def test_the_hand_reaches_the_handle_past_the_carcass() -> None:
+def test_the_hand_reaches_the_handle_past_the_cabinet() -> None:
     scene = prepared("drawer_7")
     way = np.array(part(scene).grasp.point) + np.random.default_rng(0).uniform(
         [0, -0.1, -0.05], [0.2, 0.1, 0.05], (2000, 3)
     )
-    assert share_inside([collider.mesh for collider in cabinet(scene).colliders], way) == 0.0
+    assert fraction_inside([collider.mesh for collider in cabinet(scene).colliders], way) == 0.0
 
 
 def test_what_hangs_before_the_handle_is_cut_back_from_the_hands_way() -> None:
@@ -179,7 +179,7 @@ def test_what_hangs_before_the_handle_is_cut_back_from_the_hands_way() -> None:
     assert cut.mesh.bounds == pytest.approx(np.array([[0.36, -0.3, 0.81], [0.5, 0.3, 0.9]]), abs=1e-3)
 
 
-def test_a_target_without_a_carcass_moves_against_an_empty_anchor() -> None:
+def test_a_target_without_a_cabinet_moves_against_an_empty_anchor() -> None:
     parts = dict(clean_cabinet_room().parts)
     parts["drawer_7"] = Part("drawer", parts["drawer_7"].mesh, None, parts["drawer_7"].motion)
     scene = prepare(Scene("lone", parts), "drawer_7", config())

@@ -74,8 +74,8 @@ def along(edges: np.ndarray) -> np.ndarray:
 def test_the_shares_are_reached_within_one_percent() -> None:
     faces = 2 * SIDE**2
     found = {r.group: r for r in decimated().reductions}
-    assert found["shell"].before == faces and found["other"].before == 2 * faces
-    assert found["shell"].after == pytest.approx(0.1 * faces, rel=0.01)
+    assert found["structure"].before == faces and found["other"].before == 2 * faces
+    assert found["structure"].after == pytest.approx(0.1 * faces, rel=0.01)
     assert found["other"].after == pytest.approx(0.3 * 2 * faces, rel=0.01)
     assert all(r.reached for r in found.values())
     assert len(decimated().mesh.faces) == sum(r.after for r in found.values())
@@ -162,12 +162,12 @@ def test_what_would_vanish_stays_as_it_is() -> None:
 
 def test_the_stated_error_is_that_of_the_surfaces() -> None:
     found, whole = decimated(), decimated("none")
-    shell = next(r for r in found.reductions if r.group == "shell")
+    structure = next(r for r in found.reductions if r.group == "structure")
     floors = [Mesh(m.mesh.vertices, m.mesh.faces[m.face_part == 0]) for m in (whole, found)]
     again = deviation(*floors, 50000, seed=1)
-    assert shell.mean == pytest.approx(again.mean, rel=0.05)
-    assert shell.p99 == pytest.approx(again.p99, rel=0.05)
-    assert 0.0 < shell.mean < shell.p99 < shell.max < 0.01
+    assert structure.mean == pytest.approx(again.mean, rel=0.05)
+    assert structure.p99 == pytest.approx(again.p99, rel=0.05)
+    assert 0.0 < structure.mean < structure.p99 < structure.max < 0.01
 
 
 def test_no_decimation_changes_nothing() -> None:
@@ -195,9 +195,13 @@ def test_what_the_robot_moves_keeps_every_face_and_the_stage_says_what_the_room_
     sim_stage.write(scene, tmp_path / "sim.usda")
     stage = Usd.Stage.Open(str(tmp_path / "sim.usda"))
     static = stage.GetPrimAtPath("/scene/static")
-    shell = next(r for r in scene.reductions if r.group == "shell")
-    assert static.GetAttribute("s2a:shell:facesAfter").Get() == shell.after
-    assert static.GetAttribute("s2a:shell:errorP99").Get() == shell.p99
+    structure = next(r for r in scene.reductions if r.group == "structure")
+    assert static.GetAttribute("s2a:structure:facesAfter").Get() == structure.after
+    assert static.GetAttribute("s2a:structure:errorP99").Get() == structure.p99
+    assert sim_stage.read(tmp_path / "sim.usda").reductions == scene.reductions
+    older = (tmp_path / "sim.usda").read_text().replace("s2a:structure:", "s2a:shell:")
+    (tmp_path / "older.usda").write_text(older)
+    assert sim_stage.read(tmp_path / "older.usda", visuals=False).reductions == scene.reductions
     visual = stage.GetPrimAtPath("/scene/static/visual")
     part = UsdGeom.PrimvarsAPI(visual).GetPrimvar("s2a:part").Get()
     names = [visual.GetAttribute("s2a:parts").Get()[k] for k in part]

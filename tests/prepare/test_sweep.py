@@ -53,13 +53,15 @@ def prepared() -> SimRoom:
 def weigh(part: Part) -> tuple[float, str]:
     settings: MassConfig = load(PrepareConfig, "prepare/handle").mass
     return moving_mass(
-        Scene("one", {"part_1": part}), ("part_1",), replace(settings, density=200.0, lowest=1.0, highest=10.0)
+        Scene("one", {"part_1": part}),
+        ("part_1",),
+        replace(settings, density=200.0, min_estimate=1.0, max_estimate=10.0),
     )
 
 
 def test_bounds_of_the_mass_that_leave_none_are_refused() -> None:
-    keys = ["prepare.free.mass.lowest=30", "stage=a", "targets=b", "out=c"]
-    with pytest.raises(InputError, match="'mass.lowest' is 30, more than 'mass.highest', 20; give less"):
+    keys = ["prepare.free.mass.min_estimate=30", "stage=a", "targets=b", "out=c"]
+    with pytest.raises(InputError, match="'mass.min_estimate' is 30; expected 20 or less, as mass.max_estimate"):
         configuration.load(verb.Config, configuration.compose("prepare", keys))
 
 

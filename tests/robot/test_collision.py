@@ -66,4 +66,4 @@ def test_the_gripper_of_the_panda_fits_into_its_boxes() -> None:
     ends = shape.gripper[:, 2] + shape.gripper_radii
     assert ends.max() == pytest.approx(gripper.tip_ahead, abs=FINGER_BULGE + 0.002)
     widths = np.abs(shape.gripper[:, 1]) + shape.gripper_radii
-    assert widths.max() == pytest.approx(gripper.palm_box[1] / 2, abs=BULGE + 0.002)
+    assert widths.max() == pytest.approx(gripper.body_box[1] / 2, abs=BULGE + 0.002)

@@ -20,7 +20,7 @@ def test_every_robot_is_complete_and_plausible(name: str) -> None:
     assert gripper.max_opening == pytest.approx(2 * gripper.finger_joint_open)
     assert 0.0 < gripper.finger_joint_home <= gripper.finger_joint_open
     assert min(*spec.limits.velocity, *spec.limits.acceleration, *spec.limits.torque) > 0.0
-    assert gripper.palm_behind > 0.0 and max(spec.base.distances) < spec.base.reach
+    assert gripper.body_behind > 0.0 and max(spec.base.distances) < spec.base.reach
     assert all(abs(q) < 2 * math.pi for q in spec.home)
 
 

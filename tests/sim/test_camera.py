@@ -34,9 +34,9 @@ def test_a_picture_changes_where_the_drawer_moved(tmp_path: Path) -> None:
     stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
     start = robot.load(stage.robot).start
     camera = Camera(stage, replace(load(CameraConfig, "camera/default"), width=96, height=64))
-    closed, opened = (camera.picture(torch.tensor([*start, q])) for q in (0.0, TRAVEL))
+    closed, opened = (camera.image(torch.tensor([*start, q])) for q in (0.0, TRAVEL))
     assert closed.shape == (64, 96, 3)
-    assert np.array_equal(closed, camera.picture(torch.tensor([*start, 0.0])))
+    assert np.array_equal(closed, camera.image(torch.tensor([*start, 0.0])))
     changed = (closed != opened).any(axis=2).mean()
     assert 0.005 < changed < 0.5
 

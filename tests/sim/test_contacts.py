@@ -156,7 +156,7 @@ def test_a_grip_is_felt_on_the_region_and_pulls_the_drawer_as_mujoco_says(stage:
 def test_every_physics_step_is_felt_where_the_part_was_and_the_largest_force_is_kept(stage: SimStage) -> None:
     env = make_env(stage, sim="sim/planner")
     planner, felt, kept = gripping(env), [], env.sim.after_substep
-    touch = wp.to_torch(env.task.handles.p.touch)
+    touch = wp.to_torch(env.task.handles.p.region_force)
 
     def watch() -> None:
         kept()

@@ -36,7 +36,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def world(path: Path, part: str, *also: str, static: bool = True) -> newton.ModelBuilder:
-    return build_world(read_stage(path, part, also=also), FREE, 1 / 240, room=static)
+    return build_world(read_stage(path, part, also=also), FREE, 1 / 240, static_colliders=static)
 
 
 def ends(labels: list[str]) -> list[str]:

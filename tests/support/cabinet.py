@@ -41,8 +41,8 @@ def write_cabinet(
     `beside` are convex hulls of the room besides floor and wall, `joint` moves the drawer instead of its slide, `free` are
     objects that lie about, `attached` are further hulls of the drawer.
     """
-    carcass = [box((0.0, y, 0.4), (0.305, 0.0095, 0.381)) for y in (-0.3715, 0.3715)]
-    carcass += [box((-0.2955, 0.0, 0.4), (0.0095, 0.36, 0.381)), box((0.0, 0.0, 0.795), (0.305, 0.381, 0.007))]
+    boards = [box((0.0, y, 0.4), (0.305, 0.0095, 0.381)) for y in (-0.3715, 0.3715)]
+    boards += [box((-0.2955, 0.0, 0.4), (0.0095, 0.36, 0.381)), box((0.0, 0.0, 0.795), (0.305, 0.381, 0.007))]
     bar = box(tuple(HANDLE), (0.0071, 0.084, 0.0119))
     posts = [box((0.3345, y, HANDLE[2]), (0.0115, 0.0175, 0.0119)) for y in (-0.0665, 0.0665)]
     front = box((0.31515, 0.0, 0.7172), (0.0095, 0.3594, 0.0619))
@@ -53,7 +53,7 @@ def write_cabinet(
     room = SimRoom(
         name="test",
         bodies={
-            "cabinet_1": _body("cabinet_1", carcass, 60.0, (120, 90, 60)),
+            "cabinet_1": _body("cabinet_1", boards, 60.0, (120, 90, 60)),
             "drawer_2": _body("drawer_2", [bar, *posts, front, *attached], 5.32, (200, 20, 20)),
         },
         articulations={

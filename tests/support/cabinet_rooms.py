@@ -25,7 +25,7 @@ def clean_cabinet_room(yaw: float = 0.0) -> Scene:
             "wall", turn, [box((-0.37, -0.33), (-2, 2), (0, 2.5)), box((-0.37, 2.5), (-2.04, -2), (0, 2.5))]
         ),
         "floor_2": _part("floor", turn, [box((-0.37, 2.5), (-2, 2), (-0.05, 0))]),
-        "cabinet_3": _part("cabinet", turn, _shifted(_carcass())),
+        "cabinet_3": _part("cabinet", turn, _shifted(_cabinet_body())),
         "table_4": _part("table", turn, [box((0.2, 0.9), (0.8, 1.6), (0.70, 0.74)), *_legs()], color=(150, 100, 60)),
     }
     for number, height in ((7, 0.3172), (8, 0.18795)):
@@ -61,7 +61,7 @@ def _shifted(solids: list[trimesh.Trimesh], height: float = 0.0) -> list[trimesh
     return [solid.copy().apply_translation([0, 0, CABINET_HEIGHT + height]) for solid in solids]
 
 
-def _carcass() -> list[trimesh.Trimesh]:
+def _cabinet_body() -> list[trimesh.Trimesh]:
     return [
         box((-0.305, -0.286), (-0.381, 0.381), (-0.381, 0.381)),
         box((-0.305, 0.305), (0.362, 0.381), (-0.381, 0.381)),

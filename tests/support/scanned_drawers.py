@@ -24,7 +24,7 @@ VOXEL = 0.003
 def scanned_drawer(
     seed: int = 0, noise: float = 0.001, height: float = 0.73, yaw: float = 0.0, web: float = 0.0
 ) -> Scene:
-    """Return a room of a drawer cabinet (front and handle of drawer_7, no carcass surface) as scanned.
+    """Return a room of a drawer cabinet (front and handle of drawer_7, no cabinet surface) as scanned.
 
     Args:
         seed: of the noise.

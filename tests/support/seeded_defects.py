@@ -41,7 +41,7 @@ def missing_root(stage: Usd.Stage) -> None:
     stage.GetPrimAtPath(CARCASS).RemoveAPI(UsdPhysics.ArticulationRootAPI)
 
 
-def carcass_not_fixed(stage: Usd.Stage) -> None:
+def cabinet_not_fixed(stage: Usd.Stage) -> None:
     stage.RemovePrim("/scene/joints/cabinet_1")
 
 
@@ -212,7 +212,7 @@ STATIC_DEFECTS = {
     wrong_units: "units", external_reference: "self_contained", payload: "self_contained", instance: "self_contained",
     no_rigid_body: "target", renamed_part: "target", far_frame: "bodies", nested_body: "bodies", left_over_anchor: "bodies",
     mirrored_body: "bodies",
-    missing_root: "root_joint", carcass_not_fixed: "root_joint", stale_anchor: "target_joint",
+    missing_root: "root_joint", cabinet_not_fixed: "root_joint", stale_anchor: "target_joint",
     detached_joint: "target_joint", second_joint: "target_joint", limits_in_centimetres: "joint_limits",
     limits_without_zero: "joint_limits", one_flipped_limit: "joint_limits", limits_in_degrees: "joint_limits",
     mirrored_frame: "joint_frames", axis_disagrees: "joint_frames", origin_disagrees: "joint_frames",

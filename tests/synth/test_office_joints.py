@@ -54,7 +54,7 @@ def check_frames(joint: Joint, sim: Simulation) -> None:
 
 def play(joint: Joint, sim: Simulation) -> Play:
     """Push the part to both limits and let it meet the upper one."""
-    force, lever = wp.to_torch(sim.control.joint_f), sim.stage.lever
+    force, lever = wp.to_torch(sim.control.joint_f), sim.stage.lever_arm
     rest = {}
     for sign in (-1.0, 1.0):
         force[0] = sign * PUSH * lever

@@ -12,12 +12,14 @@ from s2a.geometry.mesh_ops import normals, sample_with_faces
 from s2a.geometry.mesh_query import NoiseConfig, cast_panorama, nearest_faces, pixel_tangents, ray_mesh
 from s2a.scene import Mesh
 from s2a.synth.pixel_planes import View, measure
-from s2a.synth.project_to_scan import snap
+from s2a.synth.project_to_scan import project_to_scan
 from s2a.synth.solids import box, join, rotation, translation
 from s2a.synth.surface_nets import Net, extract
 from s2a.synth.tsdf import FusionConfig, fuse
 
-EXACT = NoiseConfig(white=0.0, correlated=0.0, correlation=0.1, registration=0.0, grazing=0.0, blind=np.pi / 2)
+EXACT = NoiseConfig(
+    white=0.0, correlated=0.0, correlation=0.1, registration=0.0, grazing_cutoff=0.0, tripod_blind_cone=np.pi / 2
+)
 FUSION = FusionConfig(voxel=0.02, truncation=3.0, reach=1.3, depth=9.0)
 GREY = (200, 200, 200)
 SPACING = 0.008
@@ -81,7 +83,12 @@ def test_a_closed_room_gives_a_closed_surface(net: Net) -> None:
 
 def test_the_noise_has_the_stated_size() -> None:
     noise = NoiseConfig(
-        white=0.0005, correlated=0.0012, correlation=0.05, registration=0.0, grazing=0.0, blind=np.pi / 2
+        white=0.0005,
+        correlated=0.0012,
+        correlation=0.05,
+        registration=0.0,
+        grazing_cutoff=0.0,
+        tripod_blind_cone=np.pi / 2,
     )
     error = panorama(0.0, (0.0, 0.0, 0.0), noise) - panorama(0.0, (0.0, 0.0, 0.0))
     assert abs(error.std() / np.hypot(0.0005, 0.0012) - 1.0) < 0.15
@@ -89,7 +96,9 @@ def test_the_noise_has_the_stated_size() -> None:
 
 
 def test_nothing_returns_from_below_the_tripod() -> None:
-    noise = NoiseConfig(white=0.0, correlated=0.0, correlation=0.1, registration=0.0, grazing=0.0, blind=np.pi / 4)
+    noise = NoiseConfig(
+        white=0.0, correlated=0.0, correlation=0.1, registration=0.0, grazing_cutoff=0.0, tripod_blind_cone=np.pi / 4
+    )
     ranges = panorama(0.0, (0.0, 0.0, 0.0), noise)
     lost = (ranges == 0.0).mean()
     assert 0.10 < lost < 0.20, "a cap of 45 degrees covers 14.6 % of the sphere"
@@ -145,18 +154,18 @@ def outward_bias(net: Net) -> float:
 
 def test_a_thin_bar_is_drawn_onto_what_was_measured(bar: tuple[Net, list[View]]) -> None:
     net, views = bar
-    before, after = outward_bias(net), outward_bias(snap(net, views, BAR / 2))
+    before, after = outward_bias(net), outward_bias(project_to_scan(net, views, BAR / 2))
     assert before < -0.0015, "nets and rays that pass beside it make it thinner"
     assert abs(after) < 0.4 * abs(before)
 
 
 def test_walls_stay_where_the_field_has_them(net: Net, views: list[View]) -> None:
-    moved = np.linalg.norm(snap(net, views, FUSION.voxel).points - net.points, axis=1)
+    moved = np.linalg.norm(project_to_scan(net, views, FUSION.voxel).points - net.points, axis=1)
     assert np.median(moved) < 0.01 * FUSION.voxel
 
 
 def test_what_nothing_was_measured_near_stays(bar: tuple[Net, list[View]]) -> None:
     net, views = bar
     blind = [replace(view, ranges=wp.zeros_like(view.ranges)) for view in views]
-    assert np.array_equal(snap(net, blind, BAR / 2).points, net.points)
-    assert not np.array_equal(snap(net, views, BAR / 2).points, net.points)
+    assert np.array_equal(project_to_scan(net, blind, BAR / 2).points, net.points)
+    assert not np.array_equal(project_to_scan(net, views, BAR / 2).points, net.points)

@@ -15,12 +15,12 @@ from pxr import Usd, UsdGeom
 from scipy.spatial import ConvexHull
 
 from s2a.commands.zoo import Config, run
-from s2a.synth.zoo import Thing, zoo
+from s2a.synth.zoo import ZooObject, zoo
 from s2a.synth.zoo.download import FLAWS, UNITS, download
 from s2a.synth.zoo.formats import WRITERS
 
-THINGS = zoo()
-NAMES = [thing.slug for thing in THINGS]
+OBJECTS = zoo()
+NAMES = [item.slug for item in OBJECTS]
 
 
 @pytest.fixture(scope="module")
@@ -59,27 +59,27 @@ def _colors(mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def test_there_are_twenty_things_in_each_of_five_categories_and_ten_rare_labels():
-    assert set(Counter(thing.category for thing in THINGS).values()) == {20}
-    assert len({thing.category for thing in THINGS}) == 5
-    assert sum(thing.rare for thing in THINGS) == 10
+    assert set(Counter(item.category for item in OBJECTS).values()) == {20}
+    assert len({item.category for item in OBJECTS}) == 5
+    assert sum(item.rare for item in OBJECTS) == 10
     assert len(set(NAMES)) == 100
 
 
-@pytest.mark.parametrize("thing", THINGS, ids=NAMES)
-def test_surfaces_are_closed_with_their_faces_outwards(thing: Thing):
-    places, index = np.unique(np.round(thing.surface.vertices, 8), axis=0, return_inverse=True)
-    faces = index.ravel()[thing.surface.faces]
+@pytest.mark.parametrize("item", OBJECTS, ids=NAMES)
+def test_surfaces_are_closed_with_their_faces_outwards(item: ZooObject):
+    places, index = np.unique(np.round(item.surface.vertices, 8), axis=0, return_inverse=True)
+    faces = index.ravel()[item.surface.faces]
     there, n = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), len(places)
     # Every edge is run along as often one way as the other; those between coinciding vertices do not count.
     there = there[there[:, 0] != there[:, 1]]
     assert np.array_equal(np.sort(there[:, 0] * n + there[:, 1]), np.sort(there[:, 1] * n + there[:, 0]))
-    a, b, c = np.moveaxis(thing.surface.vertices[thing.surface.faces], 1, 0)
+    a, b, c = np.moveaxis(item.surface.vertices[item.surface.faces], 1, 0)
     assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0
 
 
-@pytest.mark.parametrize("thing", [t for t in THINGS if t.placement == "on"], ids=lambda t: t.slug)
-def test_what_stands_has_its_centre_of_mass_above_its_feet(thing: Thing):
-    vertices = thing.surface.vertices
+@pytest.mark.parametrize("item", [t for t in OBJECTS if t.placement == "on"], ids=lambda t: t.slug)
+def test_what_stands_has_its_centre_of_mass_above_its_feet(item: ZooObject):
+    vertices = item.surface.vertices
     size = np.ptp(vertices, axis=0)
     feet = vertices[vertices[:, 2] < 1e-3 * size.max()][:, :2]
     hull = trimesh.convex.convex_hull(vertices)
@@ -109,25 +109,25 @@ def test_units_axes_formats_and_flaws_are_mixed(truth: dict):
 
 
 def test_each_file_undone_by_the_truth_is_the_upright_thing(folder: Path, truth: dict):
-    for thing in THINGS:
-        record = truth[thing.slug]
+    for item in OBJECTS:
+        record = truth[item.slug]
         vertices, _, _ = load(folder / record["object"])
         back = np.linalg.inv(record["transform"])
         upright = vertices @ back[:3, :3].T + back[:3, 3]
-        assert np.ptp(upright, axis=0) == pytest.approx(record["size"], abs=2e-5), thing.slug
-        assert upright.min(axis=0) == pytest.approx(thing.surface.vertices.min(axis=0), abs=2e-5), thing.slug
+        assert np.ptp(upright, axis=0) == pytest.approx(record["size"], abs=2e-5), item.slug
+        assert upright.min(axis=0) == pytest.approx(item.surface.vertices.min(axis=0), abs=2e-5), item.slug
         axis = "xyz".index(record["up"][1])
         assert np.ptp(vertices, axis=0)[axis] * UNITS[record["unit"]] == pytest.approx(record["size"][2], abs=2e-5)
 
 
 def test_colours_survive_in_every_format(folder: Path, truth: dict):
-    for thing in THINGS:
-        _, faces, colors = load(folder / truth[thing.slug]["object"])
-        wanted = Counter(map(tuple, thing.surface.mesh.colors[thing.surface.faces[:, 0]].tolist()))
+    for item in OBJECTS:
+        _, faces, colors = load(folder / truth[item.slug]["object"])
+        wanted = Counter(map(tuple, item.surface.mesh.colors[item.surface.faces[:, 0]].tolist()))
         found = Counter(map(tuple, np.rint(colors[faces[:, 0]]).astype(int).tolist()))
         spread = sum(abs(found[c] - wanted[c]) for c in {*found, *wanted})
         # Triangles that were turned over start at another vertex; a fin is one more.
-        assert spread <= 0.02 * len(thing.surface.faces), thing.slug
+        assert spread <= 0.02 * len(item.surface.faces), item.slug
 
 
 def test_dirty_meshes_are_as_dirty_as_the_truth_says(folder: Path, truth: dict):
@@ -146,8 +146,8 @@ def test_dirty_meshes_are_as_dirty_as_the_truth_says(folder: Path, truth: dict):
 
 
 def test_the_same_seed_gives_the_same_files_and_another_seed_others(tmp_path: Path):
-    things = THINGS[:7]
-    once, again, other = (download(things, np.random.default_rng(seed)) for seed in (0, 0, 1))
+    objects = OBJECTS[:7]
+    once, again, other = (download(objects, np.random.default_rng(seed)) for seed in (0, 0, 1))
     assert once == again
     assert once != other
     for name, (ending, write) in WRITERS.items():

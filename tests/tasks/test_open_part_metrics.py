@@ -34,7 +34,9 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> SimStage:
 def test_a_shorter_travel_scales_the_openings_that_count(stage: SimStage) -> None:
     # 1.2 rad at 0.3 m is a travel of 0.36 m: success at 0.9 x 0.2 m, which is 0.6 rad.
     env = hold_still(make_env(hinge(stage), 2, episode_steps=2))
-    assert env.task.thresholds == pytest.approx({"success": 0.18, "wide": 0.27, "static": 0.27, "full": 0.342})
+    assert env.task.thresholds == pytest.approx(
+        {"success": 0.18, "open_30cm": 0.27, "open_75pct_static": 0.27, "open_95pct": 0.342}
+    )
     open_to(env, torch.tensor([0.59, 0.61]))
     assert column(env, "success") == [0.0, 1.0]
     assert column(env, "opening") == pytest.approx([0.59 * RADIUS, 0.61 * RADIUS])
@@ -208,7 +210,9 @@ def test_an_overflow_is_counted_in_the_episodes_that_it_concerns(
 def test_the_planner_opens_by_a_grasp_and_the_thresholds_are_reported(stage: SimStage) -> None:
     env = make_env(stage, 2, sim="sim/planner")
     result = evaluate(env, Planner(env, load(PlannerConfig, "planner/default")))
-    assert result["thresholds"] == pytest.approx({"success": 0.2, "wide": 0.3, "static": 0.3, "full": 0.38})
+    assert result["thresholds"] == pytest.approx(
+        {"success": 0.2, "open_30cm": 0.3, "open_75pct_static": 0.3, "open_95pct": 0.38}
+    )
     assert result["metrics_version"] == VERSION and set(METRICS) <= set(result)
     assert result["grasp_success"]["rate"] == result["handle_success"]["rate"] == 1.0
     assert result["single_finger_success"]["rate"] == result["off_handle_success"]["rate"] == 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,17 @@ from s2a.sim.simulation import SimConfig
 def test_a_checkpoint_brings_the_world_it_was_trained_in(tmp_path: Path) -> None:
     sim, task = load(SimConfig, "sim/planner", dt=0.002), task_settings(termination_opening=9.0)
     write_world(sim, task, tmp_path)
+    assert read_world(tmp_path / "model_1.pt") == (sim, task)
+
+
+def test_a_run_with_keys_that_were_renamed_since_is_read(tmp_path: Path) -> None:
+    sim, task = load(SimConfig, "sim/planner"), task_settings()
+    write_world(sim, task, tmp_path)
+    text = (tmp_path / "world.json").read_text()
+    for now, old in (("load_static_colliders", "room"), ("contact_force", "touch_force"), ("termination", "end")):
+        text = text.replace(now, old)
+    assert {"room", "dt"} <= set(json.loads(text)["sim"])
+    (tmp_path / "world.json").write_text(text)
     assert read_world(tmp_path / "model_1.pt") == (sim, task)
 
 

@@ -87,7 +87,7 @@ def test_no_body_lies_below_another_and_none_holds_nested_gprims(stage: Usd.Stag
             assert not any(ancestor.IsA(UsdGeom.Gprim) for ancestor in above)
 
 
-def test_only_jointed_parts_their_carcasses_and_free_things_are_bodies(stage: Usd.Stage) -> None:
+def test_only_jointed_parts_their_cabinets_and_free_things_are_bodies(stage: Usd.Stage) -> None:
     bodies = {prim.GetName() for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.RigidBodyAPI)}
     assert bodies == {"cabinet_3", "drawer_7", "flap_10", "door_20", "door_20_anchor", "door_21", "cup_22"}
 
@@ -220,7 +220,7 @@ def test_a_transform_of_one_body_takes_its_joint_along_and_no_other(tmp_path: Pa
     assert [found.joint(i) for i in others] == [room().joint(i) for i in others]
 
 
-def test_a_transform_of_the_carcass_leaves_what_stands_beside_it(tmp_path: Path) -> None:
+def test_a_transform_of_the_cabinet_leaves_what_stands_beside_it(tmp_path: Path) -> None:
     found = geometric.read(overlaid(tmp_path, "/scene/cabinet_3", turned(0, (1, 0, 0))))
     assert found.parts["drawer_7"] == room().parts["drawer_7"]
 

@@ -48,7 +48,7 @@ def test_the_stage_passes_usds_own_rules(path: Path) -> None:
     assert problems(path) == []
 
 
-def test_newton_has_a_fixed_carcass_and_a_target_that_slides(path: Path, scene: SimRoom) -> None:
+def test_newton_has_a_fixed_cabinet_and_a_target_that_slides(path: Path, scene: SimRoom) -> None:
     builder = newton_builder(path)
     assert builder.body_label == ["/scene/cabinet_3", "/scene/drawer_7"]
     assert builder.joint_label == ["/scene/joints/cabinet_3", "/scene/joints/drawer_7"]

@@ -3,7 +3,7 @@
 No scanner sees the back of a bar. Fusion draws its surface on into the shadow behind it, in skirts that hang from its
 edges and may reach the front, so only its outermost few millimetres say how thick it is. How deep it is, its sides say:
 the shadows that all scanners share draw in behind it. Often only one side has been seen, a bar's upper one from above, and
-the other is a skirt all the way. A bar is symmetric: what the side that flares out least shows counts for both.
+the other is a skirt throughout. A bar is symmetric: what the side that flares out least shows counts for both.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SEEN = 0.3
 """Share of a side's densest points with which it goes on; fewer are a post's."""
 STEP = 0.001
 """[m] Depths at which sides are asked."""
-FEW = 40
+MIN_POINTS = 40
 """A slice with fewer points says nothing."""
 
 
@@ -85,7 +85,7 @@ def bar_profile(region: Mesh, frame: np.ndarray, slices: int) -> Profile | None:
     start, end = np.quantile(points[:, 0], [0.005, 0.995])
     edges = np.linspace(start, end, slices + 1)
     heads = [_head(points[(points[:, 0] >= a) & (points[:, 0] < b)]) for a, b in zip(edges, edges[1:], strict=False)]
-    if any(len(head) < FEW for head in heads):
+    if any(len(head) < MIN_POINTS for head in heads):
         return None
     edges[0], edges[-1] = np.quantile(heads[0][:, 0], 0.005), np.quantile(heads[-1][:, 0], 0.995)
     found = np.array([_section_bounds(head) for head in heads]).T
@@ -95,7 +95,7 @@ def bar_profile(region: Mesh, frame: np.ndarray, slices: int) -> Profile | None:
 
 def _head(points: np.ndarray) -> np.ndarray:
     """Return the points of a slice that lie within HEAD of its outermost, shape [point 3]; none where too few are there."""
-    if len(points) < FEW:
+    if len(points) < MIN_POINTS:
         return points[:0]
     return points[points[:, 2] < np.quantile(points[:, 2], 0.02) + HEAD]
 
@@ -108,7 +108,7 @@ def _section_bounds(head: np.ndarray) -> tuple[float, float, float]:
     face = float(head[:, 2].min())
     low, high = np.quantile(head[:, 1], [0.02, 0.98])
     upper = head[head[:, 2] < face + HEAD / 2]
-    inner_low, inner_high = np.quantile(upper[:, 1], [0.02, 0.98]) if len(upper) >= FEW / 2 else (low, high)
+    inner_low, inner_high = np.quantile(upper[:, 1], [0.02, 0.98]) if len(upper) >= MIN_POINTS / 2 else (low, high)
     flares = np.array([inner_low - low, inner_high - high]) * [1, -1]
     below, above = np.minimum(flares, flares.min() + UNEVEN)
     return float(inner_low - below), float(inner_high + above), face
@@ -149,7 +149,7 @@ def bar_depth(points: np.ndarray, profile: Profile, front: float) -> float:
 def _side_end(out: np.ndarray, deep: np.ndarray, depths: np.ndarray) -> tuple[float, float]:
     """Return the depth [m] at which a side, `out` of the middle [point], draws in or ends, and how far it flares out [m]."""
     reaches: list[float] = []
-    most = FEW / SEEN
+    most = MIN_POINTS / SEEN
     for depth in depths:
         here = out[(np.abs(deep - depth) < STEP) & (out > 0)]
         most = max(most, len(here))

@@ -1,4 +1,4 @@
-"""A bar and its posts as convex pieces, which leave room for fingers behind them."""
+"""A bar and its posts as convex hulls, which leave the finger gap behind them free."""
 
 from __future__ import annotations
 
@@ -6,11 +6,23 @@ import numpy as np
 from scipy.spatial import HalfspaceIntersection, QhullError
 
 from s2a.geometry.convex import hull
-from s2a.geometry.handles.bar import FEW, GAP, HEAD, LIKE, MARGIN, SAMPLES, SHALLOWEST, SPAN, UNEVEN, Profile, bar_depth
+from s2a.geometry.handles.bar import (
+    GAP,
+    HEAD,
+    LIKE,
+    MARGIN,
+    MIN_POINTS,
+    SAMPLES,
+    SHALLOWEST,
+    SPAN,
+    UNEVEN,
+    Profile,
+    bar_depth,
+)
 from s2a.geometry.mesh_ops import sample
 from s2a.scene import Mesh
 
-LONGEST_POST = 0.3
+MAX_POST_LENGTH = 0.3
 """Largest length of a post in the middle, as a fraction of the bar's length; a longer one is a web."""
 SIDES = 16
 """Of a prism that stands for a piece of a bar."""
@@ -18,10 +30,10 @@ TAIL = 0.03
 """Fraction of the points that may be outside of it in each direction."""
 
 
-def bar_pieces(
+def bar_hulls(
     region: Mesh, frame: np.ndarray, profile: Profile, front: float, ground: float | None = None
 ) -> list[Mesh] | None:
-    """Return a bar as convex pieces along its length, or None if it stands too near the front for fingers.
+    """Return a bar as convex hulls along its length, or None if it stands too near the front for fingers.
 
     The bar ends where its sides do, and leaves fingers their space; posts join it to the front.
     Neighbouring slices of like section become one piece.
@@ -62,7 +74,7 @@ def _posts(points: np.ndarray, profile: Profile, depth: float, ground: float) ->
     reaches = np.zeros(len(profile.low) + 2, int)
     for k in range(len(profile.low)):
         here = deep & (slices == k)
-        reaches[k + 1] = here.sum() >= FEW and points[here, 2].max() > ground - HEAD
+        reaches[k + 1] = here.sum() >= MIN_POINTS and points[here, 2].max() > ground - HEAD
     posts: list[Mesh | None] = []
     for first, last in _short(np.flatnonzero(np.diff(reaches)).reshape(-1, 2).tolist(), len(profile.low)):
         here = deep & (slices >= first) & (slices < last)
@@ -82,14 +94,14 @@ def _short(runs: list[list[int]], count: int) -> list[tuple[int, int]]:
     start, end = round((1 - SPAN) / 2 * count), round((1 + SPAN) / 2 * count)
     found = []
     for first, last in runs:
-        is_web = last - first > LONGEST_POST * count and first < end and last > start
+        is_web = last - first > MAX_POST_LENGTH * count and first < end and last > start
         found += [(first, min(last, start)), (max(first, end), last)] if is_web else [(first, last)]
     return [(first, last) for first, last in found if first < last]
 
 
 def _is_post(out: np.ndarray, across: np.ndarray, profile: Profile, first: int, last: int) -> bool:
     """Return True if points behind slices first to last - 1, so far `out` of the bar's middle and `across` it [m], are a post."""
-    if len(out) < FEW:
+    if len(out) < MIN_POINTS:
         return False
     at_edge = np.quantile(out, 0.9) > 0.35 * profile.thickness
     count = len(profile.low)

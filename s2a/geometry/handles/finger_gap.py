@@ -1,4 +1,4 @@
-"""Whether fingers fit behind a handle, and how much of their room convex pieces fill."""
+"""The finger gap behind a handle, and its fill ratio by convex hulls."""
 
 from __future__ import annotations
 
@@ -69,9 +69,9 @@ def finger_space(region: Mesh, point: np.ndarray, frame: np.ndarray, front: floa
     return FingerSpace(None if reaches_front else space((low, high), (back + margin, end)), beside)
 
 
-def share_inside(pieces: Sequence[Mesh], points: np.ndarray) -> float:
-    """Return the share of points [point 3] that lie in any of the pieces, 0 to 1."""
+def fraction_inside(hulls: Sequence[Mesh], points: np.ndarray) -> float:
+    """Return the share of points [point 3] that lie in any of the hulls, 0 to 1."""
     inside = np.zeros(len(points), bool)
-    for piece in pieces:
+    for piece in hulls:
         inside |= contains(piece, points)
     return float(inside.mean()) if len(points) else 0.0

@@ -25,11 +25,11 @@ ROUND = 0.15
 """Largest deviation of a round handle from a circle, root mean square, as a fraction of its radius."""
 TOLERANCE = 0.0005
 """[m] How far a piece's side may be from the profile."""
-FEW = 20
+MIN_POINTS = 20
 """Smallest number of points of a usable sector."""
 
 
-def knob_pieces(region: Mesh, frame: np.ndarray, front: float) -> list[Mesh] | None:
+def knob_hulls(region: Mesh, frame: np.ndarray, front: float) -> list[Mesh] | None:
     """Return a knob as frusta from its face to the front, or None if it is not round.
 
     Args:
@@ -69,7 +69,9 @@ def knob_profile(
         here = np.abs(points[:, 2] - depth) < STEP / 2
         inner = radius[here & (radius < 0.8 * circle[2])]
         share = 0.95 if depth == depths[0] and len(inner) else 0.5
-        sides = [np.quantile(radius[k], share) for s in range(SECTORS) if (k := here & (sector == s)).sum() >= FEW]
+        sides = [
+            np.quantile(radius[k], share) for s in range(SECTORS) if (k := here & (sector == s)).sum() >= MIN_POINTS
+        ]
         found.append(np.median(sides) if len(sides) >= 3 else np.nan)
     known = np.isfinite(found)
     if not known.any():
@@ -82,7 +84,7 @@ def knob_profile(
 
 def _circle(points: np.ndarray) -> tuple[float, float, float] | None:
     """Return centre and radius [m] of the circle through most points [point 2]; None if they lie on none."""
-    if len(points) < FEW:
+    if len(points) < MIN_POINTS:
         return None
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     start = [*middle, np.median(np.linalg.norm(points - middle, axis=1))]

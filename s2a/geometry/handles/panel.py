@@ -10,7 +10,7 @@ from s2a.geometry.mesh_ops import centroids, keep, merge, normals, sample_with_f
 from s2a.geometry.planes import fit_plane, min_area_rectangle, plane_axes
 from s2a.scene import Mesh
 
-AROUND = 0.04
+SEARCH_RADIUS = 0.04
 """[m] Search radius for the panel around the handle."""
 SAMPLES = 40000
 """Points sampled on a panel."""
@@ -30,7 +30,7 @@ def front_behind(front: Mesh, region: Mesh, frame: np.ndarray) -> tuple[np.ndarr
     """
     outwards = -frame[:, 2]
     points = _facing(front, outwards)
-    points = points[near_region(points, region, frame, AROUND)]
+    points = points[near_region(points, region, frame, SEARCH_RADIUS)]
     return _middle_plane(points, outwards) if len(points) >= 20 else None
 
 
@@ -38,7 +38,7 @@ def slab(mesh: Mesh, outwards: np.ndarray, thickness: float) -> Mesh | None:
     """Return a flat front as one solid piece behind its plane, or None if it is not flat or has a shape of its own.
 
     Args:
-        mesh: a front as scanned: its outer surface, a strip of its sides, holes where a handle was in the way.
+        mesh: a front as scanned: its outer surface, a strip of its sides, holes where a handle occluded it.
         outwards: unit direction out of the furniture, shape [3].
         thickness: of the piece [m].
     """
@@ -98,7 +98,7 @@ def near_region(points: np.ndarray, region: Mesh, frame: np.ndarray, distance: f
     return ((across > low - distance) & (across < high + distance)).all(axis=1)
 
 
-def part_ways(front: Mesh, region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float]) -> tuple[Mesh, Mesh]:
+def reassign_border(front: Mesh, region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float]) -> tuple[Mesh, Mesh]:
     """Give every face at the border between front and handle to the side that it belongs to.
 
     Annotators cut along triangles, and one or two of them land on the wrong side; as front, they would pull its hull
@@ -109,7 +109,7 @@ def part_ways(front: Mesh, region: Mesh, frame: np.ndarray, plane: tuple[np.ndar
     """
     normal, offset = plane
     out = centroids(front) @ normal - offset
-    stray = near_region(centroids(front), region, frame, AROUND / 2) & (out > STRAY)
+    stray = near_region(centroids(front), region, frame, SEARCH_RADIUS / 2) & (out > STRAY)
     strays = keep(front, stray)
     handle_out = centroids(region) @ normal - offset
     own = handle_out > FLUSH

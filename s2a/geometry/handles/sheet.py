@@ -6,7 +6,7 @@ import numpy as np
 from scipy.cluster.vq import kmeans2
 
 from s2a.geometry.convex import box, hull
-from s2a.geometry.handles.panel import AROUND, STRAY, near_region
+from s2a.geometry.handles.panel import SEARCH_RADIUS, STRAY, near_region
 from s2a.geometry.mesh_ops import keep, normals, sample, sample_with_faces
 from s2a.scene import Mesh
 
@@ -34,7 +34,7 @@ TAIL = 0.05
 """Fraction of a patch's points that may be outside of it on either side."""
 STEP = 0.002
 """[m] Depths at which a wall is searched."""
-FEW = 20
+MIN_POINTS = 20
 """A depth with fewer points shows no wall."""
 SHOWN = 0.5
 """Fraction of its depths at which a wall has been scanned, from which none is added."""
@@ -57,7 +57,9 @@ def sheet_opening(region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, floa
     y = frame[:, 1]
     low, high = np.quantile(sample(region, SAMPLES, seed=0) @ y, [0.02, 0.98])
     beside = sample(front, FRONT_SAMPLES, seed=0)
-    beside = beside[(np.abs(beside @ plane[0] - plane[1]) < STRAY) & near_region(beside, region, frame, AROUND)] @ y
+    beside = (
+        beside[(np.abs(beside @ plane[0] - plane[1]) < STRAY) & near_region(beside, region, frame, SEARCH_RADIUS)] @ y
+    )
     below, above = (beside < low - STRAY).sum(), (beside > high + STRAY).sum()
     if min(below, above) < ONE_SIDED * max(below, above):
         return -y if below > above else y
@@ -78,7 +80,7 @@ def _is_cup(points: np.ndarray) -> bool:
     )
 
 
-def shell_pieces(region: Mesh, frame: np.ndarray, opening: np.ndarray, count: int, max_vertices: int) -> list[Mesh]:
+def sheet_hulls(region: Mesh, frame: np.ndarray, opening: np.ndarray, count: int, max_vertices: int) -> list[Mesh]:
     """Return convex patches of a sheet behind its scanned face.
 
     Args:
@@ -120,7 +122,10 @@ def hidden_wall(region: Mesh, frame: np.ndarray, opening: np.ndarray, front: flo
     face = float(np.quantile(deep, 0.02))
     beside = deep[(normals(region) @ opening)[faces] < -OPEN]
     depths = np.arange(face + HEAD, front, STEP)
-    if not len(depths) or np.mean([(np.abs(beside - depth) < STEP / 2).sum() >= FEW for depth in depths]) > SHOWN:
+    if (
+        not len(depths)
+        or np.mean([(np.abs(beside - depth) < STEP / 2).sum() >= MIN_POINTS for depth in depths]) > SHOWN
+    ):
         return None
     low, high = np.quantile(along, [0.01, 0.99])
     border = float(np.quantile(inner[deep < face + HEAD], 1 - BORDER))

@@ -26,7 +26,7 @@ class NoRoom(InputError):
     """No pose was found.
 
     Attributes:
-        summary: what was in the way, candidate by candidate; goes back to the model.
+        summary: the collisions of each candidate; goes back to the model.
         unstable: Set where a candidate pose was free, but the object tilted, drifted or fell there.
     """
 
@@ -97,8 +97,8 @@ def moved_into_contact(
 ) -> Pose | None:
     """Return a pose moved along a direction until the object almost touches; None if there is nothing within reach.
 
-    Rays run from the object's points to the surroundings, and back from their vertices to the object: between two meshes
-    the shortest way starts at a vertex of either, or lies between two edges, which costs a fraction of a millimetre.
+    Rays run from the object's points to the obstacles, and back from their vertices to the object: between two meshes
+    the shortest segment starts at a vertex of either, or lies between two edges, which costs a fraction of a millimetre.
     """
     moved = pose.moved(object)
     if not len(local.faces):

@@ -110,7 +110,7 @@ def occupancy_grid(
     volumes: list[SweptVolume],
     config: SearchConfig,
 ) -> OccupancyGrid:
-    """Return the grid for an object of a radius and height [m] among obstacles and the ways of doors and drawers."""
+    """Return the grid for an object of a radius and height [m] among obstacles and the swept volumes of doors and drawers."""
     pad = int(np.ceil(radius / region.cell)) + 2
     carries = np.pad(region.free, pad)
     edges = np.linspace(config.contact_height, max(height, 2 * config.contact_height), config.layers + 1)
@@ -203,7 +203,7 @@ def _possible(
 
 
 def _room(grid: OccupancyGrid) -> np.ndarray:
-    """Return every cell's distance to the nearest thing, or to the border of what carries, in cells."""
+    """Return every cell's distance to the nearest obstacle, or to the border of what carries, in cells."""
     return ndimage.distance_transform_edt(np.pad(grid.carries & ~grid.layers.any(axis=0), 1))[1:-1, 1:-1]
 
 

@@ -36,7 +36,7 @@ def tilt_margins(mesh: Mesh) -> dict[str, float]:
     """Return the tilt margin for each up axis, "+x" to "-z": the tilt before the object falls, as a fraction of a right angle.
 
     As a share of a right angle: 0 does not stand at all, a cube has 0.5, a thin plate almost 1. Weight is where the surface is.
-    An axis on which it does not stand may be 15 deg off the way in which it does: of many files the axes are not its own.
+    An axis on which it does not stand may be 15 deg off the axis on which it does: of many files the axes are not its own.
     """
     points, middle = _weighed(mesh)
     downs = _faces(points).round(2)  # independent of the last digits

@@ -66,7 +66,7 @@ def target_plane(scene: Scene, target: str, upright: bool, config: RansacConfig)
     plane = ransac_plane(points, upright, config)
     if plane is None:
         raise InputError(
-            f"part {target!r} has no {'upright' if upright else 'level'} plane; choose another surface kind"
+            f"part {target!r} has no {'vertical' if upright else 'horizontal'} plane; choose another surface kind"
         )
     return plane, points[plane.faces]
 

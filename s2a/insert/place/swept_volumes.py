@@ -15,16 +15,16 @@ from s2a.scene import Mesh, Scene
 
 @dataclass(frozen=True)
 class SweptVolume:
-    """A convex piece of the swept volume of a part.
+    """A convex hull of a section of a part's swept volume.
 
     Attributes:
         part: id of the moving part.
-        piece: convex hull of one section of its travel.
-        planes: the piece's planes (nx, ny, nz, d), inside where n.x + d <= 0 [m], shape [plane 4].
+        hull: convex hull of one section of its travel.
+        planes: the hull's planes (nx, ny, nz, d), inside where n.x + d <= 0 [m], shape [plane 4].
     """
 
     part: str
-    piece: Mesh
+    hull: Mesh
     planes: np.ndarray
 
 
@@ -54,15 +54,13 @@ def reaching_into(
     return [
         volume
         for volume in volumes
-        if volume.part not in carriers
-        and (volume.piece.bounds[0] < high).all()
-        and (volume.piece.bounds[1] > low).all()
+        if volume.part not in carriers and (volume.hull.bounds[0] < high).all() and (volume.hull.bounds[1] > low).all()
     ]
 
 
 def intersects(volume: SweptVolume, points: np.ndarray, slack: float) -> bool:
     """Return True if any of the points [point 3] is deeper than `slack` [m] in a swept volume."""
-    low, high = volume.piece.bounds
+    low, high = volume.hull.bounds
     near = points[((points > low) & (points < high)).all(axis=1)]
     return bool((near @ volume.planes[:, :3].T + volume.planes[:, 3] < -slack).all(axis=1).any())
 
@@ -94,7 +92,7 @@ def fill(layers: np.ndarray, edges: np.ndarray, region: Region, pad: int, volume
         volume: swept volume of the part.
         slack: tolerance [m].
     """
-    corners = region.places(volume.piece.vertices.astype(np.float64))[:, :2] + pad
+    corners = region.places(volume.hull.vertices.astype(np.float64))[:, :2] + pad
     first = np.clip(np.floor(corners.min(axis=0)).astype(int), 0, layers.shape[1:])
     last = np.clip(np.ceil(corners.max(axis=0)).astype(int), 0, layers.shape[1:])
     if (last <= first).any():

@@ -1,4 +1,4 @@
-"""Free objects: taken out of the merged room, closed, weighed, and set on what carries them."""
+"""Free objects: extracted from the merged room, closed, weighed, and set on what carries them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from s2a.geometry.decompose import vhacd
 from s2a.geometry.mesh_ops import keep, merge
 from s2a.geometry.mesh_query import first_hits, ray_mesh
 from s2a.geometry.sweep import grown
-from s2a.prepare.colliders.feet import split_foot, whole_foot
+from s2a.prepare.colliders.foot import split_foot, whole_foot
 from s2a.prepare.mass import MassConfig, known_mass
 from s2a.ranges import AtLeast, Count, Fraction, NotNegative, Positive
 from s2a.scene import Mesh, Scene
@@ -37,10 +37,10 @@ class FreeConfig:
     Attributes:
         search_radius: what carries an object is looked for within this distance of its lowest point [m].
         min_component_area: fraction of its surface below which a disconnected component is left out.
-        hulls: largest number of its convex hulls, besides three feet; a gripper's contacts grow with them.
+        hulls: largest number of its convex hulls, besides three support hulls; a gripper's contacts grow with them.
         resolution: voxels of their decomposition.
         max_vertices: largest number of vertices of a hull.
-        foot: thickness of the feet on which it stands [m].
+        foot: thickness of the support hulls [m].
         margin: how far the support's level top reaches beyond it [m].
         thickness: of that top [m].
         clearance: what is cut free around it [m].
@@ -90,7 +90,7 @@ def free_objects(
         config: how.
 
     Raises:
-        InputError: one of them cannot be taken out (see `free_object`), or stands on one of them or on a part that moves.
+        InputError: one of them cannot be extracted (see `free_object`), or stands on one of them or on a part that moves.
     """
     found = [free_object(scene, part, config) for part in dict.fromkeys(parts)]
     moving = {i for part in articulated for i in (part, *scene.descendants(part))}
@@ -115,7 +115,7 @@ def free_object(scene: Scene, part: str, config: FreeConfig) -> FreeObject:
     members = (part, *scene.descendants(part))
     surface = merge([scene.parts[i].mesh for i in members])
     if not surface.face_areas.any():
-        raise InputError(f"part {part!r} of scene {scene.name!r} has no surface; it cannot be taken out of the room")
+        raise InputError(f"part {part!r} of scene {scene.name!r} has no surface; it cannot be extracted from the room")
     surface = drop_small_components(surface, config.min_component_area)
     below, ground = _support(scene, part, members, surface, config)
     solid = close(surface, ground, config.search_radius)
@@ -126,8 +126,8 @@ def free_object(scene: Scene, part: str, config: FreeConfig) -> FreeObject:
         return pack(_hulls(solid, ground, config))
 
     foot = whole_foot(solid, ground, np.array(mass.center), config.foot, 2 * config.max_vertices)
-    feet = split_foot(foot, np.array(mass.center))
-    hulls = [*feet, *unpack(recall("free", [solid, repr((ground, config))], make))]
+    supports = split_foot(foot, np.array(mass.center))
+    hulls = [*supports, *unpack(recall("free", [solid, repr((ground, config))], make))]
     spaces = [hull(grown(piece.vertices, config.clearance)) for piece in hulls]
     low, high = solid.bounds
     size = np.array([*(high - low)[:2] + 2 * config.margin, config.thickness])
@@ -166,13 +166,13 @@ def _beside(item: FreeObject, others: Sequence[FreeObject]) -> Collider:
 
 
 def _check(scene: Scene, part: str) -> None:
-    """Refuse what cannot be taken out."""
+    """Refuse what cannot be extracted."""
     if scene.part(part).parent is not None:
         raise InputError(f"free={part}: it is a part of {scene.root(part)!r}; give that one")
     moving = [i for i in (part, *scene.descendants(part)) if i in scene.movable]
     if moving:
         raise InputError(
-            f"free={part}: {moving[0]!r} moves on a joint; only whole objects without joints can be taken out of the room"
+            f"free={part}: {moving[0]!r} moves on a joint; only whole objects without joints can be extracted from the room"
         )
 
 
@@ -198,13 +198,13 @@ def _support(scene: Scene, part: str, members: Sequence[str], surface: Mesh, con
         i: low[2] + config.search_radius - fall[(fall == first) & (fall < 2 * config.search_radius)]
         for i, fall in falls.items()
     }
-    # Where its top has holes, one looks through to what is below.
+    # Where its top has holes, rays pass through to what is below.
     tops = {i: height[np.abs(height - low[2]) < config.search_radius / 3] for i, height in heights.items()}
     heights = {i: tops[i] if len(tops[i]) else height for i, height in heights.items()}
     best = max(heights, key=lambda i: len(heights[i]), default="")
     if not best or not len(heights[best]):
         raise InputError(
-            f"free={part}: nothing level carries it within {100 * config.search_radius:.0f} cm of its lowest point"
+            f"free={part}: no horizontal surface supports it within {100 * config.search_radius:.0f} cm of its lowest point"
         )
     return best, float(np.median(heights[best]))
 

@@ -12,7 +12,7 @@ from s2a.cache import pack, recall, unpack
 from s2a.geometry.convex import cut_free, volume
 from s2a.geometry.decompose import one_hull, vhacd
 from s2a.geometry.planes import find_planes, slabs
-from s2a.geometry.simplify import is_shell
+from s2a.geometry.simplify import is_structure
 from s2a.ranges import AtLeast, Count, NotNegative, Positive
 from s2a.scene import Mesh, Part
 from s2a.usd.sim_scene import Collider
@@ -24,10 +24,10 @@ class RoomConfig:
 
     Attributes:
         part_hulls: largest number of hulls of one part.
-        small: parts whose bounding box has a shorter diagonal [m] become one hull.
+        min_decomposed_size: parts whose bounding box has a shorter diagonal [m] become one hull.
         resolution: voxels of the decomposition.
         max_vertices: largest number of vertices of a hull.
-        shell_labels: words that make a label one of a wall, floor or ceiling; those become thin boxes.
+        structure_labels: words that make a label one of a wall, floor or ceiling; those become thin boxes.
         flatness: largest distance of a wall's surface from its box [m].
         cell: width of the cells of which a wall's boxes are made [m].
         boxes: largest number of boxes of each plane of a wall.
@@ -39,10 +39,10 @@ class RoomConfig:
     """
 
     part_hulls: Count
-    small: NotNegative
+    min_decomposed_size: NotNegative
     resolution: Count
     max_vertices: Annotated[int, AtLeast(4)]
-    shell_labels: tuple[str, ...]
+    structure_labels: tuple[str, ...]
     flatness: Positive
     cell: Positive
     boxes: Count
@@ -55,7 +55,7 @@ class RoomConfig:
 
 def part_hulls(part: Part, config: RoomConfig) -> tuple[Collider, ...]:
     """Return the convex hulls of a part of the static room, from the cache where they were made before; part "" owns them."""
-    structure = is_shell(part.label, config.shell_labels)
+    structure = is_structure(part.label, config.structure_labels)
     hulls = unpack(
         recall("room", [part.mesh, repr((structure, config))], lambda: pack(_hulls(part.mesh, structure, config)))
     )
@@ -87,7 +87,7 @@ def cut_all(hull: Mesh, obstacles: Sequence[Mesh], min_volume: float = 0.0) -> M
 
 def _hulls(mesh: Mesh, structure: bool, config: RoomConfig) -> list[Mesh]:
     """Return thin boxes for a wall, hulls for anything else."""
-    if not structure and np.linalg.norm(np.ptp(mesh.bounds, axis=0)) < config.small:
+    if not structure and np.linalg.norm(np.ptp(mesh.bounds, axis=0)) < config.min_decomposed_size:
         return one_hull(mesh, config.max_vertices)
     if not structure:
         return vhacd(mesh, config.part_hulls, config.resolution, config.max_vertices)

@@ -1,4 +1,4 @@
-"""Convex pieces for the part that is to be opened, with the gap behind its handle free for fingers."""
+"""Convex hulls of the part that is to be opened, with a free finger gap behind its handle."""
 
 from __future__ import annotations
 
@@ -11,40 +11,40 @@ import numpy as np
 from s2a.geometry.convex import clip, hull, overlap, subtract
 from s2a.geometry.decompose import coacd_default, one_hull, vhacd
 from s2a.geometry.handles.bar import bar_profile
-from s2a.geometry.handles.bar_hulls import bar_pieces
+from s2a.geometry.handles.bar_hulls import bar_hulls
 from s2a.geometry.handles.finger_gap import FingerSpace, finger_space
-from s2a.geometry.handles.knob import knob_pieces
-from s2a.geometry.handles.panel import front_behind, front_coordinate, part_ways, patch, slab
-from s2a.geometry.handles.sheet import hidden_wall, sheet_opening, shell_pieces
+from s2a.geometry.handles.knob import knob_hulls
+from s2a.geometry.handles.panel import front_behind, front_coordinate, patch, reassign_border, slab
+from s2a.geometry.handles.sheet import hidden_wall, sheet_hulls, sheet_opening
 from s2a.prepare.target import Target
 from s2a.ranges import AtLeast, Count, CountFromZero, Positive
 from s2a.scene import Mesh
 from s2a.usd.sim_scene import Collider
 
-SWALLOWED = 2e-4
-"""[m] A piece that reaches into the fingers' space by a smaller ball than this leaves it free."""
+BLOCKED = 2e-4
+"""[m] A hull that reaches into the finger gap by a smaller ball than this leaves it free."""
 
 
 @dataclass(frozen=True)
 class ColliderConfig:
-    """How the target becomes convex pieces.
+    """Settings of the target's convex decomposition.
 
     Attributes:
-        method: "handle" (each part on its own, the grasp region finer, the fingers' space kept free), "coacd" (the
-            library's defaults on all parts fused) or "one_hull" (all parts in one convex hull; it swallows the handle).
-        bar_slices: places along a bar-like handle at which its section is taken; like neighbours become one piece.
-        handle_pieces: largest number of pieces of a grasp region that is neither bar nor knob.
-        front_pieces: largest number of pieces of each other part.
+        method: "handle" (each part on its own, the grasp region finer, the finger gap kept free), "coacd" (the
+            library's defaults on all parts fused) or "one_hull" (all parts in one convex hull; it fills the finger gap).
+        bar_slices: places along a bar-like handle at which its section is taken; similar neighbours become one hull.
+        handle_hulls: max number of hulls of a grasp region that is neither bar nor knob.
+        front_panel_hulls: max number of hulls of each other part.
         thickness: of the front, inwards from its outer surface, of which alone a scan knows [m].
         resolution: voxels of the decomposition.
-        max_vertices: largest number of vertices of a piece.
+        max_vertices: max number of vertices of a hull.
         seed: of the decomposition.
     """
 
     method: Literal["handle", "coacd", "one_hull"]
     bar_slices: Count
-    handle_pieces: Count
-    front_pieces: Count
+    handle_hulls: Count
+    front_panel_hulls: Count
     thickness: Positive
     resolution: Count
     max_vertices: Annotated[int, AtLeast(4)]
@@ -53,7 +53,7 @@ class ColliderConfig:
 
 @dataclass(frozen=True)
 class Handle:
-    """What surrounds the grasp of a part.
+    """The handle of a part, and the front panel behind it.
 
     Attributes:
         frame: the grasp frame's axes as columns [3 3]: z into the furniture.
@@ -72,13 +72,13 @@ class Handle:
 
 
 def find_handle(target: Target) -> tuple[Handle, dict[str, Mesh]]:
-    """Return the surroundings of the grasp, and the tidied surface of every other part of the body, by id."""
+    """Return the handle at the grasp, and the tidied surface of every other part of the body, by id."""
     region, frame, point = target.grasp.region, target.frame, target.point
     others = {i: mesh for i, mesh in target.surfaces.items() if i not in target.grasp_parts}
     plane = front_behind(others[target.id], region, frame) if target.id in others else None
     if plane is None:
         return Handle(frame, region, None, float(point @ frame[:, 2]), FingerSpace(None, ())), others
-    others[target.id], region = part_ways(others[target.id], region, frame, plane)
+    others[target.id], region = reassign_border(others[target.id], region, frame, plane)
     front = front_coordinate(plane, frame, point)
     return Handle(frame, region, plane, front, finger_space(region, point, frame, front)), others
 
@@ -89,30 +89,30 @@ def target_colliders(
     """Return the convex hulls of an articulated part's body."""
     if config.method != "handle":
         fused = target.surface
-        pieces = (
+        hulls = (
             one_hull(fused, config.max_vertices)
             if config.method == "one_hull"
             else coacd_default(fused, config.max_vertices, config.seed)
         )
-        return tuple(Collider(target.id, piece) for piece in pieces)
+        return tuple(Collider(target.id, piece) for piece in hulls)
     found = []
     for i, mesh in others.items():
-        pieces = _front_pieces(mesh, handle, config) if i == target.id else _rough_pieces(mesh, config)
-        found += [Collider(i, piece) for piece in flatten(pieces, handle)]
+        hulls = _front_panel_hulls(mesh, handle, config) if i == target.id else _rough_hulls(mesh, config)
+        found += [Collider(i, piece) for piece in flatten(hulls, handle)]
     ground = _ground(handle, others.get(target.base_plate or ""))
-    pieces = _handle_pieces(handle, others.get(target.id), ground, config)
-    found += [Collider(target.grasp_parts[0], piece) for piece in free_fingers(pieces, handle.space)]
+    hulls = _handle_hulls(handle, others.get(target.id), ground, config)
+    found += [Collider(target.grasp_parts[0], piece) for piece in free_fingers(hulls, handle.space)]
     return tuple(found)
 
 
-def _front_pieces(mesh: Mesh, handle: Handle, config: ColliderConfig) -> list[Mesh]:
+def _front_panel_hulls(mesh: Mesh, handle: Handle, config: ColliderConfig) -> list[Mesh]:
     """Return a flat front as one slab; another shape as hulls, with what the handle hid from the scanner."""
     whole = slab(mesh, -handle.frame[:, 2], config.thickness)
     if whole is not None:
         return [whole]
     hidden = [] if handle.plane is None else [patch(handle.region, handle.frame, handle.plane, config.thickness)]
     inwards = config.thickness * handle.frame[:, 2]
-    solid = [hull(np.concatenate([p.vertices, p.vertices + inwards])) for p in _rough_pieces(mesh, config)]
+    solid = [hull(np.concatenate([p.vertices, p.vertices + inwards])) for p in _rough_hulls(mesh, config)]
     return [*(piece for piece in solid if piece is not None), *hidden]
 
 
@@ -124,41 +124,41 @@ def _ground(handle: Handle, base: Mesh | None) -> float:
     return min(handle.front, front_coordinate(plane, handle.frame, handle.region.vertices.mean(axis=0)))
 
 
-def _handle_pieces(handle: Handle, front: Mesh | None, ground: float, config: ColliderConfig) -> list[Mesh]:
+def _handle_hulls(handle: Handle, front: Mesh | None, ground: float, config: ColliderConfig) -> list[Mesh]:
     """Return a sheet in patches, a bar in slices (which end where fingers need space), a knob in frusta, else hulls."""
     if handle.plane is not None:
         opening = None if front is None else sheet_opening(handle.region, handle.frame, handle.plane, front)
         if opening is not None:
             wall = hidden_wall(handle.region, handle.frame, opening, handle.front)
-            sheet = shell_pieces(handle.region, handle.frame, opening, config.handle_pieces, config.max_vertices)
+            sheet = sheet_hulls(handle.region, handle.frame, opening, config.handle_hulls, config.max_vertices)
             return sheet if wall is None else [*sheet, wall]
         profile = bar_profile(handle.region, handle.frame, config.bar_slices)
         if profile is not None:
-            pieces = bar_pieces(handle.region, handle.frame, profile, handle.front, ground)
+            hulls = bar_hulls(handle.region, handle.frame, profile, handle.front, ground)
         else:
-            pieces = knob_pieces(handle.region, handle.frame, handle.front)
-        if pieces is not None:
-            return pieces
-    return vhacd(handle.region, config.handle_pieces, config.resolution, config.max_vertices)
+            hulls = knob_hulls(handle.region, handle.frame, handle.front)
+        if hulls is not None:
+            return hulls
+    return vhacd(handle.region, config.handle_hulls, config.resolution, config.max_vertices)
 
 
-def _rough_pieces(mesh: Mesh, config: ColliderConfig) -> list[Mesh]:
-    return vhacd(mesh, config.front_pieces, config.resolution, config.max_vertices)
+def _rough_hulls(mesh: Mesh, config: ColliderConfig) -> list[Mesh]:
+    return vhacd(mesh, config.front_panel_hulls, config.resolution, config.max_vertices)
 
 
-def flatten(pieces: Iterable[Mesh], handle: Handle) -> list[Mesh]:
-    """Cut pieces of the front that reach into the fingers' space off at the front's plane."""
+def flatten(hulls: Iterable[Mesh], handle: Handle) -> list[Mesh]:
+    """Cut hulls of the front that reach into the fingers' space off at the front's plane."""
     flat = []
-    for piece in pieces:
-        reaches = any(overlap(piece, box) > SWALLOWED for box in handle.space.boxes)
+    for piece in hulls:
+        reaches = any(overlap(piece, box) > BLOCKED for box in handle.space.boxes)
         flat.append(clip(piece, *handle.plane) if reaches and handle.plane is not None else piece)
     return [piece for piece in flat if piece is not None]
 
 
-def free_fingers(pieces: Iterable[Mesh], space: FingerSpace) -> list[Mesh]:
-    """Cut the fingers' space out of pieces, which may come apart into several."""
-    free = list(pieces)
+def free_fingers(hulls: Iterable[Mesh], space: FingerSpace) -> list[Mesh]:
+    """Cut the fingers' space out of hulls, which may come apart into several."""
+    free = list(hulls)
     for box in space.boxes:
-        parts = [subtract(piece, box) if overlap(piece, box) > SWALLOWED else [piece] for piece in free]
+        parts = [subtract(piece, box) if overlap(piece, box) > BLOCKED else [piece] for piece in free]
         free = [part for group in parts for part in group]
     return free

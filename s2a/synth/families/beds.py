@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from s2a.synth import cloth, clutter, decor, objects, soft_furniture
-from s2a.synth.casework import Base, Cell, Column, cabinet
+from s2a.synth.casework import CabinetBase, Cell, Column, cabinet
 from s2a.synth.clutter import Board
 from s2a.synth.draw import chance, integer, pick, uniform
 from s2a.synth.fittings import Opening, Style
@@ -41,7 +41,7 @@ def _box_bed(
     count, deep, middle = integer(rng, 2, 3), min(half - 0.01, 0.62), head + long / 2
     style = replace(style, drawer_theme="linen", theme="nothing", top_theme="nothing")
     chests = [
-        cabinet(rng, "bed frame", (deep, long, high), (drawers,) * count, style, Base("plinth", 0.03)).moved(
+        cabinet(rng, "bed frame", (deep, long, high), (drawers,) * count, style, CabinetBase("plinth", 0.03)).moved(
             at(middle, side * (half - deep), 0, 90 * side)
         )
         for side in sides
@@ -118,7 +118,7 @@ def coffee_table(rng: np.random.Generator, style: Style) -> list[Piece]:
     if chance(rng, 0.5):
         cells = (Cell(1.0, Opening("open"), 0), Cell(0.9, Opening("drawer")))
         count = 1 + (wide > 0.9)
-        base = Base("legs", 0.1, 0.02, integer(rng, 0, 3))
+        base = CabinetBase("legs", 0.1, 0.02, integer(rng, 0, 3))
         piece = cabinet(
             rng,
             "coffee table",

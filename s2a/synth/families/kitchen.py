@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from s2a.synth import household
-from s2a.synth.casework import Base, Cell, Column, cabinet
+from s2a.synth.casework import CabinetBase, Cell, Column, cabinet
 from s2a.synth.draw import chance, integer, pick, uniform
 from s2a.synth.families.fitted import Fitted
 from s2a.synth.families.kitchen_appliances import oven_door
@@ -30,7 +30,7 @@ def cupboard(rng: np.random.Generator, width: float, sizes: Fitted, style: Style
 def sink_unit(rng: np.random.Generator, width: float, sizes: Fitted, style: Style) -> Piece:
     """Return a base unit that is open above, for a sink, with one or two doors."""
     doors = Opening("pair" if width > 0.65 else pick(rng, ("left", "right")))
-    base = Base("plinth", sizes.plinth, open_top=True)
+    base = CabinetBase("plinth", sizes.plinth, open_top=True)
     return cabinet(
         rng, "kitchen cabinet", (sizes.depth, width, sizes.top), (Column(1.0, (Cell(1.0, doors, 0),)),), style, base
     )
@@ -38,7 +38,7 @@ def sink_unit(rng: np.random.Generator, width: float, sizes: Fitted, style: Styl
 
 def _unit(rng: np.random.Generator, width: float, sizes: Fitted, style: Style, cells: tuple[Cell, ...]) -> Piece:
     size = (sizes.depth, width, sizes.top)
-    return cabinet(rng, "kitchen cabinet", size, (Column(1.0, cells),), style, Base("plinth", sizes.plinth))
+    return cabinet(rng, "kitchen cabinet", size, (Column(1.0, cells),), style, CabinetBase("plinth", sizes.plinth))
 
 
 def wall_unit(rng: np.random.Generator, width: float, sizes: Fitted, style: Style) -> Piece:
@@ -51,7 +51,7 @@ def wall_unit(rng: np.random.Generator, width: float, sizes: Fitted, style: Styl
         (deep, width, high),
         (Column(1.0, (Cell(1.0, Opening(pick(rng, kinds)), integer(rng, 1, 2)),)),),
         style,
-        Base("none", 0.0),
+        CabinetBase("none", 0.0),
     )
     return piece.moved(at(0, 0, sizes.upper))
 
@@ -70,7 +70,12 @@ def tall_unit(rng: np.random.Generator, width: float, sizes: Fitted, style: Styl
     )
     cells = ovens if width > 0.55 and chance(rng, 0.5) else larder
     return cabinet(
-        rng, "kitchen cabinet", (sizes.depth, width, high), (Column(1.0, cells),), style, Base("plinth", sizes.plinth)
+        rng,
+        "kitchen cabinet",
+        (sizes.depth, width, high),
+        (Column(1.0, cells),),
+        style,
+        CabinetBase("plinth", sizes.plinth),
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from s2a.synth import grips
-from s2a.synth.casework import Base, Cell, Column, cabinet
+from s2a.synth.casework import CabinetBase, Cell, Column, cabinet
 from s2a.synth.draw import pick, uniform
 from s2a.synth.families.fitted import Fitted
 from s2a.synth.fittings import Opening, Style
@@ -37,9 +37,9 @@ def oven(rng: np.random.Generator, width: float, sizes: Fitted, style: Style) ->
         Cell(3.6, oven_door(rng), 1),
         Cell(0.7, Opening("fixed", color=STEEL)),
     )
-    plain = replace(style, look="slab", theme="nothing", thick=max(style.thick, 0.02))
+    plain = replace(style, panel="slab", theme="nothing", thick=max(style.thick, 0.02))
     return cabinet(
-        rng, "oven", (sizes.depth, width, sizes.top), (Column(1.0, cells),), plain, Base("plinth", sizes.plinth)
+        rng, "oven", (sizes.depth, width, sizes.top), (Column(1.0, cells),), plain, CabinetBase("plinth", sizes.plinth)
     )
 
 
@@ -49,9 +49,14 @@ def dishwasher(rng: np.random.Generator, width: float, sizes: Fitted, style: Sty
         Cell(6.0, Opening("down", "dishwasher door", limit=uniform(rng, (1.4, 1.57))), 1),
         Cell(0.8, Opening("fixed", color=STEEL)),
     )
-    plain = replace(style, theme="nothing", look="slab")
+    plain = replace(style, theme="nothing", panel="slab")
     return cabinet(
-        rng, "dishwasher", (sizes.depth, width, sizes.top), (Column(1.0, cells),), plain, Base("plinth", sizes.plinth)
+        rng,
+        "dishwasher",
+        (sizes.depth, width, sizes.top),
+        (Column(1.0, cells),),
+        plain,
+        CabinetBase("plinth", sizes.plinth),
     )
 
 
@@ -76,7 +81,7 @@ def fridge(rng: np.random.Generator, style: Style) -> Piece:
         size,
         (Column(1.0, pick(rng, (below, above, (Cell(1.0, main, 4),)))),),
         plain,
-        Base("plinth", 0.04),
+        CabinetBase("plinth", 0.04),
     )
 
 
@@ -87,9 +92,9 @@ def microwave(rng: np.random.Generator) -> Piece:
     base = small_style(color)
     grip = grips.design(rng, "rail", "bar", "square", "bow", color=STEEL)
     door = Opening("left", "microwave door", "window", grip, 0.022, uniform(rng, (1.4, 1.6)), color)
-    keys = Opening("fixed", look="slab", color=(52, 52, 56))
+    keys = Opening("fixed", panel="slab", color=(52, 52, 56))
     columns = Column(3.2, (Cell(1.0, door, 0),)), Column(1.0, (Cell(1.0, keys, 0),))
-    return cabinet(rng, "microwave", (deep, wide, high), columns, base, Base("legs", 0.012))
+    return cabinet(rng, "microwave", (deep, wide, high), columns, base, CabinetBase("legs", 0.012))
 
 
 def small_style(color: Color) -> Style:

@@ -14,7 +14,7 @@ import numpy as np
 
 from s2a.synth import clutter, grips, objects
 from s2a.synth.boxes import CLEAR, measured, meet
-from s2a.synth.casework import Base, Cell, Column, cabinet, column
+from s2a.synth.casework import CabinetBase, Cell, Column, cabinet, column
 from s2a.synth.clutter import Board
 from s2a.synth.draw import chance, integer, pick, uniform
 from s2a.synth.fittings import Opening, Style
@@ -35,7 +35,15 @@ def steel(rng: np.random.Generator, style: Style) -> Style:
     """Return a style of sheet steel: thin, painted, narrow reveals."""
     color = pick(rng, SHEET)
     return replace(
-        style, body=color, front=color, top=color, texture=0, look="slab", drawer_look="slab", board=0.015, thick=0.018
+        style,
+        body=color,
+        front=color,
+        top=color,
+        texture=0,
+        panel="slab",
+        drawer_panel="slab",
+        board=0.015,
+        thick=0.018,
     )
 
 
@@ -43,7 +51,7 @@ def pedestal(rng: np.random.Generator, style: Style, high: float) -> Piece:
     """Return a desk pedestal no higher than `high` [m], with two to four drawers."""
     size = uniform(rng, (0.48, 0.58)), uniform(rng, (0.33, 0.43)), uniform(rng, (0.5, high))
     rows = pick(rng, ((2.2, 1.0, 1.0), (1.0, 1.0, 1.0), (2.0, 1.0), (1.0, 1.0, 1.0, 1.0), (2.0, 1.4, 0.7)))
-    base = Base("legs" if chance(rng, 0.3) else "plinth", uniform(rng, (0.03, 0.07)), 0.018)
+    base = CabinetBase("legs" if chance(rng, 0.3) else "plinth", uniform(rng, (0.03, 0.07)), 0.018)
     return cabinet(rng, "storage cabinet", size, (column(1.0, *((r, "drawer") for r in rows)),), style, base)
 
 
@@ -52,7 +60,7 @@ def filing(rng: np.random.Generator, style: Style) -> Piece:
     count, wide = integer(rng, 2, 4), pick(rng, (1, 1, 2))
     size = uniform(rng, (0.45, 0.64)), wide * uniform(rng, (0.41, 0.5)), 0.05 + count * uniform(rng, (0.28, 0.33))
     columns = tuple(column(1.0, *((1.0, "drawer"),) * count) for _ in range(wide))
-    base = Base("plinth", 0.04, 0.016, integer(rng, 0, 3))
+    base = CabinetBase("plinth", 0.04, 0.016, integer(rng, 0, 3))
     return cabinet(rng, "filing cabinet", size, columns, replace(steel(rng, style), extension=0.97), base)
 
 
@@ -64,7 +72,7 @@ def roller(rng: np.random.Generator, style: Style) -> Piece:
     below = pick(rng, ((), (Cell(0.8, Opening("drawer")),), (Cell(1.0, Opening("open")),)))
     style = replace(steel(rng, style), thick=0.03)
     return cabinet(
-        rng, "storage cabinet", size, (Column(1.0, (*below, shutter)),), style, Base("plinth", 0.05, 0.02, 2)
+        rng, "storage cabinet", size, (Column(1.0, (*below, shutter)),), style, CabinetBase("plinth", 0.05, 0.02, 2)
     )
 
 
@@ -75,9 +83,9 @@ def lockers(rng: np.random.Generator, style: Style) -> Piece:
     grip = grips.design(rng, "knob", "bar", "recess", "bow", "square")
     side = pick(rng, ("left", "right"))
     cells = tuple(Cell(1.0, Opening(side, grip=replace(grip, length=min(grip.length, 0.16)))) for _ in range(rows))
-    style = replace(steel(rng, style), look=pick(rng, ("slab", "slab", "grooved")))
+    style = replace(steel(rng, style), panel=pick(rng, ("slab", "slab", "grooved")))
     return cabinet(
-        rng, "locker", size, (Column(1.0, cells),) * columns, style, Base("plinth", uniform(rng, (0.05, 0.12)))
+        rng, "locker", size, (Column(1.0, cells),) * columns, style, CabinetBase("plinth", uniform(rng, (0.05, 0.12)))
     )
 
 
@@ -88,7 +96,12 @@ def cupboard(rng: np.random.Generator, style: Style) -> Piece:
     cells = (doors, Cell(1.2, Opening("open"), 1)) if chance(rng, 0.5) else (doors,)
     style = steel(rng, style) if chance(rng, 0.4) else style
     return cabinet(
-        rng, "storage cabinet", size, (Column(1.0, cells),), style, Base("plinth", 0.06, 0.02, integer(rng, 0, 2))
+        rng,
+        "storage cabinet",
+        size,
+        (Column(1.0, cells),),
+        style,
+        CabinetBase("plinth", 0.06, 0.02, integer(rng, 0, 2)),
     )
 
 
@@ -97,7 +110,7 @@ def wall_cupboard(rng: np.random.Generator, style: Style) -> Piece:
     size = uniform(rng, (0.3, 0.38)), uniform(rng, (0.4, 1.1)), uniform(rng, (0.35, 0.7))
     kinds = ("pair",) if size[1] > 0.65 else ("left", "right", "up")
     cell = Cell(1.0, Opening(pick(rng, kinds)))
-    return cabinet(rng, "wall cabinet", size, (Column(1.0, (cell,)),), style, Base("none", 0.0)).moved(
+    return cabinet(rng, "wall cabinet", size, (Column(1.0, (cell,)),), style, CabinetBase("none", 0.0)).moved(
         at(0, 0, uniform(rng, (1.2, 1.45)))
     )
 
@@ -163,7 +176,9 @@ def _under(rng: np.random.Generator, style: Style, size: tuple[float, float], y:
     deep, high = size
     wide, tall = uniform(rng, (0.4, 0.56)), uniform(rng, (0.1, 0.15))
     drawer = Cell(1.0, Opening("drawer"))
-    piece = cabinet(rng, "desk drawer", (deep - 0.12, wide, tall), (Column(1.0, (drawer,)),), style, Base("none", 0.0))
+    piece = cabinet(
+        rng, "desk drawer", (deep - 0.12, wide, tall), (Column(1.0, (drawer,)),), style, CabinetBase("none", 0.0)
+    )
     return piece.moved(at(0.1, y, high - 0.026 - tall))
 
 
@@ -180,4 +195,4 @@ def tool_cabinet(rng: np.random.Generator, style: Style) -> Piece:
     grip = grips.design(rng, "edge", "bar", "rail", "square")
     style = replace(steel(rng, style), grip=replace(grip, length=max(grip.length, 0.25)))
     cells = column(1.0, *((r, "drawer") for r in rows))
-    return cabinet(rng, "tool cabinet", size, (cells,), style, Base("plinth", 0.08, 0.03, integer(rng, 1, 4)))
+    return cabinet(rng, "tool cabinet", size, (cells,), style, CabinetBase("plinth", 0.08, 0.03, integer(rng, 1, 4)))

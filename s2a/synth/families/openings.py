@@ -44,8 +44,8 @@ def room_door(rng: np.random.Generator, width: float, height: float, colors: tup
     side = pick(rng, (LEFT, RIGHT))
     at_hand = uniform(rng, (0.95, 1.08)) - size[2] / 2
     grip = lever(rng, side[0], metal).moved(at(0, -side[0] * (size[1] / 2 - uniform(rng, (0.055, 0.08))), at_hand))
-    look = pick(rng, ("slab", "slab", "framed", "grooved", "glazed"))
-    shape = panels.front(look, size, wood, WOOD, uniform(rng, (0.1, 0.15)))
+    panel = pick(rng, ("slab", "slab", "framed", "grooved", "glazed"))
+    shape = panels.front(panel, size, wood, WOOD, uniform(rng, (0.1, 0.15)))
     leaf = hinged("door", shape, side, grip, angle=uniform(rng, (1.3, 1.6)))
     # The leaf stands 4 mm before the wall's face: its edges pass the jambs.
     return Piece("door frame", join(*frame, head), (leaf.tilted(rng, 0.1).moved(at(0.02, 0, 0.008 + size[2] / 2)),))

@@ -14,11 +14,11 @@ import numpy as np
 from s2a.scene import Joint
 from s2a.synth import grips, panels
 from s2a.synth.appliances import METAL, WHITE
-from s2a.synth.casework import Base, Cell, Column, cabinet
+from s2a.synth.casework import CabinetBase, Cell, Column, cabinet
 from s2a.synth.draw import chance, integer, pick, uniform
 from s2a.synth.fittings import Opening, Style
 from s2a.synth.fronts import LEFT, RIGHT, hinged
-from s2a.synth.furniture import carcass
+from s2a.synth.furniture import cabinet_body
 from s2a.synth.handles import QUARTER, cup, edge
 from s2a.synth.plumbing import basin, counter, faucet
 from s2a.synth.sanitary import CERAMIC
@@ -35,7 +35,7 @@ def vanity(rng: np.random.Generator, style: Style) -> list[Piece]:
     columns = (side, Column(1.0, (below,))) if width > 0.95 else (Column(1.0, (below,)),)
     # Between the basin's middle and that of the column below it.
     y = width / 2 - width / (1.6 if len(columns) > 1 else 1.0) / 2
-    base = Base(
+    base = CabinetBase(
         "none" if hung else "plinth", uniform(rng, (0.25, 0.35)) if hung else uniform(rng, (0.06, 0.15)), open_top=True
     )
     thick = uniform(rng, (0.015, 0.04))
@@ -76,7 +76,7 @@ def mirror_cabinet(rng: np.random.Generator, style: Style) -> Piece:
     ]
     size = uniform(rng, (0.12, 0.18)), width, uniform(rng, (0.55, 0.8))
     return cabinet(
-        rng, "mirror cabinet", size, tuple(doors), replace(style, theme="toiletries"), Base("none", 0.0)
+        rng, "mirror cabinet", size, tuple(doors), replace(style, theme="toiletries"), CabinetBase("none", 0.0)
     ).moved(at(0, 0, uniform(rng, (1.15, 1.3))))
 
 
@@ -87,7 +87,7 @@ def tall_cupboard(rng: np.random.Generator, style: Style) -> Piece:
     between = pick(rng, ((), (Cell(0.25, Opening("drawer")),), (Cell(0.4, Opening("open"), 0),)))
     cells = (Cell(1.0, Opening(side)), *between, Cell(0.9, Opening(side)))
     return cabinet(
-        rng, "storage cabinet", size, (Column(1.0, cells),), style, Base("plinth", uniform(rng, (0.05, 0.12)))
+        rng, "storage cabinet", size, (Column(1.0, cells),), style, CabinetBase("plinth", uniform(rng, (0.05, 0.12)))
     )
 
 
@@ -96,7 +96,7 @@ def washer(rng: np.random.Generator, name: str = "washing machine") -> Piece:
     deep, wide, high = uniform(rng, (0.46, 0.62)), 0.597, uniform(rng, (0.84, 0.85))
     hole, z, split = uniform(rng, (0.13, 0.155)), uniform(rng, (0.4, 0.46)), high - 0.135
     color = pick(rng, (WHITE, WHITE, (90, 92, 96)))
-    shell = [board.moved(at(deep, 0, 0.02)) for board in carcass((deep, wide, high - 0.02), 0.012, color)]
+    shell = [board.moved(at(deep, 0, 0.02)) for board in cabinet_body((deep, wide, high - 0.02), 0.012, color)]
     half, drawer = wide / 2, -0.12
     face = [
         box((deep - 0.02, deep), (-half, half), (0.02, z - hole), color),

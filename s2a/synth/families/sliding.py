@@ -12,21 +12,21 @@ import numpy as np
 
 from s2a.scene import Joint
 from s2a.synth import grips, panels
-from s2a.synth.casework import Base, Cell, Column, cabinet
+from s2a.synth.casework import CabinetBase, Cell, Column, cabinet
 from s2a.synth.draw import chance, integer, pick, uniform
 from s2a.synth.fittings import Opening, Style
 from s2a.synth.handle_places import door_grips
 from s2a.synth.solids import Piece, at
 
 PLAY = 0.008
-"""Between the tracks, and between doors and carcass [m]."""
+"""Between the tracks, and between doors and cabinet body [m]."""
 
 
 def sliding_wardrobe(rng: np.random.Generator, style: Style) -> Piece:
     """Return a wardrobe with two or three doors that slide past each other."""
     size = uniform(rng, (0.6, 0.68)), uniform(rng, (1.2, 2.6)), uniform(rng, (1.9, 2.36))
     count = 3 if size[1] > 1.9 and chance(rng, 0.6) else 2
-    base = Base("plinth", uniform(rng, (0.04, 0.08)))
+    base = CabinetBase("plinth", uniform(rng, (0.04, 0.08)))
     deep = size[0] - 2 * (style.thick + PLAY)
     inside = tuple(Column(1.0, (Cell(1.0, Opening("open"), integer(rng, 1, 4)),)) for _ in range(count))
     body = cabinet(rng, "wardrobe", (deep + style.thick + 0.002, *size[1:]), inside, style, base)

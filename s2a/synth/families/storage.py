@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.synth.casework import Base, Cell, Column, cabinet, column
+from s2a.synth.casework import CabinetBase, Cell, Column, cabinet, column
 from s2a.synth.draw import chance, integer, pick, uniform
 from s2a.synth.fittings import Opening, Style
 from s2a.synth.solids import Piece
@@ -20,11 +20,11 @@ CAP = (0.016, 0.03)
 """Thickness of a top board [m]."""
 
 
-def _base(rng: np.random.Generator, legs: tuple[float, float] = (0.06, 0.2), things: int = 4) -> Base:
+def _base(rng: np.random.Generator, legs: tuple[float, float] = (0.06, 0.2), things: int = 4) -> CabinetBase:
     """Return legs or a plinth, and a top board."""
     on_legs = chance(rng, 0.5)
     height = uniform(rng, legs if on_legs else (0.04, 0.1))
-    return Base("legs" if on_legs else "plinth", height, uniform(rng, CAP), integer(rng, 0, things))
+    return CabinetBase("legs" if on_legs else "plinth", height, uniform(rng, CAP), integer(rng, 0, things))
 
 
 def _rows(rng: np.random.Generator, count: int) -> tuple[tuple[float, str], ...]:
@@ -87,9 +87,9 @@ def vitrine(rng: np.random.Generator, style: Style) -> Piece:
     """Return a tall cabinet with glazed doors above drawers or wooden doors."""
     size = uniform(rng, (0.34, 0.45)), uniform(rng, (0.5, 1.1)), uniform(rng, (1.4, 2.05))
     kind = "pair" if size[1] > 0.65 else pick(rng, ("left", "right"))
-    glass = Cell(uniform(rng, (2.0, 3.0)), Opening(kind, look="glazed"))
+    glass = Cell(uniform(rng, (2.0, 3.0)), Opening(kind, panel="glazed"))
     below = pick(
-        rng, ((Cell(1.0, Opening(kind, look="framed")),), (Cell(0.5, Opening("drawer")), Cell(0.5, Opening("drawer"))))
+        rng, ((Cell(1.0, Opening(kind, panel="framed")),), (Cell(0.5, Opening("drawer")), Cell(0.5, Opening("drawer"))))
     )
     return cabinet(rng, "cabinet", size, (Column(1.0, (*below, glass)),), style, _base(rng, (0.05, 0.15), 1))
 
@@ -103,7 +103,9 @@ def shelf(rng: np.random.Generator, style: Style) -> Piece:
         Column(1.0, tuple(Cell(1.0, Opening(pick(rng, inserts)), 0) for _ in range(rows))) for _ in range(columns)
     )
     name = "bookshelf" if style.theme == "office" else "shelf"
-    return cabinet(rng, name, size, each, style, Base("plinth", uniform(rng, (0.04, 0.08)), 0.0, integer(rng, 0, 2)))
+    return cabinet(
+        rng, name, size, each, style, CabinetBase("plinth", uniform(rng, (0.04, 0.08)), 0.0, integer(rng, 0, 2))
+    )
 
 
 def wardrobe(rng: np.random.Generator, style: Style) -> Piece:
@@ -112,7 +114,7 @@ def wardrobe(rng: np.random.Generator, style: Style) -> Piece:
     count = max(1, round(size[1] / uniform(rng, (0.42, 0.6))))
     each = []
     for i in range(count):
-        door = Opening("left" if i % 2 == 0 else "right", look="mirror" if chance(rng, 0.12) else None)
+        door = Opening("left" if i % 2 == 0 else "right", panel="mirror" if chance(rng, 0.12) else None)
         drawers = tuple(Cell(0.5, Opening("drawer")) for _ in range(integer(rng, 1, 3)))
         kinds = (
             (Cell(1.0, door),),
@@ -122,7 +124,12 @@ def wardrobe(rng: np.random.Generator, style: Style) -> Piece:
         )
         each.append(Column(1.0, pick(rng, kinds)))
     return cabinet(
-        rng, "wardrobe", size, tuple(each), style, Base("plinth", uniform(rng, (0.04, 0.1)), 0.0, integer(rng, 0, 1))
+        rng,
+        "wardrobe",
+        size,
+        tuple(each),
+        style,
+        CabinetBase("plinth", uniform(rng, (0.04, 0.1)), 0.0, integer(rng, 0, 1)),
     )
 
 

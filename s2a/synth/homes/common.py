@@ -9,7 +9,7 @@ import numpy as np
 from s2a.synth import clutter, decor, objects
 from s2a.synth.draw import chance, integer, pick, uniform
 from s2a.synth.families import openings
-from s2a.synth.floor_plan import Crowded, Plan
+from s2a.synth.floor_plan import Crowded, FloorPlan
 from s2a.synth.room import Hole
 from s2a.synth.solids import Color, Piece, at, box, join
 from s2a.synth.styles import Palette
@@ -20,23 +20,23 @@ CORNER = 0.16
 PAINTS: tuple[Color, ...] = ((236, 236, 232), (222, 214, 196), (120, 90, 62), (80, 84, 88))
 
 
-def doors(plan: Plan, colors: Palette, count: int) -> Holes:
+def doors(plan: FloorPlan, colors: Palette, count: int) -> Holes:
     """Place doors in walls, and return the holes for them.
 
     Raises:
         Crowded: there is no room for one of them.
     """
     holes: Holes = {}
-    look = (pick(plan.rng, PAINTS), pick(plan.rng, (colors.wood, colors.paint, PAINTS[0])), colors.metal)
+    finish = (pick(plan.rng, PAINTS), pick(plan.rng, (colors.wood, colors.paint, PAINTS[0])), colors.metal)
     for _ in range(count):
         make = openings.sliding_door if chance(plan.rng, 0.12) else openings.room_door
         size = (uniform(plan.rng, (0.74, 1.05)), uniform(plan.rng, (2.02, 2.16)))
-        piece = make(plan.rng, *size, look)
+        piece = make(plan.rng, *size, finish)
         _open_wall(plan, holes, piece, size, 0.0, plan.room.size[2] - 0.1)
     return holes
 
 
-def windows(plan: Plan, colors: Palette, holes: Holes, count: int) -> None:
+def windows(plan: FloorPlan, colors: Palette, holes: Holes, count: int) -> None:
     """Place up to so many windows in walls and add their holes."""
     paint = pick(plan.rng, PAINTS)
     for _ in range(count):
@@ -49,7 +49,7 @@ def windows(plan: Plan, colors: Palette, holes: Holes, count: int) -> None:
             return
 
 
-def _open_wall(plan: Plan, holes: Holes, piece: Piece, size: tuple[float, float], low: float, top: float) -> None:
+def _open_wall(plan: FloorPlan, holes: Holes, piece: Piece, size: tuple[float, float], low: float, top: float) -> None:
     """Place what fills an opening of given width and height in some wall, its lower edge at a height."""
     for _ in range(40):
         index = plan.some_side()
@@ -69,7 +69,7 @@ def _open_wall(plan: Plan, holes: Holes, piece: Piece, size: tuple[float, float]
     raise Crowded
 
 
-def _is_gable(plan: Plan, index: int) -> bool:
+def _is_gable(plan: FloorPlan, index: int) -> bool:
     """Return whether a wall ends at a slope, which would cut its openings."""
     if plan.room.slope is None:
         return False
@@ -77,7 +77,7 @@ def _is_gable(plan: Plan, index: int) -> bool:
     return index in ((plan.room.slope[0] + 1) % count, (plan.room.slope[0] - 1) % count)
 
 
-def hang(plan: Plan, count: int, work: bool = False) -> None:
+def hang(plan: FloorPlan, count: int, work: bool = False) -> None:
     """Hang pictures, mirrors, clocks, shelves or whiteboards on the walls."""
     rng = plan.rng
     for _ in range(count):
@@ -107,7 +107,7 @@ def _shelf(rng: np.random.Generator) -> Piece:
     return Piece(shelf.name, shelf.surface, contents=things)
 
 
-def lamps(plan: Plan) -> None:
+def lamps(plan: FloorPlan) -> None:
     """Hang a lamp from the ceiling where nothing is in its way."""
     width, depth, height = plan.room.size
     for _ in range(12):
@@ -122,7 +122,7 @@ def lamps(plan: Plan) -> None:
             return
 
 
-def floor_things(plan: Plan, kinds: Sequence[str], count: int) -> None:
+def floor_objects(plan: FloorPlan, kinds: Sequence[str], count: int) -> None:
     """Stand things on the floor, mostly before walls."""
     rng = plan.rng
     for _ in range(count):
@@ -131,9 +131,9 @@ def floor_things(plan: Plan, kinds: Sequence[str], count: int) -> None:
         low, high = points.min(axis=0), points.max(axis=0)
         piece = piece.moved(at(-low[0], -(low[1] + high[1]) / 2, -low[2]))
         if chance(rng, 0.75):
-            plan.against([piece], askew=12, gap=0.03, tries=4)
+            plan.against([piece], askew=12, gap=0.03, attempts=4)
         else:
-            plan.anywhere([piece], tries=6)
+            plan.anywhere([piece], attempts=6)
 
 
 def _floor_thing(rng: np.random.Generator, kind: str) -> Piece:
@@ -155,7 +155,7 @@ def _tower(rng: np.random.Generator) -> Piece:
     return Piece("computer tower", join(box((-x, x), (-y, y), (0, z), (40, 40, 44)), front))
 
 
-def sockets(plan: Plan) -> None:
+def sockets(plan: FloorPlan) -> None:
     """Place sockets low and switches at the height of a hand on the walls."""
     rng = plan.rng
     for _ in range(integer(rng, 2, 5)):
@@ -172,15 +172,15 @@ def sockets(plan: Plan) -> None:
         plan.against([Piece(name, join(plate, inner)).moved(at(0, 0, z))], gap=0.0005, askew=0.0)
 
 
-def heater(plan: Plan) -> None:
+def heater(plan: FloorPlan) -> None:
     """Place a radiator at a wall."""
     plan.against([objects.heater(uniform(plan.rng, (0.5, 1.4)))], gap=0.002, askew=0.0)
 
 
-def rug(plan: Plan, color: Color) -> None:
+def rug(plan: FloorPlan, color: Color) -> None:
     """Lay a rug on free floor."""
     from s2a.synth.cloth import rug as cloth_rug
 
     plan.anywhere(
-        [cloth_rug(uniform(plan.rng, (1.0, 1.9)), uniform(plan.rng, (0.7, 1.3)), color, (206, 200, 188))], tries=12
+        [cloth_rug(uniform(plan.rng, (1.0, 1.9)), uniform(plan.rng, (0.7, 1.3)), color, (206, 200, 188))], attempts=12
     )

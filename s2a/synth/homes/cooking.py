@@ -14,7 +14,7 @@ from s2a.synth.families import kitchen as units
 from s2a.synth.families import kitchen_appliances as machines
 from s2a.synth.families.fitted import Fitted, fitted
 from s2a.synth.fittings import Style
-from s2a.synth.floor_plan import Plan
+from s2a.synth.floor_plan import FloorPlan
 from s2a.synth.homes import common
 from s2a.synth.solids import Piece, at
 from s2a.synth.styles import Palette
@@ -32,7 +32,7 @@ WIDTHS = {
 
 
 @dataclass(frozen=True)
-class Look:
+class KitchenStyle:
     """What a kitchen's units share: sizes, style of the base units, style of the wall units."""
 
     sizes: Fitted
@@ -40,56 +40,56 @@ class Look:
     wall: Style
 
 
-def kitchen(plan: Plan, colors: Palette) -> None:
+def kitchen(plan: FloorPlan, colors: Palette) -> None:
     """Place one or two fitted rows with wall units, a fridge, an island or a table."""
     rng = plan.rng
-    base = styles.style(rng, colors, "pantry", "nothing", "cutlery", looks=("slab", "framed", "grooved", "slab"))
-    look = Look(
+    base = styles.style(rng, colors, "pantry", "nothing", "cutlery", panels=("slab", "framed", "grooved", "slab"))
+    kitchen = KitchenStyle(
         fitted(rng),
         base,
-        base if chance(rng, 0.6) else styles.style(rng, colors, "kitchen", looks=("slab", "glazed", "framed")),
+        base if chance(rng, 0.6) else styles.style(rng, colors, "kitchen", panels=("slab", "glazed", "framed")),
     )
     # Doors of wall units stop at the hood, which is deeper than they are.
-    look = replace(look, wall=replace(look.wall, angle=min(look.wall.angle, 1.5)))
+    kitchen = replace(kitchen, wall=replace(kitchen.wall, angle=min(kitchen.wall.angle, 1.5)))
     longest = max(side.length for side in plan.room.sides)
     plan.need(
         plan.against(
-            row(rng, look, uniform(rng, (min(2.6, 0.8 * longest), min(4.6, longest - 0.1))), True),
+            row(rng, kitchen, uniform(rng, (min(2.6, 0.8 * longest), min(4.6, longest - 0.1))), True),
             stand=STAND,
-            tries=16,
+            attempts=16,
             askew=0.3,
             gap=0.002,
         )
     )
     fridge = machines.fridge(rng, styles.style(rng, colors, "pantry", "nothing", "cutlery"))
-    plan.need(plan.against([fridge], stand=STAND, askew=0.5, gap=0.02, tries=14))
+    plan.need(plan.against([fridge], stand=STAND, askew=0.5, gap=0.02, attempts=14))
     if chance(rng, 0.7):
-        plan.against(row(rng, look, uniform(rng, (1.0, 2.2)), False), stand=STAND, askew=0.3, gap=0.002)
+        plan.against(row(rng, kitchen, uniform(rng, (1.0, 2.2)), False), stand=STAND, askew=0.3, gap=0.002)
     if chance(rng, 0.4) and plan.room.size[0] * plan.room.size[1] > 14:
-        plan.anywhere(units.island(rng, look.sizes, base, uniform(rng, (1.0, 1.8))), stand=STAND, tries=40)
+        plan.anywhere(units.island(rng, kitchen.sizes, base, uniform(rng, (1.0, 1.8))), stand=STAND, attempts=40)
     if chance(rng, 0.35):
         plan.against(
-            [units.tall_unit(rng, uniform(rng, (0.4, 0.62)), look.sizes, base)], stand=STAND, askew=0.3, gap=0.002
+            [units.tall_unit(rng, uniform(rng, (0.4, 0.62)), kitchen.sizes, base)], stand=STAND, askew=0.3, gap=0.002
         )
     if chance(rng, 0.5):
-        plan.anywhere(beds.dining(rng, styles.style(rng, colors, "dishes", "dishes")), tries=40)
+        plan.anywhere(beds.dining(rng, styles.style(rng, colors, "dishes", "dishes")), attempts=40)
     if chance(rng, 0.4):
         plan.against([storage.shelf(rng, styles.style(rng, colors, "pantry", "kitchen", "cutlery"))], stand=STAND)
     if chance(rng, 0.7):
         plan.against([lids.bin_(rng)], askew=10, gap=0.04)
     common.heater(plan)
     common.hang(plan, integer(rng, 1, 4))
-    common.floor_things(plan, ("plant", "box", "chair", "basket"), integer(rng, 2, 6))
+    common.floor_objects(plan, ("plant", "box", "chair", "basket"), integer(rng, 2, 6))
 
 
-def row(rng: np.random.Generator, look: Look, length: float, main: bool) -> list[Piece]:
+def row(rng: np.random.Generator, kitchen: KitchenStyle, length: float, main: bool) -> list[Piece]:
     """Return base units side by side under one worktop, things on it, wall units above: a group centred in y.
 
     Args:
         rng: the order and widths of the units.
-        look: of the kitchen.
+        kitchen: of the kitchen.
         length: at most [m].
-        main: whether it has the sink, the oven and the dishwasher.
+        main: It has the sink, the oven and the dishwasher.
     """
     kinds = _order(rng, length, main)
     widths = np.array([wide for _, wide in kinds])
@@ -103,16 +103,16 @@ def row(rng: np.random.Generator, look: Look, length: float, main: bool) -> list
     }
     middles = {name: float(start + wide / 2) for (name, wide), start in zip(kinds, starts, strict=False)}
     pieces = [
-        make[name](rng, wide, look.sizes, look.base).moved(at(0, start + wide / 2))
+        make[name](rng, wide, kitchen.sizes, kitchen.base).moved(at(0, start + wide / 2))
         for (name, wide), start in zip(kinds, starts, strict=False)
     ]
     ends = (float(starts[0]), float(starts[-1]))
     sink = (middles["sink"], min(0.5, dict(kinds)["sink"] - 0.14)) if "sink" in middles else None
-    top = pick(rng, ((112, 104, 98), (60, 60, 64), (206, 200, 190), look.base.top))
-    pieces += units.worktop(ends, look.sizes, sink, top, 0)
-    pieces += _on_top(rng, look, ends, middles)
+    top = pick(rng, ((112, 104, 98), (60, 60, 64), (206, 200, 190), kitchen.base.top))
+    pieces += units.worktop(ends, kitchen.sizes, sink, top, 0)
+    pieces += _on_top(rng, kitchen, ends, middles)
     if chance(rng, 0.85 if main else 0.6):
-        pieces += _wall_units(rng, look, ends, middles.get("oven"))
+        pieces += _wall_units(rng, kitchen, ends, middles.get("oven"))
     return pieces
 
 
@@ -132,9 +132,11 @@ def _order(rng: np.random.Generator, length: float, main: bool) -> list[tuple[st
     return [found[i] for i in rng.permutation(len(found)).tolist()]
 
 
-def _on_top(rng: np.random.Generator, look: Look, ends: tuple[float, float], middles: dict[str, float]) -> list[Piece]:
+def _on_top(
+    rng: np.random.Generator, kitchen: KitchenStyle, ends: tuple[float, float], middles: dict[str, float]
+) -> list[Piece]:
     """Return the hob, and what stands on the worktop left and right of sink and hob."""
-    z = look.sizes.top + look.sizes.counter
+    z = kitchen.sizes.top + kitchen.sizes.counter
     pieces: list[Piece] = []
     busy = []
     if "oven" in middles:
@@ -153,24 +155,26 @@ def _on_top(rng: np.random.Generator, look: Look, ends: tuple[float, float], mid
             pieces.append(oven)
             high -= 0.58
         if high - low > 0.14:
-            board = Board((0.04, look.sizes.depth - 0.06), (low, high), z, look.sizes.upper - z)
+            board = Board((0.04, kitchen.sizes.depth - 0.06), (low, high), z, kitchen.sizes.upper - z)
             pieces += clutter.fill(rng, board, "kitchen", int(4 * (high - low)) + 1)
     return pieces
 
 
-def _wall_units(rng: np.random.Generator, look: Look, ends: tuple[float, float], oven: float | None) -> list[Piece]:
+def _wall_units(
+    rng: np.random.Generator, kitchen: KitchenStyle, ends: tuple[float, float], oven: float | None
+) -> list[Piece]:
     """Return wall units above a row, and a hood above the hob."""
     pieces = []
     spans = [ends]
     if oven is not None:
         spans = [(ends[0], oven - 0.31), (oven + 0.31, ends[1])]
-        pieces.append(appliances.extractor(0.3).moved(at(0, oven, look.sizes.upper)))
+        pieces.append(appliances.extractor(0.3).moved(at(0, oven, kitchen.sizes.upper)))
     for low, high in spans:
         y = low
         while high - y > 0.3:
             wide = min(uniform(rng, (0.3, 0.95)), high - y)
             wide = high - y if high - y - wide < 0.3 and high - y < 1.0 else wide
             if chance(rng, 0.88):
-                pieces.append(units.wall_unit(rng, wide, look.sizes, look.wall).moved(at(0, y + wide / 2)))
+                pieces.append(units.wall_unit(rng, wide, kitchen.sizes, kitchen.wall).moved(at(0, y + wide / 2)))
             y += wide
     return pieces

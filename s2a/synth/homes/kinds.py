@@ -11,7 +11,7 @@ from s2a.errors import InputError
 from s2a.synth import outline, styles
 from s2a.synth.catalog import moves
 from s2a.synth.draw import Range, integer
-from s2a.synth.floor_plan import Crowded, Plan
+from s2a.synth.floor_plan import Crowded, FloorPlan
 from s2a.synth.homes import cooking, living, sleeping, washing, working
 from s2a.synth.homes.common import doors, lamps, sockets, windows
 from s2a.synth.room import Room
@@ -40,7 +40,7 @@ class Kind:
     plain: float
     doors: tuple[int, int]
     windows: tuple[int, int]
-    furnish: Callable[[Plan, Palette], None]
+    furnish: Callable[[FloorPlan, Palette], None]
 
 
 HOMES: Mapping[str, Kind] = {
@@ -81,7 +81,7 @@ def furnish(name: str, rng: np.random.Generator) -> Room:
     kind = HOMES[name]
     for attempt in rng.spawn(ATTEMPTS):
         shape = outline.outline(attempt, kind.area, (2.35, 3.0), kind.plain)
-        plan = Plan(shape, attempt)
+        plan = FloorPlan(shape, attempt)
         try:
             return _furnished(plan, kind)
         except Crowded:
@@ -89,7 +89,7 @@ def furnish(name: str, rng: np.random.Generator) -> Room:
     raise InputError(f"no {name} could be furnished in {ATTEMPTS} attempts; take another seed")
 
 
-def _furnished(plan: Plan, kind: Kind) -> Room:
+def _furnished(plan: FloorPlan, kind: Kind) -> Room:
     """Return a room of one attempt; raises Crowded."""
     rng, colors = plan.rng, styles.palette(plan.rng)
     holes = doors(plan, colors, integer(rng, *kind.doors))
@@ -98,7 +98,7 @@ def _furnished(plan: Plan, kind: Kind) -> Room:
     sockets(plan)
     lamps(plan)
     paint, ground = outline.paints(rng)
-    pieces = sorted([*plan.pieces, *outline.shell(plan.room, holes, paint, ground)], key=lambda p: not moves(p))
+    pieces = sorted([*plan.pieces, *outline.structure(plan.room, holes, paint, ground)], key=lambda p: not moves(p))
     scanners = viewpoints(pieces, plan.room, SCANNERS, rng)
     if len(scanners) < 6:
         raise Crowded

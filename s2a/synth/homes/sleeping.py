@@ -6,7 +6,7 @@ from s2a.synth import styles
 from s2a.synth.draw import chance, integer, pick, uniform
 from s2a.synth.families import beds, lids, storage
 from s2a.synth.families.sliding import sliding_wardrobe
-from s2a.synth.floor_plan import Plan
+from s2a.synth.floor_plan import FloorPlan
 from s2a.synth.homes import common
 from s2a.synth.solids import at
 from s2a.synth.styles import Palette
@@ -15,7 +15,7 @@ STAND = 1.0
 """[m] Free floor before furniture that opens."""
 
 
-def bedroom(plan: Plan, colors: Palette) -> None:
+def bedroom(plan: FloorPlan, colors: Palette) -> None:
     """Place a bed with nightstands, a wardrobe, chests, a trunk."""
     rng = plan.rng
     style = styles.style(rng, colors, "clothes", drawers="linen")
@@ -25,10 +25,10 @@ def bedroom(plan: Plan, colors: Palette) -> None:
         stand = storage.nightstand(rng, night)
         wide = float(stand.size[1]) / 2
         pieces.append(stand.moved(at(0.0, side * (half + wide + uniform(rng, (0.02, 0.12))))))
-    plan.need(plan.against(pieces, stand=0.75, tries=14))
+    plan.need(plan.against(pieces, stand=0.75, attempts=14))
     family = sliding_wardrobe if chance(rng, 0.35) else storage.wardrobe
     wardrobe = family(rng, styles.style(rng, colors, "clothes", drawers="linen"))
-    plan.need(plan.against([wardrobe], stand=STAND, tries=14))
+    plan.need(plan.against([wardrobe], stand=STAND, attempts=14))
     more = (
         storage.chest,
         storage.chest,
@@ -43,6 +43,6 @@ def bedroom(plan: Plan, colors: Palette) -> None:
         plan.against([pick(rng, more)(rng, style)], stand=STAND)
     common.heater(plan)
     common.hang(plan, integer(rng, 2, 6))
-    common.floor_things(plan, ("plant", "box", "bag", "chair", "shoes", "basket", "teddy", "lamp"), integer(rng, 2, 7))
+    common.floor_objects(plan, ("plant", "box", "bag", "chair", "shoes", "basket", "teddy", "lamp"), integer(rng, 2, 7))
     if chance(rng, 0.5):
         common.rug(plan, colors.cloth)

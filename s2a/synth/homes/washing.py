@@ -8,7 +8,7 @@ from s2a.synth import household, styles, toiletries
 from s2a.synth import sanitary as classic
 from s2a.synth.draw import chance, integer, pick, uniform
 from s2a.synth.families import lids, sanitary
-from s2a.synth.floor_plan import Plan
+from s2a.synth.floor_plan import FloorPlan
 from s2a.synth.homes import common
 from s2a.synth.solids import Piece, at
 from s2a.synth.styles import Palette
@@ -17,18 +17,18 @@ STAND = 0.9
 """[m] Free floor before furniture that opens."""
 
 
-def bathroom(plan: Plan, colors: Palette) -> None:
+def bathroom(plan: FloorPlan, colors: Palette) -> None:
     """Place a bathtub or none, a toilet, a vanity with a mirror cabinet, cupboards, a hamper."""
     rng = plan.rng
     style = styles.style(rng, colors, "bath", "bath", "toiletries")
     vanity = sanitary.vanity(rng, style)
     if chance(rng, 0.8):
         vanity.append(sanitary.mirror_cabinet(rng, style))
-    plan.need(plan.against(vanity, stand=STAND, tries=16, askew=0.2))
-    plan.need(plan.against([classic.toilet()], stand=0.45, tries=16, askew=0.3))
+    plan.need(plan.against(vanity, stand=STAND, attempts=16, askew=0.2))
+    plan.need(plan.against([classic.toilet()], stand=0.45, attempts=16, askew=0.3))
     if chance(rng, 0.6):
         tub = classic.bathtub(uniform(rng, (1.5, 1.8)), uniform(rng, (0.7, 0.8)))
-        plan.against([tub], tries=16, askew=0.0, gap=0.004)
+        plan.against([tub], attempts=16, askew=0.0, gap=0.004)
     if chance(rng, 0.45):
         plan.against([sanitary.washer(rng)], stand=STAND, askew=0.5, gap=0.03)
     families = (sanitary.tall_cupboard, lids.hamper, sanitary.tall_cupboard)
@@ -37,13 +37,13 @@ def bathroom(plan: Plan, colors: Palette) -> None:
     _small(plan)
 
 
-def laundry(plan: Plan, colors: Palette) -> None:
+def laundry(plan: FloorPlan, colors: Palette) -> None:
     """Place washing machine and dryer, tall cupboards, hampers, shelves."""
     rng = plan.rng
     machines = [sanitary.washer(rng)]
     if chance(rng, 0.6):
         machines.append(sanitary.washer(rng, "dryer").moved(at(0, uniform(rng, (0.62, 0.7)))))
-    plan.need(plan.against(machines, stand=STAND, askew=0.4, gap=0.03, tries=16))
+    plan.need(plan.against(machines, stand=STAND, askew=0.4, gap=0.03, attempts=16))
     families = (sanitary.tall_cupboard, lids.hamper, sanitary.tall_cupboard, lids.hamper)
     for _ in range(integer(rng, 3, 6)):
         plan.against([pick(rng, families)(rng, styles.style(rng, colors, "linen", "linen", "linen"))], stand=STAND)
@@ -53,7 +53,7 @@ def laundry(plan: Plan, colors: Palette) -> None:
     _small(plan)
 
 
-def _small(plan: Plan) -> None:
+def _small(plan: FloorPlan) -> None:
     """Place a bin, towels, mats and what else stands about."""
     rng = plan.rng
     if chance(rng, 0.8):
@@ -68,7 +68,7 @@ def _small(plan: Plan) -> None:
         plan.against([stool.moved(at(0.2, 0))], gap=0.03)
     common.heater(plan)
     common.hang(plan, integer(rng, 0, 2))
-    common.floor_things(plan, ("basket", "crate", "box", "shoes"), integer(rng, 0, 4))
+    common.floor_objects(plan, ("basket", "crate", "box", "shoes"), integer(rng, 0, 4))
 
 
 def _rail(rng: np.random.Generator) -> list[Piece]:

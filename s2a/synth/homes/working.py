@@ -6,7 +6,7 @@ from s2a.synth import styles
 from s2a.synth.draw import chance, integer, pick
 from s2a.synth.families import lids, storage
 from s2a.synth.families import office as furniture
-from s2a.synth.floor_plan import Plan
+from s2a.synth.floor_plan import FloorPlan
 from s2a.synth.homes import common
 from s2a.synth.styles import Palette
 
@@ -14,16 +14,16 @@ STAND = 1.0
 """[m] Free floor before furniture that opens."""
 
 
-def office(plan: Plan, colors: Palette) -> None:
+def office(plan: FloorPlan, colors: Palette) -> None:
     """Place one or two desks, filing and roller-shutter cabinets, lockers, shelves."""
     rng = plan.rng
-    desk = styles.style(rng, colors, "office", "office", "paper", looks=("slab",))
+    desk = styles.style(rng, colors, "office", "office", "paper", panels=("slab",))
     for index in range(integer(rng, 1, 2)):
-        found = plan.against(furniture.desk(rng, desk), stand=0.35, tries=14)
+        found = plan.against(furniture.desk(rng, desk), stand=0.35, attempts=14)
         if index == 0:
             plan.need(found)
     first = pick(rng, (furniture.filing, furniture.cupboard, furniture.roller))
-    plan.need(plan.against([first(rng, styles.style(rng, colors, "office", "office"))], stand=STAND, tries=14))
+    plan.need(plan.against([first(rng, styles.style(rng, colors, "office", "office"))], stand=STAND, attempts=14))
     families = (
         furniture.filing,
         furniture.roller,
@@ -36,16 +36,20 @@ def office(plan: Plan, colors: Palette) -> None:
         plan.against([pick(rng, families)(rng, styles.style(rng, colors, "office", "office"))], stand=STAND)
     common.heater(plan)
     common.hang(plan, integer(rng, 2, 6), work=True)
-    common.floor_things(plan, ("plant", "box", "bag", "can", "chair", "tower"), integer(rng, 2, 7))
+    common.floor_objects(plan, ("plant", "box", "bag", "can", "chair", "tower"), integer(rng, 2, 7))
 
 
-def study(plan: Plan, colors: Palette) -> None:
+def study(plan: FloorPlan, colors: Palette) -> None:
     """Place a desk, shelves with inserts, a chest or a sideboard."""
     rng = plan.rng
     plan.need(
-        plan.against(furniture.desk(rng, styles.style(rng, colors, "office", "office", "paper")), stand=0.35, tries=14)
+        plan.against(
+            furniture.desk(rng, styles.style(rng, colors, "office", "office", "paper")), stand=0.35, attempts=14
+        )
     )
-    plan.need(plan.against([storage.shelf(rng, styles.style(rng, colors, "office", "living"))], stand=STAND, tries=14))
+    plan.need(
+        plan.against([storage.shelf(rng, styles.style(rng, colors, "office", "living"))], stand=STAND, attempts=14)
+    )
     families = (
         storage.shelf,
         storage.chest,
@@ -60,17 +64,17 @@ def study(plan: Plan, colors: Palette) -> None:
         plan.against([pick(rng, families)(rng, styles.style(rng, colors, "office", "living"))], stand=STAND)
     common.heater(plan)
     common.hang(plan, integer(rng, 2, 6), work=True)
-    common.floor_things(plan, ("plant", "box", "lamp", "can", "bag", "basket", "tower"), integer(rng, 1, 6))
+    common.floor_objects(plan, ("plant", "box", "lamp", "can", "bag", "basket", "tower"), integer(rng, 1, 6))
     if chance(rng, 0.4):
         common.rug(plan, colors.cloth)
 
 
-def workshop(plan: Plan, colors: Palette) -> None:
+def workshop(plan: FloorPlan, colors: Palette) -> None:
     """Place a workbench, tool cabinets, lockers, wall cupboards, shelves with crates."""
     rng = plan.rng
-    bench = styles.style(rng, colors, "tools", "tools", "toiletries", looks=("slab",))
-    plan.need(plan.against(furniture.desk(rng, bench, "workbench"), stand=0.35, tries=14))
-    plan.need(plan.against([furniture.tool_cabinet(rng, bench)], stand=STAND, tries=14))
+    bench = styles.style(rng, colors, "tools", "tools", "toiletries", panels=("slab",))
+    plan.need(plan.against(furniture.desk(rng, bench, "workbench"), stand=0.35, attempts=14))
+    plan.need(plan.against([furniture.tool_cabinet(rng, bench)], stand=STAND, attempts=14))
     families = (
         furniture.tool_cabinet,
         furniture.lockers,
@@ -83,4 +87,4 @@ def workshop(plan: Plan, colors: Palette) -> None:
     for _ in range(integer(rng, 4, 8)):
         plan.against([pick(rng, families)(rng, styles.style(rng, colors, "tools", "tools", "toiletries"))], stand=STAND)
     common.hang(plan, integer(rng, 1, 4), work=True)
-    common.floor_things(plan, ("tools", "crate", "box", "can", "crate", "tools"), integer(rng, 3, 8))
+    common.floor_objects(plan, ("tools", "crate", "box", "can", "crate", "tools"), integer(rng, 3, 8))

@@ -12,7 +12,7 @@ from s2a.synth import appliances, household, kitchen_units, objects, sanitary, t
 from s2a.synth.fronts import LEFT, RIGHT, bar_pull, cup_pull, knob_pull
 from s2a.synth.furniture import room_door, window
 from s2a.synth.plumbing import basin, counter, faucet
-from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, around, shell
+from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, around, structure
 from s2a.synth.sanitary import CERAMIC, VANITY_TOP
 from s2a.synth.solids import PLAIN, TILES, WOOD, Color, Piece, at
 
@@ -38,7 +38,7 @@ def bathroom(rng: np.random.Generator) -> Room:
     holes = {EAST: (depth - 1.9, depth - 1.3, 1.25, 2.05), SOUTH: (left, right, 0.0, DOOR[2])}
     pieces = [
         *_articulated(rng, size),
-        *shell(rng, size, holes, (214, 222, 222), ((140, 146, 150), TILES)),
+        *structure(rng, size, holes, (214, 222, 222), ((140, 146, 150), TILES)),
         *_washbasin(rng, size),
         *_bath(rng, size),
         *_toilet_corner(rng, size),
@@ -51,11 +51,11 @@ def bathroom(rng: np.random.Generator) -> Room:
 def _articulated(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what opens."""
     width, depth, _ = size
-    color, look = FINISHES[rng.integers(len(FINISHES))]
+    color, texture = FINISHES[rng.integers(len(FINISHES))]
     pull = (cup_pull, bar_pull, knob_pull)[rng.integers(3)]
     side = (LEFT, RIGHT)[rng.integers(2)]
     return [
-        sanitary.vanity(rng, 1.0, pull, color, look).moved(at(VANITY, depth, 0, NORTH)),
+        sanitary.vanity(rng, 1.0, pull, color, texture).moved(at(VANITY, depth, 0, NORTH)),
         sanitary.mirror_cabinet(rng, 0.9, 0.65).moved(at(VANITY, depth, 1.25, NORTH)),
         kitchen_units.tall_unit(rng, (0.33, 0.4, 1.8), side, color).moved(at(2.12, depth, 0, NORTH)),
         appliances.washing_machine(rng).moved(at(width - 0.38, depth - 0.02, 0, NORTH)),
@@ -75,8 +75,8 @@ def _washbasin(rng: np.random.Generator, size: Size) -> list[Piece]:
         (-0.5, 0.5), (0.0, 0.5), (VANITY_TOP - 0.03, VANITY_TOP), hole, (84, 84, 88), PLAIN, "bathroom counter"
     )
 
-    def place(out: float, aside: float, turn: float = 0.0) -> np.ndarray:
-        return at(VANITY + aside, size[1] - out, VANITY_TOP, NORTH + turn)
+    def place(out: float, lateral: float, turn: float = 0.0) -> np.ndarray:
+        return at(VANITY + lateral, size[1] - out, VANITY_TOP, NORTH + turn)
 
     return [
         top.moved(at(VANITY, size[1], 0, NORTH)),

@@ -12,7 +12,7 @@ from s2a.synth import cloth, decor, objects, soft_furniture, storage
 from s2a.synth.cabinets import Finish
 from s2a.synth.furniture import room_door, window
 from s2a.synth.handles import STEEL
-from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Hole, Room, around, shell
+from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Hole, Room, around, structure
 from s2a.synth.solids import PLAIN, WOOD, Color, Piece, at
 
 BLACK, BRASS = (44, 44, 48), (176, 142, 84)
@@ -34,7 +34,7 @@ def bedroom(rng: np.random.Generator) -> Room:
     }
     pieces = [
         *_articulated(rng, size),
-        *shell(rng, size, holes, (216, 212, 204)),
+        *structure(rng, size, holes, (216, 212, 204)),
         *_bed(rng),
         *_on_furniture(rng, size),
         *_walls(rng, size),

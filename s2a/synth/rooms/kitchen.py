@@ -16,7 +16,7 @@ from s2a.synth.fronts import LEFT, RIGHT, Pull, bar_pull, cup_pull, edge_pull, k
 from s2a.synth.furniture import room_door, window
 from s2a.synth.kitchen_units import COUNTER, FRONT_TOP
 from s2a.synth.plumbing import basin, counter, faucet
-from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, around, shell
+from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, around, structure
 from s2a.synth.solids import PLAIN, TILES, WOOD, Color, Piece, at
 
 WIDTHS = {"drawers": 0.6, "oven": 0.6, "narrow": 0.4, "sink": 0.8, "dishwasher": 0.6}
@@ -36,19 +36,19 @@ class Row:
         middles: x of the middle of each base unit, by name [m].
         pulls: of the wide drawers, the narrow drawers and the dishwasher.
         color: of the fronts.
-        look: texture of the fronts.
+        texture: texture of the fronts.
         y: of the wall behind it [m].
     """
 
     middles: dict[str, float]
     pulls: tuple[Pull, Pull, Pull]
     color: Color
-    look: int
+    texture: int
     y: float
 
-    def place(self, unit: str, z: float = 0.0, out: float = 0.0, aside: float = 0.0, turn: float = 0.0) -> np.ndarray:
-        """Return a placement so far out of the wall [m] and aside from the middle of a unit [m], turned by an angle [deg]."""
-        return at(self.middles[unit] + aside, self.y - out, z, NORTH + turn)
+    def place(self, unit: str, z: float = 0.0, out: float = 0.0, lateral: float = 0.0, turn: float = 0.0) -> np.ndarray:
+        """Return a placement at a distance from the wall and to the side of a unit's middle [m], turned by an angle [deg]."""
+        return at(self.middles[unit] + lateral, self.y - out, z, NORTH + turn)
 
 
 def kitchen(rng: np.random.Generator) -> Room:
@@ -65,7 +65,7 @@ def kitchen(rng: np.random.Generator) -> Room:
         *_openings(rng, size),
         household.bread_bin(rng).moved(row.place("narrow", COUNTER, 0.07)),
         household.lidded_bin(0.15, 0.42, (70, 72, 78)).moved(at(width - 0.19, 2.42, 0, EAST)),
-        *shell(rng, size, holes, (230, 224, 206), ((176, 172, 164), TILES)),
+        *structure(rng, size, holes, (230, 224, 206), ((176, 172, 164), TILES)),
         *_counter(row),
         *_on_counter(rng, row),
         *_open_shelves(rng, row, width),
@@ -83,13 +83,13 @@ def _row(rng: np.random.Generator, depth: float) -> Row:
         middles[unit] = x + WIDTHS[unit] / 2
         x += WIDTHS[unit]
     wide, narrow = (bar_pull, cup_pull) if rng.uniform() < 0.5 else (cup_pull, knob_pull)
-    color, look = FINISHES[rng.integers(len(FINISHES))]
-    return Row(middles, (wide, narrow, edge_pull if wide is bar_pull else bar_pull), color, look, depth)
+    color, texture = FINISHES[rng.integers(len(FINISHES))]
+    return Row(middles, (wide, narrow, edge_pull if wide is bar_pull else bar_pull), color, texture, depth)
 
 
 def _units(rng: np.random.Generator, row: Row) -> list[Piece]:
     """Return what is fitted and opens: base units, wall units, appliances."""
-    finish = (row.color, row.look)
+    finish = (row.color, row.texture)
     wide, narrow, washer = row.pulls
     return [
         kitchen_units.drawer_unit(rng, WIDTHS["drawers"], (0.38, 0.36, 0.26), wide, *finish).moved(
@@ -135,9 +135,9 @@ def _on_counter(rng: np.random.Generator, row: Row) -> list[Piece]:
     """Return what stands on the worktop and on the hob."""
     hot = COUNTER + 0.0075
 
-    def near(unit: str, z: float, out: float, aside: float) -> np.ndarray:
+    def near(unit: str, z: float, out: float, lateral: float) -> np.ndarray:
         slack = rng.uniform(-0.015, 0.015, 2)
-        return row.place(unit, z, out + slack[0], aside + slack[1], rng.uniform(-12, 12))
+        return row.place(unit, z, out + slack[0], lateral + slack[1], rng.uniform(-12, 12))
 
     return [
         household.pot(0.1, 0.13).moved(near("oven", hot, 0.42, -0.14)),

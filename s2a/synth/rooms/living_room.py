@@ -13,7 +13,7 @@ from s2a.synth import cloth, decor, objects, soft_furniture, storage
 from s2a.synth.cabinets import Finish
 from s2a.synth.furniture import room_door, window
 from s2a.synth.handles import STEEL
-from s2a.synth.room import EAST, NORTH, SOUTH, Hole, Room, around, shell
+from s2a.synth.room import EAST, NORTH, SOUTH, Hole, Room, around, structure
 from s2a.synth.solids import PLAIN, WOOD, Color, Piece, at, rotation
 
 BLACK, BRASS = (44, 44, 48), (176, 142, 84)
@@ -36,7 +36,7 @@ def living_room(rng: np.random.Generator) -> Room:
     }
     pieces = [
         *_articulated(rng, size),
-        *shell(rng, size, holes, (222, 216, 202)),
+        *structure(rng, size, holes, (222, 216, 202)),
         *_seats(rng),
         *_coffee_table(rng),
         *_television(rng),

@@ -10,7 +10,7 @@ import numpy as np
 
 from s2a.synth import objects
 from s2a.synth.furniture import main_cabinet, pedestal, room_door, wall_cupboard, window
-from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Hole, Room, around, shell
+from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Hole, Room, around, structure
 from s2a.synth.solids import Piece, at, rotation
 
 
@@ -20,7 +20,7 @@ def office(rng: np.random.Generator) -> Room:
     size = (width, depth, height)
     pieces = [
         *_articulated(rng, size),
-        *shell(rng, size, _holes(size)),
+        *structure(rng, size, _holes(size)),
         *_bookshelf(rng, size),
         *_desk(rng, size),
         *_walls(rng, size),

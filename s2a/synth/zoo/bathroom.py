@@ -1,4 +1,4 @@
-"""Bathroom: personal care and hygiene. Shapes in millimetres, at the ordinary sizes of such things."""
+"""Bathroom: personal care and hygiene. Shapes in millimetres, at the ordinary sizes of such objects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from s2a.synth.solids import FABRIC, Surface, box, cylinder, ellipsoid, join, lathe, prism, stadium
 from s2a.synth.zoo import paint as p
 from s2a.synth.zoo.shapes import arc, loft, pebble, plate, put, ring, settled, tube, turned, wrapped, writing
-from s2a.synth.zoo.things import Thing, thing
+from s2a.synth.zoo.zoo_object import ZooObject, zoo_object
 
 
 def _toothbrush() -> Surface:
@@ -208,27 +208,27 @@ def _nivea() -> Surface:
     return join(tin, put(writing("NIVEA", 70, p.WHITE, 1), 11, 0, 25.7, pitch=-90))
 
 
-def things() -> list[Thing]:
-    """Return the twenty things."""
+def objects() -> list[ZooObject]:
+    """Return the twenty objects."""
     return [
-        thing("toothbrush", "bathroom", _toothbrush(), "inside"),
-        thing("toothpaste tube", "bathroom", _toothpaste()),
-        thing("soap dispenser", "bathroom", _soap_dispenser()),
-        thing("bar of soap in a dish", "bathroom", _soap()),
-        thing("shampoo bottle", "bathroom", _shampoo()),
-        thing("roll of toilet paper", "bathroom", _toilet_paper()),
-        thing("hair dryer", "bathroom", _hair_dryer()),
-        thing("hairbrush", "bathroom", _hairbrush()),
-        thing("comb", "bathroom", _comb(), "inside"),
-        thing("razor", "bathroom", _razor()),
-        thing("shaving brush", "bathroom", _shaving_brush()),
-        thing("rubber duck", "bathroom", _rubber_duck()),
-        thing("folded bath towel", "bathroom", _towel()),
-        thing("toilet brush", "bathroom", _toilet_brush(), "against wall"),
-        thing("bathroom scale", "bathroom", _scale()),
-        thing("perfume bottle", "bathroom", _perfume()),
-        thing("wall mirror", "bathroom", _mirror(), "hanging"),
-        thing("towel hooks", "bathroom", _hooks(), "hanging"),
-        thing("Listerine", "bathroom", _listerine(), rare=True),
-        thing("Nivea", "bathroom", _nivea(), rare=True),
+        zoo_object("toothbrush", "bathroom", _toothbrush(), "inside"),
+        zoo_object("toothpaste tube", "bathroom", _toothpaste()),
+        zoo_object("soap dispenser", "bathroom", _soap_dispenser()),
+        zoo_object("bar of soap in a dish", "bathroom", _soap()),
+        zoo_object("shampoo bottle", "bathroom", _shampoo()),
+        zoo_object("roll of toilet paper", "bathroom", _toilet_paper()),
+        zoo_object("hair dryer", "bathroom", _hair_dryer()),
+        zoo_object("hairbrush", "bathroom", _hairbrush()),
+        zoo_object("comb", "bathroom", _comb(), "inside"),
+        zoo_object("razor", "bathroom", _razor()),
+        zoo_object("shaving brush", "bathroom", _shaving_brush()),
+        zoo_object("rubber duck", "bathroom", _rubber_duck()),
+        zoo_object("folded bath towel", "bathroom", _towel()),
+        zoo_object("toilet brush", "bathroom", _toilet_brush(), "against wall"),
+        zoo_object("bathroom scale", "bathroom", _scale()),
+        zoo_object("perfume bottle", "bathroom", _perfume()),
+        zoo_object("wall mirror", "bathroom", _mirror(), "hanging"),
+        zoo_object("towel hooks", "bathroom", _hooks(), "hanging"),
+        zoo_object("Listerine", "bathroom", _listerine(), rare=True),
+        zoo_object("Nivea", "bathroom", _nivea(), rare=True),
     ]

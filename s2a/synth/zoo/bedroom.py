@@ -1,4 +1,4 @@
-"""Bedroom: decor. Shapes in millimetres, at the ordinary sizes of such things."""
+"""Bedroom: decor. Shapes in millimetres, at the ordinary sizes of such objects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from s2a.synth.solids import FABRIC, WOOD, Surface, box, cylinder, ellipsoid, join, lathe
 from s2a.synth.zoo import paint as p
 from s2a.synth.zoo.shapes import arc, in_plane, plate, put, ring, settled, tube, turned
-from s2a.synth.zoo.things import Thing, thing
+from s2a.synth.zoo.zoo_object import ZooObject, zoo_object
 
 
 def _lamp() -> Surface:
@@ -208,17 +208,17 @@ def _matryoshka() -> Surface:
     )
 
 
-def things() -> list[Thing]:
-    """Return the things of this module."""
+def objects() -> list[ZooObject]:
+    """Return the objects of this module."""
     return [
-        thing("bedside lamp", "bedroom", _lamp()),
-        thing("candle", "bedroom", _candle()),
-        thing("jewellery box", "bedroom", _jewellery_box()),
-        thing("photo frame", "bedroom", _photo_frame()),
-        thing("piggy bank", "bedroom", _piggy_bank()),
-        thing("make-up mirror", "bedroom", _vanity_mirror()),
-        thing("lava lamp", "bedroom", _lava_lamp()),
-        thing("vase of tulips", "bedroom", _tulips()),
-        thing("dreamcatcher", "bedroom", _dreamcatcher(), "hanging", rare=True),
-        thing("matryoshka", "bedroom", _matryoshka(), rare=True),
+        zoo_object("bedside lamp", "bedroom", _lamp()),
+        zoo_object("candle", "bedroom", _candle()),
+        zoo_object("jewellery box", "bedroom", _jewellery_box()),
+        zoo_object("photo frame", "bedroom", _photo_frame()),
+        zoo_object("piggy bank", "bedroom", _piggy_bank()),
+        zoo_object("make-up mirror", "bedroom", _vanity_mirror()),
+        zoo_object("lava lamp", "bedroom", _lava_lamp()),
+        zoo_object("vase of tulips", "bedroom", _tulips()),
+        zoo_object("dreamcatcher", "bedroom", _dreamcatcher(), "hanging", rare=True),
+        zoo_object("matryoshka", "bedroom", _matryoshka(), rare=True),
     ]

@@ -1,4 +1,4 @@
-"""Bedroom: comfort. Shapes in millimetres, at the ordinary sizes of such things."""
+"""Bedroom: comfort. Shapes in millimetres, at the ordinary sizes of such objects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from s2a.synth.solids import FABRIC, Surface, box, cylinder, ellipsoid, join, lathe, prism, stadium
 from s2a.synth.zoo import paint as p
 from s2a.synth.zoo.shapes import arc, in_plane, loft, pebble, plate, put, ring, scaled, settled, smooth, tube, turned
-from s2a.synth.zoo.things import Thing, thing
+from s2a.synth.zoo.zoo_object import ZooObject, zoo_object
 
 
 def _pillow() -> Surface:
@@ -132,17 +132,17 @@ def _coat_hanger() -> Surface:
     return join(tube(in_plane(arms, 0), 10, p.BEECH, flat=1.1), bar, tube(in_plane(hook, 0), 3, p.STEEL))
 
 
-def things() -> list[Thing]:
-    """Return the things of this module."""
+def objects() -> list[ZooObject]:
+    """Return the objects of this module."""
     return [
-        thing("pillow", "bedroom", _pillow()),
-        thing("folded woollen blanket", "bedroom", _blanket(), "inside"),
-        thing("teddy bear", "bedroom", _teddy()),
-        thing("alarm clock", "bedroom", _alarm_clock()),
-        thing("pair of slippers", "bedroom", _slippers()),
-        thing("hot-water bottle", "bedroom", _hot_water_bottle()),
-        thing("straw hat", "bedroom", _straw_hat()),
-        thing("laundry basket", "bedroom", _laundry_basket(), "against wall"),
-        thing("reading glasses", "bedroom", _glasses()),
-        thing("coat hanger", "bedroom", _coat_hanger(), "hanging"),
+        zoo_object("pillow", "bedroom", _pillow()),
+        zoo_object("folded woollen blanket", "bedroom", _blanket(), "inside"),
+        zoo_object("teddy bear", "bedroom", _teddy()),
+        zoo_object("alarm clock", "bedroom", _alarm_clock()),
+        zoo_object("pair of slippers", "bedroom", _slippers()),
+        zoo_object("hot-water bottle", "bedroom", _hot_water_bottle()),
+        zoo_object("straw hat", "bedroom", _straw_hat()),
+        zoo_object("laundry basket", "bedroom", _laundry_basket(), "against wall"),
+        zoo_object("reading glasses", "bedroom", _glasses()),
+        zoo_object("coat hanger", "bedroom", _coat_hanger(), "hanging"),
     ]

@@ -1,4 +1,4 @@
-"""Living room: globes, bowls and games. Shapes in millimetres, at the ordinary sizes of such things."""
+"""Living room: globes, bowls and games. Shapes in millimetres, at the ordinary sizes of such objects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from s2a.synth.solids import Surface, box, cylinder, ellipsoid, join, lathe
 from s2a.synth.zoo import paint as p
 from s2a.synth.zoo.shapes import arc, in_plane, pebble, plate, put, skin, smooth, tube, turned
-from s2a.synth.zoo.things import Thing, thing
+from s2a.synth.zoo.zoo_object import ZooObject, zoo_object
 
 ROUND = range(0, 360, 30)
 
@@ -192,12 +192,12 @@ def _rubiks_cube() -> Surface:
     return join(*layers, *top)
 
 
-def things() -> list[Thing]:
-    """Return the things of this module."""
+def objects() -> list[ZooObject]:
+    """Return the objects of this module."""
     return [
-        thing("globe", "living room", _globe()),
-        thing("chessboard", "living room", _chess()),
-        thing("snow globe", "living room", _snow_globe()),
-        thing("goldfish bowl", "living room", _fish_bowl()),
-        thing("Rubik's cube", "living room", _rubiks_cube(), rare=True),
+        zoo_object("globe", "living room", _globe()),
+        zoo_object("chessboard", "living room", _chess()),
+        zoo_object("snow globe", "living room", _snow_globe()),
+        zoo_object("goldfish bowl", "living room", _fish_bowl()),
+        zoo_object("Rubik's cube", "living room", _rubiks_cube(), rare=True),
     ]

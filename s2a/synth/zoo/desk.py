@@ -1,4 +1,4 @@
-"""Stationery: what else lies on a desk. Shapes in millimetres, at the ordinary sizes of such things."""
+"""Stationery: what else lies on a desk. Shapes in millimetres, at the ordinary sizes of such objects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from s2a.synth.solids import Surface, box, cylinder, ellipsoid, join, lathe
 from s2a.synth.zoo import paint as p
 from s2a.synth.zoo.shapes import arc, in_plane, pebble, plate, put, ring, settled, tube, writing
-from s2a.synth.zoo.things import Thing, thing
+from s2a.synth.zoo.zoo_object import ZooObject, zoo_object
 
 
 def _stapler() -> Surface:
@@ -141,17 +141,17 @@ def _abacus() -> Surface:
     return join(*frame, *feet, *rods, *bead.values())
 
 
-def things() -> list[Thing]:
-    """Return the things of this module."""
+def objects() -> list[ZooObject]:
+    """Return the objects of this module."""
     return [
-        thing("stapler", "stationery", _stapler()),
-        thing("tape dispenser", "stationery", _tape()),
-        thing("spiral notebook", "stationery", _notebook()),
-        thing("paper clip", "stationery", _paper_clip(), "inside"),
-        thing("calculator", "stationery", _calculator()),
-        thing("envelope", "stationery", _envelope()),
-        thing("desk calendar", "stationery", _desk_calendar()),
-        thing("ring binder", "stationery", _binder(), "inside"),
-        thing("Post-it notes", "stationery", _post_it(), rare=True),
-        thing("abacus", "stationery", _abacus(), rare=True),
+        zoo_object("stapler", "stationery", _stapler()),
+        zoo_object("tape dispenser", "stationery", _tape()),
+        zoo_object("spiral notebook", "stationery", _notebook()),
+        zoo_object("paper clip", "stationery", _paper_clip(), "inside"),
+        zoo_object("calculator", "stationery", _calculator()),
+        zoo_object("envelope", "stationery", _envelope()),
+        zoo_object("desk calendar", "stationery", _desk_calendar()),
+        zoo_object("ring binder", "stationery", _binder(), "inside"),
+        zoo_object("Post-it notes", "stationery", _post_it(), rare=True),
+        zoo_object("abacus", "stationery", _abacus(), rare=True),
     ]

@@ -1,4 +1,4 @@
-"""What things look like when they come off the web: any unit, up axis, heading, origin and format, and some are dirty."""
+"""What objects look like when they come off the web: any unit, up axis, heading, origin and format, and some are dirty."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from s2a.scene import Mesh
 from s2a.synth.solids import rotation, translation
 from s2a.synth.zoo.formats import WRITERS
-from s2a.synth.zoo.things import Thing
+from s2a.synth.zoo.zoo_object import ZooObject
 
 T = TypeVar("T")
 
@@ -24,15 +24,15 @@ ORIGINS = ("base", "centre", "corner", "far")
 FAR = (3.2, -1.7, 0.6)
 """Where the middle of the underside is for the last [m]."""
 FLAWS = (*["duplicated vertices"] * 6, "inconsistent winding", "non-manifold edge")
-"""Of that many things of a hundred; the others are clean."""
+"""This many objects of a hundred; the others are clean."""
 
 
 @dataclass(frozen=True)
 class Download:
-    """A thing as it comes.
+    """An object as it comes.
 
     Attributes:
-        thing: what it really is.
+        object: what it really is.
         unit: key of UNITS in which its file counts.
         up: key of UPS.
         yaw: how far it was turned about its upright axis first [deg].
@@ -41,7 +41,7 @@ class Download:
         form: key of `formats.WRITERS`.
     """
 
-    thing: Thing
+    object: ZooObject
     unit: str
     up: str
     yaw: int
@@ -52,18 +52,18 @@ class Download:
     @property
     def file(self) -> str:
         """Its file's name."""
-        return self.thing.slug + WRITERS[self.form][0]
+        return self.object.slug + WRITERS[self.form][0]
 
     @property
     def transform(self) -> np.ndarray:
-        """The similarity from the upright thing in metres to the coordinates in its file, shape [4 4]."""
+        """The similarity from the upright object in metres to the coordinates in its file, shape [4 4]."""
         scale = np.diag([1 / UNITS[self.unit]] * 3 + [1.0])
         turn = rotation(UPS[self.up]) @ rotation((0.0, 0.0, np.radians(self.yaw)))
         return np.array(np.round(scale @ turn @ translation(-self._zero()), 9))
 
     def _zero(self) -> np.ndarray:
-        """The place in the upright thing that becomes its file's origin [m], shape [3]."""
-        vertices = self.thing.surface.vertices
+        """The place in the upright object that becomes its file's origin [m], shape [3]."""
+        vertices = self.object.surface.vertices
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         base = np.array([*(low + high)[:2] / 2, low[2]])
         return {"base": base, "centre": (low + high) / 2, "corner": low, "far": base - FAR}[self.origin]
@@ -74,8 +74,8 @@ class Download:
         Args:
             rng: which triangles are turned over, where winding is inconsistent.
         """
-        clean = self.thing.surface.mesh
-        vertices = self.thing.surface.vertices @ self.transform[:3, :3].T + self.transform[:3, 3]
+        clean = self.object.surface.mesh
+        vertices = self.object.surface.vertices @ self.transform[:3, :3].T + self.transform[:3, 3]
         mesh = Mesh(vertices, clean.faces, clean.colors)
         return mesh if self.flaw is None else _DIRT[self.flaw](mesh, rng)
 
@@ -88,32 +88,32 @@ class Download:
         front = np.round(self.transform[:3, :3] @ (1.0, 0.0, 0.0) * UNITS[self.unit]).astype(int)
         axis = int(np.abs(front).argmax())
         return {
-            "label": self.thing.label,
-            "category": self.thing.category,
+            "label": self.object.label,
+            "category": self.object.category,
             "size": [round(float(x), 6) for x in metres],
             "unit": self.unit,
             "up": self.up,
             "front": "-+"[int(front[axis] > 0)] + "xyz"[axis],
             "origin": self.origin,
             "transform": self.transform.tolist(),
-            "placement": self.thing.placement,
-            "rare": self.thing.rare,
+            "placement": self.object.placement,
+            "rare": self.object.rare,
             "flaw": self.flaw,
             "format": self.form,
         }
 
 
-def download(things: Sequence[Thing], rng: np.random.Generator) -> list[Download]:
-    """Return the things as they come; each unit, axis, origin and format comes equally often, but for y and z up.
+def download(objects: Sequence[ZooObject], rng: np.random.Generator) -> list[Download]:
+    """Return the objects as they come; each unit, axis, origin and format comes equally often, but for y and z up.
 
     Args:
-        things: what is downloaded.
+        objects: what is downloaded.
         rng: deals them out.
     """
 
     def deal(options: Sequence[T]) -> list[T]:
-        """Options in turn, one a thing, shuffled."""
-        return [options[i % len(options)] for i in rng.permutation(len(things))]
+        """Options in turn, one for each object, shuffled."""
+        return [options[i % len(options)] for i in rng.permutation(len(objects))]
 
     flaws = [*FLAWS, *[None] * (100 - len(FLAWS))]
     dealt = zip(
@@ -125,7 +125,7 @@ def download(things: Sequence[Thing], rng: np.random.Generator) -> list[Download
         deal(list(WRITERS)),
         strict=True,
     )
-    return [Download(thing, *rest) for thing, rest in zip(things, dealt, strict=True)]
+    return [Download(item, *rest) for item, rest in zip(objects, dealt, strict=True)]
 
 
 def _duplicated(mesh: Mesh, rng: np.random.Generator) -> Mesh:

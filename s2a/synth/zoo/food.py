@@ -1,4 +1,4 @@
-"""Kitchen: food. Shapes in millimetres, at the ordinary sizes of such things."""
+"""Kitchen: food. Shapes in millimetres, at the ordinary sizes of such objects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from s2a.synth.solids import Surface, box, cylinder, ellipsoid, join, lathe
 from s2a.synth.zoo import paint as p
 from s2a.synth.zoo.shapes import arc, in_plane, loft, pebble, plate, put, ring, settled, tube, turned, wrapped, writing
-from s2a.synth.zoo.things import Thing, thing
+from s2a.synth.zoo.zoo_object import ZooObject, zoo_object
 
 
 def _apple() -> Surface:
@@ -140,17 +140,17 @@ def _nutella() -> Surface:
     )
 
 
-def things() -> list[Thing]:
-    """Return the things of this module."""
+def objects() -> list[ZooObject]:
+    """Return the objects of this module."""
     return [
-        thing("apple", "kitchen", _apple(), "inside"),
-        thing("banana", "kitchen", _banana()),
-        thing("carrot", "kitchen", _carrot()),
-        thing("loaf of bread", "kitchen", _loaf()),
-        thing("pizza", "kitchen", _pizza()),
-        thing("wine bottle", "kitchen", _wine_bottle()),
-        thing("pineapple", "kitchen", _pineapple()),
-        thing("wedge of cheese", "kitchen", _cheese()),
-        thing("doughnut", "kitchen", _doughnut()),
-        thing("Nutella", "kitchen", _nutella(), rare=True),
+        zoo_object("apple", "kitchen", _apple(), "inside"),
+        zoo_object("banana", "kitchen", _banana()),
+        zoo_object("carrot", "kitchen", _carrot()),
+        zoo_object("loaf of bread", "kitchen", _loaf()),
+        zoo_object("pizza", "kitchen", _pizza()),
+        zoo_object("wine bottle", "kitchen", _wine_bottle()),
+        zoo_object("pineapple", "kitchen", _pineapple()),
+        zoo_object("wedge of cheese", "kitchen", _cheese()),
+        zoo_object("doughnut", "kitchen", _doughnut()),
+        zoo_object("Nutella", "kitchen", _nutella(), rare=True),
     ]

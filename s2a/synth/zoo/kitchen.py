@@ -1,4 +1,4 @@
-"""Kitchen: what one cooks and eats with. Shapes in millimetres, at the ordinary sizes of such things."""
+"""Kitchen: what one cooks and eats with. Shapes in millimetres, at the ordinary sizes of such objects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from s2a.synth.solids import WOOD, Surface, box, cylinder, ellipsoid, join, lathe
 from s2a.synth.zoo import paint as p
 from s2a.synth.zoo.shapes import arc, in_plane, loft, pebble, plate, put, settled, smooth, tube, turned
-from s2a.synth.zoo.things import Thing, thing
+from s2a.synth.zoo.zoo_object import ZooObject, zoo_object
 
 
 def _frying_pan() -> Surface:
@@ -137,17 +137,17 @@ def _moka() -> Surface:
     return join(*[put(s, yaw=0) for s in (lower, waist, upper, lid)], spout, handle, valve)
 
 
-def things() -> list[Thing]:
-    """Return the things of this module."""
+def objects() -> list[ZooObject]:
+    """Return the objects of this module."""
     return [
-        thing("frying pan with a fried egg", "kitchen", _frying_pan()),
-        thing("cooking pot", "kitchen", _cooking_pot()),
-        thing("electric kettle", "kitchen", _kettle()),
-        thing("glass of red wine", "kitchen", _wine_glass()),
-        thing("cutting board", "kitchen", _cutting_board(), "against wall"),
-        thing("rolling pin", "kitchen", _rolling_pin()),
-        thing("teapot", "kitchen", _teapot()),
-        thing("toaster", "kitchen", _toaster()),
-        thing("kitchen knife", "kitchen", _knife(), "inside"),
-        thing("Bialetti moka", "kitchen", _moka(), rare=True),
+        zoo_object("frying pan with a fried egg", "kitchen", _frying_pan()),
+        zoo_object("cooking pot", "kitchen", _cooking_pot()),
+        zoo_object("electric kettle", "kitchen", _kettle()),
+        zoo_object("glass of red wine", "kitchen", _wine_glass()),
+        zoo_object("cutting board", "kitchen", _cutting_board(), "against wall"),
+        zoo_object("rolling pin", "kitchen", _rolling_pin()),
+        zoo_object("teapot", "kitchen", _teapot()),
+        zoo_object("toaster", "kitchen", _toaster()),
+        zoo_object("kitchen knife", "kitchen", _knife(), "inside"),
+        zoo_object("Bialetti moka", "kitchen", _moka(), rare=True),
     ]

@@ -1,4 +1,4 @@
-"""Living room: on the wall, for the evening. Shapes in millimetres, at the ordinary sizes of such things."""
+"""Living room: on the wall, for the evening. Shapes in millimetres, at the ordinary sizes of such objects."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import numpy as np
 from s2a.synth.solids import WOOD, Surface, box, cylinder, ellipsoid, join, lathe
 from s2a.synth.zoo import paint as p
 from s2a.synth.zoo.shapes import arc, pebble, plate, put, ring, settled, smooth, tube, turned
-from s2a.synth.zoo.things import Thing, thing
+from s2a.synth.zoo.zoo_object import ZooObject, zoo_object
 
 ROUND = range(0, 360, 30)
 
 
-def _picture() -> Surface:
+def _image() -> Surface:
     """A framed landscape, 600 by 450 mm."""
     frame = join(box((0, 24), (-300, 300), (0, 450), p.GOLD), box((0, 26), (-262, 262), (38, 412), p.WHITE))
     hill = np.concatenate(
@@ -167,15 +167,15 @@ def _ukulele() -> Surface:
     return settled(put(join(body, hole, neck, *frets, head, *pegs, bridge, *strings), pitch=-14), 4)
 
 
-def things() -> list[Thing]:
-    """Return the things of this module."""
+def objects() -> list[ZooObject]:
+    """Return the objects of this module."""
     return [
-        thing("framed painting", "living room", _picture(), "hanging"),
-        thing("wall clock", "living room", _wall_clock(), "hanging"),
-        thing("bowl of oranges", "living room", _orange_bowl()),
-        thing("stack of books", "living room", _books()),
-        thing("lantern", "living room", _lantern()),
-        thing("record player", "living room", _record_player()),
-        thing("wreath", "living room", _wreath(), "hanging"),
-        thing("ukulele", "living room", _ukulele(), "against wall", rare=True),
+        zoo_object("framed painting", "living room", _image(), "hanging"),
+        zoo_object("wall clock", "living room", _wall_clock(), "hanging"),
+        zoo_object("bowl of oranges", "living room", _orange_bowl()),
+        zoo_object("stack of books", "living room", _books()),
+        zoo_object("lantern", "living room", _lantern()),
+        zoo_object("record player", "living room", _record_player()),
+        zoo_object("wreath", "living room", _wreath(), "hanging"),
+        zoo_object("ukulele", "living room", _ukulele(), "against wall", rare=True),
     ]

@@ -1,4 +1,4 @@
-"""Living room: ornaments. Shapes in millimetres, at the ordinary sizes of such things."""
+"""Living room: ornaments. Shapes in millimetres, at the ordinary sizes of such objects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from s2a.synth.solids import Surface, box, cylinder, ellipsoid, join, lathe
 from s2a.synth.zoo import paint as p
 from s2a.synth.zoo.shapes import in_plane, loft, pebble, plate, put, ring, smooth, tube, turned
-from s2a.synth.zoo.things import Thing, thing
+from s2a.synth.zoo.zoo_object import ZooObject, zoo_object
 
 ROUND = range(0, 360, 30)
 
@@ -163,14 +163,14 @@ def _bonsai() -> Surface:
     return join(tray, trunk, *boughs, *pads, *tufts)
 
 
-def things() -> list[Thing]:
-    """Return the things of this module."""
+def objects() -> list[ZooObject]:
+    """Return the objects of this module."""
     return [
-        thing("Chinese vase", "living room", _vase()),
-        thing("potted cactus", "living room", _cactus()),
-        thing("candelabra", "living room", _candelabra()),
-        thing("hourglass", "living room", _hourglass()),
-        thing("model sailing boat", "living room", _sailing_boat()),
-        thing("trophy", "living room", _trophy()),
-        thing("bonsai", "living room", _bonsai()),
+        zoo_object("Chinese vase", "living room", _vase()),
+        zoo_object("potted cactus", "living room", _cactus()),
+        zoo_object("candelabra", "living room", _candelabra()),
+        zoo_object("hourglass", "living room", _hourglass()),
+        zoo_object("model sailing boat", "living room", _sailing_boat()),
+        zoo_object("trophy", "living room", _trophy()),
+        zoo_object("bonsai", "living room", _bonsai()),
     ]

@@ -1,4 +1,4 @@
-"""Shapes that household things need beyond boxes and lathes. Lengths in the caller's unit."""
+"""Shapes that household objects need beyond boxes and lathes. Lengths in the caller's unit."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def tube(
         radius: one, or one a point, shape [point].
         color: its paint.
         sides: of its cross-section.
-        closed: whether the path ends where it starts (without repeating that point).
+        closed: The path ends where it starts (without repeating that point).
         flat: thickness across the plane in which the path lies, as a share of that within it.
     """
     line = np.asarray(path, np.float64)

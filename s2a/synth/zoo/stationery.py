@@ -1,4 +1,4 @@
-"""Stationery: what one writes and draws with. Shapes in millimetres, at the ordinary sizes of such things."""
+"""Stationery: what one writes and draws with. Shapes in millimetres, at the ordinary sizes of such objects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from s2a.synth.solids import Surface, box, cylinder, ellipsoid, join, lathe
 from s2a.synth.zoo import paint as p
 from s2a.synth.zoo.shapes import pebble, plate, put, ring, scaled, settled, wrapped, writing
-from s2a.synth.zoo.things import Thing, thing
+from s2a.synth.zoo.zoo_object import ZooObject, zoo_object
 
 
 def _upright_pencil(color: tuple[int, int, int]) -> Surface:
@@ -120,17 +120,17 @@ def _magnifier() -> Surface:
     return settled(join(lens, handle, put(cylinder(6, 22, p.GOLD), 0, 13, 8, roll=90), glint), 0.9)
 
 
-def things() -> list[Thing]:
-    """Return the things of this module."""
+def objects() -> list[ZooObject]:
+    """Return the objects of this module."""
     return [
-        thing("pencil", "stationery", _pencil()),
-        thing("ballpoint pen", "stationery", _pen()),
-        thing("eraser", "stationery", _eraser()),
-        thing("ruler", "stationery", _ruler()),
-        thing("scissors", "stationery", _scissors(), "inside"),
-        thing("cup of pencils", "stationery", _pencil_cup()),
-        thing("highlighter", "stationery", _highlighter()),
-        thing("set square", "stationery", _set_square()),
-        thing("glue stick", "stationery", _glue()),
-        thing("magnifying glass", "stationery", _magnifier()),
+        zoo_object("pencil", "stationery", _pencil()),
+        zoo_object("ballpoint pen", "stationery", _pen()),
+        zoo_object("eraser", "stationery", _eraser()),
+        zoo_object("ruler", "stationery", _ruler()),
+        zoo_object("scissors", "stationery", _scissors(), "inside"),
+        zoo_object("cup of pencils", "stationery", _pencil_cup()),
+        zoo_object("highlighter", "stationery", _highlighter()),
+        zoo_object("set square", "stationery", _set_square()),
+        zoo_object("glue stick", "stationery", _glue()),
+        zoo_object("magnifying glass", "stationery", _magnifier()),
     ]

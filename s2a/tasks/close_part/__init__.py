@@ -8,7 +8,7 @@ from s2a.robot.tool_path import PathSettings, ToolPath, opening_coordinate, part
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
-from s2a.tasks import part
+from s2a.tasks import part, part_handles
 from s2a.tasks.close_part import mdp
 from s2a.tasks.close_part.config import ClosePartConfig, ClosePartMetrics
 
@@ -27,7 +27,7 @@ class ClosePartTask(part.PartTask):
         self.thresholds = {"closed": metrics.closed_opening}
         with wp.ScopedDevice(sim.device):
             h = self.handles = mdp.ClosePart()
-            h.p = part.bind(sim, ContactSensor(sim, config.contact_distance), config)
+            h.p = part_handles.bind(sim, ContactSensor(sim, config.contact_distance), config)
             starts = [opening_coordinate(s.joint, s.grasp[:3], config.start_opening) for s in sim.stages]
             h.start = wp.array([starts[i] for i in sim.stage_of_env], dtype=float)
             h.closed = wp.zeros(sim.num_envs, dtype=float)

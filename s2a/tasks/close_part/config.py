@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from s2a.ranges import Fraction, NotNegative, Positive
-from s2a.tasks.part import PartMdp
+from s2a.tasks.part_handles import PartMdp
 
 
 @dataclass(frozen=True)

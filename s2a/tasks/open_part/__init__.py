@@ -7,7 +7,7 @@ import warp as wp
 from s2a.env.state import State
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
-from s2a.tasks import part
+from s2a.tasks import part, part_handles
 from s2a.tasks.open_part import mdp, metrics, skill
 from s2a.tasks.open_part.config import OpenPartConfig, OpenPartMetrics
 
@@ -16,7 +16,7 @@ class OpenPartTask(part.PartTask):
     """Open the part of every world; observations are the reference's (`s2a.tasks.part.observe`)."""
 
     Config, Metrics = OpenPartConfig, OpenPartMetrics
-    KERNELS, Handles, PERSISTENT = mdp, mdp.OpenPart, ("led", "progress")
+    KERNELS, Handles, PERSISTENT = mdp, mdp.OpenPart, ("grasped", "progress")
     REWARDS, METRICS, VALUES, METRICS_VERSION = (
         mdp.REWARDS,
         metrics.METRICS,
@@ -31,21 +31,21 @@ class OpenPartTask(part.PartTask):
         self.sim, self.config, self.error_fraction = sim, config, metrics_config.error_fraction
         with wp.ScopedDevice(sim.device):
             self.sensor = ContactSensor(sim, config.contact_distance)
-            self.handles = mdp.bind(sim, part.bind(sim, self.sensor, config), config)
+            self.handles = mdp.bind(sim, part_handles.bind(sim, self.sensor, config), config)
             self.thresholds = metrics.bind(sim, self.handles, metrics_config)
         self.observations = part.observations(sim)
 
     def before_step(self, state: State) -> None:
         """Forget the contacts of the control step before."""
-        wp.launch(part.clear_touch, dim=len(state.done), inputs=[self.handles.p])
+        wp.launch(part.clear_region_force, dim=len(state.done), inputs=[self.handles.p])
 
     def after_substep(self, state: State) -> None:
         """Read the contacts, and attribute what the part gained to what held it."""
         self.sensor.update()
-        wp.launch(part.keep_touch, dim=len(state.done), inputs=[self.handles.p])
+        wp.launch(part.update_region_force, dim=len(state.done), inputs=[self.handles.p])
         # After an odd number of physics steps the coordinates are in the simulation's other buffer.
         now = self.sim.state.joint_q.reshape(state.joint_q.shape)
-        wp.launch(mdp.lead, dim=len(state.done), inputs=[now, self.handles])
+        wp.launch(mdp.accumulate_grasped_opening, dim=len(state.done), inputs=[now, self.handles])
         wp.launch(metrics.attribute, dim=len(state.done), inputs=[now, self.handles])
 
     def update(self, state: State) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from s2a.ranges import Fraction, NotNegative, Positive
-from s2a.tasks.part import PartMdp
+from s2a.tasks.part_handles import PartMdp
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ class OpenPartMetrics:
         wide_opening: a wider one, `open_30cm` [m].
         full_travel: shorter travels scale both down in proportion [m].
         static_fraction: fraction of the travel at which a part that hardly moves counts as `open_75pct_static`.
-        static_speed: largest speed of the grasp point there [m/s].
+        static_speed: max speed of the grasp point there [m/s].
         full_fraction: fraction of the travel that counts as `open_95pct`.
         contact_force: normal force from which a contact counts [N].
         grasp_fraction: fraction of the gained opening over which a grasp must have held for `grasp_success`.
-        contact_fraction: that over which a contact must have held for the other ways to open.
+        contact_fraction: that over which a contact must have held for the other success metrics.
         error_fraction: fraction of the episodes from which infinite values, dropped rows and dropped contacts are warned of.
     """
 

@@ -11,7 +11,8 @@ import warp as wp
 from s2a.env.state import State
 from s2a.sim.simulation import Simulation
 from s2a.tasks.open_part.config import OpenPartConfig
-from s2a.tasks.part import PartHandles, frames, is_grasped, opening_of, squared_action, tool_distance
+from s2a.tasks.part import frames, is_grasped, opening_of, squared_action, tool_distance
+from s2a.tasks.part_handles import PartHandles
 
 
 @wp.struct
@@ -25,7 +26,7 @@ class OpenPart:
         termination: opening that ends the episode [m].
         close_distance: [m].
         gentle_force: [N].
-        led: opening (0) and how much of it the part was grasped over (1) [m], shape [world 2].
+        grasped: opening (0) and how much of it the part was grasped over (1) [m], shape [world 2].
         progress: of the running episode, see metrics, shape [world column].
         limits: thresholds of the metrics, shape [world limit].
         force: from which a contact counts in the metrics [N].
@@ -38,7 +39,7 @@ class OpenPart:
     termination: float
     close_distance: float
     gentle_force: float
-    led: wp.array2d(dtype=float)
+    grasped: wp.array2d(dtype=float)
     progress: wp.array2d(dtype=float)
     limits: wp.array2d(dtype=float)
     force: float
@@ -54,7 +55,7 @@ def bind(sim: Simulation, shared: PartHandles, config: OpenPartConfig) -> OpenPa
     h.termination, h.close_distance = config.termination_opening, config.close_distance
     h.gentle_force = config.gentle_force
     h.scale = wp.array(travel_scale(sim, config.full_travel), dtype=float)
-    h.led = wp.zeros((sim.num_envs, 2), dtype=float)
+    h.grasped = wp.zeros((sim.num_envs, 2), dtype=float)
     return h
 
 
@@ -119,7 +120,7 @@ def action(s: State, h: OpenPart, world: int):
 @wp.func
 def grip(s: State, h: OpenPart, world: int):
     """Weight of both fingers pressing on the grasp region, 0 or 1."""
-    return wp.where(wp.min(h.p.touch[world, 0], h.p.touch[world, 1]) >= h.p.contact_force, 1.0, 0.0)
+    return wp.where(wp.min(h.p.region_force[world, 0], h.p.region_force[world, 1]) >= h.p.contact_force, 1.0, 0.0)
 
 
 @wp.func
@@ -131,7 +132,7 @@ def pinch(s: State, h: OpenPart, world: int):
 @wp.func
 def grasped_opening(s: State, h: OpenPart, world: int):
     """Weight of how far the part was opened while it was grasped [m]; never more than it is open."""
-    return h.led[world, 1]
+    return h.grasped[world, 1]
 
 
 @wp.func
@@ -166,7 +167,7 @@ def torque(s: State, h: OpenPart, world: int):
 
 @wp.func
 def contact_force(s: State, h: OpenPart, world: int):
-    """Weight of how far the robot's largest contact force of the step exceeds task.gentle_force [N]; below 0: a cost."""
+    """Weight of how far the robot's max contact force of the step exceeds task.gentle_force [N]; below 0: a cost."""
     return wp.max(h.p.contacts.peak[world] - h.gentle_force, 0.0)
 
 
@@ -188,15 +189,15 @@ REWARDS = (
 
 
 @wp.kernel
-def lead(joint_q: wp.array2d(dtype=float), h: OpenPart):
+def accumulate_grasped_opening(joint_q: wp.array2d(dtype=float), h: OpenPart):
     """Keep how far the part was opened while it was grasped; joint_q is that after the physics step."""
     world = wp.tid()
-    now = joint_q[world, h.p.bodies.coord] * h.p.part[world].lever
+    now = joint_q[world, h.p.bodies.coord] * h.p.part[world].lever_arm
     gained = float(0.0)
     if is_grasped(h.p, h.p.contact_force, 1.0, world):
-        gained = wp.max(now - h.led[world, 0], 0.0)
-    h.led[world, 1] = wp.clamp(h.led[world, 1] + gained, 0.0, wp.max(now, 0.0))
-    h.led[world, 0] = now
+        gained = wp.max(now - h.grasped[world, 0], 0.0)
+    h.grasped[world, 1] = wp.clamp(h.grasped[world, 1] + gained, 0.0, wp.max(now, 0.0))
+    h.grasped[world, 0] = now
 
 
 @wp.kernel
@@ -209,10 +210,10 @@ def update(s: State, h: OpenPart):
 
 @wp.kernel
 def reset(s: State, h: OpenPart):
-    """Forget what the last episode led."""
+    """Clear the last episode's progress."""
     world = wp.tid()
     if s.done[world] == 1:
-        h.led[world, 0] = 0.0
-        h.led[world, 1] = 0.0
+        h.grasped[world, 0] = 0.0
+        h.grasped[world, 1] = 0.0
         for i in range(h.progress.shape[1]):
             h.progress[world, i] = 0.0

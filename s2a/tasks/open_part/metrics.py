@@ -1,7 +1,7 @@
 """How an episode of opening went: how far, and what moved the part.
 
 The opening that is gained is attributed physics step by physics step to what held the part in that step, on its path from
-START to 1 times the success opening; shares of the *opening* count, not of the steps, so that slow first centimetres cannot
+START to 1 times the success opening; fractions of the *opening* count, not of the steps, so that slow first centimetres cannot
 outvote a fling. See docs/metrics.md.
 """
 
@@ -39,8 +39,8 @@ METRICS = (
 """success: opened by `success_opening` at any time, and physics held; final_*: at the end. Of successes, by what held the part
 over enough of the gained opening: grasp_success: a pinch (`is_grasped`); handle_success: both fingers on the region;
 single_finger_success: a finger on it, and both over less than enough; off_handle_success: a finger on the part and none on
-the region; body_success: any other link of the robot on the part, whatever the fingers did. opening: the largest [m];
-grasped_fraction: fraction of the gained opening over which the part was grasped; contact_force: the largest of any contact of
+the region; body_success: any other link of the robot on the part, whatever the fingers did. opening: the maximum [m];
+grasped_fraction: fraction of the gained opening over which the part was grasped; contact_force: the maximum of any contact of
 the robot [N]."""
 VERSION = 3
 """2 took the scanned surface alone for the region, without the hulls that complete it; 1 (until November 2026) counted control
@@ -48,12 +48,12 @@ steps instead of opening, no opposed forces, and no other links."""
 START = wp.constant(0.1)
 """Fraction of the success opening from which gains count: before it a part may be jolted open in passing."""
 
-Limit = columns(("success", "wide", "static", "full"))
+Limit = columns(("success", "open_30cm", "open_75pct_static", "open_95pct"))
 """Columns of the thresholds [m]."""
-Progress = columns(("largest", "gained", "grasped", "both", "any", "off", "body", "stood", "pushed", "force"))
-"""What is kept of a running episode: its largest opening [m]; the opening gained [m], in all and while grasped, with both
+Progress = columns(("max_opening", "gained", "grasped", "both", "any", "off", "body", "stood", "pushed", "force"))
+"""What is kept of a running episode: its maximum opening [m]; the opening gained [m], in all and while grasped, with both
 fingers on the region, with one or both, with a finger on the part but none on the region, pushed by another link of the
-robot; whether the part ever stood open as `open_75pct_static` demands; whether another link touched the part last; the largest
+robot; whether the part ever stood open as `open_75pct_static` demands; whether another link touched the part last; the maximum
 contact force [N]."""
 Result = columns(METRICS)
 
@@ -90,13 +90,13 @@ def attribute(joint_q: wp.array2d(dtype=float), h: OpenPart):
         h.progress[world, Progress.pushed] = 1.0
     elif on or off:
         h.progress[world, Progress.pushed] = 0.0
-    now = joint_q[world, h.p.bodies.coord] * h.p.part[world].lever
-    before = h.progress[world, Progress.largest]
+    now = joint_q[world, h.p.bodies.coord] * h.p.part[world].lever_arm
+    before = h.progress[world, Progress.max_opening]
     if not (now > before and wp.isfinite(now)):  # an infinite opening would stay in the recent episodes' mean for ever
         return
     success = h.limits[world, Limit.success]
     gain = wp.min(now, success) - wp.max(before, START * success)
-    h.progress[world, Progress.largest] = now
+    h.progress[world, Progress.max_opening] = now
     if gain > 0.0:
         h.progress[world, Progress.gained] += gain
         h.progress[world, Progress.grasped] += gain * flag(is_grasped(h.p, force, 1.0, world))
@@ -110,7 +110,7 @@ def attribute(joint_q: wp.array2d(dtype=float), h: OpenPart):
 def notice_standing(s: State, h: OpenPart):
     """Note whether the part stands open and hardly moves."""
     world = wp.tid()
-    open_enough = opening_of(s, h.p, world) >= h.limits[world, Limit.static]
+    open_enough = opening_of(s, h.p, world) >= h.limits[world, Limit.open_75pct_static]
     if open_enough and wp.abs(opening_speed(s, h.p, world)) <= h.static_speed:
         h.progress[world, Progress.stood] = 1.0
 
@@ -128,15 +128,15 @@ def write_result(s: State, h: OpenPart):
     world = wp.tid()
     if s.done[world] == 0:
         return
-    sound, now, largest = is_sound(s, world), opening_of(s, h.p, world), h.progress[world, Progress.largest]
+    sound, now, max_opening = is_sound(s, world), opening_of(s, h.p, world), h.progress[world, Progress.max_opening]
     still = wp.abs(opening_speed(s, h.p, world)) <= h.static_speed
     success_at, wide, static = (
         h.limits[world, Limit.success],
-        h.limits[world, Limit.wide],
-        h.limits[world, Limit.static],
+        h.limits[world, Limit.open_30cm],
+        h.limits[world, Limit.open_75pct_static],
     )
-    full = h.limits[world, Limit.full]
-    success = sound * flag(largest >= success_at)
+    full = h.limits[world, Limit.open_95pct]
+    success = sound * flag(max_opening >= success_at)
     both = held(h, world, int(Progress.both), h.contact_fraction)
     s.result[world, Result.success] = success
     s.result[world, Result.final_success] = sound * flag(now >= success_at)
@@ -146,13 +146,13 @@ def write_result(s: State, h: OpenPart):
     s.result[world, Result.single_finger_success] = success * (1.0 - both) * single
     s.result[world, Result.off_handle_success] = success * held(h, world, int(Progress.off), h.contact_fraction)
     s.result[world, Result.body_success] = success * held(h, world, int(Progress.body), h.contact_fraction)
-    s.result[world, Result.open_30cm] = sound * flag(largest >= wide)
+    s.result[world, Result.open_30cm] = sound * flag(max_opening >= wide)
     s.result[world, Result.final_open_30cm] = sound * flag(now >= wide)
     s.result[world, Result.open_75pct_static] = sound * h.progress[world, Progress.stood]
     s.result[world, Result.final_open_75pct_static] = sound * flag(now >= static and still)
-    s.result[world, Result.open_95pct] = sound * flag(largest >= full)
+    s.result[world, Result.open_95pct] = sound * flag(max_opening >= full)
     s.result[world, Result.final_open_95pct] = sound * flag(now >= full)
-    s.result[world, Result.opening] = largest
+    s.result[world, Result.opening] = max_opening
     s.result[world, Result.contact_force] = h.progress[world, Progress.force]
     grasped = h.progress[world, Progress.grasped] / wp.max(h.progress[world, Progress.gained], 1.0e-9)
     s.result[world, Result.grasped_fraction] = grasped

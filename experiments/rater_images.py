@@ -1,4 +1,4 @@
-"""Pictures of insertions for raters who must not know the method: before and after, wide and close."""
+"""Images of insertions for raters who must not know the method: before and after, wide and close."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from s2a.insert.pipeline import Inserted
 from s2a.insert.room_state import RoomState
 
 
-def rater_pictures(room: RoomState, name: str, done: dict[str, Inserted | None], folder: Path) -> None:
-    """Draw before and after, wide and close, for each method under a letter of its own."""
+def rater_images(room: RoomState, name: str, done: dict[str, Inserted | None], folder: Path) -> None:
+    """Render before and after, wide and close, for each method under a letter of its own."""
     folder.mkdir(parents=True, exist_ok=True)
     key_file = folder / "key.json"
     key = json.loads(key_file.read_text()) if key_file.exists() else {}
     letters = ["A", "B"]
     random.Random(name).shuffle(letters)
     camera = config.load(OrbitCamera, config.compose("view", ["camera=near"])["camera"])
-    camera = replace(camera, width=640, height=480, samples=1)  # a thousand pictures, of which each takes a second
+    camera = replace(camera, width=640, height=480, samples=1)  # a thousand images, of which each takes a second
     for letter, (method, inserted) in zip(letters, sorted(done.items()), strict=False):
         key[f"{name}_{letter}"] = method
         if inserted is None:
@@ -40,7 +40,7 @@ def rater_pictures(room: RoomState, name: str, done: dict[str, Inserted | None],
 
 
 def _camera_pose(inserted: Inserted, distance: float) -> CameraPose:
-    """Return a look at an object from the room, a little from above and to the side [m]."""
+    """Return a camera pose on an object from the room, a little from above and to the side [m]."""
     bounds = inserted.part.mesh.bounds
     middle, size = bounds.mean(axis=0), float(np.linalg.norm(np.ptp(bounds, axis=0)))
     x, y, z, w = inserted.candidate.pose.quaternion

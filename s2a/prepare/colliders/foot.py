@@ -1,4 +1,4 @@
-"""What a free object stands on: three feet, so that it rests on three contacts."""
+"""The support of a free object: three hulls, so that it rests on three contacts."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def whole_foot(solid: Mesh, ground: float, center: np.ndarray, thickness: float,
 
 
 def split_foot(foot: Mesh, center: np.ndarray) -> list[Mesh]:
-    """Return three separate feet around the centre of mass [3], cut out of a flat hull; that itself if it is too small.
+    """Return three separate hulls around the centre of mass [3], cut out of a flat hull; that itself if it is too small.
 
     MuJoCo gives a pair of hulls a single contact: on one foot an object of one hull stands on a point, and creeps. Wherever
     in its foot each of three contacts lies, the centre of mass is between them.
     """
     spread = np.linalg.svd(foot.vertices[:, :2] - foot.vertices[:, :2].mean(axis=0), full_matrices=False)[2][0]
     first = float(np.arctan2(spread[1], spread[0]))
-    feet = []
+    hulls = []
     for turn in first + np.arange(3) * 2 * np.pi / 3:
         left: Mesh | None = foot
         for side in (-1.0, 1.0):  # the wedge around one direction
@@ -57,5 +57,5 @@ def split_foot(foot: Mesh, center: np.ndarray) -> list[Mesh]:
             left = clip(left, -out, -float(out @ center + INNER * far))
         if left is None:
             return [foot]
-        feet.append(left)
-    return feet
+        hulls.append(left)
+    return hulls

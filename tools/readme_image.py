@@ -1,6 +1,6 @@
 """Compose docs/office.png: the scanned room from above, and the robot with the drawer it has opened.
 
-    python tools/readme_picture.py demo docs/office.png
+    python tools/readme_image.py demo docs/office.png
 
 The first argument is the folder that `make demo` fills; it is read for `scan` and `room.usd`.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 import newton
 import numpy as np
 import warp as wp
-from room_pictures import above
+from room_images import above
 from scipy.spatial.transform import Rotation
 
 from s2a import config, robot
@@ -41,7 +41,7 @@ PAINT = 0.85
 
 
 def main(demo: Path, out: Path) -> None:
-    """Draw both halves side by side."""
+    """Render both halves side by side."""
     settings = config.load(
         Config, config.compose("evaluate", [f"stage={demo / 'room.usd'}", "part=drawer_7", "out=-", "num_envs=1"])
     )
@@ -54,7 +54,7 @@ def main(demo: Path, out: Path) -> None:
 
 
 def _robot(settings: Config, camera: OrbitCamera) -> np.ndarray:
-    """Draw the planner's robot where the part stands open widest."""
+    """Render the planner's robot where the part stands open widest."""
     poses, stage = _widest(settings)
     surfaces = dict(visible(settings.stage).surfaces)
     room = surfaces.pop("static")
@@ -108,6 +108,6 @@ def _moved(mesh: Mesh, pose: np.ndarray) -> Mesh:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("demo", type=Path)
-    parser.add_argument("picture", type=Path)
+    parser.add_argument("image", type=Path)
     args = parser.parse_args()
-    main(args.demo, args.picture)
+    main(args.demo, args.image)

@@ -13,7 +13,7 @@ Placement = Literal["on", "against wall", "hanging", "inside"]
 
 
 @dataclass(frozen=True)
-class Thing:
+class ZooObject:
     """A labelled object.
 
     Attributes:
@@ -21,7 +21,7 @@ class Thing:
         category: the kind of place it belongs to.
         surface: its shape [m], upright in its natural pose on z = 0, its front towards +x.
         placement: on something, standing or leaning against a wall, hanging on one, or kept inside something.
-        rare: whether the label is a brand's or a rare word.
+        rare: The label is a brand's or a rare word.
     """
 
     label: str
@@ -36,11 +36,11 @@ class Thing:
         return "_".join("".join(c if c.isalnum() else " " for c in self.label.lower()).split())
 
 
-def thing(
+def zoo_object(
     label: str, category: Category, surface: Surface, placement: Placement = "on", *, rare: bool = False
-) -> Thing:
-    """Return the thing that a shape in millimetres is, set on z = 0."""
+) -> ZooObject:
+    """Return the object that a shape in millimetres is, set on z = 0."""
     shape = scaled(surface, 1e-3, 1e-3, 1e-3)
     low = shape.vertices.min(axis=0)
     shape.vertices[:, 2] -= low[2]
-    return Thing(label, category, shape, placement, rare)
+    return ZooObject(label, category, shape, placement, rare)

@@ -1,6 +1,6 @@
-"""Draw docs/rooms.png: a scan of every virtual room from above, and one piece of furniture in it from inside.
+"""Render docs/rooms.png: a scan of every virtual room from above, and one piece of furniture in it from inside.
 
-    python tools/room_pictures.py runs/rooms docs/rooms.png
+    python tools/room_images.py runs/rooms docs/rooms.png
 
 The first argument is a folder for the scans, which takes those that are there and makes the others, half a minute each.
 """
@@ -23,7 +23,7 @@ from s2a.synth.rooms import ROOMS
 from s2a.usd.visuals import Visible, visible
 
 TILE, CAPTION, COLUMNS = (480, 360), 22, 3
-"""Size of a picture and height of the name below it [pixel]; pictures in a row."""
+"""Size of an image and height of the name below it [pixel]; images in a row."""
 ABOVE = {"width": TILE[0], "height": TILE[1], "samples": 3, "elevation": 0.8, "margin": 1.02}
 INSIDE = ("bedroom", "wardrobe", 2.1)
 """Room, piece of furniture, and distance from which it is drawn [m]."""
@@ -32,7 +32,7 @@ COLORS = 255
 
 
 def main(scans: Path, out: Path) -> None:
-    """Draw all rooms and one look inside."""
+    """Render all rooms and one interior view."""
     camera = replace(config.load(OrbitCamera, config.compose("view")["camera"]), **ABOVE)
     seen = {room: visible(_scan(room, scans)) for room in ROOMS}
     tiles = [(room.replace("_", " "), above(scene, camera)) for room, scene in seen.items()]
@@ -41,9 +41,9 @@ def main(scans: Path, out: Path) -> None:
     rows = -(-len(tiles) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * TILE[0], rows * (TILE[1] + CAPTION)), "white")
     font = ImageFont.load_default(15)
-    for number, (name, picture) in enumerate(tiles):
+    for number, (name, image) in enumerate(tiles):
         corner = number % COLUMNS * TILE[0], number // COLUMNS * (TILE[1] + CAPTION)
-        sheet.paste(Image.fromarray(picture), corner)
+        sheet.paste(Image.fromarray(image), corner)
         ImageDraw.Draw(sheet).text((corner[0] + TILE[0] // 2, corner[1] + TILE[1]), name, "black", font, anchor="ma")
     out.parent.mkdir(parents=True, exist_ok=True)
     sheet.quantize(COLORS).save(out, optimize=True)
@@ -59,7 +59,7 @@ def _scan(room: str, scans: Path) -> Path:
 
 
 def above(scene: Visible, camera: OrbitCamera) -> np.ndarray:
-    """Draw a scan, seen towards the corner of the room at which most of what opens stands."""
+    """Render a scan, seen towards the corner of the room at which most of what opens stands."""
     meshes = list(scene.surfaces.values())
     front = front_of([scene.surfaces[part] for part in scene.jointed])
     assert front is not None, "every virtual room has parts that move"
@@ -67,7 +67,7 @@ def above(scene: Visible, camera: OrbitCamera) -> np.ndarray:
 
 
 def _inside(scene: Visible, furniture: str, distance: float, camera: OrbitCamera) -> np.ndarray:
-    """Draw the first piece of furniture of a kind as someone sees it who stands before it, a little to its left."""
+    """Render the first piece of furniture of a kind as someone sees it who stands before it, a little to its left."""
     meshes = list(scene.surfaces.values())
     (chosen, *_) = [mesh for part, mesh in scene.surfaces.items() if part.startswith(furniture)]
     low, high = chosen.bounds + [[-0.05], [0.05]]
@@ -83,6 +83,6 @@ def _inside(scene: Visible, furniture: str, distance: float, camera: OrbitCamera
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scans", type=Path)
-    parser.add_argument("picture", type=Path)
+    parser.add_argument("image", type=Path)
     args = parser.parse_args()
-    main(args.scans, args.picture)
+    main(args.scans, args.image)

@@ -1,0 +1,63 @@
+"""Which articulated parts of a room are prepared: those that are named, or all that can be."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+from s2a.errors import InputError
+from s2a.prepare.part import PartConfig, PartResult, part_results
+from s2a.prepare.target import bodies, target_joint
+from s2a.scene import Scene
+
+_log = logging.getLogger(__name__)
+
+ALL = "all"
+"""Stands for every articulated part of a room."""
+
+
+def selected_parts(scene: Scene, targets: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
+    """Return the results of parts by id.
+
+    Args:
+        scene: the room.
+        targets: ids of the parts, or only "all": every part that can be prepared; of the others a warning is logged.
+        config: settings of each part.
+
+    Raises:
+        InputError: a part that is named cannot be prepared; of all parts, none can.
+    """
+    return _all(scene, config) if tuple(targets) == (ALL,) else _exactly(scene, targets, config)
+
+
+def _exactly(scene: Scene, parts: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
+    """Return the results of parts that were asked for by their ids."""
+    for part in parts:
+        target_joint(scene, part)  # one that cannot move is refused before the first is worked on
+    results = part_results(scene, _with_members(scene, parts), config)
+    for result in results.values():
+        if isinstance(result, InputError):
+            raise result
+    return {part: result for part, result in results.items() if isinstance(result, PartResult)}
+
+
+def _all(scene: Scene, config: PartConfig) -> dict[str, PartResult]:
+    """Return the results of all articulated parts that can be prepared; warn of the others, which are frozen."""
+    parts = scene.movable
+    while True:
+        results = part_results(scene, _with_members(scene, parts), config)
+        refused = {part: result for part, result in results.items() if isinstance(result, InputError)}
+        for part, error in refused.items():
+            _log.warning("%s is left out: %s", part, error)
+        # Without those, what they carried belongs to other bodies.
+        parts = tuple(part for part in parts if part not in refused)
+        if not parts:
+            raise InputError(f"scene {scene.name!r} has no articulated part that can be prepared")
+        if not refused:
+            return {part: result for part, result in results.items() if isinstance(result, PartResult)}
+
+
+def _with_members(scene: Scene, parts: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
+    """Return articulated parts with the parts of their bodies."""
+    owners = bodies(scene, parts)
+    return [(part, tuple(i for i, owner in owners.items() if owner == part)) for part in parts]

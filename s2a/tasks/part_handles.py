@@ -1,0 +1,116 @@
+"""What kernels of tasks with an articulated part read: the part's geometry, indices of bodies, contacts, settings."""
+
+# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from s2a.articulation import opening_sign
+from s2a.env.task import MdpConfig
+from s2a.ranges import NotNegative, Positive
+from s2a.sim.contacts import ContactSensor, PartContacts
+from s2a.sim.simulation import Simulation
+from s2a.sim.world import SimStage
+
+
+@dataclass(frozen=True)
+class PartMdp(MdpConfig):
+    """What the decision processes with a part share.
+
+    Attributes:
+        velocity_scale: factor of the joint velocities in the observation.
+        observation_limit: observations are clamped to +- this.
+        tcp_offset: shift of the tool frame from the point between the pads, in that frame [m].
+        contact_distance: distance of a contact from the annotated region up to which it is on it [m].
+        contact_force: normal force from which a contact counts [N].
+    """
+
+    velocity_scale: float
+    observation_limit: Positive
+    tcp_offset: tuple[float, float, float]
+    contact_distance: NotNegative
+    contact_force: NotNegative
+
+
+@wp.struct
+class PartGeometry:
+    """A world's part and grasp.
+
+    Attributes:
+        grasp: grasp frame in the part's body.
+        base: world from the robot's base.
+        lever_arm: opening per unit of the joint's coordinate [1 or m], positive opens.
+        axis, origin: of the joint, world frame [1, m].
+        slides: 1 for a slide, 0 for a hinge.
+        travel: opening at the open limit [m].
+        pinchable: 1 where the region is thinner than the gripper opens.
+    """
+
+    grasp: wp.transform
+    base: wp.quat
+    lever_arm: float
+    axis: wp.vec3
+    origin: wp.vec3
+    slides: int
+    travel: float
+    pinchable: int
+
+
+@wp.struct
+class Bodies:
+    """Indices within a world: the tool's link, the fingers, the part, its coordinate; the tool frame in its link."""
+
+    tool_link: int
+    left: int
+    right: int
+    part: int
+    coord: int
+    dof: int
+    tool: wp.transform
+
+
+@wp.struct
+class PartHandles:
+    """What the tasks with a part share.
+
+    Attributes:
+        part: shape [world].
+        bodies: indices, the same in all worlds.
+        contacts: of the last physics step.
+        region_force: max force of the left and right finger on the region in the control step [N], shape [world 2].
+        contact_force: force from which a contact counts [N].
+        velocity_scale: factor of the joint velocities in the observation.
+        observation_limit: observations are clamped to +- this.
+    """
+
+    part: wp.array(dtype=PartGeometry)
+    bodies: Bodies
+    contacts: PartContacts
+    region_force: wp.array2d(dtype=float)
+    contact_force: float
+    velocity_scale: float
+    observation_limit: float
+
+
+def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles:
+    """Return the shared handles of worlds."""
+    h, b, (left, right) = PartHandles(), Bodies(), sim.layout.finger_bodies
+    b.tool_link, b.left, b.right, b.part = sim.layout.tool_body, left, right, sim.layout.part_body
+    b.coord, b.dof = sim.layout.part_coord, sim.layout.part_dof
+    b.tool = wp.transform(wp.vec3(*np.add(sim.robot.tool_offset, config.tcp_offset)), wp.quat_identity())
+    kinds = [_part(stage, sim.robot.gripper.max_opening) for stage in sim.stages]
+    h.part, h.bodies, h.contacts = wp.array([kinds[i] for i in sim.stage_of_env], dtype=PartGeometry), b, sensor.found
+    h.region_force, h.contact_force = wp.zeros((sim.num_envs, 2), dtype=float), config.contact_force
+    h.velocity_scale, h.observation_limit = config.velocity_scale, config.observation_limit
+    return h
+
+
+def _part(stage: SimStage, max_opening: float) -> PartGeometry:
+    p, joint = PartGeometry(), stage.joint
+    p.grasp = wp.transform(*stage.grasp[:3], *stage.grasp[3:])
+    p.base = wp.quat(*stage.base[3:])
+    p.lever_arm, p.travel = opening_sign(joint) * stage.lever_arm, stage.travel
+    p.axis, p.origin, p.slides = wp.vec3(*joint.axis), wp.vec3(*joint.origin), int(joint.kind == "prismatic")
+    p.pinchable = int(stage.grasp_size[1] < max_opening)
+    return p

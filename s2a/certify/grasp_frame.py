@@ -1,0 +1,54 @@
+"""Is the grasp frame of a sim.usd that of the scanned grasp region?"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.certify.check import Check, check_bound
+from s2a.geometry.mesh_ops import sample
+from s2a.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene import Mesh
+from s2a.usd.sim_scene import Grasp
+
+PREPARE = "run s2a prepare again"
+ROUND = 1.5
+"""A region whose extents differ by less than this factor can be held any way round."""
+ON_SURFACE = 0.005
+"""[m] A region lies no farther from its body's surface, of which it is a part."""
+
+
+def grasp_frame(path: str, grasp: Grasp, surface: Mesh, max_distance: float, max_opening: float) -> list[Check]:
+    """Return the checks of a grasp.
+
+    Args:
+        path: of the part's prim.
+        grasp: of the part.
+        surface: of its body, as scanned.
+        max_distance: how far the grasp point may lie from the region [m]; a ring's middle is in the air.
+        max_opening: of the gripper [m].
+    """
+    region = grasp.region
+    tree = ray_mesh(region.vertices, region.faces)
+    away = float(nearest_faces(tree, np.array([grasp.point]), 10.0)[1][0])
+    whole = ray_mesh(surface.vertices, surface.faces)
+    apart = float(np.quantile(nearest_faces(whole, region.vertices, 10.0)[1], 0.95))
+    along = (sample(region, 5000, seed=0) - np.array(grasp.point)) @ Rotation.from_quat(grasp.orientation).as_matrix()
+    low, high = np.quantile(along, [0.02, 0.98], axis=0)
+    length, thickness, _ = high - low
+    ratio = float(thickness / max(length, 1e-6)) if thickness > max_opening or length > max_opening else 0.0
+    return [
+        check_bound(
+            "grasp_on_region", away, max_distance, "m", prim=f"{path}/grasp", message="from the grasp point to the region",
+            remedy="annotate the side of the handle that is to be grasped: the middle of a ring is in the air",
+        ),
+        check_bound(
+            "region_on_part", apart, ON_SURFACE, "m", prim=f"{path}/region", message="from the region to its part's surface",
+            remedy=PREPARE,
+        ),
+        check_bound(
+            "grasp_roll", ratio, ROUND, "", prim=f"{path}/grasp",
+            message=f"thickness {1000 * thickness:.0f} mm by length {1000 * length:.0f} mm of the region",
+            remedy="close the fingers across the thin side; " + PREPARE,
+        ),
+    ]  # fmt: skip

@@ -1,0 +1,171 @@
+"""What another simulator would make of a sim.usd: whatever it says of physics that s2a's own simulation does not read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
+
+from s2a.certify.check import Check, decide
+from s2a.certify.contents import Contents, ends, points
+
+STANDARD_GRAVITY = (9.78, 9.84)
+"""[m/s^2] On the Earth's surface, from the equator to the poles."""
+FRICTION = (0.2, 1.5)
+"""Coulomb coefficients of dry household materials on a gripper's rubber, from lacquer to rubber on rubber."""
+DENSITY = (3.0, 3000.0)
+"""[kg/m^3] Mass by the volume of a body's bounding box: from a paper lamp to a solid block of stone."""
+DRY_FRICTION = 30.0
+"""[N] or [N m] Largest Coulomb friction of a joint: a hand opens furniture with less."""
+NO_LIMIT = 1e30
+PREPARE = "run s2a prepare again"
+
+
+def gravity(contents: Contents) -> Check:
+    """Gravity is the Earth's."""
+    problems = []
+    for prim in contents.stage.Traverse():
+        if prim.IsA(UsdPhysics.Scene):
+            magnitude = UsdPhysics.Scene(prim).GetGravityMagnitudeAttr().Get()
+            earth = magnitude is not None and (magnitude < 0 or STANDARD_GRAVITY[0] <= magnitude <= STANDARD_GRAVITY[1])
+            if not earth:  # a negative one is UsdPhysics' word for the Earth's
+                problems.append((str(prim.GetPath()), f"gravity is {magnitude} m/s^2, expected 9.81"))
+    return decide("gravity", problems, PREPARE, "9.81 m/s^2")
+
+
+def at_rest(contents: Contents) -> Check:
+    """Bodies and joints begin at rest, at the scanned pose."""
+    problems = []
+    for body in contents.bodies:
+        api = UsdPhysics.RigidBodyAPI(body)
+        for name, value in (("velocity", api.GetVelocityAttr().Get()), ("turn", api.GetAngularVelocityAttr().Get())):
+            if value is not None and not np.linalg.norm(value) == 0.0:
+                problems.append((str(body.GetPath()), f"begins with a {name} of {np.linalg.norm(value):g}"))
+    for joint in contents.joints:
+        for attribute in joint.GetAttributes():
+            state = attribute.GetName().startswith("state:") and attribute.Get()
+            if state:
+                problems.append((str(joint.GetPath()), f"begins with {attribute.GetName()} of {state:g}"))
+    return decide("at_rest", problems, "remove the initial velocities; " + PREPARE)
+
+
+def passive_joints(contents: Contents) -> Check:
+    """Nothing drives a joint of furniture, and nothing breaks or leaves it."""
+    problems = []
+    for joint in contents.joints:
+        path, physics = str(joint.GetPath()), UsdPhysics.Joint(joint)
+        drives = [name for name in joint.GetAppliedSchemas() if name.startswith("PhysicsDriveAPI")]
+        problems += [(path, f"{name} drives it") for name in drives]
+        for name, value in (
+            ("breakForce", physics.GetBreakForceAttr().Get()),
+            ("breakTorque", physics.GetBreakTorqueAttr().Get()),
+        ):
+            if value is not None and value < NO_LIMIT:
+                problems.append((path, f"its {name} is {value:g}: it would come off"))
+        if physics.GetExcludeFromArticulationAttr().Get():
+            problems.append((path, "it is excluded from the articulation"))
+        for name, bound in (("newton:friction", DRY_FRICTION), ("newton:armature", 1.0)):
+            value = joint.GetAttribute(name).Get() if joint.HasAttribute(name) else None
+            if value is not None and not 0.0 <= value <= bound:
+                problems.append((path, f"its {name} is {value:g}, possible: 0 to {bound:g}"))
+    return decide("passive_joints", problems, "remove drives and break forces; " + PREPARE)
+
+
+def collision_filters(contents: Contents) -> Check:
+    """Nothing is kept from colliding but what prepare filters: bodies whose colliders overlap on the path of one of them."""
+    problems = []
+    bodies = {body.GetPath() for body in contents.bodies}
+    for prim in contents.stage.Traverse():
+        path = str(prim.GetPath())
+        if prim.IsA(UsdPhysics.CollisionGroup):
+            problems.append((path, "a collision group: a simulator would not let its members collide"))
+        if prim.HasAPI(UsdPhysics.FilteredPairsAPI):
+            others = UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel().GetTargets()
+            noted = " ".join(prim.GetAttribute("s2a:notes").Get() or [])
+            for other in others:
+                if other not in bodies or prim.GetPath() not in bodies:
+                    problems.append((path, f"contact with {other} is filtered, which is no body"))
+                elif not _explained(other.name, noted):
+                    problems.append((path, f"contact with {other.name} is filtered, and no overlap is noted"))
+                elif not _near(contents, prim, contents.stage.GetPrimAtPath(other)):
+                    problems.append((path, f"contact with {other.name} is filtered, and the two are apart"))
+    return decide("collision_filters", problems, "remove groups and filters; " + PREPARE)
+
+
+def contact_material(contents: Contents) -> Check:
+    """Every collider has a physics material with the friction of household things, and does not bounce."""
+    problems = []
+    for prim in contents.colliders:
+        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
+        path = str(prim.GetPath())
+        if not material or not material.GetPrim().HasAPI(UsdPhysics.MaterialAPI):
+            problems.append((path, "no physics material is bound to it"))
+            continue
+        api = UsdPhysics.MaterialAPI(material.GetPrim())
+        values = [api.GetStaticFrictionAttr().Get(), api.GetDynamicFrictionAttr().Get()]
+        if any(value is None or not FRICTION[0] <= value <= FRICTION[1] for value in values):
+            text = f"friction {values[0]} (static), {values[1]} (dynamic), possible: {FRICTION[0]} to {FRICTION[1]}"
+            problems.append((str(material.GetPath()), text))
+        if not 0.0 <= (api.GetRestitutionAttr().Get() or 0.0) <= 0.5:
+            problems.append(
+                (str(material.GetPath()), f"restitution {api.GetRestitutionAttr().Get():g}, possible: 0 to 0.5")
+            )
+    return decide("contact_material", problems, "bind a physics material to every collider; " + PREPARE)
+
+
+def mass_distribution(contents: Contents) -> Check:
+    """Mass, centre and inertia are of a body of this size."""
+    problems = []
+    for body in contents.bodies:
+        low, high = _bounds(contents, body)
+        api, path = UsdPhysics.MassAPI(body), str(body.GetPath())
+        mass, center = api.GetMassAttr().Get() or 0.0, api.GetCenterOfMassAttr().Get()
+        size = high - low
+        if not np.isfinite(size).all() or center is None or not np.isfinite(center).all() or not mass > 0.0:
+            continue  # other rules name these
+        density = mass / float(np.prod(np.maximum(size, 0.02)))
+        if not DENSITY[0] <= density <= DENSITY[1]:
+            text = f"{mass:g} kg in {' x '.join(f'{1000 * x:.0f}' for x in size)} mm: {density:.2g} kg/m^3"
+            problems.append((path, f"{text}, possible: {DENSITY[0]:g} to {DENSITY[1]:g}"))
+        matrix = np.array(UsdGeom.Xformable(body).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
+        at = np.array(center) @ matrix[:3, :3] + matrix[3, :3]
+        away = float(np.linalg.norm(np.maximum(np.maximum(low - at, at - high), 0.0)))
+        if away > 0.02:
+            problems.append((path, f"its centre of mass lies {away:.2f} m outside of it"))
+        gyration = math.sqrt(max(api.GetDiagonalInertiaAttr().Get() or (0.0,)) / mass)
+        if gyration > np.linalg.norm(size) / 2 + 0.02:
+            problems.append(
+                (path, f"its radius of gyration is {gyration:.2g} m, half its diagonal {np.linalg.norm(size) / 2:.2g}")
+            )
+    return decide("mass_distribution", problems, "let prepare estimate mass and inertia; " + PREPARE)
+
+
+ROOM_RULES: tuple[Callable[[Contents], Check], ...] = (
+    gravity, at_rest, passive_joints, collision_filters, contact_material, mass_distribution,
+)  # fmt: skip
+"""Rules about what another simulator would read, of the whole room."""
+
+
+def _explained(body: str, notes: str) -> bool:
+    return body in notes.replace(":", " ").replace(",", " ").split()
+
+
+def _near(contents: Contents, first: Usd.Prim, second: Usd.Prim) -> bool:
+    """Return whether the bodies' boxes come within the reach of the joint that moves one of them."""
+    (low, high), (other_low, other_high) = _bounds(contents, first), _bounds(contents, second)
+    gap = np.maximum(np.maximum(low - other_high, other_low - high), 0.0)
+    moved = [j for j in contents.joints if {first.GetPath(), second.GetPath()} & set(ends(j)[1])]
+    reach = max((float(np.linalg.norm(high - low)) for _ in moved), default=0.0)
+    return float(np.linalg.norm(gap)) <= reach
+
+
+def _bounds(contents: Contents, body: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners of the box around a body's colliders [m], scene coordinates; NaN if it has none."""
+    found = [points(prim) for prim in contents.colliders_of(body)]
+    found = [each for each in found if len(each)]
+    if not found:
+        return np.full(3, np.nan), np.full(3, np.nan)
+    whole = np.concatenate(found)
+    return whole.min(axis=0), whole.max(axis=0)

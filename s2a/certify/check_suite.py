@@ -11,7 +11,7 @@ from pathlib import Path
 
 import mujoco
 
-from s2a.certify import contents, finger_gap, foundation, physics_grip, shapes, static
+from s2a.certify import contents, finger_gap, foundation, physics_grip, portability, shapes, static
 from s2a.certify.check import Check, Status, ValidationReport, check_bound
 from s2a.certify.contents import Contents
 from s2a.certify.finger_gap import Gap, GapConfig
@@ -19,10 +19,12 @@ from s2a.certify.foundation import FoundationConfig
 from s2a.certify.physics import PhysicsConfig, World
 from s2a.certify.physics_grip import Grip, GripConfig
 from s2a.certify.physics_motion import MotionConfig, motion
+from s2a.certify.scan_evidence import Evidence, EvidenceConfig, doubts
 from s2a.certify.shapes import ShapeConfig
 from s2a.errors import InputError
 from s2a.provenance import provenance
 from s2a.usd.layer_files import files
+from s2a.usd.stage import ROOT
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class CertifyConfig:
     Attributes:
         shapes: bounds of the static rules about surfaces.
         foundation: profile of NVIDIA's SimReady rules.
+        evidence: bounds of what the scanned surface may say.
         gap: bounds on the finger gap.
         physics: how physics is stepped.
         motion: bounds of the checks without a gripper.
@@ -40,13 +43,14 @@ class CertifyConfig:
 
     shapes: ShapeConfig
     foundation: FoundationConfig
+    evidence: EvidenceConfig
     gap: GapConfig
     physics: PhysicsConfig
     motion: MotionConfig
     grip: GripConfig
 
 
-HARMLESS = ("usd", "collider_count", "opens_outwards", "grasp_site")
+HARMLESS = ("usd", "collider_count", "grasp_site", *(rule.__name__ for rule in portability.ROOM_RULES))
 """Rules that a stage may break and still be simulated; any other would make physics tell of another stage."""
 
 
@@ -66,12 +70,14 @@ def certify(
     """
     start = time.perf_counter()
     held = contents.read(path, part)
-    room = [rule(held) for rule in static.ROOM_RULES] + [rule(held, config.shapes) for rule in shapes.ROOM_RULES]
+    room = [rule(held) for rule in (*static.ROOM_RULES, *portability.ROOM_RULES)]
+    room += [rule(held, config.shapes) for rule in shapes.ROOM_RULES]
+    evidence = _evidence(path)
     foundation_checks = foundation.foundation(path, config.foundation)
     seconds, found = time.perf_counter() - start, []
     for one in [held.part] if part else contents.parts(held) or [""]:
         begun = time.perf_counter()
-        checks, graspable = _part(path, contents.about(held, one), room, config, robot)
+        checks, graspable = _part(path, contents.about(held, one), room, config, robot, evidence)
         found.append(
             ValidationReport(
                 stage=str(path),
@@ -88,7 +94,12 @@ def certify(
 
 
 def _part(
-    path: Path, held: Contents, room: list[Check], config: CertifyConfig, robot: str | None
+    path: Path,
+    held: Contents,
+    room: list[Check],
+    config: CertifyConfig,
+    robot: str | None,
+    evidence: Evidence | Check,
 ) -> tuple[list[Check], bool | None]:
     """Return the checks of one part, those of the room first, and whether a gripper can hold it."""
     own = [rule(held) for rule in static.PART_RULES] + [rule(held, config.shapes) for rule in shapes.PART_RULES]
@@ -97,11 +108,24 @@ def _part(
     if broken:
         text = f"failed checks would make the simulation meaningless: {', '.join(broken)}"
         return [*checks, Check("physics", "skipped", message=text)], None
-    found, graspable = _physics(path, held, config, robot)
-    return [*checks, *found], graspable
+    if isinstance(evidence, Check):
+        return [*checks, evidence], None
+    seen = evidence.checks(held.part, config.evidence, robot)
+    found, graspable = _physics(path, held, config, robot, seen)
+    return [*checks, *seen, *found], graspable
 
 
-def _physics(path: Path, held: Contents, config: CertifyConfig, robot: str | None) -> tuple[list[Check], bool | None]:
+def _evidence(path: Path) -> Evidence | Check:
+    """Return the scanned surface of a stage, or the check that says why there is none."""
+    try:
+        return Evidence(path)
+    except InputError as error:
+        return Check("scan_evidence", "fail", prim=ROOT, message=str(error), remedy="run s2a prepare again")
+
+
+def _physics(
+    path: Path, held: Contents, config: CertifyConfig, robot: str | None, seen: list[Check]
+) -> tuple[list[Check], bool | None]:
     """Return the checks that need a simulator, on one model of the stage, and whether a gripper can hold the part."""
     try:
         world = World(path, config.physics, held.part, robot=robot)
@@ -109,11 +133,11 @@ def _physics(path: Path, held: Contents, config: CertifyConfig, robot: str | Non
         text = " ".join(str(error).split())[:300]
         return [Check("newton_import", "fail", prim="/scene", message=text, remedy="see Newton's error")], None
     room, attempt = finger_gap.gap(path, held, world.robot.gripper), physics_grip.grip(world, config.grip)
-    return [*motion(world, config.motion), *_fingers(world.stage.target, room, attempt, config)], attempt.holds
+    return [*motion(world, config.motion), *_fingers(world.stage.target, room, attempt, config, seen)], attempt.holds
 
 
-def _fingers(target: str, room: Gap, attempt: Grip, config: CertifyConfig) -> list[Check]:
-    """Return the checks of the finger gap and of the grasp; where the scan leaves no gap, neither can fail."""
+def _fingers(target: str, room: Gap, attempt: Grip, config: CertifyConfig, seen: list[Check]) -> list[Check]:
+    """Return the checks of the finger gap and of the grasp; where the scan says why no gripper could hold it, neither fails."""
     fits, region = room.graspable(config.gap), f"/scene/{target}/region"
     said = f"{room.free_fraction:.0%} of the finger gap is free as scanned; the region is {1000 * room.thickness:.0f} mm thick"
     if math.isnan(room.fill_ratio):
@@ -125,8 +149,9 @@ def _fingers(target: str, room: Gap, attempt: Grip, config: CertifyConfig) -> li
         )
         filled = filled if fits else replace(filled, status="info", remedy="")
     message = attempt.message if attempt.holds else f"not graspable by a parallel gripper: {attempt.message}"
-    message += f"; {room.blocked}" if room.blocked and not attempt.holds else ""
-    status: Status = "pass" if attempt.holds else "fail" if fits and not room.blocked else "info"
+    why = [*doubts(seen, ("handle_relief",)), *room.reasons(config.gap)]
+    message += f"; {'; '.join(why)}" if why and not attempt.holds else ""
+    status: Status = "pass" if attempt.holds else "info" if why else "fail"
     fix = "inspect the colliders of the grasp region and around it" if status == "fail" else ""
     hold = Check("grasp_hold", status, attempt.slip, config.grip.slip, "m", attempt.prim, message, fix)
     return [filled, hold]

@@ -64,6 +64,17 @@ class Gap:
         """The fingers of a parallel gripper fit, by the scan alone."""
         return self.free_fraction >= config.min_free_fraction and self.thickness < self.max_opening
 
+    def reasons(self, config: GapConfig) -> list[str]:
+        """Return in words why no parallel gripper could hold the region, as scanned; empty where one could."""
+        found = [self.blocked] if self.blocked else []
+        if not self.thickness < self.max_opening:
+            found.append(
+                f"the region is {1000 * self.thickness:.0f} mm thick, the gripper opens {1000 * self.max_opening:.0f}"
+            )
+        elif not self.free_fraction >= config.min_free_fraction:
+            found.append(f"the scan leaves {self.free_fraction:.0%} of the fingers' space beside the region free")
+        return found
+
     @property
     def blocked(self) -> str:
         """Message about a scanned obstacle in the path of the gripper body; empty if there is none."""

@@ -17,8 +17,6 @@ from s2a.usd.validate import broken_rules
 
 EXACT = 1e-6
 """Largest difference of an exact value and its float32 copy [m or 1]."""
-INWARDS = 0.5
-"""Cosine between sliding and pushing at the grasp above which a part opens into its furniture."""
 NEAR_CENTER = 0.05  # [m] between a free body's frame and its centre of mass; at 5 m a stapler's motion becomes NaN
 PREPARE = "run s2a prepare again"
 
@@ -180,25 +178,6 @@ def joint_frames(contents: Contents) -> Check:
     )  # fmt: skip
 
 
-def opens_outwards(contents: Contents) -> Check:
-    """A slide that moves along the gripper's approach comes out of its furniture, not into it."""
-    name, joint = "opens_outwards", contents.joint
-    grasp = contents.target and contents.target.GetChild("grasp")
-    values = [joint.GetAttribute(f"s2a:{key}").Get() for key in ("axis", "limits")] if joint else [None]
-    if joint is None or not grasp or values[0] is None or values[1] is None:
-        return _unasked(name, "target_joint")
-    if joint.GetTypeName() != "PhysicsPrismaticJoint":  # a door may open away from the gripper; its path is swept
-        return Check(name, "pass", prim=str(joint.GetPath()), message="a hinge, which may open in either direction")
-    place = UsdGeom.Xformable(grasp).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
-    inwards = np.array(place.TransformDir(Gf.Vec3d(0, 0, 1)))
-    axis, (low, high) = np.array(values[0]), values[1]
-    along = float((axis if abs(high) >= abs(low) else -axis) @ inwards)
-    return check_bound(
-        name, along, INWARDS, "cosine", prim=str(joint.GetPath()), message="opening direction against the approach",
-        remedy="turn the annotated axis or the sign of its range round and " + PREPARE,
-    )  # fmt: skip
-
-
 def mass(contents: Contents) -> Check:
     """Masses and principal moments are positive and possible: no moment is larger than the other two together."""
     problems = []
@@ -226,7 +205,7 @@ def usd(contents: Contents) -> Check:
 ROOM_RULES: tuple[Callable[[Contents], Check], ...] = (units, self_contained, bodies, mass, usd)
 """Rules about the whole room."""
 PART_RULES: tuple[Callable[[Contents], Check], ...] = (
-    target, root_joint, target_joint, joint_limits, joint_frames, opens_outwards,
+    target, root_joint, target_joint, joint_limits, joint_frames,
 )  # fmt: skip
 """Rules about one articulated part, in the order in which a defect is best understood."""
 

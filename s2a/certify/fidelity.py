@@ -16,8 +16,10 @@ from s2a.usd.sim_scene import SimRoom
 
 POINTS = 4000
 """Samples of a surface."""
-SEEN = 0.05
+SEEN = 0.15
 """Smallest fraction of a surface's area, by the squared cosine of its normals, that tells of a shift along a direction."""
+FACING = 0.8
+"""Cosine from which a hull's face stands for a scanned one: the other side of a thin sheet does not."""
 PREPARE = "run s2a prepare again"
 
 
@@ -65,8 +67,8 @@ def collider_fidelity(room: SimRoom, part: str, config: FidelityConfig) -> list[
             continue  # an anchor, which nobody can see
         bound = config.max_uncovered if body == part else config.max_uncovered_room
         found.append(_cover(f"cover_{'part' if body == part else 'cabinet'}", path, surface, hulls, bound, config))
-        found.append(_excess(path, room.bodies[body].visual, hulls, config))
-        if body == part:
+        if body == part:  # what carries it has walls that nobody sees
+            found.append(_excess(path, room.bodies[body].visual, hulls, config))
             found.append(_shifted("collider_shift", path, surface, hulls, config))
             region, own = room.articulations[part].grasp.region, [c.mesh for c in room.bodies[part].colliders]
             found.append(_shifted("handle_shift", f"{path}/region", region, own, config))
@@ -116,7 +118,9 @@ def shift(surface: Mesh, hulls: Sequence[Mesh], reach: float = 0.03) -> float:
     face, gap = nearest_faces(ray_mesh(whole.vertices, whole.faces), points, reach)
     near = face >= 0
     normal = normals(whole)[face[near]]
-    facing = np.abs(np.einsum("ij,ij->i", normal, normals(surface)[faces[near]])) > 0.8
+    cosine = np.einsum("ij,ij->i", normal, normals(surface)[faces[near]])
+    same, opposite = cosine > FACING, cosine < -FACING
+    facing = same if same.sum() >= opposite.sum() else opposite  # some scans have their faces the wrong way round
     normal, points = normal[facing], points[near][facing]
     corner = whole.vertices[whole.faces[face[near][facing], 0]].astype(float)
     along = np.einsum("ij,ij->i", corner - points, normal)

@@ -8,16 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.certify.check import Check, check_bound
-from s2a.geometry.mesh_ops import keep, merge, normals, sample_with_faces
+from s2a.geometry.mesh_ops import keep, merge, normals, sample, sample_with_faces
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.ranges import Fraction, Positive
 from s2a.scene import Mesh
 from s2a.usd.sim_scene import SimRoom
 
-POINTS = 4000
-"""Samples of a surface."""
-SEEN = 0.15
-"""Smallest fraction of a surface's area, by the squared cosine of its normals, that tells of a shift along a direction."""
+POINTS, ROOM_POINTS = 4000, 100_000
+"""Samples of a body's surface, and of the room's, of which only the nearest are asked."""
+SEEN, SEEN_HANDLE = 0.15, 0.05
+"""Smallest fraction of a surface's area, by the squared cosine of its normals, that tells of a shift along a direction; of the
+small surface of a handle, whose ends are scanned."""
 FACING = 0.8
 """Cosine from which a hull's face stands for a scanned one: the other side of a thin sheet does not."""
 PREPARE = "run s2a prepare again"
@@ -64,20 +65,22 @@ def collider_fidelity(room: SimRoom, part: str, config: FidelityConfig) -> list[
         hulls = [collider.mesh for collider in room.bodies[body].colliders]
         path = f"/scene/{body}"
         if surface.face_areas.sum() <= 1e-4:
+            if body == part:
+                message = "nothing of it was scanned, and so nothing vouches for its joint and colliders"
+                found.append(Check("cover_part", "fail", prim=path, message=message, remedy=PREPARE))
             continue  # an anchor, which nobody can see
         bound = config.max_uncovered if body == part else config.max_uncovered_room
         found.append(_cover(f"cover_{'part' if body == part else 'cabinet'}", path, surface, hulls, bound, config))
         if body == part:  # what carries it has walls that nobody sees
             found.append(_excess(path, room.bodies[body].visual, hulls, config))
-            found.append(_shifted("collider_shift", path, surface, hulls, config))
-            region, own = room.articulations[part].grasp.region, [c.mesh for c in room.bodies[part].colliders]
-            found.append(_shifted("handle_shift", f"{path}/region", region, own, config))
+            found.append(_shifted("collider_shift", path, shift(surface, hulls), config))
+            moved = shift(room.articulations[part].grasp.region, hulls, SEEN_HANDLE)
+            found.append(_shifted("handle_shift", f"{path}/region", moved, config))
     return [*found, _room(room, part, config)]
 
 
-def uncovered(surface: Mesh, hulls: Sequence[Mesh], cover: float) -> float:
-    """Return the fraction of a surface's area that is farther than `cover` [m] from every hull and inside of none."""
-    points, _ = sample_with_faces(surface, POINTS, seed=0)
+def uncovered(points: np.ndarray, hulls: Sequence[Mesh], cover: float) -> float:
+    """Return the fraction of points [point 3] that are farther than `cover` [m] from every hull and inside of none."""
     if not hulls:
         return 1.0
     whole = merge(list(hulls))
@@ -100,15 +103,16 @@ def excess(surface: Mesh, hulls: Sequence[Mesh]) -> tuple[float, int]:
     return (max(far), int(np.argmax(far))) if far else (0.0, 0)
 
 
-def shift(surface: Mesh, hulls: Sequence[Mesh], reach: float = 0.03) -> float:
+def shift(surface: Mesh, hulls: Sequence[Mesh], seen: float = SEEN, reach: float = 0.03) -> float:
     """Return how far hulls are shifted against a surface [m], least squares over its normals.
 
-    Point-to-plane alignment (Chen and Medioni 1992) by one translation; directions that fewer than SEEN of the surface tell of
+    Point-to-plane alignment (Chen and Medioni 1992) by one translation; directions that fewer than `seen` of the surface tell of
     count as not shifted.
 
     Args:
         surface: as scanned.
         hulls: of the same body.
+        seen: see SEEN.
         reach: points farther from every hull tell nothing [m].
     """
     if not hulls:
@@ -127,13 +131,13 @@ def shift(surface: Mesh, hulls: Sequence[Mesh], reach: float = 0.03) -> float:
     if len(along) < POINTS // 20:
         return 0.0
     values, axes = np.linalg.eigh(normal.T @ normal / len(normal))
-    told = values > SEEN
+    told = values > seen
     moved = (axes[:, told].T @ (normal.T @ along / len(normal))) / values[told]
     return float(np.linalg.norm(moved))
 
 
 def _cover(name: str, path: str, surface: Mesh, hulls: Sequence[Mesh], bound: float, config: FidelityConfig) -> Check:
-    value = uncovered(surface, hulls, config.cover)
+    value = uncovered(sample(surface, POINTS, seed=0), hulls, config.cover)
     message = f"of the scanned surface is farther than {1000 * config.cover:.0f} mm from any of {len(hulls)} colliders"
     return check_bound(
         name, value, bound, "", prim=path, message=message, remedy="add the missing colliders; " + PREPARE
@@ -148,8 +152,7 @@ def _excess(path: str, surface: Mesh, hulls: Sequence[Mesh], config: FidelityCon
     return check_bound("collider_excess", value, config.max_excess, "m", prim=prim, message=message, remedy=remedy)
 
 
-def _shifted(name: str, path: str, surface: Mesh, hulls: Sequence[Mesh], config: FidelityConfig) -> Check:
-    value = shift(surface, hulls)
+def _shifted(name: str, path: str, value: float, config: FidelityConfig) -> Check:
     message = "between the colliders and the scanned surface"
     remedy = "put the colliders where the surface is; " + PREPARE
     return check_bound(name, value, config.max_shift, "m", prim=path, message=message, remedy=remedy)
@@ -158,13 +161,13 @@ def _shifted(name: str, path: str, surface: Mesh, hulls: Sequence[Mesh], config:
 def _room(room: SimRoom, part: str, config: FidelityConfig) -> Check:
     """Ask whether what is fixed around a part has colliders."""
     visual, point = room.static_visual, np.array(room.articulations[part].grasp.point)
-    middles = visual.vertices[visual.faces].mean(axis=1)
-    near = keep(visual, np.linalg.norm(middles - point, axis=1) < config.around)
+    points = sample(visual, ROOM_POINTS, seed=0) if visual.face_areas.sum() > 1e-4 else np.zeros((0, 3))
+    near = points[np.linalg.norm(points - point, axis=1) < config.around]
     hulls = [c.mesh for c in room.static_colliders]
     hulls = [
         h for h in hulls if (h.bounds[0] < point + config.around).all() and (h.bounds[1] > point - config.around).all()
     ]
-    value = uncovered(near, hulls, config.cover) if near.face_areas.sum() > 1e-4 else 0.0
+    value = uncovered(near, hulls, config.cover) if len(near) else 0.0
     message = f"of the room within {config.around:g} m is farther than {1000 * config.cover:.0f} mm from any collider"
     return check_bound(
         "cover_room", value, config.max_uncovered_room, "", prim="/scene/static", message=message,

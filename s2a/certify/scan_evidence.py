@@ -26,8 +26,9 @@ from s2a.usd import sim_stage
 from s2a.usd.sim_scene import SimRoom, in_scene
 from s2a.usd.stage import ROOT
 
-SEVERE = ("swept_path",)
-"""Doubts about an annotation that are failures of a stage: a simulator would push the part through what was scanned."""
+SEVERE = ("kind", "swept_path")
+"""Doubts about an annotation that are failures of a stage: the part would move as none of its name does, or through what was
+scanned."""
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,11 +36,12 @@ def write_cabinet(
     joint: Joint | None = None,
     free: Sequence[SimBody] = (),
     attached: Sequence[Mesh] = (),
+    part_of_hull: bool = False,
 ) -> Path:
     """Write a cabinet of the reference task's size with one drawer and a bar handle (two posts, a gap of 24 mm).
 
     `beside` are convex hulls of the room besides floor and wall, `joint` moves the drawer instead of its slide, `free` are
-    objects that lie about, `attached` are further hulls of the drawer.
+    objects that lie about, `attached` are further hulls of the drawer; with `part_of_hull` the bar and its posts are a handle's.
     """
     boards = [box((0.0, y, 0.4), (0.305, 0.0095, 0.381)) for y in (-0.3715, 0.3715)]
     boards += [box((-0.2955, 0.0, 0.4), (0.0095, 0.36, 0.381)), box((0.0, 0.0, 0.795), (0.305, 0.381, 0.007))]
@@ -54,7 +56,7 @@ def write_cabinet(
         name="test",
         bodies={
             "cabinet_1": _body("cabinet_1", boards, 60.0, (120, 90, 60)),
-            "drawer_2": _body("drawer_2", [bar, *posts, front, *attached], 5.32, (200, 20, 20)),
+            "drawer_2": _drawer([bar, *posts], [front, *attached], "handle_4" if part_of_hull else "drawer_2"),
         },
         articulations={
             "drawer_2": Articulation(joint or slide, "cabinet_1", grasp_at, {"panda": Base(base, (0.0, 0.0, 1.0, 0.0))})
@@ -65,6 +67,13 @@ def write_cabinet(
     )
     sim_stage.write(room, path)
     return path
+
+
+def _drawer(handle: list[Mesh], others: list[Mesh], owner: str) -> SimBody:
+    """Return the drawer, whose handle's hulls stand for the part `owner`."""
+    body = _body("drawer_2", [*handle, *others], 5.32, (200, 20, 20))
+    hulls = [replace(c, part=owner) if i < len(handle) else c for i, c in enumerate(body.colliders)]
+    return replace(body, colliders=tuple(hulls))
 
 
 def free_cube(name: str, position: tuple[float, float, float], side: float = 0.1, mass: float = 0.5) -> SimBody:

@@ -107,12 +107,6 @@ def one_flipped_limit(stage: Usd.Stage) -> None:
     attribute(stage, f"{JOINT}.physics:upperLimit", -0.4)
 
 
-def flipped_limits(stage: Usd.Stage) -> None:
-    attribute(stage, f"{JOINT}.s2a:limits", Gf.Vec2d(-0.4, 0.0))
-    attribute(stage, f"{JOINT}.physics:lowerLimit", -0.4)
-    attribute(stage, f"{JOINT}.physics:upperLimit", 0.0)
-
-
 def limits_in_degrees(stage: Usd.Stage) -> None:
     """A door whose range was written as radians where UsdPhysics wants degrees."""
     joint = UsdPhysics.RevoluteJoint.Define(stage, JOINT)
@@ -216,7 +210,7 @@ STATIC_DEFECTS = {
     detached_joint: "target_joint", second_joint: "target_joint", limits_in_centimetres: "joint_limits",
     limits_without_zero: "joint_limits", one_flipped_limit: "joint_limits", limits_in_degrees: "joint_limits",
     mirrored_frame: "joint_frames", axis_disagrees: "joint_frames", origin_disagrees: "joint_frames",
-    flipped_limits: "opens_outwards", zero_mass: "mass", impossible_inertia: "mass", dented_piece: "convex",
+    zero_mass: "mass", impossible_inertia: "mass", dented_piece: "convex",
     open_piece: "convex", missing_collision: "collision", nan_point: "finite", shifted_grasp: "grasp_site",
     no_colliders: "collider_count", missing_grasp: "grasp_and_base", missing_grasp_size: "grasp_and_base",
     missing_region: "grasp_and_base", empty_region: "grasp_and_base", missing_base: "grasp_and_base",

@@ -1,0 +1,136 @@
+"""The scanned surface in a simulation-ready file speaks against what does not fit it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cabinet import HANDLE, box, write_cabinet
+from defects_of_files import EDITS
+from defects_of_rooms import CHANGES
+from pxr import Usd
+from settings import load
+
+from s2a.certify import contents, portability
+from s2a.certify.check_suite import CertifyConfig
+from s2a.certify.fidelity import excess, shift, uncovered
+from s2a.certify.robot_base import floor_fraction, obstacle
+from s2a.certify.scan_evidence import Evidence, EvidenceConfig, without
+from s2a.geometry.mesh_ops import keep, merge, normals, sample
+from s2a.geometry.mesh_query import ray_mesh
+from s2a.scene import Mesh
+from s2a.usd import sim_stage
+from s2a.usd.sim_scene import Base
+
+CONFIG: EvidenceConfig = load(CertifyConfig, "certify/default").evidence
+NAMED = {
+    "axis_flipped": "opens_outward", "limits_negated": "opens_outward", "axis_tilted_15_deg": "slide_axis",
+    "wrong_kind": "kind", "colliders_8mm_out": "collider_shift", "colliders_8mm_up": "handle_shift",
+    "no_front_colliders": "cover_part", "no_room_colliders": "cover_room", "no_cabinet_colliders": "cover_cabinet",
+    "plate_114mm_off": "collider_excess", "visual_20mm_off": "collider_shift", "base_100m_off": "base_on_floor",
+    "base_turned_round": "base_pose", "base_in_furniture": "base_pose", "base_1m_aside": "base_pose",
+    "base_not_free": "base_pose", "grasp_rolled_90": "grasp_roll", "grasp_10cm_off": "grasp_on_region",
+    "grasp_and_region_10cm_off": "region_on_part",
+}  # fmt: skip
+"""Defect of a room -> the check that names it."""
+READ_BY_OTHERS = {
+    "drive_to_0": "passive_joints", "drive_to_0.2": "passive_joints", "break_force": "passive_joints",
+    "break_torque": "passive_joints", "joint_friction_500": "passive_joints", "armature_1e3": "passive_joints",
+    "excluded": "passive_joints", "collision_group": "collision_filters", "filtered_with_static": "collision_filters",
+    "filtered_with_another_body": "collision_filters", "gravity_0": "gravity", "gravity_981": "gravity",
+    "friction_0": "contact_material", "friction_10": "contact_material", "restitution_1": "contact_material",
+    "no_material": "contact_material", "initial_velocity": "at_rest", "initial_turn": "at_rest",
+}  # fmt: skip
+"""Defect of a file that s2a's own simulation does not notice -> the check that names it."""
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Path:
+    wall = box((1.0, 2.0, 1.0), (2.0, 0.02, 1.0))
+    return write_cabinet(tmp_path / "sim.usda", beside=[wall], part_of_hull=True)
+
+
+def failures(path: Path) -> dict[str, str]:
+    return {c.name: c.remedy for c in Evidence(path).checks("drawer_2", CONFIG) if c.status == "fail"}
+
+
+def test_a_clean_stage_has_the_surface_on_its_side(stage: Path) -> None:
+    assert failures(stage) == {}
+    assert [rule(contents.read(stage)).status for rule in portability.ROOM_RULES] == ["pass"] * 6
+
+
+@pytest.mark.parametrize("defect", NAMED)
+def test_what_does_not_fit_the_surface_is_named(stage: Path, tmp_path: Path, defect: str) -> None:
+    broken = tmp_path / "broken.usda"
+    sim_stage.write(CHANGES[defect](sim_stage.read(stage), "drawer_2"), broken)
+    found = failures(broken)
+    assert NAMED[defect] in found and found[NAMED[defect]], found
+
+
+@pytest.mark.parametrize("defect", READ_BY_OTHERS)
+def test_what_another_simulator_would_read_is_named(stage: Path, defect: str) -> None:
+    opened = Usd.Stage.Open(str(stage))
+    EDITS[defect](opened, "drawer_2")
+    opened.GetRootLayer().Save()
+    checks = {rule.__name__: rule(contents.read(stage)) for rule in portability.ROOM_RULES}
+    assert {name for name, check in checks.items() if check.status == "fail"} == {READ_BY_OTHERS[defect]}
+    assert checks[READ_BY_OTHERS[defect]].prim.startswith("/scene")
+
+
+@pytest.mark.parametrize(
+    ("defect", "said"),
+    [
+        ("mass_1e4", "kg/m^3"),
+        ("mass_1g", "kg/m^3"),
+        ("inertia_1e4", "radius of gyration"),
+        ("center_5m_off", "outside"),
+    ],
+)
+def test_a_mass_that_no_body_of_this_size_has_is_named(stage: Path, tmp_path: Path, defect: str, said: str) -> None:
+    sim_stage.write(CHANGES[defect](sim_stage.read(stage), "drawer_2"), tmp_path / "heavy.usda")
+    check = portability.mass_distribution(contents.read(tmp_path / "heavy.usda"))
+    assert check.status == "fail" and said in check.message
+
+
+def test_a_shift_is_measured_along_the_directions_that_the_surface_tells() -> None:
+    cube = box((0.0, 0.0, 0.0), (0.1, 0.1, 0.1))
+    front = keep(cube, np.flatnonzero(normals(cube)[:, 0] > 0.9))
+    for way, seen in (((0.008, 0.0, 0.0), 0.008), ((0.0, 0.008, 0.0), 0.0)):
+        moved = Mesh(cube.vertices + np.float32(way), cube.faces)
+        assert shift(front, [moved]) == pytest.approx(seen, abs=1e-4)
+        assert shift(cube, [moved]) == pytest.approx(0.008, abs=5e-4)
+    # A mesh whose faces look inwards is the same surface.
+    assert shift(Mesh(front.vertices, front.faces[:, ::-1]), [Mesh(cube.vertices + np.float32(way), cube.faces)]) < 1e-4
+
+
+def test_cover_and_excess_are_measured_against_hulls() -> None:
+    low, high = box((0.0, 0.0, 0.0), (0.1, 0.1, 0.1)), box((0.0, 0.0, 1.0), (0.1, 0.1, 0.1))
+    points = sample(low, 1000, seed=0)
+    assert uncovered(points, [low], 0.01) == 0.0
+    assert uncovered(sample(merge([low, high]), 1000, seed=0), [low], 0.01) == pytest.approx(0.5, abs=0.05)
+    assert uncovered(points, [box((0.0, 0.0, 0.0), (0.2, 0.2, 0.2))], 0.01) == 0.0, "inside of a hull is covered"
+    assert uncovered(points, [], 0.01) == 1.0
+    assert excess(low, [low, high]) == (pytest.approx(1.0, abs=1e-5), 1)
+
+
+def test_a_base_stands_on_floor_that_was_scanned_and_not_in_furniture() -> None:
+    floor, post = box((0.0, 0.0, -0.01), (1.0, 1.0, 0.01)), box((0.5, 0.0, 0.5), (0.05, 0.05, 0.5))
+    whole = merge([floor, post])
+    surface = ray_mesh(whole.vertices, whole.faces)
+    base = Base((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), radius=0.12)
+    at = np.array([0.0, 0.0, 0.0])
+    assert floor_fraction(at, base, surface, CONFIG.base) == 1.0
+    assert floor_fraction(at + [0.0, 1.0, 0.0], base, surface, CONFIG.base) == pytest.approx(6 / 9, abs=0.12)
+    assert floor_fraction(at + [0.0, 2.0, 0.0], base, surface, CONFIG.base) == 0.0
+    raised = replace(base, pedestal=0.2)
+    assert floor_fraction(at + [0.0, 0.0, 0.2], raised, surface, CONFIG.base) == 1.0
+    assert obstacle(at, base, surface, CONFIG.base) == np.inf
+    assert obstacle(at + [0.35, 0.0, 0.0], base, surface, CONFIG.base) == pytest.approx(0.10, abs=0.01)
+
+
+def test_the_region_is_taken_out_of_its_parts_surface_bit_for_bit() -> None:
+    front, bar = box((0.0, 0.0, 0.0), (0.01, 0.3, 0.1)), box(tuple(HANDLE), (0.01, 0.1, 0.01))
+    rest = without(merge([front, bar]), bar)
+    assert len(rest.faces) == len(front.faces) and np.allclose(rest.bounds, front.bounds)

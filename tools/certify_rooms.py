@@ -24,7 +24,7 @@ from rich.table import Table
 
 from s2a import config, scan
 from s2a.certify import report
-from s2a.certify.check_suite import CertifyConfig, certify, fingerprint
+from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
 from s2a.prepare import ALL, PrepareConfig, prepare
@@ -34,6 +34,7 @@ from s2a.provenance import provenance
 from s2a.scene import Scene
 from s2a.synth import SampleConfig, sample
 from s2a.usd import sim_stage
+from s2a.usd.stamp import content_hash
 
 
 def main() -> None:
@@ -116,7 +117,7 @@ def _certified(folder: Path, part: str, asked: argparse.Namespace) -> dict[str, 
         return {"passed": False, "graspable": None, "failed": [f"not prepared: {_reason(folder, part)}"]}
     settings = config.load(CertifyConfig, config.compose("certify", ["stage=x", "out=y"])["certify"])
     asked_of = dataclasses.asdict(settings)
-    done = report.kept(record, fingerprint(stage), asked_of, provenance("cpu"), [part])
+    done = report.kept(record, content_hash(stage), asked_of, provenance("cpu"), [part])
     (result,) = done or certify(stage, settings, part)
     with atomic_write(record) as out:
         out.write_text(report.to_json([result]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import math
 import time
 from dataclasses import dataclass, replace
@@ -23,8 +22,8 @@ from s2a.certify.scan_evidence import Evidence, EvidenceConfig, doubts
 from s2a.certify.shapes import ShapeConfig
 from s2a.errors import InputError
 from s2a.provenance import provenance
-from s2a.usd.layer_files import files
 from s2a.usd.stage import ROOT
+from s2a.usd.stamp import content_hash
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ def certify(
         found.append(
             ValidationReport(
                 stage=str(path),
-                sha256=fingerprint(path),
+                sha256=content_hash(path),
                 target=one,
                 checks=(*foundation_checks, *checks),
                 graspable=graspable,
@@ -157,12 +156,4 @@ def _fingers(target: str, room: Gap, attempt: Grip, config: CertifyConfig, seen:
     return [filled, hold]
 
 
-def fingerprint(path: Path) -> str:
-    """Return the SHA-256 of the content of all files that a stage is made of; of one file, it is that file's."""
-    digest = hashlib.sha256()
-    for file in files(path):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()
-
-
-__all__ = ["ValidationReport", "CertifyConfig", "Check", "certify", "fingerprint"]
+__all__ = ["ValidationReport", "CertifyConfig", "Check", "certify"]

@@ -9,7 +9,7 @@ from pathlib import Path
 from s2a import robot
 from s2a.certify import contents, report
 from s2a.certify.check import ValidationReport
-from s2a.certify.check_suite import CertifyConfig, certify, fingerprint
+from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.certify.images import images
 from s2a.errors import CheckFailed, InputError
 from s2a.geometry.orbit_camera import OrbitCamera
@@ -17,6 +17,7 @@ from s2a.outputs import atomic_write, refuse_loss
 from s2a.provenance import provenance
 from s2a.robot.spec import RobotSpec
 from s2a.usd.layer_files import files
+from s2a.usd.stamp import content_hash, write_stamp
 
 RECORD = "report.json"
 
@@ -29,6 +30,7 @@ class Config:
         stage: the sim.usd.
         part: id of one articulated part, such as drawer_7; null: all of them.
         out: the folder to write, with report.json and report.html; one of the same stage by the same code is kept.
+        stamp: write the verdicts into the stage too, with the hash of its content.
         robot: the robot that the stage was prepared for.
         certify: the check suite and its bounds.
         camera: intrinsics and framing of the images.
@@ -37,6 +39,7 @@ class Config:
     stage: Path
     part: str | None
     out: Path
+    stamp: bool
     robot: RobotSpec
     certify: CertifyConfig
     camera: OrbitCamera
@@ -55,8 +58,10 @@ def run(config: Config) -> str:
     refuse_loss(config.out, RECORD, files(config.stage))
     held = contents.read(config.stage, config.part)
     parts = [held.part] if config.part else list(contents.parts(held))
-    done = report.kept(config.out / RECORD, fingerprint(config.stage), settings, provenance("cpu"), parts)
+    done = report.kept(config.out / RECORD, content_hash(config.stage), settings, provenance("cpu"), parts)
     results = done or _write(config)
+    if config.stamp and not done:
+        write_stamp(config.stage, {result.target: result.passed for result in results})
     said = "\n".join(report.summary(result) for result in results)
     said += f"\n  kept from {config.out / RECORD}" if done else f"\n  {config.out}"
     said += f"\n{report.table(results)}" if len(results) > 1 else ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,12 +27,13 @@ from settings import load
 from s2a import cli, provenance
 from s2a.certify import contents, foundation, report, shapes, static
 from s2a.certify.check import Check, ValidationReport
-from s2a.certify.check_suite import CertifyConfig, fingerprint
+from s2a.certify.check_suite import CertifyConfig
 from s2a.certify.images import images
 from s2a.errors import InputError
 from s2a.geometry.orbit_camera import OrbitCamera
 from s2a.usd import sim_stage
 from s2a.usd.stage import new_stage, save
+from s2a.usd.stamp import content_hash, read_stamp, write_stamp
 
 
 @pytest.fixture
@@ -92,6 +92,8 @@ def test_the_command_writes_a_record_and_a_page_and_keeps_them(
     assert page.count("<img") == 4 and "grasp_hold" in page and "<h1>drawer_2: passed</h1>" in page
     written = (out / "report.json").stat().st_mtime_ns
     assert cli.main(quick(stage, out)) == 0
+    stamp = read_stamp(stage)
+    assert stamp is not None and stamp.valid and stamp.parts == {"drawer_2": True}
     assert "kept from" in capsys.readouterr().out and (out / "report.json").stat().st_mtime_ns == written
 
 
@@ -115,12 +117,28 @@ def test_a_certificate_is_kept_for_the_same_file_settings_and_code_alone(tmp_pat
 def test_a_stage_is_another_when_a_file_below_it_is(stage: Path, tmp_path: Path) -> None:
     over = tmp_path / "over.usda"
     over.write_text(f"#usda 1.0\n(\n    subLayers = [@{stage}@]\n)\n")
-    before = fingerprint(over)
-    assert fingerprint(over) == before != fingerprint(stage)
-    both = stage.read_bytes() + sim_stage.visuals_file(stage).read_bytes()
-    assert fingerprint(stage) == hashlib.sha256(both).hexdigest()
-    stage.write_bytes(stage.read_bytes() + b"# another line\n")
-    assert fingerprint(over) != before
+    before = content_hash(over)
+    assert content_hash(over) == before != content_hash(stage)
+    visuals = sim_stage.visuals_file(stage)
+    mine = content_hash(stage)
+    visuals.write_bytes(visuals.read_bytes() + b"# another line\n")
+    assert content_hash(stage) != mine and content_hash(over) != before
+
+
+def test_a_stamp_holds_until_the_content_changes(stage: Path) -> None:
+    assert read_stamp(stage) is None
+    before = content_hash(stage)
+    write_stamp(stage, {"drawer_2": True})
+    write_stamp(stage, {"door_3": False})
+    assert content_hash(stage) == before, "a stamp is no content"
+    stamp = read_stamp(stage)
+    assert stamp is not None and stamp.valid and stamp.parts == {"drawer_2": True, "door_3": False}
+    edit(stage, zero_mass)
+    changed = read_stamp(stage)
+    assert changed is not None and not changed.valid
+    write_stamp(stage, {"door_3": True})
+    renewed = read_stamp(stage)
+    assert renewed is not None and renewed.valid and renewed.parts == {"door_3": True}
 
 
 def test_a_certificate_never_takes_the_stages_own_place(

@@ -213,7 +213,9 @@ def _nearest(
 def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
     """Return the face nearest to each point, shape [point] (-1: none within reach), and its distance [m], shape [point]."""
     asked = np.ascontiguousarray(points, np.float32)
-    face, gap = np.empty(len(asked), np.int32), np.zeros(len(asked), np.float32)
+    face, gap = np.full(len(asked), -1, np.int32), np.zeros(len(asked), np.float32)
+    if not mesh.indices.shape[0]:  # Warp 1.19 follows the tree of a mesh without faces into nowhere
+        return face, gap
 
     def ask(some: slice) -> None:
         outputs = [wp.array(a[some], device="cpu", copy=False) for a in (face, gap)]
@@ -244,6 +246,8 @@ def first_hits(mesh: RayMesh, starts: np.ndarray, directions: np.ndarray) -> np.
         starts: of the rays [m], shape [ray 3].
         directions: unit vectors, shape [ray 3].
     """
+    if not mesh.indices.shape[0]:
+        return np.full(len(starts), np.inf, np.float32)
     rays = [wp.array(np.asarray(a, np.float32), dtype=wp.vec3, device="cpu") for a in (starts, directions)]
     distance = wp.empty(len(starts), dtype=float, device="cpu")
     wp.launch(_hit, dim=len(starts), inputs=[mesh.id, *rays], outputs=[distance], device="cpu")

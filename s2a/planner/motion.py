@@ -64,6 +64,7 @@ class Planner:
     Attributes:
         trajectory: joint targets after the reach.
         grasp_steps: control steps until the gripper has closed.
+        steps: control steps of the whole motion.
     """
 
     def __init__(self, env: VecEnv, config: PlannerConfig) -> None:
@@ -71,11 +72,10 @@ class Planner:
         sim = env.sim
         self._env, self.trajectory = env, plan(sim, config, partial(env.task.tool_path, config=env.task.config))
         self.grasp_steps = self.trajectory.reach_steps + self.trajectory.closed
-        steps = self.trajectory.reach_steps + len(self.trajectory.targets)
-        if steps > env.max_episode_length:
-            _log.warning(
-                "an episode of %d steps cuts the plan off; give task.episode_steps=%d", env.max_episode_length, steps
-            )
+        self.steps = self.trajectory.reach_steps + len(self.trajectory.targets)
+        if self.steps >= env.max_episode_length:
+            text = "an episode of %d steps cuts the plan off; give task.episode_steps=%d"
+            _log.warning(text, env.max_episode_length, self.steps + 1)
         self._targets = torch.tensor(self.trajectory.targets, dtype=torch.float32, device=sim.device)
         self._start = sim.joint_target_q[:, : self._targets.shape[1]].clone()
 

@@ -9,63 +9,40 @@ from pathlib import Path
 import torch
 from PIL import Image
 
-from s2a import robot
+from s2a.commands.worlds import WorldsConfig
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import Agent, Policy, baseline, evaluate, warn_of_errors
 from s2a.outputs import atomic_write
-from s2a.planner.motion import Planner, PlannerConfig
+from s2a.planner.motion import Planner
 from s2a.provenance import provenance
-from s2a.ranges import Count, CountFromZero
 from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.export import export
 from s2a.rl.run_world import read_world
-from s2a.robot.spec import RobotSpec
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse
-from s2a.sim.simulation import SimConfig, Simulation, device_of
-from s2a.sim.world import read_stage
-from s2a.tasks import MdpSettings, MetricSettings, make_env
+from s2a.sim.simulation import Simulation, device_of
+from s2a.tasks import make_env
 
 
 @dataclass(frozen=True)
-class Config:
+class Config(WorldsConfig):
     """Keys of `s2a evaluate`.
 
     Attributes:
-        stage: the sim.usd.
-        part: id of the articulated part; null: the only one of the stage.
         out: the metrics.json to write.
         checkpoint: model_N.pt of a training run, or null: the planner.
         agent: who acts instead, as a baseline: zero (actions of 0), random (uniform in [-1, 1]), extreme (-1 and 1, held for up
             to four seconds); or null.
         export: write the checkpoint as TorchScript and ONNX too, beside it.
-        num_envs: worlds, one episode each.
-        device: cpu, cuda:0, or auto: a GPU where there is one.
-        seed: of the start noise.
-        robot: the robot that the stage was prepared for.
-        sim: how physics is stepped; a checkpoint brings that of its training.
-        task: what the robot has to do; a checkpoint brings that of its training.
-        metrics: what is reported of an episode.
-        planner: the planner's motion.
         images: folder for before.png and after.png (world 0 where its part moved farthest), or null.
         camera: how they are taken.
     """
 
-    stage: Path
-    part: str | None
     out: Path
     checkpoint: Path | None
     agent: Agent | None
     export: bool
-    num_envs: Count
-    device: str
-    seed: CountFromZero
-    robot: RobotSpec
-    sim: SimConfig
-    task: MdpSettings
-    metrics: MetricSettings
-    planner: PlannerConfig
     images: Path | None
     camera: CameraConfig
 
@@ -131,9 +108,7 @@ def run(config: Config) -> str:
     world = read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
-        stage = read_stage(config.stage, config.part, robot=config.robot.name)
-        robot.check_unchanged(config.robot)
-        sim = Simulation(stage, sim_config, config.num_envs, device_of(config.device))
+        sim = Simulation(config.read_stage(), sim_config, config.num_envs, device_of(config.device))
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env)
         album, use = Album(env), LimitUse(sim)

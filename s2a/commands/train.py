@@ -10,67 +10,45 @@ from typing import Any
 
 import torch
 
-from s2a import robot
+from s2a.commands.worlds import WorldsConfig
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
 from s2a.outputs import atomic_write
-from s2a.planner.motion import PlannerConfig, grasping_motion
+from s2a.planner.motion import grasping_motion
 from s2a.provenance import provenance
-from s2a.ranges import Count, CountFromZero, Fraction
+from s2a.ranges import Fraction
 from s2a.rl import ppo, processes, run_folder
 from s2a.rl.checkpoint import load_model
 from s2a.rl.config import PpoConfig
 from s2a.rl.export import export
 from s2a.rl.run_world import write_world
-from s2a.robot.spec import RobotSpec
-from s2a.sim.simulation import SimConfig, Simulation, device_of
-from s2a.sim.world import read_stage
-from s2a.tasks import MdpSettings, MetricSettings, RewardWeights, make_env, task
+from s2a.sim.simulation import Simulation, device_of
+from s2a.tasks import RewardWeights, make_env, task
 
 METRICS = "metrics.json"
 
 
 @dataclass(frozen=True)
-class Config:
+class Config(WorldsConfig):
     """Keys of `s2a train`.
 
     Attributes:
-        stage: the sim.usd.
-        part: id of the articulated part; null: the only one of the stage.
         out: folder for checkpoints, the TensorBoard log and metrics.json.
         resume: go on from the last checkpoint in `out`, if there is one, with the same settings.
         export: write the last checkpoint as TorchScript and ONNX too.
-        num_envs: worlds that are stepped together; under torchrun, of each process.
-        device: cpu, cuda:0, or auto: a GPU where there is one, and each process of torchrun its own.
-        seed: of the start noise and of the network.
-        robot: the robot that the stage was prepared for.
-        sim: how physics is stepped.
-        task: what the robot has to do.
-        metrics: what is reported of an episode.
         reward: weight of each reward term.
         ppo: rsl-rl's settings.
         demo_reset_fraction: fraction of the episodes that start on the planner's motion to the handle or in its grasp; evaluation
             has none.
-        planner: that motion.
     """
 
-    stage: Path
-    part: str | None
     out: Path
     resume: bool
     export: bool
-    num_envs: Count
-    device: str
-    seed: CountFromZero
-    robot: RobotSpec
-    sim: SimConfig
-    task: MdpSettings
-    metrics: MetricSettings
     reward: RewardWeights
     ppo: PpoConfig
     demo_reset_fraction: Fraction
-    planner: PlannerConfig
 
 
 def run(config: Config) -> str:
@@ -81,9 +59,7 @@ def run(config: Config) -> str:
     seed = processes.own_seed(config.seed, first)
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
-    stage = read_stage(config.stage, config.part, robot=config.robot.name)
-    robot.check_unchanged(config.robot)
-    sim = Simulation(stage, config.sim, config.num_envs, device)
+    sim = Simulation(config.read_stage(), config.sim, config.num_envs, device)
     demo = None
     if config.demo_reset_fraction > 0.0:
         skill = partial(task(config.task.name).tool_path, config=config.task)

@@ -19,6 +19,7 @@ from s2a import aliases
 from s2a.config import leaves
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
+from s2a.usd.stamp import layer_hash
 
 SETTINGS = "settings.json"
 STARTS = "starts.json"
@@ -55,7 +56,9 @@ def keep_settings(values: Mapping[str, Any], out: Path) -> None:
 
 
 def _may_change(key: str, now: object, then: object) -> bool:
-    """Return whether a key may differ from the run's: FREE ones, what is reported alone, a reward term that weighs nothing."""
+    """Return whether a key may differ from the run's: FREE ones, what is reported alone, terms and lists without effect."""
+    if now == [] and then is None:  # a list that older runs did not have
+        return True
     return key in FREE or key.startswith("metrics.") or (key.startswith("reward.") and not now and not then)
 
 
@@ -65,8 +68,9 @@ def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, objec
     Raises:
         InputError: the stage is another than the run was begun with.
     """
-    earlier, content = starts(out), hashlib.sha256(stage.read_bytes()).hexdigest()
-    if earlier and earlier[0]["stage_sha256"] != content:
+    earlier, content = starts(out), layer_hash(stage)
+    # Until November 2026 it was the hash of the file's bytes, which a stamp changes.
+    if earlier and earlier[0]["stage_sha256"] not in (content, hashlib.sha256(stage.read_bytes()).hexdigest()):
         raise InputError(
             f"{stage} has changed since {out} was begun; resume with what it was, or train into another folder"
         )

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pxr import Sdf
 
+from s2a.errors import InputError
 from s2a.outputs import atomic_write
 from s2a.usd.layer_files import files
 from s2a.usd.stage import reading
@@ -34,10 +35,15 @@ class Stamp:
 
 def content_hash(path: Path) -> str:
     """Return the SHA-256 of the content of all files that a stage is made of, its own without a stamp."""
-    digest = hashlib.sha256(_text(path).encode())
+    digest = hashlib.sha256(layer_hash(path).encode())
     for file in files(path)[1:]:
         digest.update(file.read_bytes())
     return digest.hexdigest()
+
+
+def layer_hash(path: Path) -> str:
+    """Return the SHA-256 of the content of a stage's own layer without a stamp: what physics depends on, not the visuals."""
+    return hashlib.sha256(_text(path).encode()).hexdigest()
 
 
 def write_stamp(path: Path, parts: Mapping[str, bool]) -> None:
@@ -64,6 +70,8 @@ def read_stamp(path: Path) -> Stamp | None:
 
 def _open(path: Path) -> Sdf.Layer:
     layer = Sdf.Layer.FindOrOpen(str(path))
+    if layer is None:
+        raise InputError(f"{path}: not a USD file, or a damaged one; write it again with s2a prepare")
     layer.Reload(force=True)
     return layer
 

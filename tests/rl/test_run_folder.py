@@ -10,6 +10,7 @@ import pytest
 
 from s2a.errors import InputError
 from s2a.rl import run_folder
+from s2a.usd.stamp import write_stamp
 
 VALUES: dict[str, Any] = {
     "num_envs": 4,
@@ -86,15 +87,16 @@ def test_a_damaged_folder_is_one_line(out: Path, text: str) -> None:
 
 
 def test_a_run_tells_with_what_it_began_and_went_on_and_keeps_to_its_stage(tmp_path: Path) -> None:
-    stage, out = tmp_path / "sim.usd", tmp_path / "run"
+    stage, out = tmp_path / "sim.usda", tmp_path / "run"
     out.mkdir()
-    stage.write_text("a room")
+    stage.write_text("#usda 1.0\n")
     assert run_folder.starts(out) == []
     run_folder.keep_start(out, 0, stage, {"commit": "abc"})
+    write_stamp(stage, {"drawer_2": True})  # a validation report in between changes nothing
     both = run_folder.keep_start(out, 20, stage, {"commit": "def"})
     assert run_folder.starts(out) == both
     assert [(start["iteration"], start["commit"]) for start in both] == [(0, "abc"), (20, "def")]
-    stage.write_text("another room")
-    with pytest.raises(InputError, match="sim.usd has changed since .*run was begun; resume with what it was"):
+    stage.write_text('#usda 1.0\ndef Xform "other" {}\n')
+    with pytest.raises(InputError, match="sim.usda has changed since .*run was begun; resume with what it was"):
         run_folder.keep_start(out, 40, stage, {})
     assert run_folder.starts(out) == both

@@ -1,0 +1,51 @@
+"""The keys that training and evaluation share: the worlds, and what is done in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from s2a import robot
+from s2a.planner.motion import PlannerConfig
+from s2a.ranges import Count, CountFromZero
+from s2a.robot.spec import RobotSpec
+from s2a.sim.simulation import SimConfig
+from s2a.sim.world import SimStage, read_stage
+from s2a.tasks import MdpSettings, MetricSettings
+
+
+@dataclass(frozen=True)
+class WorldsConfig:
+    """Worlds of one part of a room.
+
+    Attributes:
+        stage: the sim.usd.
+        part: id of the articulated part; null: the only one of the stage.
+        also: ids of further articulated parts and free objects that move; everything else stays where it was scanned.
+        num_envs: worlds that are stepped together; under torchrun, of each process.
+        device: cpu, cuda:0, or auto: a GPU where there is one, and each process of torchrun its own.
+        seed: of the start noise, and of a network that is trained.
+        robot: the robot that the stage was prepared for.
+        sim: how physics is stepped.
+        task: what the robot has to do.
+        metrics: what is reported of an episode.
+        planner: the planner's motion.
+    """
+
+    stage: Path
+    part: str | None
+    also: tuple[str, ...]
+    num_envs: Count
+    device: str
+    seed: CountFromZero
+    robot: RobotSpec
+    sim: SimConfig
+    task: MdpSettings
+    metrics: MetricSettings
+    planner: PlannerConfig
+
+    def read_stage(self) -> SimStage:
+        """Read the stage; InputError for a wrong one, or a robot that was changed on the command line."""
+        stage = read_stage(self.stage, self.part, robot=self.robot.name, also=self.also)
+        robot.check_unchanged(self.robot)
+        return stage

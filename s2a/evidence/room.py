@@ -1,0 +1,131 @@
+"""The whole scan: which way is up, and in what unit it is."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from s2a.evidence import grasp
+from s2a.evidence.bounds import Bounds
+from s2a.evidence.finding import Finding, at_most, unknown
+from s2a.evidence.front import Front
+from s2a.evidence.surface import Surface, sphere
+from s2a.geometry.mesh_ops import centroids, normals, sample_with_faces
+from s2a.scene import Mesh
+
+LEVEL = np.cos(np.radians(10.0))
+"""Faces within 10 degrees of a direction look along it: rough faces of level surfaces do."""
+SAMPLES = 20_000
+"""Points that stand for the surface."""
+BORDER = 0.15
+"""[m] Surfaces this near to the lowest or the highest ones are floor or ceiling."""
+FLOOR = re.compile(r"^\s*floor\s*$", re.IGNORECASE)
+REMEDY = "possible: z up; turn mesh and joints together (x, y, z) -> (x, -z, y) for a scan with y up"
+
+
+def up_axis(surface: Surface, bounds: Bounds) -> list[Finding]:
+    """Judge which way is up, by the floor where one is labelled, by all surfaces where none is."""
+    floors = [p.mesh for p in surface.scene.parts.values() if FLOOR.match(p.label) and p.mesh.face_areas.sum() > 0]
+    if floors:
+        return [_labelled(floors, surface, bounds)]
+    points, facing = samples(surface.mesh)
+    if not len(points):
+        return [unknown("up_axis", "", "there is no surface")]
+    return [_level(facing, bounds), _underside(points, facing, bounds)]
+
+
+def samples(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return points spread evenly over a surface [m], and the unit normals of their faces, shape [point 3] each."""
+    points, faces = sample_with_faces(mesh, SAMPLES, 0)
+    return points, normals(mesh)[faces]
+
+
+def level_fraction(facing: np.ndarray, direction: np.ndarray) -> float:
+    """Return the fraction of normals [point 3] that lie along a direction [3], either way."""
+    return float((np.abs(facing @ direction) > LEVEL).mean())
+
+
+def underside(points: np.ndarray, facing: np.ndarray) -> float:
+    """Return the excess of what looks up over what looks down between floor and ceiling, of their sum, -1 to 1.
+
+    Nobody scans the undersides of tables, shelves and seats; NaN where less than 2 % of the surface is between.
+    """
+    low, high = np.quantile(points[:, 2], [0.005, 0.995])
+    between = (points[:, 2] > low + BORDER) & (points[:, 2] < high - BORDER)
+    up, down = (float((between & (sign * facing[:, 2] > LEVEL)).mean()) for sign in (1, -1))
+    return (up - down) / (up + down) if up + down > 0.02 else float("nan")
+
+
+def _labelled(floors: list[Mesh], surface: Surface, bounds: Bounds) -> Finding:
+    """Judge the up axis by the parts labelled floor: level, and with the room above them."""
+    weight = np.concatenate([mesh.face_areas for mesh in floors])
+    middle = np.concatenate([centroids(mesh) for mesh in floors])
+    facing = np.concatenate([normals(mesh) for mesh in floors])
+    spread = (facing * weight[:, None]).T @ facing
+    normal = np.linalg.eigh(spread)[1][:, -1]
+    points = samples(surface.mesh)[0]
+    height = float(np.average((middle @ normal), weights=weight))
+    normal = normal if float(np.median(points @ normal)) > height else -normal
+    slope = float(np.degrees(np.arccos(np.clip(normal[2], -1.0, 1.0))))
+    text = ", ".join(f"{x:.2f}" for x in normal)
+    message = f"the room lies over its floor along ({text}), {slope:.0f} deg off z"
+    return at_most("up_axis", "", slope, bounds.slope, "deg", message, REMEDY)
+
+
+def _level(facing: np.ndarray, bounds: Bounds) -> Finding:
+    """Judge the up axis by area: in most rooms more surface is level than looks along any other direction."""
+    directions = sphere(1500)
+    fractions = (np.abs(facing @ directions.T) > LEVEL).mean(axis=0)
+    best = directions[np.argmax(fractions)]
+    own, most = level_fraction(facing, np.array([0.0, 0.0, 1.0])), float(fractions.max())
+    ratio = own / most if most > 0 else 0.0
+    text = ", ".join(f"{x:.2f}" for x in best)
+    message = f"{own:.0%} of its surface is level, but {most:.0%} lies across ({text}): is that up?"
+    good = ratio >= bounds.level
+    return Finding(
+        "up_axis", "", "pass" if good else "warn", ratio, bounds.level, "of the most", message, "" if good else REMEDY
+    )
+
+
+def _underside(points: np.ndarray, facing: np.ndarray, bounds: Bounds) -> Finding:
+    """Judge the up axis by what looks up and down between floor and ceiling."""
+    excess = underside(points, facing)
+    if np.isnan(excess):
+        return unknown("up_side", "", "nothing level stands between floor and ceiling")
+    message = f"between floor and ceiling {(1 + excess) / 2:.0%} of the level surfaces look along +z; tabletops do, undersides do not"
+    good = excess >= bounds.underside
+    verdict = "pass" if good else "fail" if excess < -bounds.underside else "warn"
+    return Finding("up_side", "", verdict, excess, bounds.underside, "", message, "" if good else REMEDY)
+
+
+def units(surface: Surface, fronts: dict[str, Front], bounds: Bounds) -> Finding:
+    """Judge the unit by the room's height and by the thickness of handles, as far as it has any.
+
+    Args:
+        surface: the room.
+        fronts: fronts of its moving parts by id.
+        bounds: `heights` and `handles`.
+    """
+    low, high = np.quantile(surface.mesh.vertices[:, 2], [0.005, 0.995]) if len(surface.mesh.vertices) else (0.0, 0.0)
+    height = float(high - low)
+    sizes = [
+        np.sort(grasp.size(grasp.region(surface.scene, part), front))[1]
+        for part, front in fronts.items()
+        if grasp.has_handle(surface.scene, part)
+    ]
+    room = bounds.heights[0] <= height <= bounds.heights[1]
+    message = f"the room is {height:.3g} m high"
+    handles = True
+    if sizes:
+        middle = float(np.median(sizes))
+        handles = bounds.handles[0] <= middle <= bounds.handles[1]
+        message += f", its handles are {1000 * middle:.3g} mm thick"
+    remedy = (
+        f"possible: {bounds.heights[0]:g} to {bounds.heights[1]:g} m, {1000 * bounds.handles[0]:g} to "
+        f"{1000 * bounds.handles[1]:g} mm; scale mesh and joints to metres (feet x 0.3048, inches x 0.0254, cm x 0.01)"
+    )
+    if room and handles:
+        return Finding("units", "", "pass", height, bounds.heights[1], "m", message)
+    verdict = "fail" if not room and (not handles or not sizes) else "warn"
+    return Finding("units", "", verdict, height, bounds.heights[1], "m", message, remedy)

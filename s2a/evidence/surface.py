@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
 
 import numpy as np
@@ -40,6 +41,12 @@ class Surface:
         meshes = [scene.parts[i].mesh for i in self.ids]
         self.mesh: Mesh = merge([Mesh(mesh.vertices, mesh.faces) for mesh in meshes])
         self.owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
+
+    def with_scene(self, scene: Scene) -> Surface:
+        """Return the same surface with another annotation of joints; the parts and their meshes must be the same."""
+        other = copy.copy(self)
+        other.scene = scene
+        return other
 
     @cached_property
     def tree(self) -> RayMesh:

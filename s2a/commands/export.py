@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a import api
+from s2a import api, extras
+from s2a.errors import InputError
+from s2a.evidence.bounds import Bounds
+from s2a.scan import overlaps
+from s2a.scene import Scene
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -15,17 +22,35 @@ class Config:
     Attributes:
         scan: folder of the scan.
         out: folder that receives descriptive.usda and geometric.usd.
+        check: Print what `s2a check` finds as warnings; needs s2a[sim].
+        evidence: what the surface may say about the annotation before a warning is printed.
     """
 
     scan: Path
     out: Path
+    check: bool
+    evidence: Bounds
 
 
 def run(config: Config) -> str:
-    """Read the scan, write both flavours, and return a summary."""
+    """Read the scan, write both flavours, and return a summary; what the surface says against the annotation is logged."""
     done = api.export(config.scan, config.out)
     scene = done.scene
+    if config.check and scene.movable:
+        _warn(config, scene)
     vertices = sum(len(part.mesh.vertices) for part in scene.parts.values())
     counts = f"{len(scene.parts)} parts, {vertices} vertices"
     joints = ", ".join(scene.movable) or "none"
     return f"{done.descriptive}, {done.geometric}: scene {scene.name}, {counts}; jointed: {joints}"
+
+
+def _warn(config: Config, scene: Scene) -> None:
+    """Log what the surface says against the annotation."""
+    try:
+        with extras.required():
+            from s2a.evidence import annotation, report
+    except InputError as missing:
+        _log.warning("the annotation is not checked against the surface: %s", missing)
+        return
+    for finding in report.doubtful(annotation.check(scene, config.evidence, overlaps.read(config.scan))):
+        _log.warning("%s: %s", finding.check, finding)

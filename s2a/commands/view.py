@@ -11,6 +11,7 @@ import numpy as np
 from s2a.errors import InputError
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.outputs import atomic_write, require_png
+from s2a.scan.folder import mesh_remedy
 from s2a.scene import Mesh
 from s2a.usd.stage import ENCODINGS
 from s2a.usd.tree import tree
@@ -49,6 +50,8 @@ def run(config: Config) -> str:
     """
     if not config.path.exists():
         raise InputError(f"{config.path}: does not exist; give a scan's folder, or a {', '.join(ENCODINGS)} file")
+    if remedy := mesh_remedy(config.path):
+        raise InputError(f"{config.path}: {remedy}, in a folder of its own, and give that folder")
     if config.image:
         require_png(config.image)
     if not config.image and (config.part or config.colliders):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from s2a.evidence import contact, grasp, hinge, room, slide
 from s2a.evidence.bounds import Bounds
@@ -12,20 +12,26 @@ from s2a.evidence.kind import kind
 from s2a.evidence.opening import opens_outward
 from s2a.evidence.surface import Surface
 from s2a.evidence.sweep import Sweep, sweep
+from s2a.scan.overlaps import Overlap
 from s2a.scene import Scene
 
 
-def check(scene: Scene, bounds: Bounds) -> list[Finding]:
+def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> list[Finding]:
     """Return what the scanned surface says about an annotation: of the room first, then of each moving part.
 
     Args:
         scene: as read from a scan or a geometric stage: no surface trimmed.
         bounds: thresholds.
+        overlaps: faces that two unrelated parts of the scan list, which a scene cannot tell (`s2a.scan.overlaps.read`).
+
+    Returns:
+        Every answer, also those that pass; of parts that float and of shared faces the failures alone.
     """
     surface = Surface(scene)
     fronts = {part: front(surface, part) for part in scene.movable}
     known = {part: found for part, found in fronts.items() if found is not None}
     findings = [*room.up_axis(surface, bounds), room.units(surface, known, bounds), *contact.floating(surface, bounds)]
+    findings += contact.shared_faces(overlaps, bounds)
     for part, found in fronts.items():
         findings += moving_part(surface, part, found, bounds)
     return findings

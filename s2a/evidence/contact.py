@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding
 from s2a.evidence.surface import Surface
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scan.overlaps import Overlap
 
 
 def floating(surface: Surface, bounds: Bounds) -> list[Finding]:
@@ -21,6 +24,22 @@ def floating(surface: Surface, bounds: Bounds) -> list[Finding]:
             message = f"it floats: the nearest other surface is {1000 * gap:.0f} mm off"
             remedy = f"possible: up to {1000 * bounds.contact:.0f} mm; annotate what carries it, or scan that"
             found.append(Finding("floats", part, "warn", gap, bounds.contact, "m", message, remedy))
+    return found
+
+
+def shared_faces(overlaps: Sequence[Overlap], bounds: Bounds) -> list[Finding]:
+    """Judge the faces that two unrelated parts list; one of both is wrong, and the deeper part gets them."""
+    found = []
+    for overlap in overlaps:
+        if overlap.fraction > bounds.overlap:
+            first, second = overlap.parts
+            message = f"{overlap.faces} of its faces, {overlap.fraction:.0%}, are listed by {second} too"
+            remedy = f"possible: up to {bounds.overlap:.0%}; remove them from the part to which they do not belong"
+            found.append(
+                Finding(
+                    "shared_faces", first, "warn", overlap.fraction, bounds.overlap, "of the faces", message, remedy
+                )
+            )
     return found
 
 

@@ -103,7 +103,9 @@ def front(surface: Surface, part: str) -> Front | None:
     axes, low, high, fill = _rectangle(mesh, normal)
     height = sign * (mesh.vertices @ normal - offset)
     thickness = float(max(0.0, -np.quantile(height, 0.02)))
-    return Front(sign * normal, sign * offset, axes, low, high, thickness, fill, sign * seen, sign * facing, sign * relief)
+    return Front(
+        sign * normal, sign * offset, axes, low, high, thickness, fill, sign * seen, sign * facing, sign * relief
+    )
 
 
 def _facing(mesh: Mesh, normal: np.ndarray) -> float:

@@ -64,7 +64,9 @@ def handle_gap(scene: Scene, part: str) -> float:
 def grasp_on_region(part: str, scene: Scene, bounds: Bounds) -> Finding:
     """Judge a grasp point by its distance from the scanned surface: that of a ring lies in its empty middle."""
     gap = grasp_gap(scene, part)
-    message = f"its grasp point lies {1000 * gap:.0f} mm off the surface of its region, in the air: is the region a ring?"
+    message = (
+        f"its grasp point lies {1000 * gap:.0f} mm off the surface of its region, in the air: is the region a ring?"
+    )
     remedy = f"possible: up to {1000 * bounds.grasp_gap:.0f} mm; annotate only the faces to grasp"
     return at_most("grasp_on_region", part, gap, bounds.grasp_gap, "m", message, remedy, "warn")
 
@@ -83,5 +85,7 @@ def handle_on_part(part: str, scene: Scene, bounds: Bounds) -> Finding:
     if not gap >= 0:
         return unknown("handle_on_part", part, "it has no surface besides its handle")
     message = f"its handle lies {1000 * gap:.0f} mm off its surface"
-    remedy = f"possible: up to {1000 * bounds.handle_gap:.0f} mm; is it another part's? check the index paths of the labels"
+    remedy = (
+        f"possible: up to {1000 * bounds.handle_gap:.0f} mm; is it another part's? check the index paths of the labels"
+    )
     return at_most("handle_on_part", part, gap, bounds.handle_gap, "m", message, remedy)

@@ -25,7 +25,11 @@ def kind(part: str, label: str, joint: Joint, front: Front, bounds: Bounds) -> F
     forwards = joint.kind == "prismatic" and along_normal(joint, front)
     upwards = joint.kind == "prismatic" and not forwards and abs(joint.axis[2]) > 0.7 and abs(front.normal[2]) < 0.7
     if SLIDES.search(name):
-        wrong, does, usual = not forwards, "turns" if joint.kind == "revolute" else "moves in its front's plane", "slides"
+        wrong, does, usual = (
+            not forwards,
+            "turns" if joint.kind == "revolute" else "moves in its front's plane",
+            "slides",
+        )
     elif TURNS.search(name) and not LIFTS.search(name):
         wrong, does = forwards or upwards, "slides forwards" if forwards else "slides upwards"
         usual = "turns about an edge"

@@ -8,7 +8,7 @@ import numpy as np
 
 from s2a.evidence import grasp
 from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding, at_most, unknown
+from s2a.evidence.finding import Finding, Verdict, at_most, unknown
 from s2a.evidence.front import Front
 from s2a.evidence.surface import Surface, sphere
 from s2a.geometry.mesh_ops import centroids, normals, sample_with_faces
@@ -93,9 +93,9 @@ def _underside(points: np.ndarray, facing: np.ndarray, bounds: Bounds) -> Findin
     excess = underside(points, facing)
     if np.isnan(excess):
         return unknown("up_side", "", "nothing level stands between floor and ceiling")
-    message = f"between floor and ceiling {(1 + excess) / 2:.0%} of the level surfaces look along +z; tabletops do, undersides do not"
+    message = f"between floor and ceiling {(1 + excess) / 2:.0%} of what is level looks along +z, as tabletops do"
     good = excess >= bounds.underside
-    verdict = "pass" if good else "fail" if excess < -bounds.underside else "warn"
+    verdict: Verdict = "pass" if good else "fail" if excess < -bounds.underside else "warn"
     return Finding("up_side", "", verdict, excess, bounds.underside, "", message, "" if good else REMEDY)
 
 
@@ -127,5 +127,5 @@ def units(surface: Surface, fronts: dict[str, Front], bounds: Bounds) -> Finding
     )
     if room and handles:
         return Finding("units", "", "pass", height, bounds.heights[1], "m", message)
-    verdict = "fail" if not room and (not handles or not sizes) else "warn"
+    verdict: Verdict = "fail" if not room and (not handles or not sizes) else "warn"
     return Finding("units", "", verdict, height, bounds.heights[1], "m", message, remedy)

@@ -45,7 +45,10 @@ def slide_level(part: str, label: str, joint: Joint, bounds: Bounds) -> Finding:
     if LIFTS.search(label.lower()):
         return unknown("slide_level", part, f"a {label} may slide upwards")
     slope = float(np.degrees(np.arcsin(np.clip(abs(np.array(joint.axis) @ UP), 0.0, 1.0))))
-    message, remedy = f"it slides at a slope of {slope:.1f} deg", f"possible: up to {bounds.slope:g} deg; check the axis"
+    message, remedy = (
+        f"it slides at a slope of {slope:.1f} deg",
+        f"possible: up to {bounds.slope:g} deg; check the axis",
+    )
     return at_most("slide_level", part, slope, bounds.slope, "deg", message, remedy, "warn")
 
 

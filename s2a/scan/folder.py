@@ -10,6 +10,8 @@ from s2a.errors import InputError
 MESH = "mesh_aligned_0.05.ply"
 SEGMENTS = "segments.json"
 GROUPS = "segments_anno.json"
+FOREIGN = (".obj", ".glb", ".gltf", ".stl", ".off", ".dae", ".usdz", ".fbx")
+"""Endings of meshes that have to be converted to PLY first."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,8 @@ def find(path: Path) -> ScanFiles:
     """
     folders = _folders(path)
     if not path.is_dir():
+        if remedy := mesh_remedy(path):
+            raise InputError(f"{path}: {remedy}, in a folder of its own, and give that folder")
         what = "is a file" if path.exists() else "does not exist"
         raise InputError(f"{path}: {what}; give the folder of one scan, which holds <scene>_parts.json")
     parts = [file for folder in folders for file in sorted(folder.glob("[!.]*_parts.json"))]
@@ -84,7 +88,7 @@ def find(path: Path) -> ScanFiles:
     name = parts[0].name.removesuffix("_parts.json")
     return ScanFiles(
         name=name,
-        mesh=_required(folders, "it is in the ScanNet++ release, in the scan's folder `scans`", MESH),
+        mesh=_required(folders, _missing_mesh(folders), MESH),
         parts=parts[0],
         # The second name is the one that the file had before the release.
         articulations=_required(
@@ -92,6 +96,33 @@ def find(path: Path) -> ScanFiles:
         ),
         segments=_segments(path, folders),
     )
+
+
+def mesh_remedy(path: Path) -> str | None:
+    """Return how to convert a mesh file of another format to the scan's mesh; None for any other file or a folder.
+
+    Only what keeps the order of faces is of use: annotations count in it.
+    """
+    if not path.is_file() or path.suffix.lower() not in FOREIGN:
+        return None
+    if path.suffix.lower() in (".usdz", ".fbx"):
+        return (
+            f"{path.name} is no PLY: export it from your scanning app or Blender as PLY, z up, in metres, named {MESH}"
+        )
+    up = ", and turn it z up (glTF has y up)" if path.suffix.lower() in (".glb", ".gltf") else ""
+    call = f"trimesh.load({path.name!r}, force='mesh', process=False).export({MESH!r})"
+    return f"{path.name} is no PLY: convert it in Python, which keeps the order of its faces: {call}{up}"
+
+
+def _missing_mesh(folders: list[Path]) -> str:
+    """Say where the scan's mesh may be had, from what lies in its place."""
+    files = [file for folder in folders for file in sorted(folder.iterdir())]
+    meshes = [file.name for file in files if file.suffix.lower() == ".ply" and not file.name.startswith(".")]
+    if meshes:
+        return f"found {', '.join(meshes[:3])}: rename the mesh whose faces were annotated to {MESH}"
+    if remedy := next(filter(None, map(mesh_remedy, files)), None):
+        return remedy
+    return "put the annotated mesh there under this name (a ScanNet++ release has it in the scan's folder `scans`)"
 
 
 def _folders(path: Path) -> list[Path]:
@@ -114,7 +145,10 @@ def _why_not_one(path: Path, parts: list[Path]) -> str:
     below = sorted({file.parent.name for file in path.glob("*/[!.]*_parts.json")})[:4]
     if below:
         return f"holds no annotated scan, but its subfolders do; give one of them: {', '.join(below)}"
-    found = ", ".join(sorted(file.name for file in path.iterdir())[:6]) or "nothing"
+    files = sorted(path.iterdir())
+    if remedy := next(filter(None, map(mesh_remedy, files)), None):
+        return f"holds no PLY mesh; {remedy}"
+    found = ", ".join(file.name for file in files[:6]) or "nothing"
     return (
         f"holds no annotated scan: <scene>_parts.json is missing (found: {found}); "
         f"give the folder of one scan by Articulate3D, MultiScan (<scene>.annotations.json) or ScanNet++ ({MESH})"

@@ -20,6 +20,7 @@ _log = logging.getLogger(__name__)
 
 _KINDS = {"rotation": "revolute", "translation": "prismatic"}
 _FULL_TURN = 2 * math.pi + 0.01  # [rad]; the slack lets a rounded 6.28319 pass
+_LEAST_TURN = math.radians(5.0)  # [rad]; what opens turns by more, which tells 1.57 degrees from 1.57 radians
 _SHORTEST_AXIS = 1e-6  # below this length an axis has no direction worth trusting
 
 
@@ -37,8 +38,8 @@ def read(path: Path, labels: Mapping[int, str], origin: np.ndarray) -> dict[int,
     """
     records = _last_records(path, labels)
     _check_bases(path, records, labels)
-    angle_unit = _angle_unit(path, records)
-    return {number: joint(record, angle_unit, origin) for number, record in records.items()}
+    units = _angle_units(path, records)
+    return {number: joint(record, units[number], origin) for number, record in records.items()}
 
 
 def joint(record: Record, angle_unit: float, origin: np.ndarray) -> Joint:
@@ -99,20 +100,28 @@ def _check_bases(path: Path, records: Mapping[int, Record], labels: Mapping[int,
         raise InputError(f"{path}: base runs in a circle: part {circle}; name what each is mounted on") from None
 
 
-def _angle_unit(path: Path, records: Mapping[int, Record]) -> float:
-    """Return the file's unit of angle [rad]: 1, or a degree if any rotation exceeds a full turn."""
+def _angle_units(path: Path, records: Mapping[int, Record]) -> dict[int, float]:
+    """Return each record's unit of angle [rad]: 1, or a degree.
+
+    The files count in radians. Degrees are taken for the whole file where more of its rotations make sense in degrees than in
+    radians, and else for each rotation beyond a full turn alone: one screw cap does not turn every door into a slit.
+    """
     turns = {
         number: max(abs(record.number("rangeMin")), abs(record.number("rangeMax")))
         for number, record in records.items()
         if record.text("type") == "rotation"
     }
+    in_radians = sum(_LEAST_TURN <= turn <= _FULL_TURN for turn in turns.values())
+    in_degrees = sum(math.degrees(_LEAST_TURN) <= turn <= 360.5 for turn in turns.values())
     widest = max(turns, key=turns.__getitem__, default=None)
     if widest is None or turns[widest] <= _FULL_TURN:
-        return 1.0
-    _log.warning(
-        "%s: part %d turns by %g, more than 2 pi; all rotations of the file are taken as degrees",
-        path,
-        widest,
-        turns[widest],
-    )
-    return math.pi / 180
+        return dict.fromkeys(records, 1.0)
+    if in_degrees > in_radians:
+        text = "%s: part %d turns by %g, more than 2 pi; all rotations of the file are taken as degrees"
+        _log.warning(text, path, widest, turns[widest])
+        return dict.fromkeys(records, math.pi / 180)
+    large = [number for number, turn in turns.items() if turn > _FULL_TURN]
+    for number in large:
+        text = "%s: part %d turns by %g, more than 2 pi; it alone is taken as degrees: write radians"
+        _log.warning(text, path, number, turns[number])
+    return {number: math.pi / 180 if number in large else 1.0 for number in records}

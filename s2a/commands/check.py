@@ -1,0 +1,53 @@
+"""An annotated scan -> what its surface says about the annotation."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+from s2a import api
+from s2a.errors import CheckFailed
+from s2a.evidence import annotation, report
+from s2a.evidence.bounds import Bounds
+from s2a.outputs import atomic_write
+from s2a.provenance import provenance
+from s2a.scan import overlaps
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a check`.
+
+    Attributes:
+        scan: folder of the scan, or the geometric.usd of one.
+        out: JSON file to write with every finding, also those that pass; or null.
+        evidence: what the surface may say about the annotation.
+    """
+
+    scan: Path
+    out: Path | None
+    evidence: Bounds
+
+
+def run(config: Config) -> str:
+    """Check the annotation; return what warns.
+
+    Raises:
+        CheckFailed: the surface contradicts the annotation.
+        InputError: no scan, or a damaged one.
+    """
+    scene = api.load_scene(config.scan)
+    listed = overlaps.read(config.scan) if config.scan.is_dir() else []
+    findings = annotation.check(scene, config.evidence, listed)
+    if config.out:
+        bounds = dataclasses.asdict(config.evidence)
+        with atomic_write(config.out) as file:
+            file.write_text(
+                report.to_json(findings, scan=str(config.scan), bounds=bounds, provenance=provenance("cpu"))
+            )
+    said = f"{config.scan}: {len(scene.movable)} moving parts of {scene.name}\n{report.text(findings)}"
+    said += f"\n  {config.out}" if config.out else ""
+    if report.failed(findings):
+        raise CheckFailed(said)
+    return said

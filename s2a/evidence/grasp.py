@@ -63,11 +63,10 @@ def handle_gap(scene: Scene, part: str) -> float:
 
 def grasp_on_region(part: str, scene: Scene, bounds: Bounds) -> Finding:
     """Judge a grasp point by its distance from the scanned surface: that of a ring lies in its empty middle."""
-    gap = grasp_gap(scene, part)
-    message = (
-        f"its grasp point lies {1000 * gap:.0f} mm off the surface of its region, in the air: is the region a ring?"
-    )
-    remedy = f"possible: up to {1000 * bounds.grasp_gap:.0f} mm; annotate only the faces to grasp"
+    gap, regions = grasp_gap(scene, part), scene.grasp_parts(part)
+    where = f"between {' and '.join(regions)}" if len(regions) > 1 else "in the air: has it a hole, or is it a ring?"
+    message = f"its grasp point lies {1000 * gap:.0f} mm off the surface of its region, {where}"
+    remedy = f"possible: up to {1000 * bounds.grasp_gap:.0f} mm; annotate only the faces to grasp, of one handle"
     return at_most("grasp_on_region", part, gap, bounds.grasp_gap, "m", message, remedy, "warn")
 
 

@@ -11,7 +11,7 @@ from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding, at_most, unknown
 from s2a.evidence.front import Front
 from s2a.evidence.opening import edge_angle, normal_angle
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import REACH, Surface
 from s2a.evidence.sweep import moved_parts
 from s2a.geometry.line_of_sight import visible_distance
 from s2a.scene import Joint
@@ -20,7 +20,9 @@ UP = np.array([0.0, 0.0, 1.0])
 LIFTS = re.compile(r"\b(sash|garage|roller|roll|shutter|blinds?|hatch)\b")
 """Names of what slides up and down."""
 DEEP = 0.15
-"""[m] Furniture whose own surface reaches less far behind a front was not scanned there: a row of fronts under a counter."""
+"""[m] What lies less far behind a front is another front or the edge of the furniture, not the wall."""
+AHEAD = 0.1
+"""[m] Where the rays to the wall begin, before the front: its handle and rim are passed."""
 ABOVE = 2.5
 """[m] The wall behind furniture is looked for up to this height over a front."""
 
@@ -53,22 +55,19 @@ def slide_level(part: str, label: str, joint: Joint, bounds: Bounds) -> Finding:
 
 
 def depth_behind(surface: Surface, part: str, front: Front) -> float:
-    """Return how deep the space behind a front is [m]: to the back of its furniture, or else to the wall behind it.
+    """Return how deep the space behind a front is at most [m]; NaN where the scan does not tell.
 
-    Furniture against a wall has no scanned back. Its own surface tells its depth where a side or the top was scanned;
-    elsewhere the first surface behind the front's plane, in a column over the front, does. NaN where neither does.
+    Furniture against a wall has no scanned back, and often no side: the wall over it, in a column over the front, is as far
+    as it reaches. Where its own surface reaches farther (a niche), that counts.
     """
     scene, mine = surface.scene, moved_parts(surface.scene, part)
     root = scene.root(part)
     own = [scene.parts[i].mesh.vertices for i in (root, *scene.descendants(root)) if i not in mine]
-    depths = [float((front.offset - points @ front.normal).max()) for points in own if len(points)]
-    if depths and max(depths) > DEEP:
-        return max(depths)
-    heights = np.arange(0.0, ABOVE, 0.05)
-    start = front.center + heights[:, None] * UP
-    way, behind = visible_distance(surface.tree, start + 0.1 * front.normal, -front.normal, 30.0)
-    walls = way[(way > DEEP + 0.1) & (way < 30.0) & ~behind]
-    return float(walls.max() - 0.1) if len(walls) else float("nan")
+    depth = max((float((front.offset - points @ front.normal).max()) for points in own if len(points)), default=0.0)
+    start = front.center + np.arange(0.0, ABOVE, 0.05)[:, None] * UP
+    way, behind = visible_distance(surface.tree, start + AHEAD * front.normal, -front.normal, REACH)
+    walls = way[(way > AHEAD + DEEP) & (way < REACH) & ~behind] - AHEAD
+    return max(depth, float(walls.max())) if len(walls) else float("nan")
 
 
 def slide_travel(part: str, joint: Joint, front: Front, surface: Surface, bounds: Bounds) -> Finding:

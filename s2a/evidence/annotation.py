@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from s2a.evidence import contact, grasp, hinge, room, slide
 from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding, at_most, unknown
+from s2a.evidence.finding import Finding, bounded_above, unknown
 from s2a.evidence.front import Front, front
 from s2a.evidence.kind import kind
 from s2a.evidence.opening import opens_outward
@@ -79,4 +79,4 @@ def path(part: str, found: Sweep, kind: str, bounds: Bounds) -> Finding:
     names = " and ".join(name for name, _ in found.obstacles[:2])
     message = f"{found.blocked:.0%} of it runs into {names or 'nothing'}; free up to {found.free:.2f} of {found.full:.2f} {unit}"
     remedy = f"possible: up to {bounds.blocked:.0%}; correct the joint, or is something in its way?"
-    return at_most("swept_path", part, found.blocked, bounds.blocked, "of the surface", message, remedy, "warn")
+    return bounded_above("swept_path", part, found.blocked, bounds.blocked, "of the surface", message, remedy, "warn")

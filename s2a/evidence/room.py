@@ -8,7 +8,7 @@ import numpy as np
 
 from s2a.evidence import grasp
 from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding, Verdict, at_most, unknown
+from s2a.evidence.finding import Finding, Verdict, bounded_above, unknown
 from s2a.evidence.front import Front
 from s2a.evidence.surface import Surface, sphere
 from s2a.geometry.mesh_ops import centroids, normals, sample_with_faces
@@ -70,7 +70,7 @@ def _labelled(floors: list[Mesh], surface: Surface, bounds: Bounds) -> Finding:
     slope = float(np.degrees(np.arccos(np.clip(normal[2], -1.0, 1.0))))
     text = ", ".join(f"{x:.2f}" for x in normal)
     message = f"the room lies over its floor along ({text}), {slope:.0f} deg off z"
-    return at_most("up_axis", "", slope, bounds.slope, "deg", message, REMEDY)
+    return bounded_above("up_axis", "", slope, bounds.slope, "deg", message, REMEDY)
 
 
 def _level(facing: np.ndarray, bounds: Bounds) -> Finding:

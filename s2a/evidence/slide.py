@@ -8,7 +8,7 @@ import numpy as np
 
 from s2a.articulation import open_limit
 from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding, at_most, unknown
+from s2a.evidence.finding import Finding, bounded_above, unknown
 from s2a.evidence.front import Front
 from s2a.evidence.opening import edge_angle, normal_angle
 from s2a.evidence.surface import REACH, Surface
@@ -39,7 +39,7 @@ def slide_axis(part: str, joint: Joint, front: Front, bounds: Bounds) -> Finding
     angle = min(normal_angle(axis, front), edge_angle(axis, front))
     message = f"its axis is {angle:.1f} deg off its front's normal and edges"
     remedy = f"possible: up to {bounds.angle:g} deg; take {_text(front.normal)} for a drawer"
-    return at_most("slide_axis", part, angle, bounds.angle, "deg", message, remedy)
+    return bounded_above("slide_axis", part, angle, bounds.angle, "deg", message, remedy)
 
 
 def slide_level(part: str, label: str, joint: Joint, bounds: Bounds) -> Finding:
@@ -51,7 +51,7 @@ def slide_level(part: str, label: str, joint: Joint, bounds: Bounds) -> Finding:
         f"it slides at a slope of {slope:.1f} deg",
         f"possible: up to {bounds.slope:g} deg; check the axis",
     )
-    return at_most("slide_level", part, slope, bounds.slope, "deg", message, remedy, "warn")
+    return bounded_above("slide_level", part, slope, bounds.slope, "deg", message, remedy, "warn")
 
 
 def depth_behind(surface: Surface, part: str, front: Front) -> float:
@@ -83,7 +83,7 @@ def slide_travel(part: str, joint: Joint, front: Front, surface: Surface, bounds
         bound, of = bounds.length_margin * length, f"it is {length:.2f} m long"
     message = f"it slides by {travel:.2f} m, and {of}"
     remedy = f"possible: up to {bound:.2f} m; correct rangeMin and rangeMax"
-    return at_most("slide_travel", part, travel, bound, "m", message, remedy, "warn")
+    return bounded_above("slide_travel", part, travel, bound, "m", message, remedy, "warn")
 
 
 def slide_handle(part: str, joint: Joint, front: Front, grasp: np.ndarray, bounds: Bounds) -> Finding:
@@ -104,7 +104,7 @@ def slide_handle(part: str, joint: Joint, front: Front, grasp: np.ndarray, bound
     offset = abs(float((grasp - front.center) @ sideways)) / width
     message = f"it slides, but its handle is {offset:.0%} of its width beside its middle, as on a door"
     remedy = f"possible: up to {bounds.handle_offset:.0%}; is it a rotation?"
-    return at_most("slide_handle", part, offset, bounds.handle_offset, "of the width", message, remedy, "warn")
+    return bounded_above("slide_handle", part, offset, bounds.handle_offset, "of the width", message, remedy, "warn")
 
 
 def _text(direction: np.ndarray) -> str:

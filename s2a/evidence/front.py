@@ -96,7 +96,7 @@ def front(surface: Surface, part: str) -> Front | None:
     points = sample(flat, POINTS, 0)
     ahead, behind = surface.seen(points, normal)
     seen = (ahead - behind) / (ahead + behind) if ahead + behind > 0 else np.nan
-    facing = _facing(mesh, normal)
+    facing = surface.winding * _facing(mesh, normal)
     relief = _relief(surface.scene, part, normal, offset)
     votes = [np.sign(v) for v, least in ((seen, SIDED), (facing, SIDED), (relief, RELIEF)) if abs(v) >= least]
     sign = -1.0 if sum(votes) < 0 else 1.0

@@ -32,7 +32,7 @@ def up_axis(surface: Surface, bounds: Bounds) -> list[Finding]:
     points, facing = samples(surface.mesh)
     if not len(points):
         return [unknown("up_axis", "", "there is no surface")]
-    return [_level(facing, bounds), _underside(points, facing, bounds)]
+    return [_level(facing, bounds), _underside(points, surface.winding * facing, bounds)]
 
 
 def samples(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:

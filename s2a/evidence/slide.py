@@ -13,7 +13,6 @@ from s2a.evidence.front import Front
 from s2a.evidence.opening import edge_angle, normal_angle
 from s2a.evidence.surface import REACH, Surface
 from s2a.evidence.sweep import moved_parts
-from s2a.geometry.line_of_sight import visible_distance
 from s2a.scene import Joint
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -23,6 +22,8 @@ DEEP = 0.15
 """[m] What lies less far behind a front is another front or the edge of the furniture, not the wall."""
 AHEAD = 0.1
 """[m] Where the rays to the wall begin, before the front: its handle and rim are passed."""
+BEHIND = 0.06
+"""[m] Free space is looked for this far behind furniture: more than the thickness of its back."""
 ABOVE = 2.5
 """[m] The wall behind furniture is looked for up to this height over a front."""
 
@@ -58,14 +59,19 @@ def depth_behind(surface: Surface, part: str, front: Front) -> float:
     """Return how deep the space behind a front is at most [m]; NaN where the scan does not tell.
 
     Furniture against a wall has no scanned back, and often no side: the wall over it, in a column over the front, is as far
-    as it reaches. Where its own surface reaches farther (a niche), that counts.
+    as it reaches, or its own surface where that reaches farther (a niche). Free space behind its own surface ends it too.
     """
     scene, mine = surface.scene, moved_parts(surface.scene, part)
     root = scene.root(part)
     own = [scene.parts[i].mesh.vertices for i in (root, *scene.descendants(root)) if i not in mine]
     depth = max((float((front.offset - points @ front.normal).max()) for points in own if len(points)), default=0.0)
+    across = front.axes[:, int(np.argmin(np.abs(UP @ front.axes)))]
+    width = float(np.abs(across @ front.axes) @ front.size)
+    rear = front.center - (depth + BEHIND) * front.normal
+    if depth > DEEP and surface.is_free(rear + np.linspace(-0.3, 0.3, 5)[:, None] * width * across):
+        return depth
     start = front.center + np.arange(0.0, ABOVE, 0.05)[:, None] * UP
-    way, behind = visible_distance(surface.tree, start + AHEAD * front.normal, -front.normal, REACH)
+    way, behind = surface.sight(start + AHEAD * front.normal, -front.normal)
     walls = way[(way > AHEAD + DEEP) & (way < REACH) & ~behind] - AHEAD
     return max(depth, float(walls.max())) if len(walls) else float("nan")
 

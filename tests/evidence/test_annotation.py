@@ -129,6 +129,26 @@ def test_a_doubled_travel_exceeds_the_depth_of_the_furniture() -> None:
     assert wide.verdict == "warn" and wide.value == 3.0
 
 
+def test_a_mesh_wound_the_other_way_tells_the_same() -> None:
+    parts = {i: p for i, p in room().parts.items() if p.label != "handle"}
+    parts["floor_1"] = replace(parts["floor_1"], label="rest")
+    other = {i: replace(p, mesh=Mesh(p.mesh.vertices, p.mesh.faces[:, ::-1])) for i, p in parts.items()}
+    said = [[(f.check, f.verdict) for f in annotation.check(Scene("", given), BOUNDS)] for given in (parts, other)]
+    assert said[0] == said[1] and {verdict for _, verdict in said[1]} == {"pass"}
+
+
+def test_free_space_behind_furniture_ends_it_before_the_wall_does() -> None:
+    shift, scene = np.array([1.0, 0.0, 0.0]), room()
+    own = ("cabinet_5", "drawer_6", "handle_7", "door_8", "handle_9")
+    back = sheet((0, 1, 0), (0, 0, 1), (0, 1, 0))
+    closed = replace(scene.parts["cabinet_5"], mesh=joined(scene.parts["cabinet_5"].mesh, back))
+    parts = {**scene.parts, "cabinet_5": closed}
+    island = {i: replace(p, mesh=Mesh(p.mesh.vertices + shift, p.mesh.faces)) for i, p in parts.items() if i in own}
+    surface = Surface(Scene("island", {**parts, **island}))
+    face = front(surface, "drawer_6")
+    assert face is not None and depth_behind(surface, "drawer_6", face) == pytest.approx(0.52, abs=1e-3)
+
+
 def test_a_path_through_the_untrimmed_scan_says_what_is_in_the_way_and_from_where() -> None:
     scene = room()
     chest = Part("chest", sheet((0.82, 0.5, 0), (0, 0, 1), (0, 1.0, 0)))

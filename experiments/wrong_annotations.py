@@ -235,9 +235,15 @@ def _row(case: Case, part: str, how: str, findings: list[Finding]) -> dict[str, 
 
 
 def _share(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return how many rows are caught."""
+    """Return how many rows are caught, and how many without the check that reads the names of parts."""
     caught = sum(row["caught"] for row in rows)
-    return {"wrong": len(rows), "caught": caught, "fraction": round(caught / max(1, len(rows)), 3)}
+    unnamed = sum(bool(set(row["checks"]) - {"kind"}) for row in rows)
+    return {
+        "wrong": len(rows),
+        "caught": caught,
+        "fraction": round(caught / max(1, len(rows)), 3),
+        "caught_without_names": unnamed,
+    }
 
 
 def _by_check(wrong: Mapping[str, list[dict[str, Any]]]) -> dict[str, dict[str, int]]:
@@ -247,9 +253,12 @@ def _by_check(wrong: Mapping[str, list[dict[str, Any]]]) -> dict[str, dict[str, 
 
 def table(result: Mapping[str, Any]) -> str:
     """Return the figures as Markdown."""
-    lines = ["| wrong annotation | drawn | caught | |", "|---|---|---|---|"]
+    lines = ["| wrong annotation | drawn | caught | | without names |", "|---|---|---|---|---|"]
     rows = {**result["classes"], "all": result["all"]}
-    lines += [f"| {name} | {row['wrong']} | {row['caught']} | {row['fraction']:.0%} |" for name, row in rows.items()]
+    lines += [
+        f"| {name} | {row['wrong']} | {row['caught']} | {row['fraction']:.0%} | {row['caught_without_names']} |"
+        for name, row in rows.items()
+    ]
     alarms = result["false_alarms"]
     lines.append(f"\n{alarms['flagged_parts']} of {alarms['parts']} right parts flagged, ")
     lines[-1] += f"{alarms['flagged_rooms']} of {alarms['rooms']} rooms"

@@ -10,7 +10,7 @@ from s2a.evidence.finding import Finding, bounded_above, unknown
 from s2a.evidence.front import Front, front
 from s2a.evidence.kind import kind
 from s2a.evidence.opening import opens_outward
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import ScanSurface
 from s2a.evidence.sweep import Sweep, sweep
 from s2a.scan.overlaps import Overlap
 from s2a.scene import Scene
@@ -27,7 +27,7 @@ def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> lis
     Returns:
         Every answer, also those that pass; of parts that float and of shared faces the failures alone.
     """
-    surface = Surface(scene)
+    surface = ScanSurface(scene)
     fronts = {part: front(surface, part) for part in scene.movable}
     known = {part: found for part, found in fronts.items() if found is not None}
     findings = [*room.up_axis(surface, bounds), room.units(surface, known, bounds), *contact.floating(surface, bounds)]
@@ -37,7 +37,7 @@ def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> lis
     return findings
 
 
-def moving_part(surface: Surface, part: str, front: Front | None, bounds: Bounds) -> Iterator[Finding]:
+def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bounds) -> Iterator[Finding]:
     """Yield what the surface says about one moving part.
 
     Args:

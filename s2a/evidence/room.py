@@ -10,7 +10,7 @@ from s2a.evidence import grasp
 from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding, Verdict, bounded_above, unknown
 from s2a.evidence.front import Front
-from s2a.evidence.surface import Surface, sphere
+from s2a.evidence.surface import ScanSurface, sphere
 from s2a.geometry.mesh_ops import centroids, normals, sample_with_faces
 from s2a.scene import Mesh
 
@@ -24,7 +24,7 @@ FLOOR = re.compile(r"^\s*floor\s*$", re.IGNORECASE)
 REMEDY = "possible: z up; turn mesh and joints together (x, y, z) -> (x, -z, y) for a scan with y up"
 
 
-def up_axis(surface: Surface, bounds: Bounds) -> list[Finding]:
+def up_axis(surface: ScanSurface, bounds: Bounds) -> list[Finding]:
     """Judge which way is up, by the floor where one is labelled, by all surfaces where none is."""
     floors = [p.mesh for p in surface.scene.parts.values() if FLOOR.match(p.label) and p.mesh.face_areas.sum() > 0]
     if floors:
@@ -57,7 +57,7 @@ def underside(points: np.ndarray, facing: np.ndarray) -> float:
     return (up - down) / (up + down) if up + down > 0.02 else float("nan")
 
 
-def _labelled(floors: list[Mesh], surface: Surface, bounds: Bounds) -> Finding:
+def _labelled(floors: list[Mesh], surface: ScanSurface, bounds: Bounds) -> Finding:
     """Judge the up axis by the parts labelled floor: level, and with the room above them."""
     weight = np.concatenate([mesh.face_areas for mesh in floors])
     middle = np.concatenate([centroids(mesh) for mesh in floors])
@@ -99,7 +99,7 @@ def _underside(points: np.ndarray, facing: np.ndarray, bounds: Bounds) -> Findin
     return Finding("up_side", "", verdict, excess, bounds.underside, "", message, "" if good else REMEDY)
 
 
-def units(surface: Surface, fronts: dict[str, Front], bounds: Bounds) -> Finding:
+def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Finding:
     """Judge the unit by the room's height and by the thickness of handles, as far as it has any.
 
     Args:

@@ -11,7 +11,7 @@ from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding, bounded_above, unknown
 from s2a.evidence.front import Front
 from s2a.evidence.opening import edge_angle, normal_angle
-from s2a.evidence.surface import REACH, Surface
+from s2a.evidence.surface import REACH, ScanSurface
 from s2a.evidence.sweep import moved_parts
 from s2a.scene import Joint
 
@@ -55,7 +55,7 @@ def slide_level(part: str, label: str, joint: Joint, bounds: Bounds) -> Finding:
     return bounded_above("slide_level", part, slope, bounds.slope, "deg", message, remedy, "warn")
 
 
-def depth_behind(surface: Surface, part: str, front: Front) -> float:
+def depth_behind(surface: ScanSurface, part: str, front: Front) -> float:
     """Return how deep the space behind a front is at most [m]; NaN where the scan does not tell.
 
     Furniture against a wall has no scanned back, and often no side: the wall over it, in a column over the front, is as far
@@ -76,7 +76,7 @@ def depth_behind(surface: Surface, part: str, front: Front) -> float:
     return max(depth, float(walls.max())) if len(walls) else float("nan")
 
 
-def slide_travel(part: str, joint: Joint, front: Front, surface: Surface, bounds: Bounds) -> Finding:
+def slide_travel(part: str, joint: Joint, front: Front, surface: ScanSurface, bounds: Bounds) -> Finding:
     """Judge a slide's travel: a drawer's by the depth behind its front, a sliding door's by its own length."""
     travel = abs(open_limit(joint))
     if along_normal(joint, front):

@@ -24,7 +24,7 @@ REACH = 30.0
 """[m] Longest line of sight."""
 
 
-class Surface:
+class ScanSurface:
     """The scanned surface of a scene.
 
     Attributes:
@@ -42,7 +42,7 @@ class Surface:
         self.mesh: Mesh = merge([Mesh(mesh.vertices, mesh.faces) for mesh in meshes])
         self.owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
 
-    def with_scene(self, scene: Scene) -> Surface:
+    def with_scene(self, scene: Scene) -> ScanSurface:
         """Return the same surface with another annotation of joints; the parts and their meshes must be the same."""
         other = copy.copy(self)
         other.scene = scene

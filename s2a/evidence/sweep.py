@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.articulation import displace, open_limit
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import ScanSurface
 from s2a.geometry.line_of_sight import visible_distance
 from s2a.geometry.mesh_ops import merge, normals, sample
 from s2a.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
@@ -45,7 +45,7 @@ def moved_parts(scene: Scene, part: str) -> set[str]:
     return {part, *scene.descendants(part)}
 
 
-def sweep(surface: Surface, part: str, tolerated: float) -> Sweep:
+def sweep(surface: ScanSurface, part: str, tolerated: float) -> Sweep:
     """Follow the points of a part from the scanned pose to its open limit through the rest of the scan.
 
     Args:

@@ -12,7 +12,7 @@ from s2a.evidence import annotation, contact, grasp, hinge, opening
 from s2a.evidence.finding import Finding
 from s2a.evidence.front import front
 from s2a.evidence.slide import depth_behind
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import ScanSurface
 from s2a.evidence.sweep import sweep
 from s2a.scan.overlaps import Overlap
 from s2a.scene import Joint, Mesh, Part, Scene
@@ -41,7 +41,7 @@ def test_the_front_of_a_drawer_is_the_side_seen_from_the_room_whatever_the_order
     mesh = scene.parts["drawer_6"].mesh
     flipped = replace(scene.parts["drawer_6"], mesh=Mesh(mesh.vertices, mesh.faces[:, ::-1]))
     for given in (scene, Scene("flipped", {**scene.parts, "drawer_6": flipped})):
-        found = front(Surface(given), "drawer_6")
+        found = front(ScanSurface(given), "drawer_6")
         assert found is not None
         assert found.normal == pytest.approx([1, 0, 0], abs=1e-6)
         assert found.center == pytest.approx([0.52, 1.25, 0.5], abs=1e-6)
@@ -84,7 +84,7 @@ def test_a_hinge_off_its_part_is_named_with_its_distance() -> None:
     found = findings(scene, "door_8")["hinge_edge"]
     assert (found.verdict, found.value) == ("fail", pytest.approx(0.5, abs=2e-3))
     # In the middle of the leaf: 0.23 m from both edges. Along the axis a hinge may lie anywhere.
-    surface = Surface(room())
+    surface = ScanSurface(room())
     leaf, points = front(surface, "door_8"), surface.scene.parts["door_8"].mesh.vertices
     assert leaf is not None
     assert hinge.edge_distance(door(1.75), leaf, points) == pytest.approx((0.23, 0.46), abs=2e-3)
@@ -119,7 +119,7 @@ def test_the_wrong_kind_is_named_by_name_and_by_handle() -> None:
 
 
 def test_a_doubled_travel_exceeds_the_depth_of_the_furniture() -> None:
-    surface = Surface(room())
+    surface = ScanSurface(room())
     face = front(surface, "drawer_6")
     assert face is not None
     assert depth_behind(surface, "drawer_6", face) == pytest.approx(0.52, abs=1e-3)
@@ -144,7 +144,7 @@ def test_free_space_behind_furniture_ends_it_before_the_wall_does() -> None:
     closed = replace(scene.parts["cabinet_5"], mesh=joined(scene.parts["cabinet_5"].mesh, back))
     parts = {**scene.parts, "cabinet_5": closed}
     island = {i: replace(p, mesh=Mesh(p.mesh.vertices + shift, p.mesh.faces)) for i, p in parts.items() if i in own}
-    surface = Surface(Scene("island", {**parts, **island}))
+    surface = ScanSurface(Scene("island", {**parts, **island}))
     face = front(surface, "drawer_6")
     assert face is not None and depth_behind(surface, "drawer_6", face) == pytest.approx(0.52, abs=1e-3)
 
@@ -152,17 +152,17 @@ def test_free_space_behind_furniture_ends_it_before_the_wall_does() -> None:
 def test_a_path_through_the_untrimmed_scan_says_what_is_in_the_way_and_from_where() -> None:
     scene = room()
     chest = Part("chest", sheet((0.82, 0.5, 0), (0, 0, 1), (0, 1.0, 0)))
-    found = sweep(Surface(Scene("blocked", {**scene.parts, "chest_10": chest})), "drawer_6", 0.1)
+    found = sweep(ScanSurface(Scene("blocked", {**scene.parts, "chest_10": chest})), "drawer_6", 0.1)
     # The chest's side stands 0.3 m before the front, and steps of the path are 0.4 / 24 m.
     assert found.blocked == pytest.approx(1.0) and found.free == pytest.approx(0.3, abs=0.4 / 24 + 1e-6)
     assert found.obstacles[0][0] == "chest_10"
-    assert sweep(Surface(scene), "drawer_6", 0.1).blocked == 0.0
+    assert sweep(ScanSurface(scene), "drawer_6", 0.1).blocked == 0.0
 
 
 def test_a_sheet_alongside_the_path_is_no_obstacle() -> None:
     scene = room()
     beside = Part("shelf", sheet((0.53, 1.2, 0.2), (1, 0.02, 0), (0, 0, 0.6)))
-    assert sweep(Surface(Scene("beside", {**scene.parts, "shelf_10": beside})), "drawer_6", 0.1).blocked < 0.1
+    assert sweep(ScanSurface(Scene("beside", {**scene.parts, "shelf_10": beside})), "drawer_6", 0.1).blocked < 0.1
 
 
 def test_up_is_told_by_the_labelled_floor_and_without_one_by_what_is_level() -> None:
@@ -223,7 +223,7 @@ def test_a_handle_annotated_to_the_other_part_is_named_with_its_distance() -> No
 def test_a_part_in_the_air_floats_by_its_distance() -> None:
     lamp = Part("lamp", bar((1.0, 1.2), (1.5, 1.7), (2.0, 2.2)))
     scene = Scene("floating", {**room().parts, "lamp_10": lamp})
-    [found] = contact.floating(Surface(scene), BOUNDS)
+    [found] = contact.floating(ScanSurface(scene), BOUNDS)
     # Its top is at 1.7 m and the ceiling at 2.5 m; the table's edge is farther: 0.3 m beside and 0.8 m below it.
     assert found.part == "lamp_10" and found.value == pytest.approx(0.8, abs=1e-4)
 
@@ -234,7 +234,7 @@ def test_shared_faces_warn_above_their_bound() -> None:
 
 
 def test_the_opening_cosine_needs_nothing_of_the_axis_to_know_the_outward_side() -> None:
-    surface = Surface(room())
+    surface = ScanSurface(room())
     for axis in ((1, 0, 0), (-1, 0, 0), (0, 1, 0)):
         joint = Joint("prismatic", axis, (0.52, 1.25, 0.5), (0.0, 0.4))
         found = front(surface.with_scene(changed(room(), "drawer_6", axis=axis)), "drawer_6")

@@ -7,15 +7,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 from box_room import bounds, room
-from wrong_annotations import CLASSES, Case, far_hinge, other_edge, other_kind, room_findings, table, tilted, transformed
+from wrong_annotations import (
+    CLASSES,
+    Case,
+    far_hinge,
+    other_edge,
+    other_kind,
+    room_findings,
+    table,
+    tilted,
+    transformed,
+)
 
 from s2a.evidence import annotation
 from s2a.evidence.front import Front, front
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import ScanSurface
 
 
 def leaf() -> Front:
-    found = front(Surface(room()), "door_8")
+    found = front(ScanSurface(room()), "door_8")
     assert found is not None
     return found
 
@@ -42,11 +52,11 @@ def test_a_transformed_scene_keeps_its_joints_with_its_surface() -> None:
 
 
 def test_every_class_is_drawn_and_caught_in_a_room_of_flat_sheets() -> None:
-    surface, limits, random = Surface(room()), bounds(), np.random.default_rng(0)
+    surface, limits, random = ScanSurface(room()), bounds(), np.random.default_rng(0)
     fronts = {part: front(surface, part) for part in surface.scene.movable}
     right = {part: list(annotation.moving_part(surface, part, found, limits)) for part, found in fronts.items()}
     case = Case("box", surface, fronts, right | {"": room_findings(surface, fronts, limits)})
-    rows = [draw([case], limits, random) for draw in CLASSES.values()]
+    rows = [pick([case], limits, random) for pick in CLASSES.values()]
     assert [row["how"] for row in rows if not row["caught"]] == []
 
 

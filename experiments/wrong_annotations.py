@@ -26,7 +26,7 @@ from s2a.evidence import annotation, room
 from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding
 from s2a.evidence.front import Front, front
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import ScanSurface
 from s2a.provenance import provenance
 from s2a.scene import Joint, Mesh, Part, Scene
 
@@ -56,7 +56,7 @@ class Case:
     """
 
     name: str
-    surface: Surface
+    surface: ScanSurface
     fronts: Mapping[str, Front | None]
     right: Mapping[str, list[Finding]]
 
@@ -68,7 +68,7 @@ def main() -> None:
     start = time.perf_counter()
     cases = [case(path, bounds) for path in args.scans]
     random = np.random.default_rng(args.seed)
-    wrong = {name: [draw(cases, bounds, random) for _ in range(args.count)] for name, draw in CLASSES.items()}
+    wrong = {name: [pick(cases, bounds, random) for _ in range(args.count)] for name, pick in CLASSES.items()}
     result = {
         "seed": args.seed,
         "scans": {case.name: len(case.fronts) for case in cases},
@@ -87,13 +87,13 @@ def main() -> None:
 
 def case(path: Path, bounds: Bounds) -> Case:
     """Read a scan and check it as it is annotated."""
-    surface = Surface(scan.read(path))
+    surface = ScanSurface(scan.read(path))
     fronts = {part: front(surface, part) for part in surface.scene.movable}
     right = {part: list(annotation.moving_part(surface, part, found, bounds)) for part, found in fronts.items()}
     return Case(path.name, surface, fronts, right | {"": room_findings(surface, fronts, bounds)})
 
 
-def room_findings(surface: Surface, fronts: Mapping[str, Front | None], bounds: Bounds) -> list[Finding]:
+def room_findings(surface: ScanSurface, fronts: Mapping[str, Front | None], bounds: Bounds) -> list[Finding]:
     """Return what is found of the whole room."""
     known = {part: found for part, found in fronts.items() if found is not None}
     return [*room.up_axis(surface, bounds), room.units(surface, known, bounds)]
@@ -124,7 +124,7 @@ Change = Callable[[Joint, Front, np.random.Generator], tuple[str, Joint]]
 def of_joint(change: Change, kind: str | None) -> Callable[..., dict[str, Any]]:
     """Return a function that draws a part with a joint of some kind, changes its joint, and checks it."""
 
-    def draw(cases: list[Case], bounds: Bounds, random: np.random.Generator) -> dict[str, Any]:
+    def pick(cases: list[Case], bounds: Bounds, random: np.random.Generator) -> dict[str, Any]:
         case = cases[random.integers(len(cases))]
         scene = case.surface.scene
         parts = [part for part in scene.movable if kind in (None, scene.joint(part).kind) and case.fronts[part]]
@@ -136,21 +136,21 @@ def of_joint(change: Change, kind: str | None) -> Callable[..., dict[str, Any]]:
         findings = list(annotation.moving_part(changed, part, found, bounds))
         return _row(case, part, how, findings)
 
-    return draw
+    return pick
 
 
 def of_scene(transforms: Mapping[str, np.ndarray], labelled: bool) -> Callable[..., dict[str, Any]]:
     """Return a function that draws a scan, transforms all of it, and checks the room; without labels of floors if asked."""
 
-    def draw(cases: list[Case], bounds: Bounds, random: np.random.Generator) -> dict[str, Any]:
+    def pick(cases: list[Case], bounds: Bounds, random: np.random.Generator) -> dict[str, Any]:
         case = cases[random.integers(len(cases))]
         how = list(transforms)[random.integers(len(transforms))]
         scene = transformed(case.surface.scene, np.array(transforms[how], float), labelled)
-        surface = Surface(scene)
+        surface = ScanSurface(scene)
         fronts = {part: front(surface, part) for part in scene.movable[:8]}
         return _row(case, "", how, room_findings(surface, fronts, bounds))
 
-    return draw
+    return pick
 
 
 def transformed(scene: Scene, matrix: np.ndarray, labelled: bool) -> Scene:
@@ -235,9 +235,15 @@ def _row(case: Case, part: str, how: str, findings: list[Finding]) -> dict[str, 
 
 
 def _share(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return how many rows are caught."""
+    """Return how many rows are caught, and how many without the check that reads the names of parts."""
     caught = sum(row["caught"] for row in rows)
-    return {"wrong": len(rows), "caught": caught, "fraction": round(caught / max(1, len(rows)), 3)}
+    unnamed = sum(bool(set(row["checks"]) - {"kind"}) for row in rows)
+    return {
+        "wrong": len(rows),
+        "caught": caught,
+        "fraction": round(caught / max(1, len(rows)), 3),
+        "caught_without_names": unnamed,
+    }
 
 
 def _by_check(wrong: Mapping[str, list[dict[str, Any]]]) -> dict[str, dict[str, int]]:
@@ -247,9 +253,12 @@ def _by_check(wrong: Mapping[str, list[dict[str, Any]]]) -> dict[str, dict[str, 
 
 def table(result: Mapping[str, Any]) -> str:
     """Return the figures as Markdown."""
-    lines = ["| wrong annotation | drawn | caught | |", "|---|---|---|---|"]
+    lines = ["| wrong annotation | drawn | caught | | without names |", "|---|---|---|---|---|"]
     rows = {**result["classes"], "all": result["all"]}
-    lines += [f"| {name} | {row['wrong']} | {row['caught']} | {row['fraction']:.0%} |" for name, row in rows.items()]
+    lines += [
+        f"| {name} | {row['wrong']} | {row['caught']} | {row['fraction']:.0%} | {row['caught_without_names']} |"
+        for name, row in rows.items()
+    ]
     alarms = result["false_alarms"]
     lines.append(f"\n{alarms['flagged_parts']} of {alarms['parts']} right parts flagged, ")
     lines[-1] += f"{alarms['flagged_rooms']} of {alarms['rooms']} rooms"

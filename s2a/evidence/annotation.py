@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 from s2a.evidence import contact, grasp, hinge, room, slide
 from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding, at_most, unknown
+from s2a.evidence.finding import Finding, bounded_above, unknown
 from s2a.evidence.front import Front, front
 from s2a.evidence.kind import kind
 from s2a.evidence.opening import opens_outward
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import ScanSurface
 from s2a.evidence.sweep import Sweep, sweep
 from s2a.scan.overlaps import Overlap
 from s2a.scene import Scene
@@ -27,7 +27,7 @@ def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> lis
     Returns:
         Every answer, also those that pass; of parts that float and of shared faces the failures alone.
     """
-    surface = Surface(scene)
+    surface = ScanSurface(scene)
     fronts = {part: front(surface, part) for part in scene.movable}
     known = {part: found for part, found in fronts.items() if found is not None}
     findings = [*room.up_axis(surface, bounds), room.units(surface, known, bounds), *contact.floating(surface, bounds)]
@@ -37,7 +37,7 @@ def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> lis
     return findings
 
 
-def moving_part(surface: Surface, part: str, front: Front | None, bounds: Bounds) -> Iterator[Finding]:
+def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bounds) -> Iterator[Finding]:
     """Yield what the surface says about one moving part.
 
     Args:
@@ -79,4 +79,4 @@ def path(part: str, found: Sweep, kind: str, bounds: Bounds) -> Finding:
     names = " and ".join(name for name, _ in found.obstacles[:2])
     message = f"{found.blocked:.0%} of it runs into {names or 'nothing'}; free up to {found.free:.2f} of {found.full:.2f} {unit}"
     remedy = f"possible: up to {bounds.blocked:.0%}; correct the joint, or is something in its way?"
-    return at_most("swept_path", part, found.blocked, bounds.blocked, "of the surface", message, remedy, "warn")
+    return bounded_above("swept_path", part, found.blocked, bounds.blocked, "of the surface", message, remedy, "warn")

@@ -8,12 +8,12 @@ import numpy as np
 
 from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import ScanSurface
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scan.overlaps import Overlap
 
 
-def floating(surface: Surface, bounds: Bounds) -> list[Finding]:
+def floating(surface: ScanSurface, bounds: Bounds) -> list[Finding]:
     """Judge every part that shares no vertex with another by its distance from the rest of the scan; only failures are kept."""
     scene = surface.scene
     alone = [part for part in isolated(surface) if len(scene.parts[part].mesh.faces)]
@@ -43,7 +43,7 @@ def shared_faces(overlaps: Sequence[Overlap], bounds: Bounds) -> list[Finding]:
     return found
 
 
-def isolated(surface: Surface) -> list[str]:
+def isolated(surface: ScanSurface) -> list[str]:
     """Return the ids of the parts that share no vertex with another, bit for bit: those not cut out of one surface."""
     vertices = surface.mesh.vertices + np.float32(0.0)
     keys = np.ascontiguousarray(vertices).view([("", np.float32)] * 3).ravel()
@@ -59,7 +59,7 @@ def isolated(surface: Surface) -> list[str]:
     return [name for name, touches in zip(surface.ids, shared, strict=True) if not touches]
 
 
-def gap_to_rest(surface: Surface, part: str) -> float:
+def gap_to_rest(surface: ScanSurface, part: str) -> float:
     """Return the distance of a part from every other surface [m]; infinity where there is none."""
     faces = surface.mesh.faces[surface.owner != surface.ids.index(part)]
     if not len(faces):

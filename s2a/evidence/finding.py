@@ -44,7 +44,7 @@ def unknown(check: str, part: str, message: str) -> Finding:
     return Finding(check, part, "unknown", message=message)
 
 
-def at_most(
+def bounded_above(
     check: str, part: str, value: float, bound: float, unit: str, message: str, remedy: str, otherwise: Verdict = "fail"
 ) -> Finding:
     """Return the finding that passes if value <= bound, and is `otherwise` if not."""
@@ -52,7 +52,7 @@ def at_most(
     return Finding(check, part, "pass" if good else otherwise, value, bound, unit, message, "" if good else remedy)
 
 
-def at_least(
+def bounded_below(
     check: str, part: str, value: float, bound: float, unit: str, message: str, remedy: str, otherwise: Verdict = "fail"
 ) -> Finding:
     """Return the finding that passes if value >= bound, and is `otherwise` if not."""

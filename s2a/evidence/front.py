@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import ScanSurface
 from s2a.geometry.mesh_ops import centroids, keep, merge, sample
 from s2a.geometry.planes import find_planes, min_area_rectangle
 from s2a.scene import Mesh, Scene
@@ -82,7 +82,7 @@ def region(scene: Scene, part: str) -> Mesh | None:
     return None if part in parts else merge([scene.parts[i].mesh for i in parts])
 
 
-def front(surface: Surface, part: str) -> Front | None:
+def front(surface: ScanSurface, part: str) -> Front | None:
     """Return the front of a moving part, or None where it has no plane of a square centimetre.
 
     The outward side is the one that most of three witnesses name: the lines of sight from the room's free interior, the
@@ -96,7 +96,7 @@ def front(surface: Surface, part: str) -> Front | None:
     points = sample(flat, POINTS, 0)
     ahead, behind = surface.seen(points, normal)
     seen = (ahead - behind) / (ahead + behind) if ahead + behind > 0 else np.nan
-    facing = _facing(mesh, normal)
+    facing = surface.winding * _facing(mesh, normal)
     relief = _relief(surface.scene, part, normal, offset)
     votes = [np.sign(v) for v, least in ((seen, SIDED), (facing, SIDED), (relief, RELIEF)) if abs(v) >= least]
     sign = -1.0 if sum(votes) < 0 else 1.0

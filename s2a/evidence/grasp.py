@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding, at_least, at_most, unknown
+from s2a.evidence.finding import Finding, bounded_above, bounded_below, unknown
 from s2a.evidence.front import Front
 from s2a.geometry.mesh_ops import merge
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
@@ -63,12 +63,11 @@ def handle_gap(scene: Scene, part: str) -> float:
 
 def grasp_on_region(part: str, scene: Scene, bounds: Bounds) -> Finding:
     """Judge a grasp point by its distance from the scanned surface: that of a ring lies in its empty middle."""
-    gap = grasp_gap(scene, part)
-    message = (
-        f"its grasp point lies {1000 * gap:.0f} mm off the surface of its region, in the air: is the region a ring?"
-    )
-    remedy = f"possible: up to {1000 * bounds.grasp_gap:.0f} mm; annotate only the faces to grasp"
-    return at_most("grasp_on_region", part, gap, bounds.grasp_gap, "m", message, remedy, "warn")
+    gap, regions = grasp_gap(scene, part), scene.grasp_parts(part)
+    where = f"between {' and '.join(regions)}" if len(regions) > 1 else "in the air: has it a hole, or is it a ring?"
+    message = f"its grasp point lies {1000 * gap:.0f} mm off the surface of its region, {where}"
+    remedy = f"possible: up to {1000 * bounds.grasp_gap:.0f} mm; annotate only the faces to grasp, of one handle"
+    return bounded_above("grasp_on_region", part, gap, bounds.grasp_gap, "m", message, remedy, "warn")
 
 
 def handle_relief(part: str, scene: Scene, front: Front, bounds: Bounds) -> Finding:
@@ -76,7 +75,7 @@ def handle_relief(part: str, scene: Scene, front: Front, bounds: Bounds) -> Find
     height = relief(region(scene, part), front)
     message = f"its handle stands out by {1000 * height:.0f} mm: it is in the colours only, and cannot be held"
     remedy = f"possible: from {1000 * bounds.relief:.0f} mm; scan it closer, or model it into the mesh"
-    return at_least("handle_relief", part, height, bounds.relief, "m", message, remedy, "warn")
+    return bounded_below("handle_relief", part, height, bounds.relief, "m", message, remedy, "warn")
 
 
 def handle_on_part(part: str, scene: Scene, bounds: Bounds) -> Finding:
@@ -88,4 +87,4 @@ def handle_on_part(part: str, scene: Scene, bounds: Bounds) -> Finding:
     remedy = (
         f"possible: up to {1000 * bounds.handle_gap:.0f} mm; is it another part's? check the index paths of the labels"
     )
-    return at_most("handle_on_part", part, gap, bounds.handle_gap, "m", message, remedy)
+    return bounded_above("handle_on_part", part, gap, bounds.handle_gap, "m", message, remedy)

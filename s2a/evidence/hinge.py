@@ -6,7 +6,7 @@ import numpy as np
 
 from s2a.articulation import open_limit
 from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding, at_least, at_most, unknown
+from s2a.evidence.finding import Finding, bounded_above, bounded_below, unknown
 from s2a.evidence.front import Front
 from s2a.evidence.opening import edge_angle
 from s2a.scene import Joint
@@ -53,7 +53,7 @@ def hinge_edge(part: str, joint: Joint, front: Front, points: np.ndarray, bounds
     bound = min(bounds.edge, bounds.edge_fraction * breadth)
     message = f"its hinge is {1000 * distance:.0f} mm off its nearest edge, and it is {1000 * breadth:.0f} mm broad"
     remedy = f"possible: up to {1000 * bound:.0f} mm; put the origin on the edge that stays"
-    return at_most("hinge_edge", part, distance, bound, "m", message, remedy)
+    return bounded_above("hinge_edge", part, distance, bound, "m", message, remedy)
 
 
 def hinge_parallel(part: str, joint: Joint, front: Front, bounds: Bounds) -> Finding:
@@ -61,7 +61,7 @@ def hinge_parallel(part: str, joint: Joint, front: Front, bounds: Bounds) -> Fin
     angle = edge_angle(np.array(joint.axis), front)
     message = f"its hinge is {angle:.1f} deg off the nearest edge of its part"
     remedy = f"possible: up to {bounds.angle:g} deg; turn the axis, or is it a translation?"
-    return at_most("hinge_parallel", part, angle, bounds.angle, "deg", message, remedy)
+    return bounded_above("hinge_parallel", part, angle, bounds.angle, "deg", message, remedy)
 
 
 def hinge_handle(
@@ -84,7 +84,9 @@ def hinge_handle(
     fraction = abs(float((grasp - np.array(joint.origin)) @ sideways)) / float(away)
     message = f"its handle is {fraction:.0%} of its breadth away from the hinge"
     remedy = f"possible: from {bounds.handle_distance:.0%}; is the hinge at the opposite edge, or is it a drawer?"
-    return at_least("hinge_handle", part, fraction, bounds.handle_distance, "of the breadth", message, remedy, "warn")
+    return bounded_below(
+        "hinge_handle", part, fraction, bounds.handle_distance, "of the breadth", message, remedy, "warn"
+    )
 
 
 def hinge_range(part: str, joint: Joint, bounds: Bounds) -> Finding:
@@ -92,4 +94,4 @@ def hinge_range(part: str, joint: Joint, bounds: Bounds) -> Finding:
     angle = abs(open_limit(joint))
     message = f"it turns by {angle:.2f} rad ({np.degrees(angle):.0f} deg)"
     remedy = f"possible: up to {bounds.max_angle:g} rad; correct rangeMin and rangeMax, in radians"
-    return at_most("hinge_range", part, angle, bounds.max_angle, "rad", message, remedy, "warn")
+    return bounded_above("hinge_range", part, angle, bounds.max_angle, "rad", message, remedy, "warn")

@@ -6,7 +6,7 @@ import numpy as np
 
 from s2a.articulation import opening_direction
 from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding, at_least, unknown
+from s2a.evidence.finding import Finding, bounded_below, unknown
 from s2a.evidence.front import Front
 from s2a.scene import Joint
 
@@ -40,7 +40,7 @@ def opens_outward(part: str, joint: Joint, front: Front, bounds: Bounds) -> Find
     into = "out of" if cosine > 0 else "into"
     message = f"{verb} {into} the furniture: cosine {cosine:.2f} with the side of its front {witnesses(front)}"
     remedy = f"possible: {bounds.outward:g} to 1; negate the axis"
-    return at_least(CHECK, part, cosine, bounds.outward, "", message, remedy)
+    return bounded_below(CHECK, part, cosine, bounds.outward, "", message, remedy)
 
 
 def witnesses(front: Front) -> str:

@@ -8,9 +8,9 @@ import numpy as np
 
 from s2a.evidence import grasp
 from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding, Verdict, at_most, unknown
+from s2a.evidence.finding import Finding, Verdict, bounded_above, unknown
 from s2a.evidence.front import Front
-from s2a.evidence.surface import Surface, sphere
+from s2a.evidence.surface import ScanSurface, sphere
 from s2a.geometry.mesh_ops import centroids, normals, sample_with_faces
 from s2a.scene import Mesh
 
@@ -24,7 +24,7 @@ FLOOR = re.compile(r"^\s*floor\s*$", re.IGNORECASE)
 REMEDY = "possible: z up; turn mesh and joints together (x, y, z) -> (x, -z, y) for a scan with y up"
 
 
-def up_axis(surface: Surface, bounds: Bounds) -> list[Finding]:
+def up_axis(surface: ScanSurface, bounds: Bounds) -> list[Finding]:
     """Judge which way is up, by the floor where one is labelled, by all surfaces where none is."""
     floors = [p.mesh for p in surface.scene.parts.values() if FLOOR.match(p.label) and p.mesh.face_areas.sum() > 0]
     if floors:
@@ -32,7 +32,7 @@ def up_axis(surface: Surface, bounds: Bounds) -> list[Finding]:
     points, facing = samples(surface.mesh)
     if not len(points):
         return [unknown("up_axis", "", "there is no surface")]
-    return [_level(facing, bounds), _underside(points, facing, bounds)]
+    return [_level(facing, bounds), _underside(points, surface.winding * facing, bounds)]
 
 
 def samples(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -57,7 +57,7 @@ def underside(points: np.ndarray, facing: np.ndarray) -> float:
     return (up - down) / (up + down) if up + down > 0.02 else float("nan")
 
 
-def _labelled(floors: list[Mesh], surface: Surface, bounds: Bounds) -> Finding:
+def _labelled(floors: list[Mesh], surface: ScanSurface, bounds: Bounds) -> Finding:
     """Judge the up axis by the parts labelled floor: level, and with the room above them."""
     weight = np.concatenate([mesh.face_areas for mesh in floors])
     middle = np.concatenate([centroids(mesh) for mesh in floors])
@@ -70,7 +70,7 @@ def _labelled(floors: list[Mesh], surface: Surface, bounds: Bounds) -> Finding:
     slope = float(np.degrees(np.arccos(np.clip(normal[2], -1.0, 1.0))))
     text = ", ".join(f"{x:.2f}" for x in normal)
     message = f"the room lies over its floor along ({text}), {slope:.0f} deg off z"
-    return at_most("up_axis", "", slope, bounds.slope, "deg", message, REMEDY)
+    return bounded_above("up_axis", "", slope, bounds.slope, "deg", message, REMEDY)
 
 
 def _level(facing: np.ndarray, bounds: Bounds) -> Finding:
@@ -99,7 +99,7 @@ def _underside(points: np.ndarray, facing: np.ndarray, bounds: Bounds) -> Findin
     return Finding("up_side", "", verdict, excess, bounds.underside, "", message, "" if good else REMEDY)
 
 
-def units(surface: Surface, fronts: dict[str, Front], bounds: Bounds) -> Finding:
+def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Finding:
     """Judge the unit by the room's height and by the thickness of handles, as far as it has any.
 
     Args:

@@ -8,19 +8,22 @@ import numpy as np
 
 from s2a.articulation import open_limit
 from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding, at_most, unknown
+from s2a.evidence.finding import Finding, bounded_above, unknown
 from s2a.evidence.front import Front
 from s2a.evidence.opening import edge_angle, normal_angle
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import REACH, ScanSurface
 from s2a.evidence.sweep import moved_parts
-from s2a.geometry.line_of_sight import visible_distance
 from s2a.scene import Joint
 
 UP = np.array([0.0, 0.0, 1.0])
 LIFTS = re.compile(r"\b(sash|garage|roller|roll|shutter|blinds?|hatch)\b")
 """Names of what slides up and down."""
 DEEP = 0.15
-"""[m] Furniture whose own surface reaches less far behind a front was not scanned there: a row of fronts under a counter."""
+"""[m] What lies less far behind a front is another front or the edge of the furniture, not the wall."""
+AHEAD = 0.1
+"""[m] Where the rays to the wall begin, before the front: its handle and rim are passed."""
+BEHIND = 0.06
+"""[m] Free space is looked for this far behind furniture: more than the thickness of its back."""
 ABOVE = 2.5
 """[m] The wall behind furniture is looked for up to this height over a front."""
 
@@ -37,7 +40,7 @@ def slide_axis(part: str, joint: Joint, front: Front, bounds: Bounds) -> Finding
     angle = min(normal_angle(axis, front), edge_angle(axis, front))
     message = f"its axis is {angle:.1f} deg off its front's normal and edges"
     remedy = f"possible: up to {bounds.angle:g} deg; take {_text(front.normal)} for a drawer"
-    return at_most("slide_axis", part, angle, bounds.angle, "deg", message, remedy)
+    return bounded_above("slide_axis", part, angle, bounds.angle, "deg", message, remedy)
 
 
 def slide_level(part: str, label: str, joint: Joint, bounds: Bounds) -> Finding:
@@ -49,29 +52,31 @@ def slide_level(part: str, label: str, joint: Joint, bounds: Bounds) -> Finding:
         f"it slides at a slope of {slope:.1f} deg",
         f"possible: up to {bounds.slope:g} deg; check the axis",
     )
-    return at_most("slide_level", part, slope, bounds.slope, "deg", message, remedy, "warn")
+    return bounded_above("slide_level", part, slope, bounds.slope, "deg", message, remedy, "warn")
 
 
-def depth_behind(surface: Surface, part: str, front: Front) -> float:
-    """Return how deep the space behind a front is [m]: to the back of its furniture, or else to the wall behind it.
+def depth_behind(surface: ScanSurface, part: str, front: Front) -> float:
+    """Return how deep the space behind a front is at most [m]; NaN where the scan does not tell.
 
-    Furniture against a wall has no scanned back. Its own surface tells its depth where a side or the top was scanned;
-    elsewhere the first surface behind the front's plane, in a column over the front, does. NaN where neither does.
+    Furniture against a wall has no scanned back, and often no side: the wall over it, in a column over the front, is as far
+    as it reaches, or its own surface where that reaches farther (a niche). Free space behind its own surface ends it too.
     """
     scene, mine = surface.scene, moved_parts(surface.scene, part)
     root = scene.root(part)
     own = [scene.parts[i].mesh.vertices for i in (root, *scene.descendants(root)) if i not in mine]
-    depths = [float((front.offset - points @ front.normal).max()) for points in own if len(points)]
-    if depths and max(depths) > DEEP:
-        return max(depths)
-    heights = np.arange(0.0, ABOVE, 0.05)
-    start = front.center + heights[:, None] * UP
-    way, behind = visible_distance(surface.tree, start + 0.1 * front.normal, -front.normal, 30.0)
-    walls = way[(way > DEEP + 0.1) & (way < 30.0) & ~behind]
-    return float(walls.max() - 0.1) if len(walls) else float("nan")
+    depth = max((float((front.offset - points @ front.normal).max()) for points in own if len(points)), default=0.0)
+    across = front.axes[:, int(np.argmin(np.abs(UP @ front.axes)))]
+    width = float(np.abs(across @ front.axes) @ front.size)
+    rear = front.center - (depth + BEHIND) * front.normal
+    if depth > DEEP and surface.is_free(rear + np.linspace(-0.3, 0.3, 5)[:, None] * width * across):
+        return depth
+    start = front.center + np.arange(0.0, ABOVE, 0.05)[:, None] * UP
+    way, behind = surface.sight(start + AHEAD * front.normal, -front.normal)
+    walls = way[(way > AHEAD + DEEP) & (way < REACH) & ~behind] - AHEAD
+    return max(depth, float(walls.max())) if len(walls) else float("nan")
 
 
-def slide_travel(part: str, joint: Joint, front: Front, surface: Surface, bounds: Bounds) -> Finding:
+def slide_travel(part: str, joint: Joint, front: Front, surface: ScanSurface, bounds: Bounds) -> Finding:
     """Judge a slide's travel: a drawer's by the depth behind its front, a sliding door's by its own length."""
     travel = abs(open_limit(joint))
     if along_normal(joint, front):
@@ -84,7 +89,7 @@ def slide_travel(part: str, joint: Joint, front: Front, surface: Surface, bounds
         bound, of = bounds.length_margin * length, f"it is {length:.2f} m long"
     message = f"it slides by {travel:.2f} m, and {of}"
     remedy = f"possible: up to {bound:.2f} m; correct rangeMin and rangeMax"
-    return at_most("slide_travel", part, travel, bound, "m", message, remedy, "warn")
+    return bounded_above("slide_travel", part, travel, bound, "m", message, remedy, "warn")
 
 
 def slide_handle(part: str, joint: Joint, front: Front, grasp: np.ndarray, bounds: Bounds) -> Finding:
@@ -105,7 +110,7 @@ def slide_handle(part: str, joint: Joint, front: Front, grasp: np.ndarray, bound
     offset = abs(float((grasp - front.center) @ sideways)) / width
     message = f"it slides, but its handle is {offset:.0%} of its width beside its middle, as on a door"
     remedy = f"possible: up to {bounds.handle_offset:.0%}; is it a rotation?"
-    return at_most("slide_handle", part, offset, bounds.handle_offset, "of the width", message, remedy, "warn")
+    return bounded_above("slide_handle", part, offset, bounds.handle_offset, "of the width", message, remedy, "warn")
 
 
 def _text(direction: np.ndarray) -> str:

@@ -24,7 +24,7 @@ REACH = 30.0
 """[m] Longest line of sight."""
 
 
-class Surface:
+class ScanSurface:
     """The scanned surface of a scene.
 
     Attributes:
@@ -42,7 +42,7 @@ class Surface:
         self.mesh: Mesh = merge([Mesh(mesh.vertices, mesh.faces) for mesh in meshes])
         self.owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
 
-    def with_scene(self, scene: Scene) -> Surface:
+    def with_scene(self, scene: Scene) -> ScanSurface:
         """Return the same surface with another annotation of joints; the parts and their meshes must be the same."""
         other = copy.copy(self)
         other.scene = scene
@@ -53,26 +53,57 @@ class Surface:
         """The whole surface, for rays."""
         return ray_mesh(self.mesh.vertices, self.mesh.faces)
 
-    @cached_property
+    @property
     def viewpoints(self) -> np.ndarray:
-        """Places in the room's free interior [m], shape [viewpoint 3]: surface all around, all of it seen from one side.
+        """Places in the room's free interior [m], shape [viewpoint 3]: surface all around, all of it seen from one side."""
+        return self._interior[0]
 
-        Hollow furniture and the space behind walls are excluded: from there surfaces are seen from behind. Which side is
-        the front is decided by the majority of all places, so that a mesh with reversed faces is no exception.
+    @property
+    def winding(self) -> float:
+        """1 if the normals of the faces look into the room, -1 if the whole mesh is wound the other way."""
+        return -1.0 if self._interior[1] else 1.0
+
+    @cached_property
+    def _interior(self) -> tuple[np.ndarray, bool]:
+        """The viewpoints, and True if they see the backs of the faces: the whole mesh is wound the other way.
+
+        Hollow furniture and the space behind walls are excluded: from there surfaces are seen from the other side. Which
+        side is the front is decided by the majority of all places.
         """
         low, high = np.quantile(self.mesh.vertices, [0.005, 0.995], axis=0).astype(np.float64)
         steps = (np.arange(GRID) + 0.5) / GRID
         places = low + (high - low) * np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-        rays = sphere(48)
-        distance, behind = visible_distance(
-            self.tree, np.repeat(places, len(rays), axis=0), np.tile(rays, (len(places), 1)), REACH
-        )
-        distance, behind = distance.reshape(-1, len(rays)), behind.reshape(-1, len(rays))
+        distance, behind = self._around(places)
         hit = distance < REACH
         enclosed = (hit.mean(axis=1) > ENCLOSED) & (distance.min(axis=1) > CLEARANCE)
-        reversed_ = (behind & hit).sum(axis=1) / np.maximum(1, hit.sum(axis=1))
-        front, back = enclosed & (reversed_ < 1 - FACING), enclosed & (reversed_ > FACING)
-        return places[front if front.sum() >= back.sum() else back]
+        fraction = (behind & hit).sum(axis=1) / np.maximum(1, hit.sum(axis=1))
+        front, back = enclosed & (fraction < 1 - FACING), enclosed & (fraction > FACING)
+        backs = bool(back.sum() > front.sum())
+        return places[back if backs else front], backs
+
+    def sight(self, start: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the distance of rays to the surface [m], at most REACH, and if they meet it from behind, shape [ray] each.
+
+        Args:
+            start: of the rays [m], shape [ray 3].
+            direction: unit directions, shape [ray 3] or [3].
+        """
+        distance, behind = visible_distance(self.tree, start, direction, REACH)
+        return distance, behind != self._interior[1]
+
+    def is_free(self, points: np.ndarray) -> bool:
+        """Return True if points [point 3] lie in free space: surface around them, and hardly any of it seen from behind."""
+        distance, behind = self._around(points)
+        hit = distance < REACH
+        inside = ((behind != self._interior[1]) & hit).sum() / max(1, hit.sum())
+        return bool(hit.mean() > ENCLOSED and inside < 1.5 * (1 - FACING))
+
+    def _around(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the distance to the surface in all directions from some places [m], and if it is a face's back there."""
+        rays = sphere(48)
+        starts, directions = np.repeat(places, len(rays), axis=0), np.tile(rays, (len(places), 1))
+        distance, behind = visible_distance(self.tree, starts, directions, REACH)
+        return distance.reshape(-1, len(rays)), behind.reshape(-1, len(rays))
 
     def seen(self, points: np.ndarray, normal: np.ndarray, grazing: float = 0.2) -> tuple[float, float]:
         """Return how much is seen of points on a flat surface from its two sides: fractions of the lines of sight.

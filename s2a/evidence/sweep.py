@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.articulation import displace, open_limit
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import ScanSurface
 from s2a.geometry.line_of_sight import visible_distance
-from s2a.geometry.mesh_ops import merge, sample
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.geometry.mesh_ops import merge, normals, sample
+from s2a.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
 from s2a.scene import Mesh, Scene
 
 POINTS = 600
@@ -19,6 +19,8 @@ STEPS = 24
 """Straight sections of each path: 4 degrees of a quarter turn."""
 CONTACT = 0.03
 """[m] Length of path on which touching the rest tells nothing: ragged borders, seals, and the gap around a part."""
+GRAZING = 0.5
+"""Sine of 30 degrees: what meets a face at less slides along its surface; axes are off by a few degrees, faces by 20."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ def moved_parts(scene: Scene, part: str) -> set[str]:
     return {part, *scene.descendants(part)}
 
 
-def sweep(surface: Surface, part: str, tolerated: float) -> Sweep:
+def sweep(surface: ScanSurface, part: str, tolerated: float) -> Sweep:
     """Follow the points of a part from the scanned pose to its open limit through the rest of the scan.
 
     Args:
@@ -62,7 +64,8 @@ def sweep(surface: Surface, part: str, tolerated: float) -> Sweep:
     if not len(rest):
         return Sweep(0.0, abs(limit), abs(limit), ())
     tree = ray_mesh(surface.mesh.vertices, surface.mesh.faces[rest])
-    stopped, places = _stops(tree, paths)
+    facing = normals(Mesh(surface.mesh.vertices, surface.mesh.faces[rest]))
+    stopped, places = _stops(tree, facing, paths)
     shares = [(stopped <= step).mean() for step in range(STEPS)]
     free = next((step for step, share in enumerate(shares) if share > tolerated), STEPS)
     hit = stopped < STEPS
@@ -80,8 +83,14 @@ def _near(mesh: Mesh, paths: np.ndarray) -> np.ndarray:
     return ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
 
 
-def _stops(tree: object, paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the section in which each path [step point 3] first meets a surface (STEPS: none), and where, [point 3]."""
+def _stops(tree: RayMesh, facing: np.ndarray, paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the section in which each path first runs into a surface (STEPS: none), shape [point], and where, [point 3].
+
+    Args:
+        tree: the rest of the scan.
+        facing: unit normals of its faces, shape [face 3].
+        paths: of the points [m], shape [step point 3].
+    """
     sections = np.diff(paths, axis=0)
     length = np.linalg.norm(sections, axis=2)
     direction = sections / np.maximum(length, 1e-9)[..., None]
@@ -90,6 +99,9 @@ def _stops(tree: object, paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     way = visible_distance(tree, start.reshape(-1, 3), direction.reshape(-1, 3), float(length.max()))[0]
     way = way.reshape(length.shape)
     met = (way < 0.999 * length) & (travelled + way > CONTACT)  # a ray without a hit returns its reach, rounded
+    places = start[met] + way[met][:, None] * direction[met]
+    if len(places):
+        met[met] = np.abs(np.einsum("ij,ij->i", facing[nearest_faces(tree, places)[0]], direction[met])) > GRAZING
     first = np.where(met.any(axis=0), met.argmax(axis=0), len(sections))
     index = np.minimum(first, len(sections) - 1), np.arange(paths.shape[1])
     return first, start[index] + way[index][:, None] * direction[index]

@@ -20,7 +20,7 @@ _log = logging.getLogger(__name__)
 
 _KINDS = {"rotation": "revolute", "translation": "prismatic"}
 _FULL_TURN = 2 * math.pi + 0.01  # [rad]; the slack lets a rounded 6.28319 pass
-_LEAST_TURN = math.radians(5.0)  # [rad]; what opens turns by more, which tells 1.57 degrees from 1.57 radians
+_MIN_TURN = math.radians(5.0)  # [rad]; what opens turns by more, which tells 1.57 degrees from 1.57 radians
 _SHORTEST_AXIS = 1e-6  # below this length an axis has no direction worth trusting
 
 
@@ -111,8 +111,8 @@ def _angle_units(path: Path, records: Mapping[int, Record]) -> dict[int, float]:
         for number, record in records.items()
         if record.text("type") == "rotation"
     }
-    in_radians = sum(_LEAST_TURN <= turn <= _FULL_TURN for turn in turns.values())
-    in_degrees = sum(math.degrees(_LEAST_TURN) <= turn <= 360.5 for turn in turns.values())
+    in_radians = sum(_MIN_TURN <= turn <= _FULL_TURN for turn in turns.values())
+    in_degrees = sum(math.degrees(_MIN_TURN) <= turn <= 360.5 for turn in turns.values())
     widest = max(turns, key=turns.__getitem__, default=None)
     if widest is None or turns[widest] <= _FULL_TURN:
         return dict.fromkeys(records, 1.0)

@@ -46,6 +46,7 @@ def test_export_and_the_text_of_view_need_no_extra(tmp_path: Path) -> None:
     scan = tiny_scan.write(tmp_path / "scan")
     exported = s2a(EVERYTHING, "export", f"scan={scan}", f"out={tmp_path / 'usd'}")
     assert exported.returncode == 0, exported.stderr
+    assert "not checked against the surface" in exported.stderr and "pip install 's2a[sim]'" in exported.stderr
     for path in (scan, tmp_path / "usd" / "geometric.usd", tmp_path / "usd" / "descriptive.usda"):
         shown = s2a(EVERYTHING, "view", f"path={path}")
         assert shown.returncode == 0, shown.stderr
@@ -77,7 +78,7 @@ def test_training_without_torch_names_the_learning_extra() -> None:
 def test_the_simulation_extra_alone_serves_the_scene_commands() -> None:
     blocked = [*extras.MODULES["learn"], *extras.MODULES["llm"]]
     imports = "".join(
-        f"import s2a.commands.{name}\n" for name in ("sample", "zoo", "insert", "prepare", "certify", "view")
+        f"import s2a.commands.{name}\n" for name in ("sample", "check", "zoo", "insert", "prepare", "certify", "view")
     )
     subprocess.run([sys.executable, "-c", BLOCK.format(blocked=blocked) + imports], check=True, cwd=ROOT)
 

@@ -40,6 +40,10 @@ IMPOSSIBLE = {
         ("certify.motion.poses", "0", "1 or more"),
         ("certify.gap.min_free_fraction", "90.0", "a number from 0 to 1"),
     ],
+    "check": [
+        ("evidence.edge", "0.0", "a number above 0"),
+        ("evidence.blocked", "10.0", "a number from 0 to 1"),
+    ],
     "train": [
         ("num_envs", "0", "1 or more"),
         ("demo_reset_fraction", "1.1", "a number from 0 to 1"),

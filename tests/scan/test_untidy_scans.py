@@ -146,3 +146,15 @@ def test_a_tidy_scan_is_read_without_a_warning(tmp_path, caplog):
     with caplog.at_level(logging.WARNING):
         read(tmp_path)
     assert not caplog.records
+
+
+def test_one_rotation_beyond_a_full_turn_leaves_the_radians_of_all_others(tmp_path, caplog):
+    files = tiny_scan.contents()
+    files[tiny_scan.ARTIC]["data"]["articulations"] = [
+        dict(pid=3, type="rotation", origin=[0, 0, 0], axis=[0, 0, 1], rangeMin=0, rangeMax=1.57),
+        dict(pid=4, type="rotation", origin=[0, 0, 0], axis=[0, 0, 1], rangeMin=0, rangeMax=90),
+    ]
+    scene = read(tmp_path, files)
+    assert scene.joint("door_3").limits == (0, 1.57)
+    assert scene.joint("handle_base_4").limits == pytest.approx((0, math.pi / 2))
+    assert "it alone is taken as degrees" in caplog.text

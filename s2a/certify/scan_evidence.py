@@ -19,7 +19,7 @@ from s2a.evidence.annotation import moving_part
 from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding
 from s2a.evidence.front import front
-from s2a.evidence.surface import Surface
+from s2a.evidence.surface import ScanSurface
 from s2a.geometry.mesh_ops import keep
 from s2a.scene import Joint, Mesh, Part, Scene
 from s2a.usd import sim_stage
@@ -52,7 +52,7 @@ class Evidence:
     def __init__(self, path: Path) -> None:
         """Read a stage whose structure is sound, with its visuals; InputError for any other."""
         self.room = sim_stage.read(path)
-        self._surface = Surface(as_scene(self.room))
+        self._surface = ScanSurface(as_scene(self.room))
 
     def checks(self, part: str, config: EvidenceConfig, only: str | None = None) -> list[Check]:
         """Return all checks of an articulated part against the scanned surface; `only` names the one robot that is asked for."""

@@ -6,6 +6,7 @@
 Scans each room, prepares all its parts, and lets the planner open each from noisy starts. Scans and stages in the work folder
 are kept, and so are the rows in experiments/results/NAME.json, which come as a table in NAME.md too. How far a part comes:
 
+no_handle   its front opens by a push; a gripper finds nothing to hold, and the planner does not try
 left_out    `s2a prepare` refuses it
 no_base     there is no base pose from which the arm follows the path without a collision; the planner does not try
 no_plan     the planner finds no joint path from the base pose
@@ -40,7 +41,7 @@ from s2a.synth import SampleConfig, sample
 from s2a.usd import geometric, sim_stage
 
 RESULTS = Path(__file__).parent / "results"
-OUTCOMES = ("left_out", "no_base", "no_plan", "not_opened", "opened", "grasped")
+OUTCOMES = ("no_handle", "left_out", "no_base", "no_plan", "not_opened", "opened", "grasped")
 NEAR, ALIKE, POINTS = 0.01, 0.3, 2000
 """[m] and cosine within which a scanned face shows a point of the true surface; points asked for on a handle."""
 Row = dict[str, Any]
@@ -96,7 +97,7 @@ def _failures(rows: Sequence[Row]) -> Iterator[str]:
     yield "| room | part | handle | length [mm] | height [m] | scanned | outcome | why |"
     yield "|---|---|---|---|---|---|---|---|"
     for row in rows:
-        if row["outcome"] == "grasped":
+        if row["outcome"] in ("grasped", "no_handle"):
             continue
         room = f"{row['virtual']} {row['room']} {row['seed']} `{row['detail']}`"
         share = "" if row["scanned"] is None else f"{row['scanned']:.0%}"
@@ -119,6 +120,9 @@ def _room(key: Row, done: set[str], args: argparse.Namespace) -> Iterator[Row]:
     facts = _handles(folder / "scan", scene)
     room = sim_stage.read(stage, visuals=False).articulations if stage.exists() else {}
     for part in sorted(set(scene.movable) - done):
+        if facts[part]["handle"] == "none":
+            yield facts[part] | {"outcome": "no_handle", "why": "nothing to hold"}
+            continue
         if part not in room:
             yield facts[part] | {"outcome": "left_out", "why": refused.get(part, "")}
             continue

@@ -104,7 +104,14 @@ def main() -> None:
 def _write(rows: list[dict], name: str, args: argparse.Namespace) -> None:
     """Write the rows and their table."""
     preset = {"virtual": args.virtual, "rooms_per_category": args.rooms_per_category}
-    report = {"llm": name, "seed": args.seed, **preset, **provenance("cpu"), "table": summary(rows), "rows": rows}
+    report = {
+        "llm": name if args.recordings else args.llm,
+        "seed": args.seed,
+        **preset,
+        **provenance("cpu"),
+        "table": summary(rows),
+        "rows": rows,
+    }
     RESULTS.mkdir(exist_ok=True)
     (RESULTS / f"insertion_{name}.json").write_text(json.dumps(report, indent=1) + "\n")
     (RESULTS / f"insertion_{name}.md").write_text(f"```\n{table(rows)}\n```\n")

@@ -78,10 +78,10 @@ def handle(room: Room, number: int, camera: OrbitCamera) -> tuple[str, np.ndarra
 def _view(handle: Piece, room: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Return of the places around a handle the one that most of it is seen from, and the handle's middle [m], shape [3] each."""
     middle, front = handle.surface.vertices.mean(axis=0), handle.pose[:3, 0]
-    aside = np.cross(front, (0, 0, 1))
-    ahead = front + 0.8 * (0, 0, 1) if np.linalg.norm(aside) < 0.5 else front
+    # A handle on a lid faces up: beside it is any horizontal direction.
+    aside = np.cross(front, (0, 0, 1) if abs(front[2]) < 0.8 else (1, 0, 0))
     seen, mesh = [], ray_mesh(room.vertices, room.faces)
-    eyes = [middle + far * ahead + side * aside + (0, 0, up) for far, side, up in PLACES]
+    eyes = [middle + far * front + side * aside + (0, 0, up) for far, side, up in PLACES]
     for eye in eyes:
         rays = handle.surface.vertices - eye
         far = np.linalg.norm(rays, axis=1)

@@ -13,6 +13,9 @@ no_plan     the planner finds no joint path from the base pose
 not_opened  it does not open by the task's success_opening in every episode
 opened      it does, but not in a pinch of its handle in every episode
 grasped     it does, in a pinch
+
+scanned is the fraction of the handle's true surface that the scan shows, relief how far what is annotated as the handle stands
+out of its front, as a fraction of the truth.
 """
 
 from __future__ import annotations
@@ -56,8 +59,9 @@ def main() -> None:
     for room in args.rooms:
         for seed in args.seeds:
             key = {"virtual": args.virtual, "room": room, "seed": seed, "detail": args.detail}
-            done = {row["part"] for row in rows if key.items() <= row.items()}
+            done = {row["part"]: row for row in rows if key.items() <= row.items()}
             for row in _room(key, done, args):
+                rows = [other for other in rows if not (key | {"part": row["part"]}).items() <= other.items()]
                 rows.append(key | row)
                 print(*key.values(), json.dumps(row), flush=True)
                 _write(rows, file, args)
@@ -94,34 +98,35 @@ def _line(name: str, detail: str, rows: Sequence[Row]) -> str:
 
 def _failures(rows: Sequence[Row]) -> Iterator[str]:
     """Yield the lines of a table of the parts that were not grasped."""
-    yield "| room | part | handle | length [mm] | height [m] | scanned | outcome | why |"
-    yield "|---|---|---|---|---|---|---|---|"
+    yield "| room | part | handle | length [mm] | height [m] | scanned | relief | outcome | why |"
+    yield "|---|---|---|---|---|---|---|---|---|"
     for row in rows:
         if row["outcome"] in ("grasped", "no_handle"):
             continue
         room = f"{row['virtual']} {row['room']} {row['seed']} `{row['detail']}`"
-        share = "" if row["scanned"] is None else f"{row['scanned']:.0%}"
+        share, relief = ("" if row.get(name) is None else f"{row[name]:.0%}" for name in ("scanned", "relief"))
         size = "" if row["length"] is None else f"{1e3 * row['length']:.0f}"
-        where = f"{row['part']} | {row['handle']} | {size} | {row['height']:.2f} | {share}"
+        where = f"{row['part']} | {row['handle']} | {size} | {row['height']:.2f} | {share} | {relief}"
         yield f"| {room} | {where} | {row['outcome']} | {row['why']} |"
 
 
-def _room(key: Row, done: set[str], args: argparse.Namespace) -> Iterator[Row]:
-    """Yield a row for each part of a room that is not done."""
+def _room(key: Row, done: dict[str, Row], args: argparse.Namespace) -> Iterator[Row]:
+    """Yield a row for each part of a room; what its opening came to is kept where it is done, by part."""
     folder = args.work / "_".join(map(str, key.values()))
     if not (folder / "scan/truth/truth.json").exists():
         keys = [*(f"{name}={value}" for name, value in key.items()), f"out={folder / 'scan'}"]
         sample(config.load(SampleConfig, config.compose("sample", keys)), folder / "scan")
     scene = scan.read(folder / "scan")
-    if set(scene.movable) <= done:
-        return
     stage = folder / "sim.usd"
     refused = _prepared(scene, stage, folder / "left_out.json")
     facts = _handles(folder / "scan", scene)
     room = sim_stage.read(stage, visuals=False).articulations if stage.exists() else {}
-    for part in sorted(set(scene.movable) - done):
+    for part in sorted(scene.movable):
         if facts[part]["handle"] == "none":
             yield facts[part] | {"outcome": "no_handle", "why": "nothing to hold"}
+            continue
+        if part in done:
+            yield done[part] | facts[part]
             continue
         if part not in room:
             yield facts[part] | {"outcome": "left_out", "why": refused.get(part, "")}
@@ -157,7 +162,7 @@ def _prepared(scene: Scene, stage: Path, record: Path) -> dict[str, str]:
 
 
 def _handles(folder: Path, scene: Scene) -> dict[str, Row]:
-    """Return by part what is true of its handle: family, length, gap, and the fraction of its surface that was scanned."""
+    """Return by part what is true of its handle, and how much of it was scanned."""
     truth = json.loads((folder / "truth/truth.json").read_text())["parts"]
     clean = geometric.read(folder / "truth/truth.usda")
     surface = ply.read(folder / "mesh_aligned_0.05.ply")
@@ -175,9 +180,19 @@ def _handles(folder: Path, scene: Scene) -> dict[str, Row]:
             "clearance": facts.get("clearance"),
             "height": round(float(clean.grasp_point(part)[2]), 3),
             "scanned": _scanned(clean.parts[held[0]].mesh, scanned) if held else None,
-            "annotated": all(i in scene.parts for i in held),
+            "relief": _relief(scene.parts[held[0]].mesh, handle) if held and held[0] in scene.parts else None,
         }
     return found
+
+
+def _relief(annotated: Mesh, handle: Row) -> float:
+    """Return how far what was annotated as a handle stands out of its front, as a fraction of what the handle does."""
+    if not len(annotated.faces):
+        return 0.0
+    pose, facts = np.array(handle["pose"]), handle.get("facts", {})
+    true = facts["clearance"] + facts["depth"] if "depth" in facts else max(handle["size"])
+    out = (annotated.vertices - pose[:3, 3]) @ pose[:3, 0]
+    return round(float(np.quantile(out, 0.95)) / true, 2)
 
 
 def _scanned(true: Mesh, scan_mesh: Mesh) -> float:

@@ -1,4 +1,4 @@
-"""Draw contact sheets of varied homes, without scanning them: rooms from above, or handles close up.
+"""Render contact sheets of varied homes, without scanning them: rooms from above, or handles close up.
 
 python tools/home_sheets.py rooms sheet.png --count 40
 python tools/home_sheets.py handles sheet.png --count 100
@@ -25,7 +25,7 @@ from s2a.synth.room import Room
 from s2a.synth.solids import Piece
 
 TILES = {"rooms": (400, 300), "handles": (200, 150)}
-"""Size of a picture [pixel]."""
+"""Size of a image [pixel]."""
 CAPTION = 16
 COLUMNS = {"rooms": 5, "handles": 10}
 COLORS = 255
@@ -42,7 +42,7 @@ PLACES = (
 
 
 def main(kind: str, out: Path, count: int, first: int) -> None:
-    """Draw a sheet of so many rooms or handles, beginning with a seed."""
+    """Render a sheet of so many rooms or handles, beginning with a seed."""
     camera = config.load(OrbitCamera, config.compose("view")["camera"])
     camera = replace(camera, width=TILES[kind][0], height=TILES[kind][1], samples=2)
     names = list(HOMES)
@@ -50,14 +50,14 @@ def main(kind: str, out: Path, count: int, first: int) -> None:
     for i in range(count):
         name, seed = names[i % len(names)], first + i // len(names)
         room = home(name, seed)
-        picture = above(room, camera) if kind == "rooms" else handle(room, i, camera)
-        tiles.append((f"{name} {seed}", picture) if kind == "rooms" else picture)
+        image = above(room, camera) if kind == "rooms" else handle(room, i, camera)
+        tiles.append((f"{name} {seed}", image) if kind == "rooms" else image)
     _sheet(tiles, COLUMNS[kind], TILES[kind]).quantize(COLORS).save(out, optimize=True)
     print(f"{out}: {count} {kind}, seeds from {first}")
 
 
 def above(room: Room, camera: OrbitCamera) -> np.ndarray:
-    """Draw a room without its ceiling; walls are seen from within alone."""
+    """Render a room without its ceiling; walls are seen from within alone."""
     meshes = [mesh for entry in catalog(room.pieces) if (mesh := _inner(entry)) is not None]
     points = np.concatenate([mesh.vertices for mesh in meshes])
     pose = framing_pose(points, np.array((0.35, -1.0, 0.0)), replace(camera, elevation=0.95))
@@ -65,14 +65,14 @@ def above(room: Room, camera: OrbitCamera) -> np.ndarray:
 
 
 def handle(room: Room, number: int, camera: OrbitCamera) -> tuple[str, np.ndarray]:
-    """Draw one handle of a room with the front that it is on, and name its family."""
+    """Render one handle of a room with the front that it is on, and name its family."""
     entries = catalog(room.pieces)
     handles = [entry for entry in entries if entry.piece.style is not None]
     chosen = handles[(7 * number) % len(handles)].piece
     eye, middle = _view(chosen, merge([entry.piece.surface.mesh for entry in entries]))
     close = replace(camera, backface_culling=False, fov=0.7)
-    picture = render([entry.piece.surface.mesh for entry in entries], CameraPose(tuple(eye), tuple(middle)), close)
-    return f"{chosen.facts.get('family', chosen.style)} {1e3 * chosen.size.max():.0f} mm", picture
+    image = render([entry.piece.surface.mesh for entry in entries], CameraPose(tuple(eye), tuple(middle)), close)
+    return f"{chosen.facts.get('family', chosen.style)} {1e3 * chosen.size.max():.0f} mm", image
 
 
 def _view(handle: Piece, room: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -103,13 +103,13 @@ def _inner(entry: Entry) -> Mesh | None:
 
 
 def _sheet(tiles: list[tuple[str, np.ndarray]], columns: int, size: tuple[int, int]) -> Image.Image:
-    """Return pictures with their names in rows."""
+    """Return images with their names in rows."""
     rows = -(-len(tiles) // columns)
     sheet = Image.new("RGB", (columns * size[0], rows * (size[1] + CAPTION)), "white")
     font = ImageFont.load_default(12)
-    for i, (name, picture) in enumerate(tiles):
+    for i, (name, image) in enumerate(tiles):
         corner = i % columns * size[0], i // columns * (size[1] + CAPTION)
-        sheet.paste(Image.fromarray(picture), corner)
+        sheet.paste(Image.fromarray(image), corner)
         ImageDraw.Draw(sheet).text((corner[0] + size[0] // 2, corner[1] + size[1]), name, "black", font, anchor="ma")
     return sheet
 

@@ -32,7 +32,7 @@ class NoiseConfig:
         registration: standard deviation of the offset of a whole panorama [m].
         grazing_cutoff: rays whose incidence has a cosine below this return nothing, raggedly (half of them at this value).
         tripod_blind_cone: rays steeper down than this below the horizon return nothing [rad]: the tripod.
-        raised: rays steeper up than this above the horizon return nothing [rad].
+        max_elevation: rays steeper up than this above the horizon return nothing [rad].
     """
 
     white: NotNegative
@@ -41,7 +41,7 @@ class NoiseConfig:
     registration: NotNegative
     grazing_cutoff: Fraction
     tripod_blind_cone: NotNegative
-    raised: NotNegative
+    max_elevation: NotNegative
 
 
 @wp.struct
@@ -175,7 +175,7 @@ def cast_panorama(
     errors.seed = int(rng.integers(1 << 30))
     errors.white, errors.correlated, errors.grazing_cutoff = noise.white, noise.correlated, noise.grazing_cutoff
     errors.offset, errors.lowest = float(rng.normal(0.0, noise.registration)), -float(np.sin(noise.tripod_blind_cone))
-    errors.highest = float(np.sin(noise.raised)) if noise.raised < np.pi / 2 else 2.0
+    errors.highest = float(np.sin(noise.max_elevation)) if noise.max_elevation < np.pi / 2 else 2.0
     cells = (int(2.0 / noise.correlation) + 2,) * 3
     errors.lattice = wp.array(rng.normal(size=cells).astype(np.float32), dtype=float, device="cpu")
     tangents = wp.array(pixel_tangents(spacing), dtype=float, device="cpu")

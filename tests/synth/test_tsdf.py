@@ -24,7 +24,7 @@ EXACT = NoiseConfig(
     registration=0.0,
     grazing_cutoff=0.0,
     tripod_blind_cone=np.pi / 2,
-    raised=2.0,
+    max_elevation=2.0,
 )
 FUSION = FusionConfig(voxel=0.02, truncation=3.0, reach=1.3, depth=9.0)
 GREY = (200, 200, 200)
@@ -95,7 +95,7 @@ def test_the_noise_has_the_stated_size() -> None:
         registration=0.0,
         grazing_cutoff=0.0,
         tripod_blind_cone=np.pi / 2,
-        raised=2.0,
+        max_elevation=2.0,
     )
     error = panorama(0.0, (0.0, 0.0, 0.0), noise) - panorama(0.0, (0.0, 0.0, 0.0))
     assert abs(error.std() / np.hypot(0.0005, 0.0012) - 1.0) < 0.15
@@ -109,8 +109,8 @@ def test_nothing_returns_from_below_the_tripod() -> None:
     assert 0.10 < lost < 0.20, "a cap of 45 degrees covers 14.6 % of the sphere"
 
 
-def test_nothing_returns_from_above_the_raised_camera() -> None:
-    ranges = panorama(0.0, (0.0, 0.0, 0.0), replace(EXACT, raised=np.pi / 4))
+def test_nothing_returns_from_above_the_highest_elevation() -> None:
+    ranges = panorama(0.0, (0.0, 0.0, 0.0), replace(EXACT, max_elevation=np.pi / 4))
     assert 0.10 < (ranges == 0.0).mean() < 0.20, "a cap of 45 degrees covers 14.6 % of the sphere"
     assert (panorama(0.0, (0.0, 0.0, 0.0), EXACT) > 0.0).all(), "a laser sees its zenith"
 

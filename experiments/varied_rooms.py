@@ -86,7 +86,7 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
         for room in rooms:
             own = [row for row in of_kind if (row["room"], row["seed"]) == room]
             yield _line(f"{kind[0]} {room[0]} {room[1]}", kind[1], own)
-        yield _line(f"**{kind[0]}, {len(rooms)} rooms**", kind[1], of_kind)
+        yield _line(f"**{kind[0]}, {len(rooms)} room{'s' * (len(rooms) > 1)}**", kind[1], of_kind)
     yield ""
     yield from _failures(rows)
 

@@ -1,14 +1,15 @@
 """Do a hundred objects land where they belong? Ours beside the paper's surface and pose, in five rooms.
 
     python experiments/insertion_study.py [--llm rules | chat | replay] [--recordings FOLDER] [--methods ours paper]
-        [--categories bathroom ... foreign] [--images FOLDER] [--runs runs/insertion] [--name NAME] [--seed 0] [llm.model=...]
+        [--categories bathroom ... foreign] [--images FOLDER] [--runs runs/insertion] [--name NAME] [--seed 0]
+        [--virtual classic | varied] [--rooms-per-category 1] [llm.model=...]
 
 Writes the zoo (`s2a zoo`) and scans of the rooms below RUNS, unless they are there; then puts every object alone into the
 room of its category, and measures what can be measured: its scale against the truth, and in the stage that came out
 collisions, support, stability, and the path of every door and drawer. The category "foreign" has objects that nobody
-here modelled (foreign.yaml). Prints the table by category, and writes it with a line an object to
-experiments/results/insertion_NAME.json and .md, and all records to RUNS/NAME/; categories that are done there are not done
-again.
+here modelled (foreign.yaml). With more than one room a category its objects are dealt out over rooms of successive seeds.
+Prints the table by category, and writes it with a line an object to experiments/results/insertion_NAME.json and .md, and all
+records to RUNS/NAME/; categories that are done there are not done again.
 
 With `--llm chat` a model is asked (OPENAI_API_KEY, OPENAI_BASE_URL, llm.model=...), of --at-once objects at a time, and its
 answers are kept in FOLDER/<category>.json; what is there already is not asked again, and no results are written. `--llm replay`
@@ -79,30 +80,47 @@ def main() -> None:
     parser.add_argument("--name", help="of the results; default: rules, or that of the folder of recordings")
     parser.add_argument("--images", type=Path)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--virtual", default="classic", choices=["classic", "varied"])
+    parser.add_argument("--rooms-per-category", type=int, default=1)
     parser.add_argument("settings", nargs="*", help="of `s2a insert`, such as llm.model=gpt-4o-mini")
     args = parser.parse_intermixed_args()
     if (args.llm != "rules") != bool(args.recordings):
         parser.error("--llm chat and --llm replay need --recordings FOLDER, and --llm rules has none")
     name = args.name or (args.recordings.name if args.recordings else args.llm)
+    (args.runs / name).mkdir(parents=True, exist_ok=True)
     rows = []
-    for category in args.categories:
-        done = args.runs / name / f"{category}.json"
-        if not done.exists():
-            found = _category(category, name, args)
-            done.write_text(json.dumps(found, indent=1) + "\n")
-        rows += json.loads(done.read_text())
-        print(table(rows), flush=True)
-    if args.llm == "chat":
-        return  # what counts is measured without waiting, by --llm replay
-    report = {"llm": name, "seed": args.seed, **provenance("cpu"), "table": summary(rows), "rows": rows}
+    for number in range(args.rooms_per_category):
+        for category in args.categories:
+            done = args.runs / name / (f"{category}_{number}.json" if number else f"{category}.json")
+            if not done.exists():
+                found = _category(category, number, name, args)
+                done.write_text(json.dumps(found, indent=1) + "\n")
+            rows += json.loads(done.read_text())
+            print(table(rows), flush=True)
+            if args.llm != "chat":  # what counts is measured without waiting, by --llm replay
+                _write(rows, name, args)
+
+
+def _write(rows: list[dict], name: str, args: argparse.Namespace) -> None:
+    """Write the rows and their table."""
+    preset = {"virtual": args.virtual, "rooms_per_category": args.rooms_per_category}
+    report = {
+        "llm": name if args.recordings else args.llm,
+        "seed": args.seed,
+        **preset,
+        **provenance("cpu"),
+        "table": summary(rows),
+        "rows": rows,
+    }
     RESULTS.mkdir(exist_ok=True)
     (RESULTS / f"insertion_{name}.json").write_text(json.dumps(report, indent=1) + "\n")
     (RESULTS / f"insertion_{name}.md").write_text(f"```\n{table(rows)}\n```\n")
 
 
-def _category(category: str, name: str, args: argparse.Namespace) -> list[dict]:
-    """Insert the objects of a category by every method; return a line an object and method."""
-    stage = _stage(ROOMS[category], args)
+def _category(category: str, number: int, name: str, args: argparse.Namespace) -> list[dict]:
+    """Insert the objects of a category that one of its rooms gets by every method; return a line an object and method."""
+    seed = args.seed + number
+    stage = _stage(ROOMS[category], seed, args)
     settings = {method: _insert_settings(stage, category, METHODS[method], args) for method in args.methods}
     first = settings[args.methods[0]]
     room, turn = open_room(first), Lock()
@@ -112,10 +130,10 @@ def _category(category: str, name: str, args: argparse.Namespace) -> list[dict]:
         with turn:  # what is not waiting for a model is done by one at a time
             return _object(room, *entry, model, settings, args.runs / name, args.images)
 
-    requests = _requests(category, args)
+    requests = _requests(category, args)[number :: args.rooms_per_category]
     with ThreadPoolExecutor(args.at_once) as pool:
         found = list(track(pool.map(insert_one, requests), category, len(requests)))
-    return [{"category": category, **row} for rows in found for row in rows]
+    return [{"category": category, "room_seed": seed, **row} for rows in found for row in rows]
 
 
 def _in_turn(model: Model, turn: Lock) -> Model:
@@ -279,11 +297,11 @@ def _zoo(args: argparse.Namespace) -> Path:
     return zoo
 
 
-def _stage(room: str, args: argparse.Namespace) -> Path:
+def _stage(room: str, seed: int, args: argparse.Namespace) -> Path:
     """Return the stage of a room; scan it if it is not there."""
-    folder = args.runs / room
+    folder = args.runs / (room if args.virtual == "classic" and seed == args.seed else f"{args.virtual}_{room}_{seed}")
     if not (folder / "geometric.usd").exists():
-        _s2a("sample", f"room={room}", f"seed={args.seed}", f"out={folder / 'scan'}")
+        _s2a("sample", f"virtual={args.virtual}", f"room={room}", f"seed={seed}", f"out={folder / 'scan'}")
         _s2a("export", f"scan={folder / 'scan'}", f"out={folder}")
     return folder / "geometric.usd"
 

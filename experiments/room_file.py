@@ -73,7 +73,7 @@ def _figures(
     if "open" in args.steps:
         opened = dict(row.get("open", {}))
         for part in args.parts or sim_stage.read(file, visuals=False).articulations:
-            opened[part] = _open(file, part, args.num_envs, args.seed)
+            opened[part] = open_part(file, part, args.num_envs, args.seed)
             print(scene.name, part, json.dumps(opened[part]), flush=True)
             yield "open", opened
 
@@ -119,7 +119,7 @@ def _processor_time() -> float:
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
-def _open(file: Path, part: str, num_envs: int, seed: int) -> dict[str, Any]:
+def open_part(file: Path, part: str, num_envs: int, seed: int) -> dict[str, Any]:
     """Return what the planner reaches with one part of a room."""
     settings = config.load(Config, config.compose("evaluate", [f"stage={file}", f"part={part}", "out=-"]))
     try:

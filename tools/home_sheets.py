@@ -14,19 +14,31 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from s2a import config
+from s2a.geometry.mesh_ops import merge
+from s2a.geometry.mesh_query import first_hits, ray_mesh
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose
 from s2a.geometry.render import render
 from s2a.scene import Mesh
 from s2a.synth.catalog import Entry, catalog
 from s2a.synth.homes import HOMES, home
 from s2a.synth.room import Room
+from s2a.synth.solids import Piece
 
-TILES = {"rooms": (640, 480), "handles": (200, 150)}
-"""Size of an image [pixel]."""
+TILES = {"rooms": (400, 300), "handles": (200, 150)}
+"""Size of a image [pixel]."""
 CAPTION = 16
-COLUMNS = {"rooms": 3, "handles": 10}
-DISTANCE = 0.75
-"""[m] Of the camera from a handle."""
+COLUMNS = {"rooms": 5, "handles": 10}
+COLORS = 255
+"""Of the palette, which halves the file."""
+PLACES = (
+    (0.75, 0.35, 0.25),
+    (0.75, -0.35, 0.25),
+    (0.6, 0.0, 0.5),
+    (0.35, 0.2, 0.15),
+    (0.35, -0.2, 0.15),
+    (0.2, 0.0, 0.3),
+)
+"""Before, beside and above a handle, where a camera is tried [m]."""
 
 
 def main(kind: str, out: Path, count: int, first: int) -> None:
@@ -40,7 +52,7 @@ def main(kind: str, out: Path, count: int, first: int) -> None:
         room = home(name, seed)
         image = above(room, camera) if kind == "rooms" else handle(room, i, camera)
         tiles.append((f"{name} {seed}", image) if kind == "rooms" else image)
-    _sheet(tiles, COLUMNS[kind], TILES[kind]).save(out)
+    _sheet(tiles, COLUMNS[kind], TILES[kind]).quantize(COLORS).save(out, optimize=True)
     print(f"{out}: {count} {kind}, seeds from {first}")
 
 
@@ -57,12 +69,25 @@ def handle(room: Room, number: int, camera: OrbitCamera) -> tuple[str, np.ndarra
     entries = catalog(room.pieces)
     handles = [entry for entry in entries if entry.piece.style is not None]
     chosen = handles[(7 * number) % len(handles)].piece
-    middle = chosen.surface.vertices.mean(axis=0)
-    front = chosen.pose[:3, 0]
-    eye = middle + DISTANCE * front + 0.35 * np.cross(front, (0, 0, 1)) + (0, 0, 0.25)
-    camera = replace(camera, backface_culling=False, fov=0.7)
-    image = render([entry.piece.surface.mesh for entry in entries], CameraPose(tuple(eye), tuple(middle)), camera)
+    eye, middle = _view(chosen, merge([entry.piece.surface.mesh for entry in entries]))
+    close = replace(camera, backface_culling=False, fov=0.7)
+    image = render([entry.piece.surface.mesh for entry in entries], CameraPose(tuple(eye), tuple(middle)), close)
     return f"{chosen.facts.get('family', chosen.style)} {1e3 * chosen.size.max():.0f} mm", image
+
+
+def _view(handle: Piece, room: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return of the places around a handle the one that most of it is seen from, and the handle's middle [m], shape [3] each."""
+    middle, front = handle.surface.vertices.mean(axis=0), handle.pose[:3, 0]
+    # A handle on a lid faces up: beside it is any horizontal direction.
+    aside = np.cross(front, (0, 0, 1) if abs(front[2]) < 0.8 else (1, 0, 0))
+    seen, mesh = [], ray_mesh(room.vertices, room.faces)
+    eyes = [middle + far * front + side * aside + (0, 0, up) for far, side, up in PLACES]
+    for eye in eyes:
+        rays = handle.surface.vertices - eye
+        far = np.linalg.norm(rays, axis=1)
+        hits = first_hits(mesh, np.broadcast_to(eye, rays.shape), rays / far[:, None])
+        seen.append(np.mean(hits > far - 0.005))
+    return eyes[int(np.argmax(seen))], middle
 
 
 def _inner(entry: Entry) -> Mesh | None:

@@ -2,6 +2,8 @@
 
     python tools/scan_stats.py SCAN... [--out FIGURES.json]
 
+SCAN is a folder written by `s2a sample`, or a PLY mesh, of which only what needs no truth is measured.
+
 noise    rms distance of the scan from the true surface, without what is more than 10 mm off (webs, skirts)
 holes    connected pieces of border, per square metre of surface; short: shorter than 0.5 m around
 webbed   handles with a gap behind them of whose length at least half is closed by surface that is not there
@@ -15,6 +17,7 @@ import argparse
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -26,6 +29,7 @@ from webs import webs
 
 from s2a.geometry.mesh_ops import merge, normals, sample, sample_with_faces
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.provenance import provenance
 from s2a.scan import ply
 from s2a.scene import Mesh, Scene
 from s2a.usd import geometric
@@ -40,8 +44,8 @@ SHORT = 0.5
 REAL = (
     # ScanNet++ 30f4a2b44d, 4.86 x 3.69 x 3.34 m: 1 304 672 vertices, 278 336 voxels of 2 cm (some 80 to 110 m2).
     ("ScanNet++ 30f4a2b44d", "1305", "12-16 k", "8-10", "", "", "", "", "", "github.com/Uspfe/USDNet, notebook.ipynb"),
-    # 117 borders on 23 m2, 71 % of them under 0.5 m; a depth camera's noise for contrast.
-    ("ScanNet scene0470_00", "", "", "", "6-11", "5.1", "71 %", "5", "", "github.com/ScanNet/ScanNet, measured"),
+    # This tool on scene0470_00_vh_clean_2.ply, 23 m2; its noise: distances from planes, without an upper bound.
+    ("ScanNet scene0470_00", "67", "2.9 k", "20.6", "6-11", "5.1", "71 %", "5", "", "github.com/skanti/Scan2CAD"),
     ("MultiScan, documented", "150", "", "", "", "", "", "", "", "github.com/smartscenes/multiscan, annotation.rst"),
     # No data sheet says this: ranging noise of some 1 mm on walls, and what registration of the stations adds.
     ("a Faro laser scanner", "", "", "", "1-2", "", "", "", "", "an estimate, not measured, from no data sheet"),
@@ -55,7 +59,7 @@ class Figures:
     """What is measured of a scan.
 
     Attributes:
-        scan: its folder.
+        scan: name of its folder or file.
         vertices: their number.
         area: of the surface [m^2].
         density: vertices per square metre.
@@ -64,6 +68,7 @@ class Figures:
         off: share of the surface farther off than that.
         holes: borders per square metre.
         short: share of borders shorter than SHORT.
+        border: its length per square metre [1/m].
         components: connected pieces.
         webs: share of each handle's gap that is closed, by part id.
         seen: share of each object's true surface that was scanned, by part id.
@@ -78,41 +83,52 @@ class Figures:
     off: float
     holes: float
     short: float
+    border: float
     components: int
     webs: dict[str, float]
     seen: dict[str, float]
 
 
-def measure(folder: Path) -> Figures:
-    """Return the figures of a virtual scan.
+def measure(scan: Path) -> Figures:
+    """Return the figures of a virtual scan, or of a mesh without truth (noise, off: NaN).
+
+    Args:
+        scan: folder of a virtual scan, or a PLY file.
 
     Raises:
-        InputError: the folder holds no mesh, or no truth.
+        InputError: there is no mesh, or a folder without truth.
     """
-    surface = ply.read(folder / "mesh_aligned_0.05.ply")
+    surface = ply.read(scan if scan.is_file() else scan / "mesh_aligned_0.05.ply")
     mesh = Mesh(surface.vertices, surface.faces)
-    truth = geometric.read(folder / "truth" / "truth.usda")
-    facts = json.loads((folder / "truth" / "truth.json").read_text())["parts"]
-    area = float(mesh.face_areas.sum())
-    clean = merge([part.mesh for part in truth.parts.values()])
-    points = sample(mesh, SAMPLES, seed=0)
-    gap = nearest_faces(ray_mesh(clean.vertices, clean.faces), points)[1]
-    lengths = border_lengths(mesh)
-    poses = {i: np.array(fact["pose"]) for i, fact in facts.items() if fact["style"] not in (None, "knob")}
+    area, lengths = float(mesh.face_areas.sum()), border_lengths(mesh)
+    nothing = {"noise": np.nan, "off": np.nan, "webs": {}, "seen": {}}
     return Figures(
-        scan=str(folder),
+        scan=scan.name,
         vertices=len(mesh.vertices),
         area=area,
         density=len(mesh.vertices) / area,
         edge=median_edge(mesh),
-        noise=float(np.sqrt(np.mean(gap[gap < NEAR] ** 2))),
-        off=float(np.mean(gap >= NEAR)),
         holes=len(lengths) / area,
         short=float(np.mean(lengths < SHORT)) if len(lengths) else 1.0,
+        border=float(lengths.sum()) / area,
         components=components(mesh),
-        webs=webs(mesh, truth, poses),
-        seen=seen(mesh, truth),
+        **(nothing if scan.is_file() else _beside_truth(mesh, scan)),
     )
+
+
+def _beside_truth(mesh: Mesh, folder: Path) -> dict[str, Any]:
+    """Return the figures of a scan that need the truth."""
+    truth = geometric.read(folder / "truth" / "truth.usda")
+    facts = json.loads((folder / "truth" / "truth.json").read_text())["parts"]
+    clean = merge([part.mesh for part in truth.parts.values()])
+    gap = nearest_faces(ray_mesh(clean.vertices, clean.faces), sample(mesh, SAMPLES, seed=0))[1]
+    poses = {i: np.array(fact["pose"]) for i, fact in facts.items() if fact["style"] not in (None, "knob")}
+    return {
+        "noise": float(np.sqrt(np.mean(gap[gap < NEAR] ** 2))),
+        "off": float(np.mean(gap >= NEAR)),
+        "webs": webs(mesh, truth, poses),
+        "seen": seen(mesh, truth),
+    }
 
 
 def edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -172,17 +188,28 @@ def seen(mesh: Mesh, truth: Scene, spacing: float = 0.02) -> dict[str, float]:
     return shares
 
 
+def _row(f: Figures) -> dict[str, Any]:
+    """Return the figures of a scan, with counts instead of those of each handle and object; None: not measured."""
+    row = asdict(f) | {"handles": len(f.webs), "webs": _webbed(f)}
+    row["seen"] = float(np.median(list(f.seen.values()))) if f.seen else None
+    return {name: None if isinstance(value, float) and np.isnan(value) else value for name, value in row.items()}
+
+
+def _webbed(f: Figures) -> int:
+    """Return how many handles have a gap of which half or more is closed."""
+    return sum(share >= 0.5 for share in f.webs.values())
+
+
 def table(all_figures: list[Figures]) -> Table:
     """Return the table of all scans and of what is known of real ones."""
     found = Table(
         "scan", "vertices k", "per m2", "edge mm", "noise mm", "holes/m2", "short", "pieces", "webbed", "seen"
     )
     for f in all_figures:
-        closed = sum(share >= 0.5 for share in f.webs.values())
         found.add_row(
             *(f.scan, f"{f.vertices / 1e3:.0f}", f"{f.density / 1e3:.1f} k", f"{1e3 * f.edge:.1f}"),
             *(f"{1e3 * f.noise:.2f}", f"{f.holes:.1f}", f"{f.short:.0%}", str(f.components)),
-            *(f"{closed} of {len(f.webs)}", f"{np.median(list(f.seen.values())):.0%}"),
+            *(f"{_webbed(f)} of {len(f.webs)}", f"{np.median(list(f.seen.values())):.0%}") if f.seen else ("", ""),
         )
     found.add_section()
     for name, *columns, source in REAL:
@@ -191,15 +218,16 @@ def table(all_figures: list[Figures]) -> Table:
 
 
 def main() -> None:
-    """Print the table, and the figures of every handle and object with --out."""
+    """Print the table; write the figures with --out."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scans", type=Path, nargs="+", metavar="SCAN", help="folder written by `s2a sample`")
-    parser.add_argument("--out", type=Path, help="JSON file for all figures")
+    parser.add_argument("scans", type=Path, nargs="+", metavar="SCAN", help="folder written by `s2a sample`, or PLY")
+    parser.add_argument("--out", type=Path, help="JSON file for the figures")
     args = parser.parse_args()
     wp.config.log_level = wp.LOG_WARNING
     figures = [measure(folder) for folder in args.scans]
     if args.out:
-        args.out.write_text(json.dumps([asdict(f) for f in figures], indent=1) + "\n")
+        rows = [_row(f) for f in figures]
+        args.out.write_text(json.dumps({**provenance("cpu"), "scans": rows}, indent=1) + "\n")
     Console(width=150).print(table(figures))
 
 

@@ -17,7 +17,6 @@ from s2a.ranges import Fraction, NotNegative, Positive
 
 BEND = 0.25
 """A cube-map face maps the tangent u in [-1, 1] to u (1 + BEND - BEND u^2): within 20 % of even angular spacing."""
-
 LATTICE_RMS = (2.0 / 3.0) ** 1.5
 """Standard deviation of unit white noise on a cubic lattice once it is interpolated linearly along three axes."""
 
@@ -33,6 +32,7 @@ class NoiseConfig:
         registration: standard deviation of the offset of a whole panorama [m].
         grazing_cutoff: rays whose incidence has a cosine below this return nothing, raggedly (half of them at this value).
         tripod_blind_cone: rays steeper down than this below the horizon return nothing [rad]: the tripod.
+        max_elevation: rays steeper up than this above the horizon return nothing [rad].
     """
 
     white: NotNegative
@@ -41,6 +41,7 @@ class NoiseConfig:
     registration: NotNegative
     grazing_cutoff: Fraction
     tripod_blind_cone: NotNegative
+    max_elevation: NotNegative
 
 
 @wp.struct
@@ -53,6 +54,7 @@ class Errors:
     offset: float
     grazing_cutoff: float
     lowest: float
+    highest: float
     lattice: wp.array3d(dtype=float)
 
 
@@ -127,7 +129,7 @@ def _cast(
     tid = first + wp.tid()
     d = pixel_direction(tangents, tangents.shape[0], tid)
     ranges[tid] = 0.0
-    if d[2] < errors.lowest:
+    if d[2] < errors.lowest or d[2] > errors.highest:
         return
     ray = turn * d
     hit = wp.mesh_query_ray(mesh, origin, ray, 100.0)
@@ -173,8 +175,9 @@ def cast_panorama(
     errors.seed = int(rng.integers(1 << 30))
     errors.white, errors.correlated, errors.grazing_cutoff = noise.white, noise.correlated, noise.grazing_cutoff
     errors.offset, errors.lowest = float(rng.normal(0.0, noise.registration)), -float(np.sin(noise.tripod_blind_cone))
-    lattice = rng.normal(size=(int(2.0 / noise.correlation) + 2,) * 3).astype(np.float32)
-    errors.lattice = wp.array(lattice, dtype=float, device="cpu")
+    errors.highest = float(np.sin(noise.max_elevation)) if noise.max_elevation < np.pi / 2 else 2.0
+    cells = (int(2.0 / noise.correlation) + 2,) * 3
+    errors.lattice = wp.array(rng.normal(size=cells).astype(np.float32), dtype=float, device="cpu")
     tangents = wp.array(pixel_tangents(spacing), dtype=float, device="cpu")
     ranges = wp.empty(6 * len(tangents) ** 2, dtype=float, device="cpu")
     pose = np.asarray(T_mesh_scanner, np.float64)
@@ -228,13 +231,10 @@ def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tu
 
 @wp.kernel
 def _hit(
-    mesh: wp.uint64,
-    starts: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    distance: wp.array(dtype=float),
+    mesh: wp.uint64, starts: wp.array(dtype=wp.vec3), ahead: wp.array(dtype=wp.vec3), distance: wp.array(dtype=float)
 ):
     tid = wp.tid()
-    hit = wp.mesh_query_ray(mesh, starts[tid], directions[tid], 1.0e3)
+    hit = wp.mesh_query_ray(mesh, starts[tid], ahead[tid], 1.0e3)
     distance[tid] = wp.where(hit.result, hit.t, wp.inf)
 
 

@@ -13,6 +13,11 @@ from s2a.synth.scanner import ScannerConfig, scan
 from s2a.synth.sight import sighted, vertex_normals
 from s2a.synth.solids import Surface, rotation
 
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""Weights of red, green and blue (ITU-R BT.709)."""
+LIGHT = 0.3
+"""Luminance from which on a surface returns enough infrared light; a pixel value of 76 of 255."""
+
 
 class Capture:
     """What one scanner sees of one room.
@@ -34,7 +39,8 @@ class Capture:
     def scan(self, errors: np.random.Generator) -> Mesh:
         """Return the coloured scan, in the scene."""
         bounds = np.stack([self.surface.vertices.min(axis=0), self.surface.vertices.max(axis=0)])
-        arguments = (self._mesh, self.surface.dropout, self.room.yaw, self._places, bounds, self.config, errors)
+        dropout = swallowed(self.surface, self.config.dark)
+        arguments = (self._mesh, dropout, self.room.yaw, self._places, bounds, self.config, errors)
         vertices, faces = scan(*arguments)
         return Mesh(vertices, faces, self.colors(vertices, vertex_normals(vertices, faces)))
 
@@ -65,3 +71,9 @@ class Capture:
 
     def _sighted(self, inside: np.ndarray, normals: np.ndarray) -> np.ndarray:
         return sighted(self._mesh, inside, normals @ self._turn.T, self._places @ self._turn.T)
+
+
+def swallowed(surface: Surface, dark: float) -> np.ndarray:
+    """Return the fraction of rays that each face swallows, shape [face], float32; see `ScannerConfig.dark`."""
+    luminance = surface.colors @ np.array(LUMINANCE, np.float32) / 255.0
+    return np.maximum(surface.dropout, dark * np.clip(1.0 - luminance / LIGHT, 0.0, 1.0)).astype(np.float32)

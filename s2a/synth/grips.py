@@ -1,9 +1,9 @@
 """Handle families with continuous dimensions: a `GripDesign` is drawn once for a set of fronts and made for each front.
 
-Dimensions are those of furniture-fitting catalogues (Haefele "The Complete Haefele", Hettich ProDecor, IKEA): bars have bores in
-steps of 32 mm from 64 to 544 mm and overhang them by up to 50 mm; they are 6 to 22 mm wide and leave 18 to 38 mm behind them.
-Knobs measure 20 to 45 mm across and stand out 18 to 40 mm. Cups are 64 to 140 mm wide and 18 to 32 mm deep. Edge profiles stand
-out 14 to 35 mm. Recessed pulls are 30 to 60 mm high and 9 to 13 mm deep. Local frames: on a front at x = 0, z up, metres.
+Ranges: bars have hole spacings of 64 to 256 mm (huzhanbrass.com) and are 30 to 50 mm longer (shopmeraki.co); knobs measure 25
+to 38 mm across (engineerfix.com), cups 76 to 127 mm, edge profiles 76 to 152 mm along the front (jamiewenzaw.sainer.biz.id).
+What is drawn goes beyond these at both ends. Common sizes: bars up to 0.6 m, 6 to 24 mm wide, with 18 to 36 mm behind them;
+recessed pulls, straps, all other dimensions. Local frames: on a front at x = 0, z up, metres.
 """
 
 from __future__ import annotations

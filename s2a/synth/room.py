@@ -14,6 +14,8 @@ from s2a.synth.solids import PLAIN, WOOD, Color, Piece, Surface, at, box, join, 
 
 NORTH, SOUTH, WEST, EAST = -90.0, 90.0, 0.0, 180.0
 """Yaw [deg] of what stands before the wall y = depth, y = 0, x = 0, x = width and faces the room."""
+Size = tuple[float, float, float]
+"""Inner width, depth and height of a room [m]."""
 Hole = tuple[float, float, float, float]
 """Opening of a wall, in the wall's frame: y from, y to, z from, z to [m]."""
 
@@ -31,7 +33,7 @@ class Room:
 
     pieces: tuple[Piece, ...]
     scanners: np.ndarray
-    size: tuple[float, float, float]
+    size: Size
     yaw: float = 0.0
 
     def turned(self, yaw: float) -> Room:
@@ -42,6 +44,12 @@ class Room:
         move = translation(-corners.min(axis=0)) @ turn
         scanners = self.scanners @ move[:3, :3].T + move[:3, 3]
         return replace(self, pieces=tuple(p.moved(move) for p in self.pieces), scanners=scanners, yaw=yaw)
+
+
+def size_near(rng: np.random.Generator, mean: Size, below: Size, above: Size) -> Size:
+    """Return the size of a room, at most so far below and above a mean [m]."""
+    width, depth, height = (m + rng.uniform(-b, a) for m, b, a in zip(mean, below, above, strict=True))
+    return width, depth, height
 
 
 def around(rng: np.random.Generator, x: float, y: float, z: float, yaw: float, slack: float = 0.03) -> np.ndarray:
@@ -72,7 +80,7 @@ def wall(
 
 def structure(
     rng: np.random.Generator,
-    size: tuple[float, float, float],
+    size: Size,
     holes: Mapping[float, Hole],
     paint: Color = (224, 220, 208),
     ground: tuple[Color, int] = ((164, 134, 100), WOOD),

@@ -9,7 +9,7 @@ import numpy as np
 
 from s2a.geometry.mesh_query import NoiseConfig, RayMesh, cast_panorama
 from s2a.progress import track
-from s2a.ranges import AtLeast, CountFromZero, Positive
+from s2a.ranges import AtLeast, CountFromZero, Fraction, Positive
 from s2a.synth.handheld import DriftConfig, drifts, smoothed
 from s2a.synth.pixel_planes import measure
 from s2a.synth.project_to_scan import project_to_scan
@@ -29,6 +29,7 @@ class ScannerConfig:
         reach: longest range that is measured [m].
         noise: errors of the ranges.
         drift: errors of the places.
+        dark: fraction of the rays that a black surface swallows; less on lighter ones, none from a luminance of LIGHT on.
         fusion: how all panoramas become one surface.
         smooth: passes of averaging over neighbouring vertices after the fusion.
         project_to_scan: Project vertices onto the measured planes, which keeps a laser's detail.
@@ -43,6 +44,7 @@ class ScannerConfig:
     reach: Positive
     noise: NoiseConfig
     drift: DriftConfig
+    dark: Fraction
     fusion: FusionConfig
     smooth: CountFromZero
     project_to_scan: bool

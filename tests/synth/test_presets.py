@@ -18,10 +18,12 @@ from s2a.errors import InputError
 from s2a.scan import ply
 from s2a.synth import SampleConfig, glb, sample
 from s2a.synth.annotate import AnnotationConfig, annotated_joints, overlooked, reversed_joints, without
+from s2a.synth.capture import swallowed
 from s2a.synth.catalog import catalog
 from s2a.synth.handheld import DriftConfig, drifts, smoothed
 from s2a.synth.homes import home
 from s2a.synth.pairs import again
+from s2a.synth.solids import box, join
 from s2a.synth.surface_nets import Net
 from s2a.usd import geometric
 
@@ -57,6 +59,14 @@ def test_a_phone_writes_a_glb_with_y_up_and_one_image(phone: Path) -> None:
     assert np.isclose(position["min"][2], -mesh.vertices[:, 1].max(), atol=1e-5), "y became -z"
     assert content["images"][0]["mimeType"] == "image/png"
     assert len(content["buffers"]) == 1
+
+
+def test_a_dark_surface_swallows_rays_and_a_light_one_none() -> None:
+    plates = [box((0, 1), (0, 1), (i, i + 0.1), (grey,) * 3) for i, grey in enumerate((0, 38, 77, 255))]
+    glass = box((0, 1), (0, 1), (5, 5.1), (255, 255, 255), dropout=0.8)
+    lost = swallowed(join(*plates, glass), 1.0)
+    assert lost[::12] == pytest.approx([1.0, 0.503, 0.0, 0.0, 0.8], abs=0.001)
+    assert swallowed(join(*plates, glass), 0.0)[::12] == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.8])
 
 
 def test_a_texture_shows_each_triangle_its_own_colours(tmp_path: Path) -> None:

@@ -125,3 +125,14 @@ def test_noise_is_that_which_was_added(tmp_path: Path) -> None:
     assert figures.noise == pytest.approx(0.002 * np.sqrt(0.5), rel=0.05)
     assert figures.density == pytest.approx(101**2, rel=0.1)
     assert figures.webs == {}
+
+
+def test_a_mesh_without_truth_has_the_figures_that_need_none(tmp_path: Path) -> None:
+    from s2a.synth import files
+
+    mesh = plate(10, missing=((2, 2),))
+    files.write_ply(tmp_path / "real.ply", Mesh(mesh.vertices, mesh.faces, mesh.vertices * 0))
+    figures = scan_stats.measure(tmp_path / "real.ply")
+    assert (figures.holes, figures.border) == pytest.approx((2 / 0.99, 4.4 / 0.99), rel=1e-3)
+    assert np.isnan(figures.noise) and figures.seen == {}
+    assert scan_stats._row(figures)["noise"] is None

@@ -18,7 +18,13 @@ from s2a.synth.surface_nets import Net, extract
 from s2a.synth.tsdf import FusionConfig, fuse
 
 EXACT = NoiseConfig(
-    white=0.0, correlated=0.0, correlation=0.1, registration=0.0, grazing_cutoff=0.0, tripod_blind_cone=np.pi / 2
+    white=0.0,
+    correlated=0.0,
+    correlation=0.1,
+    registration=0.0,
+    grazing_cutoff=0.0,
+    tripod_blind_cone=np.pi / 2,
+    max_elevation=2.0,
 )
 FUSION = FusionConfig(voxel=0.02, truncation=3.0, reach=1.3, depth=9.0)
 GREY = (200, 200, 200)
@@ -89,6 +95,7 @@ def test_the_noise_has_the_stated_size() -> None:
         registration=0.0,
         grazing_cutoff=0.0,
         tripod_blind_cone=np.pi / 2,
+        max_elevation=2.0,
     )
     error = panorama(0.0, (0.0, 0.0, 0.0), noise) - panorama(0.0, (0.0, 0.0, 0.0))
     assert abs(error.std() / np.hypot(0.0005, 0.0012) - 1.0) < 0.15
@@ -96,12 +103,16 @@ def test_the_noise_has_the_stated_size() -> None:
 
 
 def test_nothing_returns_from_below_the_tripod() -> None:
-    noise = NoiseConfig(
-        white=0.0, correlated=0.0, correlation=0.1, registration=0.0, grazing_cutoff=0.0, tripod_blind_cone=np.pi / 4
-    )
+    noise = replace(EXACT, tripod_blind_cone=np.pi / 4)
     ranges = panorama(0.0, (0.0, 0.0, 0.0), noise)
     lost = (ranges == 0.0).mean()
     assert 0.10 < lost < 0.20, "a cap of 45 degrees covers 14.6 % of the sphere"
+
+
+def test_nothing_returns_from_above_the_highest_elevation() -> None:
+    ranges = panorama(0.0, (0.0, 0.0, 0.0), replace(EXACT, max_elevation=np.pi / 4))
+    assert 0.10 < (ranges == 0.0).mean() < 0.20, "a cap of 45 degrees covers 14.6 % of the sphere"
+    assert (panorama(0.0, (0.0, 0.0, 0.0), EXACT) > 0.0).all(), "a laser sees its zenith"
 
 
 def test_what_lies_deep_in_a_shadow_is_not_taken_for_filled() -> None:

@@ -1,7 +1,8 @@
 """Beds, seats and tables.
 
-Ranges: mattresses 0.8 to 1.8 m by 1.9 to 2.1 m (EN 1334), tops 0.42 to 0.6 m high; sofas 1.4 to 2.4 m wide; dining tables 0.72 to
-0.77 m high, 0.7 to 1.0 m by 0.8 to 2.2 m (DIN 68880), chairs every 0.6 m.
+Ranges: mattresses 0.8 to 1.8 m by 1.8 to 2.2 m (bedsizes.biz, European sizes); sofas 1.5 to 2.3 m wide (thespruce.com: two
+and three seats); dining tables 0.71 to 0.76 m high, 0.76 to 1.02 m deep, 0.76 to 2.44 m long (thesize.net, opplehouse.com);
+coffee tables 0.40 to 0.46 m high (thesize.net). Common sizes: heights of beds, widths of coffee tables, a chair every 0.6 m.
 """
 
 from __future__ import annotations
@@ -81,13 +82,13 @@ def _light(rng: np.random.Generator) -> Color:
 
 def sofa(rng: np.random.Generator, color: Color) -> tuple[Piece, float]:
     """Return a sofa with its back at x = 0, and its width [m]."""
-    width = uniform(rng, (1.4, 2.4))
+    width = uniform(rng, (1.5, 2.3))
     return soft_furniture.sofa(width, max(2, round((width - 0.36) / 0.75)), color).moved(at(0.9, 0)), width
 
 
 def dining(rng: np.random.Generator, style: Style) -> list[Piece]:
     """Return a dining table about the origin, long along y, with chairs and what stands on it."""
-    high, deep, long = uniform(rng, (0.72, 0.77)), uniform(rng, (0.72, 0.98)), uniform(rng, (0.9, 2.0))
+    high, deep, long = uniform(rng, (0.71, 0.76)), uniform(rng, (0.76, 1.0)), uniform(rng, (0.9, 2.0))
     x, y = deep / 2, long / 2
     top = box((-x, x), (-y, y), (high - 0.03, high), style.top, style.texture)
     legs = [
@@ -114,7 +115,7 @@ def dining(rng: np.random.Generator, style: Style) -> list[Piece]:
 
 def coffee_table(rng: np.random.Generator, style: Style) -> list[Piece]:
     """Return a low table about the origin, some with a drawer, and what stands on it."""
-    high, deep, wide = uniform(rng, (0.36, 0.48)), uniform(rng, (0.45, 0.7)), uniform(rng, (0.6, 1.2))
+    high, deep, wide = uniform(rng, (0.4, 0.46)), uniform(rng, (0.45, 0.7)), uniform(rng, (0.6, 1.2))
     if chance(rng, 0.5):
         cells = (Cell(1.0, Opening("open"), 0), Cell(0.9, Opening("drawer")))
         count = 1 + (wide > 0.9)

@@ -1,7 +1,9 @@
 """Sizes that all units of a fitted kitchen share.
 
-Ranges: co-ordinating sizes of EN 1116 (worktop 0.82 to 0.96 m high, 0.6 m deep; wall units 0.3 to 0.4 m deep, 0.45 to 0.65 m
-above the worktop; plinths 0.08 to 0.16 m).
+Ranges: upper face of the worktop 0.87 to 1.0 m high, worktop 20 to 40 mm thick, base units 0.56 to 0.6 m deep, plinth 0.15 m
+(coleccionplanta29.com, sizes in the UK); wall units 0.5 to 0.6 m above the worktop (house-forum.com, on IKEA Metod). Common
+sizes: plinths from 0.08 m, wall units 0.32 to 0.38 m deep and 0.5 to 0.9 m high. EN 1116, which sets such sizes, was not
+opened.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ class Fitted:
 
 def fitted(rng: np.random.Generator) -> Fitted:
     """Return the drawn sizes of a kitchen."""
-    top, thick = uniform(rng, (0.78, 0.9)), uniform(rng, (0.02, 0.05))
-    upper = top + thick + uniform(rng, (0.45, 0.62))
+    top, thick = uniform(rng, (0.85, 0.93)), uniform(rng, (0.02, 0.04))
+    upper = top + thick + uniform(rng, (0.5, 0.6))
     wall = uniform(rng, (0.5, min(0.9, 2.25 - upper))), uniform(rng, (0.32, 0.38))
-    return Fitted(uniform(rng, (0.56, 0.62)), uniform(rng, (0.08, 0.16)), top, thick, upper, wall)
+    return Fitted(uniform(rng, (0.56, 0.6)), uniform(rng, (0.08, 0.16)), top, thick, upper, wall)

@@ -1,4 +1,8 @@
-"""Units of fitted kitchens, 0.3 to 1.2 m wide (EN 1116; catalogues of IKEA Metod and Nobilia), worktops, islands."""
+"""Units of fitted kitchens, worktops, islands.
+
+Ranges: units 0.15 to 1.2 m wide (coleccionplanta29.com, sizes in the UK), of which 0.3 to 1.0 m are drawn. Common sizes:
+islands, stools, heights of drawers.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Kitchen appliances as cabinets with glazed or thick doors. Local frames as in `s2a.synth.families`.
 
-Ranges as common in catalogues (Bosch, Siemens, IKEA): appliances 0.45 and 0.6 m wide, oven doors 0.45 to 0.5 m high, fridges
-0.55 to 0.7 m wide and 0.85 to 2.05 m high, microwaves 0.44 to 0.54 m wide.
+Ranges: dishwashers 0.46 and 0.61 m wide (engineerfix.com), free-standing fridges 0.54 to 0.65 m wide, 0.55 to 0.7 m deep and
+0.85 to 2.1 m high (kitchprep.com, enchantedhomeschoolingmom.net). Common sizes: ovens 0.6 m wide, microwaves, handles of oven
+doors.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def dishwasher(rng: np.random.Generator, width: float, sizes: Fitted, style: Sty
 
 def fridge(rng: np.random.Generator, style: Style) -> Piece:
     """Return a free-standing fridge: one door, a freezer above or below, or drawers of a freezer."""
-    size = uniform(rng, (0.58, 0.7)), uniform(rng, (0.55, 0.7)), uniform(rng, (1.45, 2.02))
+    size = uniform(rng, (0.58, 0.7)), uniform(rng, (0.54, 0.65)), uniform(rng, (1.45, 2.02))
     side, color = pick(rng, ("left", "right")), pick(rng, (WHITE, STEEL, (60, 62, 66), (170, 60, 54)))
     grip = grips.design(
         rng, "rail", "bar", "square", "bow", "edge", "recess", color=pick(rng, (STEEL, (60, 60, 64), color))

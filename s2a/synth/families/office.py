@@ -1,9 +1,9 @@
 """Furniture of offices, studies and workshops.
 
-Ranges: EN 527-1 (desks 0.68 to 0.78 m high, 0.6 to 0.8 m deep, 1.0 to 1.8 m wide); pedestals 0.33 to 0.43 m wide,
-0.5 to 0.6 m high; filing cabinets of 0.3 m a drawer (A4 suspension files);
-roller-shutter cabinets 0.8 to 1.2 m wide; lockers 0.25 to 0.4 m a column
-(EN 14073, catalogues of C+P, Bisley, Steelcase); workbenches 0.8 to 0.95 m high, 0.6 to 0.75 m deep.
+Ranges: work surfaces 0.65 to 0.85 m high (EN 527-1 by offipedia.org); filing cabinets of one column 0.38 to 0.46 m wide and
+0.64 to 0.72 m deep, of two 0.76 to 1.12 m wide (2175forals.com); stationery cupboards 1.2 to 2.1 m high, 0.9 m wide, 0.46 m
+deep (m-d-international.com). Common sizes: desks 0.6 to 0.8 m deep and 1.15 to 1.8 m wide, pedestals, 0.3 m a drawer of
+suspension files, roller-shutter cabinets, lockers 0.25 to 0.4 m a column, workbenches, tool cabinets.
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ def pedestal(rng: np.random.Generator, style: Style, high: float) -> Piece:
 def filing(rng: np.random.Generator, style: Style) -> Piece:
     """Return a filing cabinet of two to four high drawers, one or two columns."""
     count, wide = integer(rng, 2, 4), pick(rng, (1, 1, 2))
-    size = uniform(rng, (0.45, 0.64)), wide * uniform(rng, (0.41, 0.5)), 0.05 + count * uniform(rng, (0.28, 0.33))
+    deep = uniform(rng, (0.6, 0.72) if wide == 1 else (0.45, 0.55))
+    size = deep, wide * uniform(rng, (0.38, 0.47)), 0.05 + count * uniform(rng, (0.28, 0.33))
     columns = tuple(column(1.0, *((1.0, "drawer"),) * count) for _ in range(wide))
     base = CabinetBase("plinth", 0.04, 0.016, integer(rng, 0, 3))
     return cabinet(rng, "filing cabinet", size, columns, replace(steel(rng, style), extension=0.97), base)

@@ -1,8 +1,8 @@
 """Bathrooms and laundries.
 
-Ranges: vanity units 0.5 to 1.5 m wide, 0.42 to 0.52 m deep, tops 0.78 to 0.92 m high; mirror cabinets 0.11 to 0.18 m deep; tall
-cupboards 0.3 to 0.45 m wide (catalogues of Duravit, IKEA Godmorgon); washing machines and dryers 0.595 to 0.6 m wide, 0.45 to
-0.64 m deep, 0.84 to 0.85 m high with portholes of 0.3 to 0.36 m hinged at the left (Bosch, Miele).
+Ranges: vanity units 0.61 to 1.52 m wide, 0.79 to 0.9 m high, 0.43 to 0.61 m deep (thelovelypoppy.com); washing machines 0.595
+to 0.6 m wide, 0.84 to 0.85 m high, 0.4 to 0.7 m deep (inthewash.co.uk, washgeek.com). Common sizes: mirror cabinets, tall
+cupboards, portholes of 0.26 to 0.31 m hinged at the left.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from s2a.synth.solids import Piece, at, box, cylinder, join, lathe, rotation
 
 def vanity(rng: np.random.Generator, style: Style) -> list[Piece]:
     """Return a vanity unit with its top, a basin and a tap; drawers or doors under the basin, drawers beside it."""
-    width, depth, top = uniform(rng, (0.55, 1.5)), uniform(rng, (0.44, 0.52)), uniform(rng, (0.78, 0.92))
+    width, depth, top = uniform(rng, (0.6, 1.5)), uniform(rng, (0.44, 0.52)), uniform(rng, (0.79, 0.9))
     bowl = (0.28, min(0.46, width - 0.16), 0.12)
     hung = chance(rng, 0.5)
     below = Cell(1.0, Opening("pair" if width > 0.75 else "left"), 0)

@@ -1,6 +1,7 @@
 """Wardrobes with sliding doors on two tracks, one before the other.
 
-Ranges of catalogues (IKEA Pax, Raumplus): 1.2 to 2.6 m wide, 0.6 to 0.68 m deep, two or three doors that overlap by 20 to 50 mm.
+Ranges: two doors 0.9 to 2.4 m wide, three 1.35 to 3.6 m (almara.com.au); 0.54 to 0.7 m deep (slidingdoorwardrobe.uk,
+joycekitchens.com.au); 1.8 to 2.4 m high (choicewardrobe.co.uk). Common size: an overlap of 20 to 50 mm.
 Doors of the rear track have recessed pulls, past which those of the front track slide.
 """
 

@@ -1,8 +1,10 @@
 """Storage of living rooms, bedrooms and halls.
 
-Ranges from the catalogues of IKEA (Malm, Hemnes, Pax, Besta, Brimnes), Hay and USM: chests 0.4 to 1.6 m wide, 0.38 to 0.5 m deep,
-0.55 to 1.3 m high; wardrobes 0.5 to 2.5 m wide, 0.5 to 0.66 m deep, 1.75 to 2.36 m high; nightstands 0.35 to 0.6 m; sideboards
-1.0 to 2.2 m wide, 0.36 to 0.5 m deep, 0.65 to 0.95 m high; TV benches 0.9 to 2.2 m wide, 0.35 to 0.6 m high.
+Ranges: wardrobes 0.6 to 2.5 m wide, 0.55 to 0.65 m deep, 1.8 to 2.4 m high (choicewardrobe.co.uk), hinged doors 0.4 to 0.7 m
+wide (almara.com.au); TV benches 1.0 to 1.5 m wide and wider, 0.35 to 0.5 m deep, 0.4 to 0.65 m high (omnisizes.com,
+marvinbucknell.co.uk, home-and-garden.pro). Chests 0.4 to 1.6 m wide, 0.38 to 0.5 m deep and 0.55 to 1.3 m high are common
+sizes around two that were opened (IKEA Malm: 0.80 x 0.48 x 0.78 m, robotics-handbook.net; 0.80 x 1.23 m, 1010uzu.com). Common
+sizes: nightstands, sideboards, vitrines, shelves, shoe cabinets.
 """
 
 from __future__ import annotations
@@ -74,7 +76,7 @@ def _mixed(rng: np.random.Generator) -> Column:
 
 def tv_bench(rng: np.random.Generator, style: Style) -> Piece:
     """Return a low bench with drawers, flaps and open compartments."""
-    size = uniform(rng, (0.36, 0.5)), uniform(rng, (0.9, 2.2)), uniform(rng, (0.34, 0.6))
+    size = uniform(rng, (0.36, 0.5)), uniform(rng, (0.9, 2.2)), uniform(rng, (0.4, 0.62))
     count = max(2, round(size[1] / uniform(rng, (0.45, 0.7))))
     kinds = (((1.0, "drawer"),), ((1.0, "down"),), ((1.0, "open"),), ((1.0, "drawer"), (0.8, "open")), ((1.0, "up"),))
     each = [column(uniform(rng, (0.9, 1.2)), *pick(rng, kinds)) for _ in range(count)]
@@ -110,7 +112,7 @@ def shelf(rng: np.random.Generator, style: Style) -> Piece:
 
 def wardrobe(rng: np.random.Generator, style: Style) -> Piece:
     """Return a wardrobe with hinged doors, inner drawers, open compartments, mirrors."""
-    size = uniform(rng, (0.5, 0.64)), uniform(rng, (0.5, 2.5)), uniform(rng, (1.75, 2.36))
+    size = uniform(rng, (0.55, 0.65)), uniform(rng, (0.6, 2.5)), uniform(rng, (1.8, 2.36))
     count = max(1, round(size[1] / uniform(rng, (0.42, 0.6))))
     each = []
     for i in range(count):

@@ -12,11 +12,10 @@ from s2a.synth import appliances, household, kitchen_units, objects, sanitary, t
 from s2a.synth.fronts import LEFT, RIGHT, bar_pull, cup_pull, knob_pull
 from s2a.synth.furniture import room_door, window
 from s2a.synth.plumbing import basin, counter, faucet
-from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, around, structure
+from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, Size, around, size_near, structure
 from s2a.synth.sanitary import CERAMIC, VANITY_TOP
 from s2a.synth.solids import PLAIN, TILES, WOOD, Color, Piece, at
 
-Size = tuple[float, float, float]
 VANITY = 1.36
 """x of the vanity's middle [m]; it is 1 m wide."""
 DOOR = (0.76, 0.88, 2.05)
@@ -28,12 +27,8 @@ FINISHES: tuple[tuple[Color, int], ...] = (((150, 114, 82), WOOD), ((232, 230, 2
 
 def bathroom(rng: np.random.Generator) -> Room:
     """Return a bathroom with nine pieces of furniture that open and some thirty other objects."""
-    width, depth, height = (
-        3.42 + rng.uniform(-0.06, 0.06),
-        2.82 + rng.uniform(-0.06, 0.06),
-        2.5 + rng.uniform(-0.05, 0.05),
-    )
-    size = (width, depth, height)
+    size = size_near(rng, (3.42, 2.82, 2.5), (0.06, 0.06, 0.05), (0.06, 0.06, 0.05))
+    width, depth, _ = size
     left, right = width - DOOR[0] - DOOR[1] / 2, width - DOOR[0] + DOOR[1] / 2
     holes = {EAST: (depth - 1.9, depth - 1.3, 1.25, 2.05), SOUTH: (left, right, 0.0, DOOR[2])}
     pieces = [

@@ -12,7 +12,7 @@ from s2a.synth import cloth, decor, objects, soft_furniture, storage
 from s2a.synth.cabinets import Finish
 from s2a.synth.furniture import room_door, window
 from s2a.synth.handles import STEEL
-from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Hole, Room, around, structure
+from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Hole, Room, Size, around, size_near, structure
 from s2a.synth.solids import PLAIN, WOOD, Color, Piece, at
 
 BLACK, BRASS = (44, 44, 48), (176, 142, 84)
@@ -22,12 +22,8 @@ CLOTHS: tuple[Color, ...] = ((92, 116, 146), (146, 92, 92), (104, 128, 100), (17
 
 def bedroom(rng: np.random.Generator) -> Room:
     """Return a bedroom with eight pieces of furniture that open and more than thirty other objects."""
-    width, depth, height = (
-        4.7 + rng.uniform(-0.08, 0.08),
-        4.35 + rng.uniform(-0.08, 0.08),
-        2.5 + rng.uniform(-0.03, 0.05),
-    )
-    size = (width, depth, height)
+    size = size_near(rng, (4.7, 4.35, 2.5), (0.08, 0.08, 0.03), (0.08, 0.08, 0.05))
+    _, depth, _ = size
     holes: dict[float, Hole] = {
         EAST: (depth - 2.5, depth - 1.3, 0.95, 2.25),
         SOUTH: (0.36, 1.34, 0.0, 2.1),
@@ -47,7 +43,7 @@ BED_Y, WARDROBE_X, DRESSER_X, TALLBOY_Y, BENCH_X = 1.5, 1.72, 3.32, 3.22, 2.64
 """Middles of bed, wardrobe, chests of drawers; front of the bench [m]."""
 
 
-def _articulated(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _articulated(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what opens: wardrobe, chests of drawers, nightstands, bench, door, window."""
     width, depth, _ = size
     wood = WOODS[rng.integers(len(WOODS))]
@@ -90,7 +86,7 @@ def _bed(rng: np.random.Generator) -> list[Piece]:
     ]
 
 
-def _on_furniture(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _on_furniture(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what stands on nightstands and chests of drawers and lies in the wardrobe's open shelves."""
     width, depth, _ = size
     night, dresser, tallboy = 0.56, 0.8, 1.16
@@ -115,7 +111,7 @@ def _on_furniture(rng: np.random.Generator, size: tuple[float, float, float]) ->
     ]
 
 
-def _walls(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _walls(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what hangs on walls and ceiling."""
     width, depth, height = size
     color = CLOTHS[rng.integers(len(CLOTHS))]
@@ -135,7 +131,7 @@ def _walls(rng: np.random.Generator, size: tuple[float, float, float]) -> list[P
     ]
 
 
-def _floor(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _floor(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what stands and lies on the floor."""
     width, depth, _ = size
     return [
@@ -150,7 +146,7 @@ def _floor(rng: np.random.Generator, size: tuple[float, float, float]) -> list[P
     ]
 
 
-def _scanners(rng: np.random.Generator, size: tuple[float, float, float]) -> np.ndarray:
+def _scanners(rng: np.random.Generator, size: Size) -> np.ndarray:
     """Return six scanner positions; the first two see wardrobe and chest of drawers from the left and from the right."""
     depth = size[1]
     places = [

@@ -16,7 +16,7 @@ from s2a.synth.fronts import LEFT, RIGHT, Pull, bar_pull, cup_pull, edge_pull, k
 from s2a.synth.furniture import room_door, window
 from s2a.synth.kitchen_units import COUNTER, FRONT_TOP
 from s2a.synth.plumbing import basin, counter, faucet
-from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, around, structure
+from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Room, Size, around, size_near, structure
 from s2a.synth.solids import PLAIN, TILES, WOOD, Color, Piece, at
 
 WIDTHS = {"drawers": 0.6, "oven": 0.6, "narrow": 0.4, "sink": 0.8, "dishwasher": 0.6}
@@ -53,12 +53,9 @@ class Row:
 
 def kitchen(rng: np.random.Generator) -> Room:
     """Return a kitchen with a dozen articulated pieces of furniture and appliances and some forty other objects."""
-    width, depth, height = (
-        4.35 + rng.uniform(-0.1, 0.1),
-        3.45 + rng.uniform(-0.08, 0.08),
-        2.6 + rng.uniform(-0.05, 0.05),
-    )
-    size, row = (width, depth, height), _row(rng, depth)
+    size = size_near(rng, (4.35, 3.45, 2.6), (0.1, 0.08, 0.05), (0.1, 0.08, 0.05))
+    width, depth, _ = size
+    row = _row(rng, depth)
     holes = {EAST: (depth - 2.1, depth - 0.9, 0.95, 2.25), SOUTH: (width - 1.34, width - 0.36, 0.0, 2.1)}
     pieces = [
         *_units(rng, row),
@@ -109,7 +106,7 @@ def _units(rng: np.random.Generator, row: Row) -> list[Piece]:
     ]
 
 
-def _openings(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _openings(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return door and window."""
     return [
         room_door(rng, 0.98, 2.1).moved(at(0.85, 0, 0, SOUTH)),
@@ -190,7 +187,7 @@ def _table(rng: np.random.Generator) -> list[Piece]:
     ]
 
 
-def _walls(rng: np.random.Generator, row: Row, size: tuple[float, float, float]) -> list[Piece]:
+def _walls(rng: np.random.Generator, row: Row, size: Size) -> list[Piece]:
     """Return what hangs on walls and ceiling or stands before them."""
     width, depth, height = size
     return [
@@ -205,7 +202,7 @@ def _walls(rng: np.random.Generator, row: Row, size: tuple[float, float, float])
     ]
 
 
-def _scanners(rng: np.random.Generator, row: Row, size: tuple[float, float, float]) -> np.ndarray:
+def _scanners(rng: np.random.Generator, row: Row, size: Size) -> np.ndarray:
     """Return six scanner positions; the first two see the row from left and right, the fifth looks into the sink."""
     front = size[1] - 0.6
     places = [

@@ -13,7 +13,7 @@ from s2a.synth import cloth, decor, objects, soft_furniture, storage
 from s2a.synth.cabinets import Finish
 from s2a.synth.furniture import room_door, window
 from s2a.synth.handles import STEEL
-from s2a.synth.room import EAST, NORTH, SOUTH, Hole, Room, around, structure
+from s2a.synth.room import EAST, NORTH, SOUTH, Hole, Room, Size, around, size_near, structure
 from s2a.synth.solids import PLAIN, WOOD, Color, Piece, at, rotation
 
 BLACK, BRASS = (44, 44, 48), (176, 142, 84)
@@ -24,12 +24,8 @@ ACCENTS: tuple[Color, ...] = ((204, 156, 60), (176, 84, 64), (70, 120, 130), (22
 
 def living_room(rng: np.random.Generator) -> Room:
     """Return a living room with eight pieces of furniture that open and more than forty other objects."""
-    width, depth, height = (
-        5.4 + rng.uniform(-0.08, 0.08),
-        4.7 + rng.uniform(-0.08, 0.08),
-        2.5 + rng.uniform(-0.03, 0.05),
-    )
-    size = (width, depth, height)
+    size = size_near(rng, (5.4, 4.7, 2.5), (0.08, 0.08, 0.03), (0.08, 0.08, 0.05))
+    _, depth, _ = size
     holes: dict[float, Hole] = {
         EAST: (depth - WINDOW_Y - 0.6, depth - WINDOW_Y + 0.6, 0.95, 2.25),
         SOUTH: (0.36, 1.34, 0.0, 2.1),
@@ -51,7 +47,7 @@ SIDEBOARD_X, CABINET_X, TV_Y, CHEST_Y, WINDOW_Y, SOFA_X = 1.75, 3.5, 1.95, 1.8, 
 """Middles of furniture along its wall; front of the sofa [m]."""
 
 
-def _articulated(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _articulated(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what opens: sideboard, tall cabinet, TV stand, chest of drawers, bench, side table, door, window."""
     width, depth, _ = size
     wood = WOODS[rng.integers(len(WOODS))]
@@ -119,7 +115,7 @@ def _television(rng: np.random.Generator) -> list[Piece]:
     ]
 
 
-def _on_furniture(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _on_furniture(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what stands on sideboard, chest, bench and side table and in the tall cabinet's shelves."""
     width, depth, _ = size
     low, middle, high = storage.CABINET_SHELVES
@@ -144,7 +140,7 @@ def _on_furniture(rng: np.random.Generator, size: tuple[float, float, float]) ->
     ]
 
 
-def _walls(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _walls(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what hangs on walls and ceiling."""
     width, depth, height = size
     color = CLOTHS[rng.integers(len(CLOTHS))]
@@ -165,7 +161,7 @@ def _walls(rng: np.random.Generator, size: tuple[float, float, float]) -> list[P
     ]
 
 
-def _floor(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _floor(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what stands on the floor."""
     width, depth, _ = size
     return [
@@ -177,7 +173,7 @@ def _floor(rng: np.random.Generator, size: tuple[float, float, float]) -> list[P
     ]
 
 
-def _scanners(rng: np.random.Generator, size: tuple[float, float, float]) -> np.ndarray:
+def _scanners(rng: np.random.Generator, size: Size) -> np.ndarray:
     """Return six scanner positions; the first two see sideboard and tall cabinet from the left and from the right."""
     depth = size[1]
     places = [

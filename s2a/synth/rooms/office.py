@@ -10,14 +10,13 @@ import numpy as np
 
 from s2a.synth import objects
 from s2a.synth.furniture import main_cabinet, pedestal, room_door, wall_cupboard, window
-from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Hole, Room, around, structure
+from s2a.synth.room import EAST, NORTH, SOUTH, WEST, Hole, Room, Size, around, size_near, structure
 from s2a.synth.solids import Piece, at, rotation
 
 
 def office(rng: np.random.Generator) -> Room:
     """Return an office with five articulated pieces of furniture and more than forty other objects."""
-    width, depth, height = 4.9 + rng.uniform(-0.1, 0.1), 3.7 + rng.uniform(-0.1, 0.1), 3.0 + rng.uniform(-0.05, 0.05)
-    size = (width, depth, height)
+    size = size_near(rng, (4.9, 3.7, 3.0), (0.1, 0.1, 0.05), (0.1, 0.1, 0.05))
     pieces = [
         *_articulated(rng, size),
         *structure(rng, size, _holes(size)),
@@ -29,7 +28,7 @@ def office(rng: np.random.Generator) -> Room:
     return Room(tuple(pieces), _scanners(rng, size), size)
 
 
-def _holes(size: tuple[float, float, float]) -> dict[float, Hole]:
+def _holes(size: Size) -> dict[float, Hole]:
     """Return the walls' openings: the window to the east, the door to the south."""
     width, depth, _ = size
     return {EAST: (depth - 2.1, depth - 0.9, 0.95, 2.25), SOUTH: (width - 1.34, width - 0.36, 0.0, 2.1)}
@@ -40,7 +39,7 @@ def _cabinet_x(width: float) -> float:
     return 0.47 * width
 
 
-def _articulated(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _articulated(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what opens: door, main cabinet, desk pedestal, wall cupboard, window."""
     width, depth, _ = size
     cabinet = at(_cabinet_x(width) + rng.uniform(-0.05, 0.05), depth - 0.33, 0, NORTH + rng.uniform(-1.5, 1.5))
@@ -55,7 +54,7 @@ def _articulated(rng: np.random.Generator, size: tuple[float, float, float]) -> 
     ]
 
 
-def _bookshelf(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _bookshelf(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return a shelf before the wall y = depth with books, a plant and a box in it."""
     height, shelves, wide = 1.85, 5, 0.9
     place = at(0.62, size[1] - 0.31, 0, NORTH + rng.uniform(-1, 1))
@@ -72,7 +71,7 @@ def _bookshelf(rng: np.random.Generator, size: tuple[float, float, float]) -> li
     return [thing.moved(place) for thing in things]
 
 
-def _desk(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _desk(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return the desk before the window, what lies on it, and its chair."""
     edge, top = size[0] - 0.88, 0.74
     stack, y = [], rng.uniform(0.72, 0.78)
@@ -95,7 +94,7 @@ def _desk(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Pi
     ]
 
 
-def _walls(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _walls(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what hangs on walls and ceiling."""
     width, depth, height = size
     return [
@@ -108,7 +107,7 @@ def _walls(rng: np.random.Generator, size: tuple[float, float, float]) -> list[P
     ]
 
 
-def _floor(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Piece]:
+def _floor(rng: np.random.Generator, size: Size) -> list[Piece]:
     """Return what stands on the floor and on the main cabinet."""
     width, depth, _ = size
     x, y, top = _cabinet_x(width), depth - 0.33, 0.802
@@ -125,7 +124,7 @@ def _floor(rng: np.random.Generator, size: tuple[float, float, float]) -> list[P
     ]
 
 
-def _scanners(rng: np.random.Generator, size: tuple[float, float, float]) -> np.ndarray:
+def _scanners(rng: np.random.Generator, size: Size) -> np.ndarray:
     """Return six scanner positions; the first two see the main cabinet's front from the left and from the right."""
     x, front = _cabinet_x(size[0]), size[1] - 0.68
     places = [

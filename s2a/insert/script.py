@@ -8,7 +8,7 @@ from typing import Any
 from pxr import Sdf
 
 from s2a.insert.placement import Placement
-from s2a.sandbox.diff import TAXONOMY, compare
+from s2a.sandbox.diff import TAXONOMY
 from s2a.sandbox.jail import STAGE, Sandbox
 from s2a.sandbox.policy import check
 
@@ -59,7 +59,7 @@ def run_sandboxed(sandbox: Sandbox, text: str, plan: Placement) -> ScriptResult:
     """
     check(text, STAGE, plan.reference, sandbox.config.allow)
     run = sandbox.run(text, {"STAGE": STAGE, "OBJECT": plan.reference})
-    layer = compare(run.saved, sandbox.geometry_free_text, plan)
+    layer = sandbox.compare(run.saved, plan)
     return ScriptResult(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
 
 

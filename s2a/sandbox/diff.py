@@ -24,7 +24,7 @@ KINDS = ("component", "subcomponent", "prop", "model")
 NESTING = 32
 """Brackets within brackets; USD's parser calls itself for each, and a stage of ours has 6."""
 TOKENS = re.compile(
-    rb'''"{3}(?:[^\\]|\\.)*?"{3}|'{3}(?:[^\\]|\\.)*?'{3}|"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*'''
+    rb""""{3}(?:[^\\]|\\.)*?"{3}|'{3}(?:[^\\]|\\.)*?'{3}|"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*"""
     rb"""'|@@@.*?@@@|@[^@\n]*@|\#[^\n]*|//[^\n]*|/\*.*?\*/|[][(){}]""",
     re.DOTALL,
 )

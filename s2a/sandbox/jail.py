@@ -187,7 +187,9 @@ class Sandbox:
         """Return the active layers of a process, once it has enabled them; raise an InputError if they do not suffice."""
         active = process.active(STARTING)
         if active is None:
-            raise InputError("the process that confines scripts did not start; check the free memory and disk, try again")
+            raise InputError(
+                "the process that confines scripts did not start; check the free memory and disk, try again"
+            )
         kept = {what for layer in active for what in GUARANTEES[layer]}
         missing = [what for what in self.config.required_guarantees if what not in kept]
         if missing and guarantees and not self.trusted:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
 
 import dacite
 
-from s2a.errors import InputError
+from s2a.errors import InputError, printable
 from s2a.llm.usage_log import UsageLog
 
 T = TypeVar("T")
@@ -96,7 +97,7 @@ def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int
             return accepted
     raise InputError(
         f"model {answer.model!r} gave no usable answer to step {request.step!r} in {retries + 1} tries; the last one: "
-        f"{said[:300]}; try another model, or llm=rules"
+        f"{printable(said[:300])}; try another model, or llm=rules"
     )
 
 
@@ -108,6 +109,7 @@ def parse(text: str, kind: type[T]) -> T:
     """
     try:
         values = json.loads(text[text.index("{") : text.rindex("}") + 1])
+        json.dumps(values, ensure_ascii=False).encode()  # half a character can be spelled, and not be written anywhere
     except (ValueError, RecursionError) as error:
         raise ValidationFeedback(
             f"That is not one JSON object ({error}). Answer with the JSON object alone."
@@ -115,12 +117,15 @@ def parse(text: str, kind: type[T]) -> T:
     rules = dacite.Config(cast=[tuple], type_hooks={float: _number})
     try:
         return dacite.from_dict(kind, values, rules)
-    except (dacite.DaciteError, TypeError, ValueError) as error:
+    except (dacite.DaciteError, TypeError, ValueError, ArithmeticError) as error:
         raise ValidationFeedback(
             f"The JSON does not fit the schema: {str(error)[:300]}. Answer with all keys as asked."
         ) from error
 
 
 def _number(value: Any) -> Any:
-    """Accept integers as floats: models write 1 for 1.0."""
-    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+    """Accept integers as floats: models write 1 for 1.0; raise a ValueError for infinity and NaN, an OverflowError near them."""
+    number = float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+    if isinstance(number, float) and not math.isfinite(number):
+        raise ValueError(f"{number} is no finite number")
+    return number

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
+from s2a.errors import printable
 from s2a.insert.placement import Placement
-from s2a.sandbox.violation import PolicyViolation, printable
+from s2a.sandbox.violation import PolicyViolation
 from s2a.usd.stage import ROOT
 
 TAXONOMY = "class"

@@ -13,12 +13,12 @@ from typing import Any, Literal
 
 from pxr import Sdf
 
-from s2a.errors import InputError
+from s2a.errors import InputError, printable
 from s2a.insert.placement import Placement
 from s2a.ranges import Count, Positive
 from s2a.sandbox.policy import AllowConfig
 from s2a.sandbox.process import Process
-from s2a.sandbox.violation import PolicyViolation, printable
+from s2a.sandbox.violation import PolicyViolation
 from s2a.sandbox.worker import GUARANTEES
 
 Task = Literal["worker", "comparer"]
@@ -157,7 +157,8 @@ class Sandbox:
             if code or code is None or report is None:
                 raise PolicyViolation(
                     "comparison",
-                    f"the saved stage is not USD text that can be read (its reader ended with {code}): save it, do not rewrite it",
+                    f"the saved stage is not USD text that can be read (its reader ended with {code}): "
+                    "save it, do not rewrite it",
                 )
             if failure := _failure(report, "comparison"):
                 raise failure

@@ -22,8 +22,3 @@ class PolicyViolation(InputError):
     ) -> None:
         self.step, self.reason, self.line = step, reason, line
         super().__init__(f"script refused ({step}){'' if line is None else f', line {line}'}: {reason}")
-
-
-def printable(text: str) -> str:
-    """Return a text with a space for every character that a terminal would not show but obey."""
-    return "".join(letter if letter.isprintable() else " " for letter in text)

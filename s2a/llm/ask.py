@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
@@ -16,6 +17,8 @@ from s2a.llm.usage_log import UsageLog
 T = TypeVar("T")
 Step = Literal["plan", "scale", "script"]
 Message = tuple[Literal["user", "assistant"], str]
+THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought|reasoning)>", re.DOTALL | re.IGNORECASE)
+"""The models that write them end with them before the answer begins."""
 QUOTED = 2000
 """Characters of a rejected answer that are quoted back to the model."""
 
@@ -107,6 +110,7 @@ def parse(text: str, kind: type[T]) -> T:
     Raises:
         ValidationFeedback: there is none, or a key is missing or of another type.
     """
+    text = without_thoughts(text)
     try:
         values = json.loads(text[text.index("{") : text.rindex("}") + 1])
         json.dumps(values, ensure_ascii=False).encode()  # half a character can be spelled, and not be written anywhere
@@ -121,6 +125,11 @@ def parse(text: str, kind: type[T]) -> T:
         raise ValidationFeedback(
             f"The JSON does not fit the schema: {str(error)[:300]}. Answer with all keys as asked."
         ) from error
+
+
+def without_thoughts(text: str) -> str:
+    """Return an answer without what a model wrote to itself before it: <think>...</think>, also where only the end is left."""
+    return THOUGHTS.sub("", text)
 
 
 def _number(value: Any) -> Any:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
-from s2a.errors import printable
 from s2a.insert.placement import Placement
 from s2a.sandbox.violation import PolicyViolation
 from s2a.usd.stage import ROOT
@@ -230,4 +229,4 @@ def _alone(layer: Sdf.Layer, path: Sdf.Path) -> Sdf.Layer:
 
 
 def _violation(reason: str) -> PolicyViolation:
-    return PolicyViolation("comparison", printable(reason))
+    return PolicyViolation("comparison", reason)

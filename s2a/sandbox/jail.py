@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from pxr import Sdf
 
-from s2a.errors import InputError, printable
+from s2a.errors import InputError
 from s2a.insert.placement import Placement
 from s2a.ranges import Count, Positive
 from s2a.sandbox.policy import AllowConfig
@@ -212,4 +212,4 @@ def _failure(report: str, step: Literal["process", "comparison"]) -> PolicyViola
     if reason is None:
         return None
     known = isinstance(line, int) and not isinstance(line, bool) and 0 < line < MOST_LINES
-    return PolicyViolation(step, printable(str(reason)[: REASON[step]]), line if known else None)
+    return PolicyViolation(step, str(reason)[: REASON[step]], line if known else None)

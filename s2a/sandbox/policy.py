@@ -12,9 +12,20 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from s2a.sandbox.bounds import AllowConfig, growth, refuse_entangled, repetition
+from s2a.sandbox.bounds import AllowConfig, growth, refuse_entangled, refuse_nested, repetition
 from s2a.sandbox.constants import WIDTH, Values
-from s2a.sandbox.operations import BUILTINS, DOTTED, FILES, FORMS, METADATA, METHODS, MODULES, PROPERTIES, STORES
+from s2a.sandbox.operations import (
+    BUILTINS,
+    DOTTED,
+    FILES,
+    FORMS,
+    METADATA,
+    METHODS,
+    MODULES,
+    OTHERS,
+    PROPERTIES,
+    STORES,
+)
 from s2a.sandbox.violation import PolicyViolation
 
 HIDDEN = re.compile(r"__|(?<![A-Za-z0-9])_(?=[A-Za-z])")
@@ -55,6 +66,12 @@ def check(text: str, stage: str, reference: str, config: AllowConfig) -> None:
         found = _findings(tree, stage, reference, config)
     except RecursionError as error:
         raise PolicyViolation("allowlist", "it is too entangled; use fewer names") from error
+    except PolicyViolation:
+        raise
+    except Exception as error:  # of values that nobody expects: what cannot be analysed is not run
+        raise PolicyViolation(
+            "allowlist", f"it cannot be analysed ({type(error).__name__}); write it plainly"
+        ) from error
     if found:
         line, _, reason = min(found)
         raise PolicyViolation("allowlist", reason, line)
@@ -62,11 +79,12 @@ def check(text: str, stage: str, reference: str, config: AllowConfig) -> None:
 
 def _findings(tree: ast.Module, stage: str, reference: str, config: AllowConfig) -> list[tuple[int, int, str]]:
     """Return the line, the rank and the reason of everything that is wrong with a script."""
+    refuse_nested(tree)
     values = Values(tree, {"STAGE": stage, "OBJECT": reference})
     refuse_entangled(tree, values)
     called = frozenset(node.func for node in ast.walk(tree) if isinstance(node, ast.Call))
     check = _Check(values, {"stage": stage, "object": reference}, called, config)
-    rules = (_forms, _identifiers, _imports, _constants, _names, _attributes, _calls, _files, _loops)
+    rules = (_forms, _imports, _identifiers, _constants, _names, _attributes, _calls, _files, _loops)
     return [
         (line, rank, reason)
         for line, node in _lines(tree)
@@ -150,12 +168,18 @@ def _constants(node: ast.AST, check: _Check) -> str | None:
 
 
 def _imports(node: ast.AST, check: _Check) -> str | None:
+    possible = f"only `from pxr import ...` with {', '.join(MODULES)}, and math and typing, are"
+    if isinstance(node, ast.Import):
+        others = [alias.name for alias in node.names if alias.name not in OTHERS]
+        return f"Import is not possible of {others[0]}; {possible}" if others else None
     if not isinstance(node, ast.ImportFrom):
         return None
-    others = [alias.name for alias in node.names if alias.name not in MODULES]
-    if node.module != "pxr" or node.level or others:
-        given = others[0] if node.module == "pxr" and others else node.module
-        return f"{given} may not be imported; only `from pxr import ...` with {', '.join(MODULES)}"
+    module = node.module or ""
+    names = {"pxr": MODULES, "__future__": ("annotations",), **OTHERS}.get(module, ())
+    others = [alias.name for alias in node.names if alias.name not in names]
+    if not names or node.level or others:
+        given = others[0] if names and others else module or "what is beside the script"
+        return f"{given} may not be imported; {possible}"
     return None
 
 
@@ -203,7 +227,7 @@ def _calls(node: ast.AST, check: _Check) -> str | None:
     values = check.values
     name = values.dotted(node.func)
     if isinstance(node.func, ast.Name):
-        known = node.func.id in values.functions or node.func.id in BUILTINS
+        known = node.func.id in values.functions or node.func.id in BUILTINS or (name or "").startswith("math.")
         return None if known else f"{node.func.id!r} is called, but is no function of the script"
     if not isinstance(node.func, ast.Attribute):
         return "what is called has no name"

@@ -35,7 +35,7 @@ class ScriptResult:
 
     Attributes:
         layer: `/scene` with the new prim, as the script wrote it; `s2a.insert.overlay.write` puts it over a stage.
-        record: plain values for the JSON record: the active sandbox layers, seconds, the script.
+        record: plain values for the JSON record: the active sandbox layers, what they left exposed, seconds, the script.
     """
 
     layer: Sdf.Layer
@@ -60,7 +60,10 @@ def run_sandboxed(sandbox: Sandbox, text: str, plan: Placement) -> ScriptResult:
     check(text, STAGE, plan.reference, sandbox.config.allow)
     run = sandbox.run(text, {"STAGE": STAGE, "OBJECT": plan.reference})
     layer = sandbox.compare(run.saved, plan)
-    return ScriptResult(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
+    return ScriptResult(
+        layer,
+        {"active": list(run.active), "exposed": list(run.exposed), "seconds": round(run.seconds, 3), "script": text},
+    )
 
 
 def write_script(plan: Placement) -> str:

@@ -21,6 +21,8 @@ from s2a.sandbox.process import Process
 from s2a.sandbox.violation import PolicyViolation
 from s2a.sandbox.worker import GUARANTEES
 
+EXPOSED = ("existence, size, owner and times of files outside the scratch folder",)
+"""What only namespaces hide."""
 Task = Literal["worker", "comparer"]
 REASON, MOST_LINES = {"process": 300, "comparison": 1000}, 1_000_000
 """Characters of a reported reason that are kept, and the highest line that is believed."""
@@ -61,11 +63,13 @@ class SandboxResult:
     Attributes:
         saved: the stage as the process returned it; untrusted.
         active: sandbox layers that were active, reported before the script began.
+        exposed: what a script could see of the system all the same.
         seconds: from when the process received the script to its end [s].
     """
 
     saved: bytes
     active: tuple[str, ...]
+    exposed: tuple[str, ...]
     seconds: float
 
 
@@ -131,7 +135,7 @@ class Sandbox:
                 )
             if failure := _failure(report, "process"):
                 raise failure
-            return SandboxResult(process.result(), active, seconds)
+            return SandboxResult(process.result(), active, () if "namespaces" in active else EXPOSED, seconds)
         finally:
             process.end()
 

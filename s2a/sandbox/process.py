@@ -5,18 +5,24 @@ from __future__ import annotations
 import json
 import os
 import select
+import signal
 import subprocess
 import sys
 import tempfile
-from contextlib import ExitStack
+import time
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 import pxr
 
+from s2a.sandbox.layers import INODES, MEBIBYTE
+
 START = "import sys; sys.path[:0] = sys.argv[2:]; from s2a.sandbox.{} import main; main(int(sys.argv[1]))"
 REPORT = 1 << 16
 """Longest report that is read [bytes]."""
+LOOK = 0.1
+"""Time between looks at the scratch folder [s]."""
 
 
 class Process:
@@ -31,7 +37,8 @@ class Process:
 
     def __init__(self, module: str, job: dict[str, Any]) -> None:
         self._open = ExitStack()
-        scratch = self._open.enter_context(tempfile.TemporaryDirectory(prefix="s2a."))
+        scratch = self._scratch = self._open.enter_context(tempfile.TemporaryDirectory(prefix="s2a."))
+        self._disk = job["disk"] * MEBIBYTE
         self._result = self._open.enter_context(tempfile.TemporaryFile())
         reader, writer = os.pipe()
         self._reports = self._open.enter_context(open(reader, "rb", buffering=0))
@@ -61,15 +68,36 @@ class Process:
         return self._active
 
     def run(self, task: dict[str, Any], seconds: float) -> tuple[int | None, str | None]:
-        """Hand over the task, and wait; return the exit code (None: it had to be ended) and the line it reported, if any."""
-        try:
-            self._process.communicate(json.dumps(task).encode(), timeout=seconds)
-            code: int | None = self._process.returncode
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            code = None
+        """Hand over the task, and wait; return the exit code (None: it took too long) and the line it reported, if any.
+
+        The process is ended when its scratch folder grows beyond its bounds, which only namespaces enforce by themselves.
+        """
+        text, deadline = json.dumps(task).encode(), time.monotonic() + seconds
+        code: int | None = None
+        while code is None and time.monotonic() < deadline:
+            try:
+                self._process.communicate(text, timeout=max(0.0, min(LOOK, deadline - time.monotonic())))
+                code = self._process.returncode
+            except subprocess.TimeoutExpired:
+                code = None
+            if self._overfull():
+                self._process.kill()
+                code = -signal.SIGXFSZ
+        self._process.kill()
         lines = (self._reports.read(REPORT) or b"").decode(errors="replace").splitlines()
         return code, lines[0] if lines else None
+
+    def _overfull(self) -> bool:
+        """Return True if the scratch folder, where it can be seen, holds more than it may."""
+        count = size = 0
+        for folder, folders, files in os.walk(self._scratch):
+            count += len(folders) + len(files)
+            for name in files:
+                with suppress(OSError):
+                    size += os.lstat(os.path.join(folder, name)).st_blocks * 512
+            if count > INODES or size > self._disk:
+                return True
+        return False
 
     def result(self) -> bytes:
         """Return what the process handed back; a file, whose size its limits bound."""

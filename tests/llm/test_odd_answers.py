@@ -15,9 +15,9 @@ from s2a.config import compose, load
 from s2a.errors import InputError
 from s2a.insert.plan import Plan, plan
 from s2a.insert.scale import Size, fit_scale, size
+from s2a.llm.ask import Answer, Request
 from s2a.llm.client import Chat, LlmConfig, choose
 from s2a.llm.replay import gist, key
-from s2a.llm.ask import Answer, Request
 from s2a.llm.usage_log import UsageLog
 from s2a.scene import Mesh, Part, Scene
 

@@ -8,9 +8,9 @@ import random
 import time
 
 import pytest
+from harmless_scripts import scripts
 from hostile_scripts import GOOD
 from mutations import mutated_bytes
-from harmless_scripts import scripts
 from settings import load
 
 from s2a.sandbox.constants import Path, Values
@@ -262,7 +262,7 @@ SLOW = {
 
 
 @pytest.mark.parametrize("name", SLOW)
-def test_a_text_is_judged_in_a_second_of_cpu_time(name: str) -> None:
+def test_a_text_is_judged_in_three_seconds_of_cpu_time(name: str) -> None:
     start = time.process_time()
     try:
         look(SLOW[name][: ALLOW.max_length])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import io
 import logging
 import os
 import sys
@@ -25,7 +26,7 @@ from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
 from s2a import config, extras, usage
-from s2a.errors import CheckFailed, InputError
+from s2a.errors import CheckFailed, InputError, printable
 from s2a.progress import StdoutFilter
 
 COMMANDS = {
@@ -47,6 +48,9 @@ FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code: 0; 1 for a failed check or a bug; 2 for bad input; 130 if interrupted."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal may know fewer letters than a label has
     _log_in_lines("--debug" in arguments)
     try:
         return _dispatch(arguments)
@@ -59,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except Exception as error:
         if "--debug" in arguments:
-            traceback.print_exc()
+            print("\n".join(map(printable, traceback.format_exc().splitlines())), file=sys.stderr)
         if isinstance(error, (InputError, OSError)):
             return _fail(str(error), 2)
         return _fail(
@@ -80,7 +84,7 @@ def run(command: str, values: dict[str, Any]) -> None:
         except CheckFailed as no:
             verdict, summary = no, str(no)
     if summary:  # all but the first process of torchrun are silent
-        print(summary)
+        _print(summary)
     print(f"{command}: {time.perf_counter() - start:.1f} s", file=sys.stderr)
     if verdict is not None:
         raise verdict
@@ -150,7 +154,7 @@ def _overview(command: str, folder: Path) -> None:
     """Print a command's overview of all jobs of a sweep, if it has one."""
     module = _module(command)
     if hasattr(module, "overview") and (text := module.overview(folder)):
-        print(text)
+        _print(text)
 
 
 def _dispatch(arguments: list[str]) -> int:
@@ -203,5 +207,10 @@ def _log_in_lines(debug: bool = False) -> None:
 
 
 def _print_line(message: str) -> None:
-    """Print one line on stderr."""
-    print("s2a:", " ".join(message.split()), file=sys.stderr)
+    """Print one line on stderr, without what a terminal would obey; it may be the words of a file or of an endpoint."""
+    print("s2a:", printable(" ".join(message.split())), file=sys.stderr)
+
+
+def _print(text: str) -> None:
+    """Print lines on stdout, likewise."""
+    print("\n".join(printable(line) for line in text.split("\n")))

@@ -18,7 +18,7 @@ class CheckFailed(Exception):
 
 def printable(text: str) -> str:
     """Return a text with a space for every character that a terminal would not show but obey, such as ESC."""
-    return "".join(letter if letter.isprintable() else " " for letter in text)
+    return "".join(letter if letter.isprintable() else " " for letter in encodable(text))
 
 
 def encodable(text: str) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf
 
-from s2a.errors import InputError
+from s2a.errors import InputError, encodable
 from s2a.insert import describe
 from s2a.insert.author import author, placement
 from s2a.insert.object_file import ObjectConfig, ObjectFile, read_object, upright
@@ -21,7 +21,7 @@ from s2a.insert.place.fit import NoRoom
 from s2a.insert.place.pose import PoseConfig
 from s2a.insert.place.stable_pose import concavities, cross_sections, tilt_margins
 from s2a.insert.place.supports import SurfaceConfig
-from s2a.insert.placement import Placement
+from s2a.insert.placement import Placement, check_label
 from s2a.insert.plan import FailedPlan, Plan, plan
 from s2a.insert.room_state import RoomState
 from s2a.insert.scale import Size, fit_scale, size
@@ -31,6 +31,8 @@ from s2a.sandbox.jail import Sandbox, SandboxConfig
 from s2a.sandbox.policy import HIDDEN
 from s2a.scene import Mesh, Part, Scene
 
+LONGEST_HINT = 2000
+"""Letters of a placement hint."""
 StabilityCheck = Callable[[Mesh, CandidatePose, Scene], Record]
 """(upright object, candidate pose, room) -> results with the key `problem`, empty if the object stays."""
 
@@ -122,13 +124,13 @@ def insert(context: InsertContext, request: ObjectRequest) -> Inserted:
         NoRoom: no candidate pose is free and stable.
         InputError: a label that no script may contain, a file without an object, or no usable answer of the model.
     """
-    if HIDDEN.search(request.label):
-        raise InputError(f"label {request.label!r} has a word that begins with an underscore, or two; use plain words")
+    _check_words(request)
     room, config, record = context.room, context.config, context.record
     file = read_object(request.file, config.object)
     with step(record, "describe") as result:
         result |= {"parts": len(room.lines), "tokens": tokens(describe.text(room.lines))}
     with Sandbox(room.geometry_free_text, config.sandbox, config.trusted) as sandbox:
+        sandbox.check_guarantees()  # before the model is asked: its answers may cost money
         facts = _facts(file, request, room.lines)
         where, object, scale, candidate = _place(context, file, facts)
         with step(record, "script") as result:
@@ -136,6 +138,17 @@ def insert(context: InsertContext, request: ObjectRequest) -> Inserted:
             script = author(context.model, sandbox, planned, context.usage, result)
     own = upright(file, where.up, where.front, 1.0, where.hangs)
     return Inserted(planned, candidate, Part(request.label, candidate.pose.moved(object)), own, script.layer)
+
+
+def _check_words(request: ObjectRequest) -> None:
+    """Raise an InputError if the label or the hint can be in no script, file or request."""
+    check_label(request.label)
+    if HIDDEN.search(request.label):
+        raise InputError(f"label {request.label!r} has a word that begins with an underscore, or two; use plain words")
+    if encodable(request.hint) != request.hint or len(request.hint) > LONGEST_HINT:
+        raise InputError(
+            f"prompt {request.hint[:40]!r} is longer than {LONGEST_HINT} letters, or no UTF-8; say it in fewer, plain words"
+        )
 
 
 def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Record:

@@ -125,6 +125,9 @@ def _forms(node: ast.AST, check: _Check) -> str | None:
         return f"{name} is not possible in such a script"
     if isinstance(node, ast.FunctionDef) and (check.values.functions.get(node.name) is not node or node.decorator_list):
         return f"function {node.name} is inside another, defined twice, or decorated"
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr):
+        none = any(isinstance(side, ast.Constant) and side.value is None for side in (node.left, node.right))
+        return None if none else "BitOr is not possible in such a script, but in annotations such as `Usd.Prim | None`"
     keywords = isinstance(node, ast.keyword) and node.arg is None
     if keywords or isinstance(node, ast.arguments) and (node.vararg or node.kwarg):
         return "arguments with * or ** are not possible; write them out"

@@ -26,6 +26,7 @@ from s2a.sim.limit_use import LimitUse
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import read_stage
 from s2a.tasks import MdpSettings, MetricSettings, make_env
+from s2a.usd.sim_check import refuse_unphysical
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,7 @@ def run(config: Config) -> str:
     world = read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
+        refuse_unphysical(config.stage)
         stage = read_stage(config.stage, config.part, robot=config.robot.name)
         robot.check_unchanged(config.robot)
         sim = Simulation(stage, sim_config, config.num_envs, device_of(config.device))

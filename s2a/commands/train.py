@@ -27,6 +27,7 @@ from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import read_stage
 from s2a.tasks import MdpSettings, MetricSettings, RewardWeights, make_env, task
+from s2a.usd.sim_check import refuse_unphysical
 
 METRICS = "metrics.json"
 
@@ -81,6 +82,7 @@ def run(config: Config) -> str:
     seed = processes.own_seed(config.seed, first)
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
+    refuse_unphysical(config.stage)
     stage = read_stage(config.stage, config.part, robot=config.robot.name)
     robot.check_unchanged(config.robot)
     sim = Simulation(stage, config.sim, config.num_envs, device)

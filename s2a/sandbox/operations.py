@@ -18,8 +18,8 @@ OTHERS = {
 FORMS = (
     "Module Expr Assign AnnAssign AugAssign FunctionDef Return If For With withitem Try ExceptHandler Raise Assert Pass "
     "Break Continue Import ImportFrom alias arguments arg keyword Call Name Attribute Subscript Slice Constant Starred JoinedStr "
-    "FormattedValue List Tuple Dict ListComp comprehension IfExp BoolOp And Or UnaryOp USub UAdd Not BinOp Add Sub Mult Div BitOr "
-    "Mod Compare Eq NotEq Lt LtE Gt GtE Is IsNot In NotIn Load Store"
+    "FormattedValue List Tuple Dict ListComp comprehension IfExp BoolOp And Or UnaryOp USub UAdd Not BinOp Add Sub Mult Div "
+    "BitOr Mod Compare Eq NotEq Lt LtE Gt GtE Is IsNot In NotIn Load Store"
 ).split()
 """Kinds of nodes in a syntax tree that a script may have."""
 

@@ -42,7 +42,7 @@ def good(stage: Path) -> bytes:
 
 PRINTS = {
     "flush": "print('added', prim.GetPath(), flush=True)",
-    "more than a buffer": "for i in range(90):\n    print('prim', i, 'is at', prim.GetPath(), '---------------------------------------------------', stage)",
+    "more than a buffer": "for i in range(90):\n    print('prim', i, 'is at', prim.GetPath(), '-------------------', stage)",
     "USD text": "for i in range(90):\n    print('#usda 1.0\\ndef \"a\" {', flush=True)",
     "brackets in a comment": "a = '{ # }'\nfor i in range(15):\n    a = a + a\nprint('#usda 1.0')\nprint(a, flush=True)",
 }

@@ -9,9 +9,12 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
+import itertools
 import logging
 import os
+import signal
 import sys
+import threading
 import time
 import traceback
 import warnings
@@ -48,12 +51,15 @@ FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code: 0; 1 for a failed check or a bug; 2 for bad input; 130 if interrupted."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    _handle_termination()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal may know fewer letters than a label has
     _log_in_lines("--debug" in arguments)
     try:
         return _dispatch(arguments)
+    except Terminated:
+        return _fail("terminated", 128 + signal.SIGTERM)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
     except CheckFailed:
@@ -65,10 +71,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if "--debug" in arguments:
             print("\n".join(map(printable, traceback.format_exc().splitlines())), file=sys.stderr)
         if isinstance(error, (InputError, OSError)):
-            return _fail(str(error), 2)
+            return _fail(str(error) + _remedy(error), 2)
         return _fail(
             f"{type(error).__name__}: {error}; this is a bug{_unless(arguments)}: report what --debug shows", 1
         )
+
+
+class Terminated(KeyboardInterrupt):
+    """Somebody ended this process: timeout, Slurm, or a user with kill."""
+
+
+def _handle_termination() -> None:
+    """Let SIGTERM and SIGHUP clean up as an interrupt does, instead of leaving half-made folders behind."""
+
+    def stop(number: int, frame: Any) -> None:
+        raise Terminated
+
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, stop)
+
+
+def _remedy(error: Exception) -> str:
+    """Return what to do about an error of the system, where it does not say it: Warp's cache cannot be written."""
+    name = getattr(error, "filename", None)
+    if isinstance(error, OSError) and isinstance(name, str) and "warp" in Path(name).parts:
+        return "; set WARP_CACHE_PATH to a folder that can be written"
+    return ""
 
 
 def run(command: str, values: dict[str, Any]) -> None:
@@ -114,7 +144,7 @@ def sweep(command: str, overrides: Sequence[str]) -> None:
         InputError: an override that cannot be read, or that names an unknown key or option.
     """
     # Hydra reads its arguments from sys.argv, and prints errors itself unless asked to raise them.
-    folder = _sweep_folder(overrides)
+    folder, made = _sweep_folder(overrides)
     sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *config.opened(overrides), f"hydra.sweep.dir={folder}"]
     os.environ["HYDRA_FULL_ERROR"] = "1"
     try:
@@ -123,6 +153,9 @@ def sweep(command: str, overrides: Sequence[str]) -> None:
         raise InputError(config.explain(error, config.keys(config.compose(command)))) from error
     finally:
         _overview(command, folder)
+        for empty in (folder, *folder.parents) if made else ():
+            with contextlib.suppress(OSError):  # there are results in it
+                empty.rmdir()
 
 
 def _module(command: str) -> Any:
@@ -140,14 +173,22 @@ def _refuse_replacing_input(settings: Any) -> None:
     paths = {name: value for name, value in vars(settings).items() if isinstance(value, Path)}
     out = paths.pop("out", None)
     for name, path in paths.items():
-        if out is not None and path.is_file() and out.resolve() == path.resolve():
+        if out is not None and path.is_file() and os.path.realpath(out) == os.path.realpath(path):
             raise InputError(f"out {str(out)!r} would replace what the key {name!r} names; choose another path")
 
 
-def _sweep_folder(overrides: Sequence[str]) -> Path:
-    """Return the folder of a sweep: the requested one, else a new one with Hydra's naming."""
+def _sweep_folder(overrides: Sequence[str]) -> tuple[Path, bool]:
+    """Return the folder of a sweep, and whether it was made: the requested one, else a new one with Hydra's naming."""
     asked = [text.partition("=")[2] for text in overrides if text.startswith("hydra.sweep.dir=")]
-    return Path(asked[-1] if asked else time.strftime("multirun/%Y-%m-%d/%H-%M-%S"))
+    if asked:
+        return Path(asked[-1]), False
+    first = Path(time.strftime("multirun/%Y-%m-%d/%H-%M-%S"))
+    for number in itertools.count(1):  # another sweep may have begun in the same second
+        folder = first if number == 1 else first.with_name(f"{first.name}-{number}")
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir(parents=True)
+            return folder, True
+    raise AssertionError("there is always another number")
 
 
 def _overview(command: str, folder: Path) -> None:

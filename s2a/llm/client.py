@@ -66,6 +66,10 @@ def choose(config: LlmConfig, record: Path | None) -> Model:
         InputError: replay without a recording, or chat without a key.
     """
     kind = kind_of(config)
+    if record is not None and not record.parent.is_dir():
+        raise InputError(
+            f"record {str(record)!r} lies in no folder; make {str(record.parent)!r} first, or choose another"
+        )
     if kind == "replay":
         if config.answers is None:
             raise InputError(

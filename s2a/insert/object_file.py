@@ -17,7 +17,7 @@ from s2a.insert.axes import AXES
 from s2a.insert.place.stable_pose import settled_axis
 from s2a.ranges import Count, Positive
 from s2a.scene import Mesh
-from s2a.usd.stage import reading
+from s2a.usd.stage import reading, refuse_deep
 
 STAGES = (".usd", ".usda", ".usdc", ".usdz")
 MESHES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
@@ -161,6 +161,7 @@ def _painted(shape: trimesh.Trimesh) -> np.ndarray | None:
 
 def _read_stage(path: Path) -> tuple[Shape, float | None, str]:
     """Return the surfaces that show in a USD stage as one in its world, with its unit, if it says one, and its up axis."""
+    refuse_deep(path)
     with reading(path):
         stage = Usd.Stage.Open(str(path))
         found = []

@@ -8,16 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import io
 import itertools
-import logging
 import os
 import signal
 import sys
-import threading
 import time
 import traceback
-import warnings
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -28,8 +24,8 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
-from s2a import config, extras, usage
-from s2a.errors import CheckFailed, InputError, printable
+from s2a import config, extras, terminal, usage
+from s2a.errors import CheckFailed, InputError
 from s2a.progress import StdoutFilter
 
 COMMANDS = {
@@ -51,14 +47,11 @@ FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code: 0; 1 for a failed check or a bug; 2 for bad input; 130 if interrupted."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    _handle_termination()
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a terminal may know fewer letters than a label has
-    _log_in_lines("--debug" in arguments)
+    terminal.set_up()
+    terminal.log_in_lines("--debug" in arguments)
     try:
         return _dispatch(arguments)
-    except Terminated:
+    except terminal.Terminated:
         return _fail("terminated", 128 + signal.SIGTERM)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
@@ -69,28 +62,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except Exception as error:
         if "--debug" in arguments:
-            print("\n".join(map(printable, traceback.format_exc().splitlines())), file=sys.stderr)
+            terminal.show(traceback.format_exc(), sys.stderr)
         if isinstance(error, (InputError, OSError)):
             return _fail(str(error) + _remedy(error), 2)
         return _fail(
             f"{type(error).__name__}: {error}; this is a bug{_unless(arguments)}: report what --debug shows", 1
         )
-
-
-class Terminated(KeyboardInterrupt):
-    """Somebody ended this process: timeout, Slurm, or a user with kill."""
-
-
-def _handle_termination() -> None:
-    """Let SIGTERM and SIGHUP clean up as an interrupt does, instead of leaving half-made folders behind."""
-
-    def stop(number: int, frame: Any) -> None:
-        raise Terminated
-
-    if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(number) is signal.SIG_DFL:
-                signal.signal(number, stop)
 
 
 def _remedy(error: Exception) -> str:
@@ -114,7 +91,7 @@ def run(command: str, values: dict[str, Any]) -> None:
         except CheckFailed as no:
             verdict, summary = no, str(no)
     if summary:  # all but the first process of torchrun are silent
-        _print(summary)
+        terminal.show(summary)
     print(f"{command}: {time.perf_counter() - start:.1f} s", file=sys.stderr)
     if verdict is not None:
         raise verdict
@@ -122,7 +99,7 @@ def run(command: str, values: dict[str, Any]) -> None:
 
 def job(composed: Any) -> None:
     """Run one job of a sweep; its outputs lie below the job's own folder."""
-    _log_in_lines()
+    terminal.log_in_lines()
     context = HydraConfig.get()
     values = config.plain(composed)
     for key in set(OUTPUTS).intersection(values):
@@ -195,7 +172,7 @@ def _overview(command: str, folder: Path) -> None:
     """Print a command's overview of all jobs of a sweep, if it has one."""
     module = _module(command)
     if hasattr(module, "overview") and (text := module.overview(folder)):
-        _print(text)
+        terminal.show(text)
 
 
 def _dispatch(arguments: list[str]) -> int:
@@ -227,31 +204,5 @@ def _unless(arguments: Sequence[str]) -> str:
 
 def _fail(message: str, code: int) -> int:
     """Print an error message; return the exit code."""
-    _print_line(message)
+    terminal.report(message)
     return code
-
-
-class _Lines(logging.Handler):
-    """Writes each log record to stderr as one line."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        _print_line(f"{record.levelname.lower()}: {record.getMessage()}")
-
-
-def _log_in_lines(debug: bool = False) -> None:
-    """Print logged warnings; hide Python's own warnings, which are for developers, unless `--debug` or -W asks for them."""
-    root = logging.getLogger()
-    if not any(isinstance(handler, _Lines) for handler in root.handlers):
-        root.addHandler(_Lines(logging.WARNING))
-    if not debug and not sys.warnoptions:
-        warnings.simplefilter("ignore")
-
-
-def _print_line(message: str) -> None:
-    """Print one line on stderr, without what a terminal would obey; it may be the words of a file or of an endpoint."""
-    print("s2a:", printable(" ".join(message.split())), file=sys.stderr)
-
-
-def _print(text: str) -> None:
-    """Print lines on stdout, likewise."""
-    print("\n".join(printable(line) for line in text.split("\n")))

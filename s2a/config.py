@@ -104,11 +104,6 @@ def load(cls: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
     rules = dacite.Config(strict=True, type_hooks={float: _float, int: _int, Path: _path})
     try:
         loaded = dacite.from_dict(cls, _tuples(values), rules)
-    except EmptyPath as error:
-        empty = ", ".join(f"{prefix}{key}" for key, value in leaves(values) if value == "")
-        raise InputError(
-            f"key {empty!r} is empty, perhaps an unset variable; give a path, such as . for this folder"
-        ) from error
     except dacite.WrongTypeError as error:
         key, given = f"{prefix}{error.field_path}", _given(values, error)
         raise InputError(f"key {key!r} is {given!r}; expected {expected(error.field_type)}") from error
@@ -239,13 +234,9 @@ def _int(value: Any) -> Any:
     return value
 
 
-class EmptyPath(ValueError):
-    """An empty text where a path belongs: pathlib takes it for the current folder."""
-
-
 def _path(value: Any) -> Any:
-    if value == "":
-        raise EmptyPath
+    if value == "":  # pathlib takes it for the current folder
+        raise dacite.WrongTypeError(Path, value)
     return Path(str(value)).expanduser() if isinstance(value, (str, int)) and not isinstance(value, bool) else value
 
 

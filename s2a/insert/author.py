@@ -7,13 +7,15 @@ import textwrap
 import unicodedata
 from typing import Any
 
+from s2a.errors import InputError, encodable
 from s2a.insert import prompts
 from s2a.insert.place.fit import Pose
-from s2a.insert.placement import Placement
+from s2a.insert.placement import Placement, check_label
 from s2a.insert.script import ScriptResult, run_sandboxed
 from s2a.llm.ask import Model, Request, ValidationFeedback, ask, without_thoughts
 from s2a.llm.usage_log import UsageLog
 from s2a.sandbox.jail import Sandbox
+from s2a.sandbox.policy import HIDDEN
 from s2a.sandbox.violation import PolicyViolation
 from s2a.scan.labels import part_id
 from s2a.scene import Scene
@@ -23,7 +25,20 @@ FENCE = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 """A block of code in Markdown."""
+LONGEST_HINT = 2000
+"""Letters of a placement hint."""
 LANGUAGES = ("python", "python3", "py", "py3")
+
+
+def check_words(label: str, hint: str) -> None:
+    """Raise an InputError if a label or a placement hint can be in no script, file or request."""
+    check_label(label)
+    if HIDDEN.search(label):
+        raise InputError(f"label {label!r} has a word that begins with an underscore, or two; use plain words")
+    if encodable(hint) != hint or len(hint) > LONGEST_HINT:
+        raise InputError(
+            f"prompt {hint[:40]!r} is longer than {LONGEST_HINT} letters, or no UTF-8; say it in fewer, plain words"
+        )
 
 
 def placement(scene: Scene, label: str, pose: Pose, scale: float) -> Placement:

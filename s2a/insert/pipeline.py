@@ -12,27 +12,23 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf
 
-from s2a.errors import InputError, encodable
 from s2a.insert import describe
-from s2a.insert.author import author, placement
+from s2a.insert.author import author, check_words, placement
 from s2a.insert.object_file import ObjectConfig, ObjectFile, read_object, upright
 from s2a.insert.place.candidate_poses import CandidatePose, candidate_poses
 from s2a.insert.place.fit import NoRoom
 from s2a.insert.place.pose import PoseConfig
 from s2a.insert.place.stable_pose import concavities, cross_sections, tilt_margins
 from s2a.insert.place.supports import SurfaceConfig
-from s2a.insert.placement import Placement, check_label
+from s2a.insert.placement import Placement
 from s2a.insert.plan import FailedPlan, Plan, plan
 from s2a.insert.room_state import RoomState
 from s2a.insert.scale import Size, fit_scale, size
 from s2a.llm.ask import Model
 from s2a.llm.usage_log import Record, UsageLog, step, tokens
 from s2a.sandbox.jail import Sandbox, SandboxConfig
-from s2a.sandbox.policy import HIDDEN
 from s2a.scene import Mesh, Part, Scene
 
-LONGEST_HINT = 2000
-"""Letters of a placement hint."""
 StabilityCheck = Callable[[Mesh, CandidatePose, Scene], Record]
 """(upright object, candidate pose, room) -> results with the key `problem`, empty if the object stays."""
 
@@ -124,7 +120,7 @@ def insert(context: InsertContext, request: ObjectRequest) -> Inserted:
         NoRoom: no candidate pose is free and stable.
         InputError: a label that no script may contain, a file without an object, or no usable answer of the model.
     """
-    _check_words(request)
+    check_words(request.label, request.hint)
     room, config, record = context.room, context.config, context.record
     file = read_object(request.file, config.object)
     with step(record, "describe") as result:
@@ -138,17 +134,6 @@ def insert(context: InsertContext, request: ObjectRequest) -> Inserted:
             script = author(context.model, sandbox, planned, context.usage, result)
     own = upright(file, where.up, where.front, 1.0, where.hangs)
     return Inserted(planned, candidate, Part(request.label, candidate.pose.moved(object)), own, script.layer)
-
-
-def _check_words(request: ObjectRequest) -> None:
-    """Raise an InputError if the label or the hint can be in no script, file or request."""
-    check_label(request.label)
-    if HIDDEN.search(request.label):
-        raise InputError(f"label {request.label!r} has a word that begins with an underscore, or two; use plain words")
-    if encodable(request.hint) != request.hint or len(request.hint) > LONGEST_HINT:
-        raise InputError(
-            f"prompt {request.hint[:40]!r} is longer than {LONGEST_HINT} letters, or no UTF-8; say it in fewer, plain words"
-        )
 
 
 def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Record:

@@ -6,6 +6,8 @@ import ast
 import itertools
 from collections import defaultdict
 
+from s2a.sandbox.operations import MODULES, OTHERS
+
 
 class Names:
     """The names of a script.
@@ -97,3 +99,20 @@ class Names:
         for keyword in call.keywords:
             if keyword.arg is not None:
                 self.names[keyword.arg].append(keyword.value)
+
+
+def foreign(node: ast.AST) -> str | None:
+    """Return what is wrong with an import; None for what is possible, and for other nodes."""
+    possible = f"only `from pxr import ...` with {', '.join(MODULES)}, and math and typing, are"
+    if isinstance(node, ast.Import):
+        others = [alias.name for alias in node.names if alias.name not in OTHERS]
+        return f"Import is not possible of {others[0]}; {possible}" if others else None
+    if not isinstance(node, ast.ImportFrom):
+        return None
+    module = node.module or ""
+    names = {"pxr": MODULES, "__future__": ("annotations",), **OTHERS}.get(module, ())
+    others = [alias.name for alias in node.names if alias.name not in names]
+    if not names or node.level or others:
+        given = others[0] if names and others else module or "what is beside the script"
+        return f"{given} may not be imported; {possible}"
+    return None

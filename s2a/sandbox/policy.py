@@ -14,18 +14,8 @@ from dataclasses import dataclass
 
 from s2a.sandbox.bounds import AllowConfig, growth, refuse_entangled, refuse_nested, repetition
 from s2a.sandbox.constants import WIDTH, Values
-from s2a.sandbox.operations import (
-    BUILTINS,
-    DOTTED,
-    FILES,
-    FORMS,
-    METADATA,
-    METHODS,
-    MODULES,
-    OTHERS,
-    PROPERTIES,
-    STORES,
-)
+from s2a.sandbox.names import foreign
+from s2a.sandbox.operations import BUILTINS, DOTTED, FILES, FORMS, METADATA, METHODS, PROPERTIES, STORES
 from s2a.sandbox.violation import PolicyViolation
 
 HIDDEN = re.compile(r"__|(?<![A-Za-z0-9])_(?=[A-Za-z])")
@@ -84,7 +74,7 @@ def _findings(tree: ast.Module, stage: str, reference: str, config: AllowConfig)
     refuse_entangled(tree, values)
     called = frozenset(node.func for node in ast.walk(tree) if isinstance(node, ast.Call))
     check = _Check(values, {"stage": stage, "object": reference}, called, config)
-    rules = (_forms, _imports, _identifiers, _constants, _names, _attributes, _calls, _files, _loops)
+    rules = (_forms, _imported, _identifiers, _constants, _names, _attributes, _calls, _files, _loops)
     return [
         (line, rank, reason)
         for line, node in _lines(tree)
@@ -170,20 +160,8 @@ def _constants(node: ast.AST, check: _Check) -> str | None:
     return growth(node, check.values)
 
 
-def _imports(node: ast.AST, check: _Check) -> str | None:
-    possible = f"only `from pxr import ...` with {', '.join(MODULES)}, and math and typing, are"
-    if isinstance(node, ast.Import):
-        others = [alias.name for alias in node.names if alias.name not in OTHERS]
-        return f"Import is not possible of {others[0]}; {possible}" if others else None
-    if not isinstance(node, ast.ImportFrom):
-        return None
-    module = node.module or ""
-    names = {"pxr": MODULES, "__future__": ("annotations",), **OTHERS}.get(module, ())
-    others = [alias.name for alias in node.names if alias.name not in names]
-    if not names or node.level or others:
-        given = others[0] if names and others else module or "what is beside the script"
-        return f"{given} may not be imported; {possible}"
-    return None
+def _imported(node: ast.AST, check: _Check) -> str | None:
+    return foreign(node)
 
 
 def _names(node: ast.AST, check: _Check) -> str | None:

@@ -139,13 +139,13 @@ def test_no_command_replaces_the_current_folder(
     start = time.monotonic()
     assert cli.main([command, *values, f"out={out}"]) == 2
     said = capsys.readouterr().err.strip().splitlines()
-    assert len(said) == 1 and ("current folder" in said[0] or "is empty" in said[0] or "unknown" in said[0]), said
+    assert len(said) == 1 and ("current folder" in said[0] or "is ''" in said[0] or "unknown" in said[0]), said
     assert time.monotonic() - start < 20.0 and names(tmp_path) == before
 
 
 def test_an_empty_input_is_not_the_current_folder(capsys: pytest.CaptureFixture) -> None:
     assert cli.main(["view", "path="]) == 2
-    assert "key 'path' is empty" in capsys.readouterr().err
+    assert "key 'path' is ''; expected a path" in capsys.readouterr().err
 
 
 def test_two_sweeps_of_one_second_have_folders_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

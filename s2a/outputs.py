@@ -7,6 +7,7 @@ import fcntl
 import glob
 import os
 import shutil
+import stat
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
@@ -19,7 +20,7 @@ MARK = "s2a-"
 """By which folders beside outputs are known as ours."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What a full disk answers."""
-TRIES = 50
+ATTEMPTS = 50
 
 
 def refuse_loss(path: Path, earlier: str, read: Iterable[Path]) -> None:
@@ -53,7 +54,7 @@ def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
     _refuse_foreign(path, earlier)
     made = _make_parents(path)
     _remove_leftovers(path)
-    room, lock = _open_room(path)
+    room, lock = _temporary_folder(path)
     try:
         yield room / path.name
         _swap(room, path)
@@ -79,7 +80,7 @@ def require_png(path: Path) -> None:
         raise InputError(f"key 'image' is {str(path)!r}; expected a PNG file: give image=FILE.png")
 
 
-def _open_room(path: Path) -> tuple[Path, int]:
+def _temporary_folder(path: Path) -> tuple[Path, int]:
     """Make a folder beside `path`; return it, and a descriptor that keeps it locked for as long as this process lives."""
     new = tempfile.mkdtemp(prefix=f".{MARK}", dir=path.parent)
     lock = os.open(new, os.O_RDONLY)
@@ -108,12 +109,27 @@ def _refuse_foreign(path: Path, earlier: str | None) -> None:
     whole, here = Path(os.path.realpath(path)), Path(os.path.realpath(os.curdir))
     if whole == here or whole in here.parents:
         raise InputError(f"out {str(path)!r} is the current folder, or one above it; name a file or a folder in it")
-    if earlier is None and path.is_dir():
+    try:
+        is_folder = stat.S_ISDIR(path.stat().st_mode)  # asked once: another process may be replacing it
+    except OSError:  # not there, or a loop of links
+        return
+    if earlier is None and is_folder:
         raise InputError(f"out {str(path)!r} is a folder where a file should be written; {remedy}")
-    if earlier is not None and path.exists() and not path.is_dir():
+    if earlier is not None and not is_folder:
         raise InputError(f"out {str(path)!r} is a file where a folder should be written; {remedy}")
-    if earlier is not None and path.is_dir() and any(path.iterdir()) and not (path / earlier).exists():
+    if earlier is not None and all(_holds_others(path, earlier) for _ in range(3)):
         raise InputError(f"out {str(path)!r} is not empty and has no {earlier} as an earlier output would; {remedy}")
+
+
+def _holds_others(path: Path, earlier: str) -> bool:
+    """Return True for a folder with files, but no earlier output; also for a moment while one is being replaced."""
+    try:
+        if not any(path.iterdir()) or (path / earlier).exists():
+            return False
+    except FileNotFoundError:
+        return False
+    time.sleep(0.02)
+    return True
 
 
 def _make_parents(path: Path) -> list[Path]:
@@ -131,7 +147,7 @@ def _swap(room: Path, path: Path) -> None:
 
     Of several that write the same folder at once, each finds another's from time to time, and tries again.
     """
-    for left in reversed(range(TRIES)):
+    for left in reversed(range(ATTEMPTS)):
         try:
             if not path.is_dir():
                 os.replace(room / path.name, path)

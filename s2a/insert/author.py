@@ -25,7 +25,7 @@ FENCE = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 """A block of code in Markdown."""
-LONGEST_HINT = 2000
+MAX_HINT = 2000
 """Letters of a placement hint."""
 LANGUAGES = ("python", "python3", "py", "py3")
 
@@ -35,9 +35,9 @@ def check_words(label: str, hint: str) -> None:
     check_label(label)
     if HIDDEN.search(label):
         raise InputError(f"label {label!r} has a word that begins with an underscore, or two; use plain words")
-    if encodable(hint) != hint or len(hint) > LONGEST_HINT:
+    if encodable(hint) != hint or len(hint) > MAX_HINT:
         raise InputError(
-            f"prompt {hint[:40]!r} is longer than {LONGEST_HINT} letters, or no UTF-8; say it in fewer, plain words"
+            f"prompt {hint[:40]!r} is longer than {MAX_HINT} letters, or no UTF-8; say it in fewer, plain words"
         )
 
 

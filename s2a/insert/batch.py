@@ -28,7 +28,7 @@ from s2a.sandbox.geometry_free import geometry_free_text
 from s2a.usd import descriptive, geometric
 from s2a.usd.layer_files import files
 
-LONGEST_LIST = 4_000_000
+MAX_LIST = 4_000_000
 """Of a list of objects [bytes]."""
 LAYER, RECORD = "insert.usda", "insert.json"
 
@@ -131,8 +131,8 @@ def read_requests(settings: InsertSettings) -> list[ObjectRequest]:
 def _read_list(path: Path) -> list[tuple[str, str]]:
     """Return the (file, label) entries of a YAML list."""
     try:
-        if path.stat().st_size > LONGEST_LIST:
-            raise ValueError(f"larger than {LONGEST_LIST} bytes")
+        if path.stat().st_size > MAX_LIST:
+            raise ValueError(f"larger than {MAX_LIST} bytes")
         entries = yaml.safe_load(path.read_text(encoding="utf-8"))
         if not isinstance(entries, list):
             raise TypeError("it is no list")

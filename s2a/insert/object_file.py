@@ -23,7 +23,7 @@ STAGES = (".usd", ".usda", ".usdc", ".usdz")
 MESHES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
 WELD = 1e-6
 """Vertices nearer than this share of the object's size are one."""
-LARGEST = 1e9
+MAX_COORDINATE = 1e9
 """Coordinate of an object, in whatever unit."""
 Shape = tuple[np.ndarray, np.ndarray, np.ndarray | None]
 """Points [vertex 3], triangles [face 3], colours [vertex 3], uint8, or None."""
@@ -221,8 +221,10 @@ def _together(shapes: list[Shape]) -> Shape:
 def _centered(shape: Shape) -> Mesh:
     """Return a shape around zero, where single precision keeps what is small."""
     vertices, faces, colors = shape
-    if not np.abs(vertices).max(initial=0.0) <= LARGEST:
-        raise InputError(f"a point is {np.abs(vertices).max():g} units from its zero; expected up to {LARGEST:g}")
+    if not np.abs(vertices).max(initial=0.0) <= MAX_COORDINATE:
+        raise InputError(
+            f"a point is {np.abs(vertices).max():g} units from its zero; expected up to {MAX_COORDINATE:g}"
+        )
     middle = vertices[faces].reshape(-1, 3).mean(axis=0) if len(faces) else np.zeros(3)
     return Mesh(vertices - middle, faces, colors)
 

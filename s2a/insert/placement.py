@@ -12,7 +12,7 @@ from s2a.errors import InputError
 from s2a.scene import Vec3
 from s2a.usd.stage import RESERVED
 
-LONGEST_LABEL = 200
+MAX_LABEL = 200
 POSITION, ORIENTATION, SCALE = 5, 7, 6
 """Decimals of a position [m] and of a quaternion, and digits of a scale: no more than a model can copy."""
 
@@ -73,8 +73,8 @@ class Placement:
 
 def check_label(label: str) -> None:
     """Raise an InputError unless a label can stand in a stage, a script and a line of a terminal."""
-    if not label.strip() or not label.isprintable() or len(label) > LONGEST_LABEL:
-        given = f"{label[:40]!r}..." if len(label) > LONGEST_LABEL else repr(label)
+    if not label.strip() or not label.isprintable() or len(label) > MAX_LABEL:
+        given = f"{label[:40]!r}..." if len(label) > MAX_LABEL else repr(label)
         raise InputError(
-            f"label {given} is empty, not printable or longer than {LONGEST_LABEL} letters; name the object in plain words"
+            f"label {given} is empty, not printable or longer than {MAX_LABEL} letters; name the object in plain words"
         )

@@ -20,7 +20,7 @@ from s2a.llm.usage_log import is_count, tokens
 from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 
 T = TypeVar("T")
-LONGEST_WAIT = 60.0
+MAX_WAIT = 60.0
 """Before a retry, as an endpoint may ask for [s]."""
 
 
@@ -135,7 +135,7 @@ class Chat:
         messages = [{"role": "system", "content": request.system}]
         messages += [{"role": role, "content": text} for role, text in request.messages]
         # The client bounds each wait for a part of a response; this bounds their sum, headers and retries included.
-        seconds = self._config.timeout * (self._config.attempts + 1) + LONGEST_WAIT * self._config.attempts
+        seconds = self._config.timeout * (self._config.attempts + 1) + MAX_WAIT * self._config.attempts
         return within(min(seconds, TIMEOUT_MAX), lambda: self._receive(messages, more), self._late)
 
     def _receive(self, messages: list[dict[str, str]], more: dict[str, Any]) -> bytes:

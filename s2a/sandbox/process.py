@@ -21,7 +21,7 @@ from s2a.sandbox.layers import INODES, MEBIBYTE
 START = "import sys; sys.path[:0] = sys.argv[2:]; from s2a.sandbox.{} import main; main(int(sys.argv[1]))"
 REPORT = 1 << 16
 """Longest report that is read [bytes]."""
-LOOK = 0.1
+POLL_INTERVAL = 0.1
 """Time between looks at the scratch folder [s]."""
 
 
@@ -76,7 +76,7 @@ class Process:
         code: int | None = None
         while code is None and time.monotonic() < deadline:
             try:
-                self._process.communicate(text, timeout=max(0.0, min(LOOK, deadline - time.monotonic())))
+                self._process.communicate(text, timeout=max(0.0, min(POLL_INTERVAL, deadline - time.monotonic())))
                 code = self._process.returncode
             except subprocess.TimeoutExpired:
                 code = None

@@ -156,7 +156,9 @@ class Sandbox:
             try:
                 text = saved.decode()
             except UnicodeDecodeError as error:
-                raise PolicyViolation("comparison", "the saved stage cannot be read: it is not UTF-8") from error
+                raise PolicyViolation(
+                    "comparison", "the saved stage is not USD text: save it, do not rewrite it"
+                ) from error
             code, report = process.run({"saved": text, "plan": asdict(plan)}, self.config.seconds)
             if code or code is None or report is None:
                 raise PolicyViolation(

@@ -72,14 +72,15 @@ class Process:
 
         The process is ended when its scratch folder grows beyond its bounds, which only namespaces enforce by themselves.
         """
-        text, deadline = json.dumps(task).encode(), time.monotonic() + seconds
+        text: bytes | None = json.dumps(task).encode()
+        deadline = time.monotonic() + seconds
         code: int | None = None
         while code is None and time.monotonic() < deadline:
             try:
                 self._process.communicate(text, timeout=max(0.0, min(POLL_INTERVAL, deadline - time.monotonic())))
                 code = self._process.returncode
             except subprocess.TimeoutExpired:
-                code = None
+                text = None  # it has been handed over
             if self._overfull():
                 self._process.kill()
                 code = -signal.SIGXFSZ

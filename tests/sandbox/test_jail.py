@@ -35,6 +35,8 @@ QUICK = (
     "kill",
     "forge the report",
     "huge text",
+    "endless loop",
+    "binary stage",
 )
 """One of each kind, for every day; `pytest -m slow` runs them all."""
 

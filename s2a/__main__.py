@@ -2,7 +2,17 @@
 
 import sys
 
-from s2a.cli import main
+
+def main() -> int:
+    """Run the command line; an interrupt while it is imported, which takes half a second, is one line, too."""
+    try:
+        from s2a import cli
+
+        return cli.main()
+    except KeyboardInterrupt:
+        sys.stderr.write("s2a: interrupted\n")
+        return 130
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import logging
+import itertools
 import os
+import signal
 import sys
 import time
 import traceback
-import warnings
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -24,7 +24,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
-from s2a import config, extras, usage
+from s2a import config, extras, terminal, usage
 from s2a.errors import CheckFailed, InputError
 from s2a.progress import StdoutFilter
 
@@ -48,9 +48,12 @@ FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code: 0; 1 for a failed check or a bug; 2 for bad input; 130 if interrupted."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    _log_in_lines("--debug" in arguments)
+    terminal.set_up()
+    terminal.log_in_lines("--debug" in arguments)
     try:
         return _dispatch(arguments)
+    except terminal.Terminated:
+        return _fail("terminated", 128 + signal.SIGTERM)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
     except CheckFailed:
@@ -60,12 +63,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except Exception as error:
         if "--debug" in arguments:
-            traceback.print_exc()
+            terminal.show(traceback.format_exc(), sys.stderr)
         if isinstance(error, (InputError, OSError)):
-            return _fail(str(error), 2)
+            return _fail(str(error) + _remedy(error), 2)
         return _fail(
             f"{type(error).__name__}: {error}; this is a bug{_unless(arguments)}: report what --debug shows", 1
         )
+
+
+def _remedy(error: Exception) -> str:
+    """Return what to do about an error of the system, where it does not say it: Warp's cache cannot be written."""
+    name = getattr(error, "filename", None)
+    if isinstance(error, OSError) and isinstance(name, str) and "warp" in Path(name).parts:
+        return "; set WARP_CACHE_PATH to a folder that can be written"
+    return ""
 
 
 def run(command: str, values: dict[str, Any]) -> None:
@@ -81,7 +92,7 @@ def run(command: str, values: dict[str, Any]) -> None:
         except CheckFailed as no:
             verdict, summary = no, str(no)
     if summary:  # all but the first process of torchrun are silent
-        print(summary)
+        terminal.show(summary)
     print(f"{command}: {time.perf_counter() - start:.1f} s", file=sys.stderr)
     if verdict is not None:
         raise verdict
@@ -89,7 +100,7 @@ def run(command: str, values: dict[str, Any]) -> None:
 
 def job(composed: Any) -> None:
     """Run one job of a sweep; its outputs lie below the job's own folder."""
-    _log_in_lines()
+    terminal.log_in_lines()
     context = HydraConfig.get()
     values = config.plain(composed)
     for key in set(OUTPUTS).intersection(values):
@@ -111,7 +122,7 @@ def sweep(command: str, overrides: Sequence[str]) -> None:
         InputError: an override that cannot be read, or that names an unknown key or option.
     """
     # Hydra reads its arguments from sys.argv, and prints errors itself unless asked to raise them.
-    folder = _sweep_folder(overrides)
+    folder, made = _sweep_folder(overrides)
     sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *config.opened(overrides), f"hydra.sweep.dir={folder}"]
     os.environ["HYDRA_FULL_ERROR"] = "1"
     try:
@@ -120,6 +131,9 @@ def sweep(command: str, overrides: Sequence[str]) -> None:
         raise InputError(config.explain(error, config.keys(config.compose(command)))) from error
     finally:
         _overview(command, folder)
+        for empty in (folder, *folder.parents) if made else ():
+            with contextlib.suppress(OSError):  # there are results in it
+                empty.rmdir()
 
 
 def _module(command: str) -> Any:
@@ -137,21 +151,29 @@ def _refuse_replacing_input(settings: Any) -> None:
     paths = {name: value for name, value in vars(settings).items() if isinstance(value, Path)}
     out = paths.pop("out", None)
     for name, path in paths.items():
-        if out is not None and path.is_file() and out.resolve() == path.resolve():
+        if out is not None and path.is_file() and os.path.realpath(out) == os.path.realpath(path):
             raise InputError(f"out {str(out)!r} would replace what the key {name!r} names; choose another path")
 
 
-def _sweep_folder(overrides: Sequence[str]) -> Path:
-    """Return the folder of a sweep: the requested one, else a new one with Hydra's naming."""
+def _sweep_folder(overrides: Sequence[str]) -> tuple[Path, bool]:
+    """Return the folder of a sweep, and whether it was made: the requested one, else a new one with Hydra's naming."""
     asked = [text.partition("=")[2] for text in overrides if text.startswith("hydra.sweep.dir=")]
-    return Path(asked[-1] if asked else time.strftime("multirun/%Y-%m-%d/%H-%M-%S"))
+    if asked:
+        return Path(asked[-1]), False
+    first = Path(time.strftime("multirun/%Y-%m-%d/%H-%M-%S"))
+    for number in itertools.count(1):  # another sweep may have begun in the same second
+        folder = first if number == 1 else first.with_name(f"{first.name}-{number}")
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir(parents=True)
+            return folder, True
+    raise AssertionError("there is always another number")
 
 
 def _overview(command: str, folder: Path) -> None:
     """Print a command's overview of all jobs of a sweep, if it has one."""
     module = _module(command)
     if hasattr(module, "overview") and (text := module.overview(folder)):
-        print(text)
+        terminal.show(text)
 
 
 def _dispatch(arguments: list[str]) -> int:
@@ -183,26 +205,5 @@ def _unless(arguments: Sequence[str]) -> str:
 
 def _fail(message: str, code: int) -> int:
     """Print an error message; return the exit code."""
-    _print_line(message)
+    terminal.report(message)
     return code
-
-
-class _Lines(logging.Handler):
-    """Writes each log record to stderr as one line."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        _print_line(f"{record.levelname.lower()}: {record.getMessage()}")
-
-
-def _log_in_lines(debug: bool = False) -> None:
-    """Print logged warnings; hide Python's own warnings, which are for developers, unless `--debug` or -W asks for them."""
-    root = logging.getLogger()
-    if not any(isinstance(handler, _Lines) for handler in root.handlers):
-        root.addHandler(_Lines(logging.WARNING))
-    if not debug and not sys.warnoptions:
-        warnings.simplefilter("ignore")
-
-
-def _print_line(message: str) -> None:
-    """Print one line on stderr."""
-    print("s2a:", " ".join(message.split()), file=sys.stderr)

@@ -235,6 +235,8 @@ def _int(value: Any) -> Any:
 
 
 def _path(value: Any) -> Any:
+    if value == "":  # pathlib takes it for the current folder
+        raise dacite.WrongTypeError(Path, value)
     return Path(str(value)).expanduser() if isinstance(value, (str, int)) and not isinstance(value, bool) else value
 
 

@@ -1,4 +1,4 @@
-"""The error that a user can fix, and the verdict that is not an error."""
+"""The error that a user can fix, the verdict that is not an error, and texts of others in messages."""
 
 
 class InputError(ValueError):
@@ -14,3 +14,13 @@ class CheckFailed(Exception):
 
     The message is the result, as a command would return it; the command line prints it on stdout and exits with code 1.
     """
+
+
+def printable(text: str) -> str:
+    """Return a text with a space for every character that a terminal would not show but obey, such as ESC."""
+    return "".join(letter if letter.isprintable() else " " for letter in encodable(text))
+
+
+def encodable(text: str) -> str:
+    """Return a text with ? for every half of a character (a lone surrogate), which no file and no request can hold."""
+    return text.encode("utf-8", "replace").decode()

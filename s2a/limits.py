@@ -1,4 +1,4 @@
-"""Which limits a joint may have for a robot to move it: one answer for scans, for preparation, and for validation."""
+"""Which limits, masses and places things in rooms have: one answer for scans, for preparation, and for validation."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ WIDEST = {"prismatic": 3.0, "revolute": 2.0 * math.pi}
 """No drawer is longer [m], no door turns further [rad]; degrees read as radians are."""
 NARROWEST = 0.01
 """Smallest range of a joint [m or rad] that is worth a robot."""
+MAX_MASS, MAX_COORDINATE = 1e5, 1e7
+"""Of a part [kg], and of a point [m]: scans may lie far from their zero point, as maps do."""
 UNITS = {"prismatic": "m", "revolute": "rad"}
 
 

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
+import glob
 import os
 import shutil
+import stat
 import tempfile
+import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from s2a.errors import InputError
+
+MARK = "s2a-"
+"""By which folders beside outputs are known as ours."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What a full disk answers."""
+ATTEMPTS = 50
 
 
 def refuse_loss(path: Path, earlier: str, read: Iterable[Path]) -> None:
@@ -22,7 +33,7 @@ def refuse_loss(path: Path, earlier: str, read: Iterable[Path]) -> None:
     """
     _refuse_foreign(path, earlier)
     for file in read:
-        if path.resolve() in file.resolve().parents:
+        if Path(os.path.realpath(path)) in Path(os.path.realpath(file)).parents:
             raise InputError(f"out {str(path)!r} would be replaced with {str(file)!r} in it; choose another path")
 
 
@@ -42,17 +53,24 @@ def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
     """
     _refuse_foreign(path, earlier)
     made = _make_parents(path)
-    room = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    _remove_leftovers(path)
+    room, lock = _temporary_folder(path)
     try:
         yield room / path.name
         _swap(room, path)
         made = []
     except InputError as error:
         raise InputError(str(error).replace(str(room / path.name), str(path))) from error
+    except OSError as error:
+        if error.errno not in FULL and "requested and" not in str(error):  # the latter is NumPy's
+            raise
+        reason = error.strerror or "the disk is full"
+        raise InputError(f"{path}: cannot be written: {reason}; free some space, or choose another path") from error
     finally:
         shutil.rmtree(room)
+        os.close(lock)
         for folder in made:
-            if not any(folder.iterdir()):
+            with suppress(OSError):  # somebody else's file is in it
                 folder.rmdir()
 
 
@@ -62,15 +80,56 @@ def require_png(path: Path) -> None:
         raise InputError(f"key 'image' is {str(path)!r}; expected a PNG file: give image=FILE.png")
 
 
+def _temporary_folder(path: Path) -> tuple[Path, int]:
+    """Make a folder beside `path`; return it, and a descriptor that keeps it locked for as long as this process lives."""
+    new = tempfile.mkdtemp(prefix=f".{MARK}", dir=path.parent)
+    lock = os.open(new, os.O_RDONLY)
+    with suppress(OSError):  # file systems without locks
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    room = path.parent / f".{path.name}.{MARK}{new[-8:]}"
+    os.rename(new, room)
+    return room, lock
+
+
+def _remove_leftovers(path: Path) -> None:
+    """Remove what processes that were killed have left beside `path`: folders of ours that nobody has locked."""
+    for folder in path.parent.glob(f".{glob.escape(path.name)}.{MARK}????????"):
+        with suppress(OSError):
+            lock = os.open(folder, os.O_RDONLY)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(lock)
+
+
 def _refuse_foreign(path: Path, earlier: str | None) -> None:
     """Raise if `path` is of the other kind, or replacing it would delete files that are not ours."""
     remedy = "choose another path or delete it yourself"
-    if earlier is None and path.is_dir():
+    whole, here = Path(os.path.realpath(path)), Path(os.path.realpath(os.curdir))
+    if whole == here or whole in here.parents:
+        raise InputError(f"out {str(path)!r} is the current folder, or one above it; name a file or a folder in it")
+    try:
+        is_folder = stat.S_ISDIR(path.stat().st_mode)  # asked once: another process may be replacing it
+    except OSError:  # not there, or a loop of links
+        return
+    if earlier is None and is_folder:
         raise InputError(f"out {str(path)!r} is a folder where a file should be written; {remedy}")
-    if earlier is not None and path.exists() and not path.is_dir():
+    if earlier is not None and not is_folder:
         raise InputError(f"out {str(path)!r} is a file where a folder should be written; {remedy}")
-    if earlier is not None and path.is_dir() and any(path.iterdir()) and not (path / earlier).exists():
+    if earlier is not None and all(_holds_others(path, earlier) for _ in range(3)):
         raise InputError(f"out {str(path)!r} is not empty and has no {earlier} as an earlier output would; {remedy}")
+
+
+def _holds_others(path: Path, earlier: str) -> bool:
+    """Return True for a folder with files, but no earlier output; also for a moment while one is being replaced."""
+    try:
+        if not any(path.iterdir()) or (path / earlier).exists():
+            return False
+    except FileNotFoundError:
+        return False
+    time.sleep(0.02)
+    return True
 
 
 def _make_parents(path: Path) -> list[Path]:
@@ -84,14 +143,31 @@ def _make_parents(path: Path) -> list[Path]:
 
 
 def _swap(room: Path, path: Path) -> None:
-    """Put room/<name> where `path` was; an earlier folder steps into the room, and comes back if that fails."""
-    if not path.is_dir():
-        os.replace(room / path.name, path)
-        return
+    """Put room/<name> where `path` was; an earlier folder steps into the room, and comes back if that fails.
+
+    Of several that write the same folder at once, each finds another's from time to time, and tries again.
+    """
+    for left in reversed(range(ATTEMPTS)):
+        try:
+            if not path.is_dir():
+                os.replace(room / path.name, path)
+            else:
+                _swap_folder(room, path)
+            return
+        except OSError as error:
+            if not left or error.errno not in (errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST):
+                raise
+            time.sleep(0.01)
+
+
+def _swap_folder(room: Path, path: Path) -> None:
     old = room / "earlier"
+    if old.exists():
+        shutil.rmtree(old)
     os.replace(path, old)
     try:
         os.replace(room / path.name, path)
     except BaseException:
-        os.replace(old, path)
+        if not path.exists():
+            os.replace(old, path)
         raise

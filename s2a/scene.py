@@ -137,19 +137,26 @@ class Scene:
     def descendants(self, part_id: str) -> tuple[str, ...]:
         """Ids of everything below a part, parents before children."""
         below: list[str] = []
-        for child in self.children[part_id]:
-            below += [child, *self.descendants(child)]
+        waiting = [*reversed(self.children[part_id])]  # no recursion: chains may be longer than a stack is deep
+        while waiting:
+            below.append(waiting.pop())
+            waiting += reversed(self.children[below[-1]])
         return tuple(below)
+
+    def ancestors(self, part_id: str) -> tuple[str, ...]:
+        """Ids of what a part belongs to, its parent first."""
+        above: list[str] = []
+        while (parent := self.parts[above[-1] if above else part_id].parent) is not None:
+            above.append(parent)
+        return tuple(above)
 
     def depth(self, part_id: str) -> int:
         """Number of ancestors of a part."""
-        parent = self.parts[part_id].parent
-        return 0 if parent is None else 1 + self.depth(parent)
+        return len(self.ancestors(part_id))
 
     def root(self, part_id: str) -> str:
         """Id of the object a part belongs to."""
-        parent = self.parts[part_id].parent
-        return part_id if parent is None else self.root(parent)
+        return (part_id, *self.ancestors(part_id))[-1]
 
     def body(self, part_id: str) -> str | None:
         """Id of the rigid body a part belongs to; None if it is part of the immovable room.
@@ -157,13 +164,12 @@ class Scene:
         A body is a jointed part with its unjointed descendants, or the object (root part) that carries jointed parts, with
         all its unjointed parts above them: the cabinet body.
         """
-        part = self.parts[part_id]
-        if isinstance(part.motion, Joint) or part.motion == "free":
-            return part_id
-        if part.parent is not None:
-            return self.body(part.parent)
-        below = (self.parts[i].motion for i in self.descendants(part_id))
-        return part_id if any(isinstance(motion, Joint) for motion in below) else None
+        line = (part_id, *self.ancestors(part_id))
+        for i in line:
+            if self.parts[i].motion != "fixed":
+                return i
+        below = (self.parts[i].motion for i in self.descendants(line[-1]))
+        return line[-1] if any(isinstance(motion, Joint) for motion in below) else None
 
     def parent_body(self, part_id: str) -> str | None:
         """Id of the body that a jointed part moves against; None if it has no parent part."""

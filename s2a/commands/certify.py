@@ -52,7 +52,8 @@ def run(config: Config) -> str:
         CheckFailed: a check failed.
     """
     if not config.stage.is_file():
-        raise InputError(f"stage {str(config.stage)!r} does not exist; give a sim.usd, which s2a prepare writes")
+        what = "is a folder" if config.stage.is_dir() else "does not exist"
+        raise InputError(f"stage {str(config.stage)!r} {what}; give a sim.usd, which s2a prepare writes")
     settings = dataclasses.asdict(config.certify)
     robot.check_unchanged(config.robot)
     refuse_loss(config.out, RECORD, files(config.stage))

@@ -12,6 +12,7 @@ from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import SimConfig
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks import MdpSettings, MetricSettings
+from s2a.usd.sim_check import refuse_unphysical
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,8 @@ class WorldsConfig:
     planner: PlannerConfig
 
     def read_stage(self) -> SimStage:
-        """Read the stage; InputError for a wrong one, or a robot that was changed on the command line."""
+        """Read the stage; InputError for a wrong or unphysical one, or a robot that was changed on the command line."""
+        refuse_unphysical(self.stage)
         stage = read_stage(self.stage, self.part, robot=self.robot.name, also=self.also)
         robot.check_unchanged(self.robot)
         return stage

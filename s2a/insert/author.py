@@ -3,19 +3,42 @@
 from __future__ import annotations
 
 import re
+import textwrap
 import unicodedata
 from typing import Any
 
+from s2a.errors import InputError, encodable
 from s2a.insert import prompts
 from s2a.insert.place.fit import Pose
-from s2a.insert.placement import Placement
+from s2a.insert.placement import Placement, check_label
 from s2a.insert.script import ScriptResult, run_sandboxed
-from s2a.llm.ask import Model, Request, ValidationFeedback, ask
+from s2a.llm.ask import Model, Request, ValidationFeedback, ask, without_thoughts
 from s2a.llm.usage_log import UsageLog
 from s2a.sandbox.jail import Sandbox
+from s2a.sandbox.policy import HIDDEN
 from s2a.sandbox.violation import PolicyViolation
 from s2a.scan.labels import part_id
 from s2a.scene import Scene
+
+FENCE = re.compile(
+    r"^[ \t>]*(?P<fence>`{3,}|~{3,})[ \t]*(?P<language>[\w.+-]*)[^\n`]*\n(?P<script>.*?)(?:^[ \t]*(?P=fence)[`~]*[ \t]*$|\Z)",
+    re.DOTALL | re.MULTILINE,
+)
+"""A block of code in Markdown."""
+MAX_HINT = 2000
+"""Letters of a placement hint."""
+LANGUAGES = ("python", "python3", "py", "py3")
+
+
+def check_words(label: str, hint: str) -> None:
+    """Raise an InputError if a label or a placement hint can be in no script, file or request."""
+    check_label(label)
+    if HIDDEN.search(label):
+        raise InputError(f"label {label!r} has a word that begins with an underscore, or two; use plain words")
+    if encodable(hint) != hint or len(hint) > MAX_HINT:
+        raise InputError(
+            f"prompt {hint[:40]!r} is longer than {MAX_HINT} letters, or no UTF-8; say it in fewer, plain words"
+        )
 
 
 def placement(scene: Scene, label: str, pose: Pose, scale: float) -> Placement:
@@ -69,7 +92,13 @@ def author(model: Model, sandbox: Sandbox, planned: Placement, usage: UsageLog, 
 
 
 def bare(text: str) -> str:
-    """Return the script in an answer, without a code fence and the text around it."""
-    if "```" not in text:
+    """Return the script in an answer, without what the model thought, code fences and the text around them.
+
+    Of several fences the last one that says python counts, else the last one. One that does not end goes on to the end.
+    """
+    text = without_thoughts(text).lstrip("\ufeff")
+    fences = [(found["language"].lower(), found["script"]) for found in FENCE.finditer(text)]
+    if not fences:
         return text
-    return text.split("```")[1].partition("\n")[2]
+    written = [script for language, script in fences if language in LANGUAGES]
+    return textwrap.dedent(written[-1] if written else fences[-1][1])

@@ -28,6 +28,8 @@ from s2a.sandbox.geometry_free import geometry_free_text
 from s2a.usd import descriptive, geometric
 from s2a.usd.layer_files import files
 
+MAX_LIST = 4_000_000
+"""Of a list of objects [bytes]."""
 LAYER, RECORD = "insert.usda", "insert.json"
 
 
@@ -129,14 +131,25 @@ def read_requests(settings: InsertSettings) -> list[ObjectRequest]:
 def _read_list(path: Path) -> list[tuple[str, str]]:
     """Return the (file, label) entries of a YAML list."""
     try:
-        entries = yaml.safe_load(path.read_text())
-        found = [(str(entry["object"]), str(entry["label"])) for entry in entries]
-    except (OSError, yaml.YAMLError, TypeError, KeyError, UnicodeDecodeError) as error:
-        reason = " ".join(str(error).split())
+        if path.stat().st_size > MAX_LIST:
+            raise ValueError(f"larger than {MAX_LIST} bytes")
+        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
+        if not isinstance(entries, list):
+            raise TypeError("it is no list")
+        found = [(_words(entry["object"]), _words(entry["label"])) for entry in entries]
+    except (OSError, yaml.YAMLError, TypeError, KeyError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:300]
         raise InputError(f"{path}: not a list of {{object: FILE, label: WORDS}} ({reason})") from error
     if not found:
         raise InputError(f"{path} lists no object")
     return found
+
+
+def _words(value: object) -> str:
+    """Return a value of an entry as text; nothing that is put together, which YAML's aliases can make endless."""
+    if not isinstance(value, (str, int, float)):
+        raise TypeError(f"a {type(value).__name__} where a text belongs")
+    return str(value)
 
 
 def _write(found: list[Inserted], records: list[Record], room: RoomState, settings: InsertSettings, out: Path) -> None:

@@ -17,12 +17,14 @@ from s2a.insert.axes import AXES
 from s2a.insert.place.stable_pose import settled_axis
 from s2a.ranges import Count, Positive
 from s2a.scene import Mesh
-from s2a.usd.stage import reading
+from s2a.usd.stage import reading, refuse_deep
 
 STAGES = (".usd", ".usda", ".usdc", ".usdz")
 MESHES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
 WELD = 1e-6
 """Vertices nearer than this share of the object's size are one."""
+MAX_COORDINATE = 1e9
+"""Coordinate of an object, in whatever unit."""
 Shape = tuple[np.ndarray, np.ndarray, np.ndarray | None]
 """Points [vertex 3], triangles [face 3], colours [vertex 3], uint8, or None."""
 
@@ -74,7 +76,10 @@ def read_object(path: Path, config: ObjectConfig) -> ObjectFile:
         raw, unit, up = _read_mesh(path), None, "+y" if ending in (".glb", ".gltf") else None
     else:
         raise InputError(f"{path}: ending {ending!r} is unknown; possible: {', '.join((*MESHES, *STAGES))}")
-    mesh = cleaned(_centered(raw))
+    try:
+        mesh = cleaned(_centered(raw))
+    except (InputError, ValueError) as error:
+        raise InputError(f"{path}: {error}; export it again") from error
     if not len(mesh.faces):
         raise InputError(f"{path}: there is no surface in it; export it again with its faces")
     if len(mesh.faces) > config.faces:
@@ -131,7 +136,13 @@ def _read_mesh(path: Path) -> Shape:
         scene = trimesh.load_scene(path, process=False)
         shapes = [shape for shape in scene.dump() if isinstance(shape, trimesh.Trimesh)]
     except Exception as error:  # trimesh raises whatever its parsers raise
-        raise InputError(f"{path}: not a mesh that can be read ({error}); export it again") from error
+        # What is not of the format that its name says may look like one that another module would read.
+        why = (
+            f"not {path.suffix.lower()}, or damaged"
+            if isinstance(error, ImportError)
+            else " ".join(str(error).split())[:300]
+        )
+        raise InputError(f"{path}: not a mesh that can be read ({why}); export it again") from error
     return _together([(np.asarray(shape.vertices), np.asarray(shape.faces), _painted(shape)) for shape in shapes])
 
 
@@ -150,6 +161,7 @@ def _painted(shape: trimesh.Trimesh) -> np.ndarray | None:
 
 def _read_stage(path: Path) -> tuple[Shape, float | None, str]:
     """Return the surfaces that show in a USD stage as one in its world, with its unit, if it says one, and its up axis."""
+    refuse_deep(path)
     with reading(path):
         stage = Usd.Stage.Open(str(path))
         found = []
@@ -209,6 +221,10 @@ def _together(shapes: list[Shape]) -> Shape:
 def _centered(shape: Shape) -> Mesh:
     """Return a shape around zero, where single precision keeps what is small."""
     vertices, faces, colors = shape
+    if not np.abs(vertices).max(initial=0.0) <= MAX_COORDINATE:
+        raise InputError(
+            f"a point is {np.abs(vertices).max():g} units from its zero; expected up to {MAX_COORDINATE:g}"
+        )
     middle = vertices[faces].reshape(-1, 3).mean(axis=0) if len(faces) else np.zeros(3)
     return Mesh(vertices - middle, faces, colors)
 

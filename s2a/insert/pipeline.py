@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf
 
-from s2a.errors import InputError
 from s2a.insert import describe
-from s2a.insert.author import author, placement
+from s2a.insert.author import author, check_words, placement
 from s2a.insert.object_file import ObjectConfig, ObjectFile, read_object, upright
 from s2a.insert.place.candidate_poses import CandidatePose, candidate_poses
 from s2a.insert.place.fit import NoRoom
@@ -28,7 +27,6 @@ from s2a.insert.scale import Size, fit_scale, size
 from s2a.llm.ask import Model
 from s2a.llm.usage_log import Record, UsageLog, step, tokens
 from s2a.sandbox.jail import Sandbox, SandboxConfig
-from s2a.sandbox.policy import HIDDEN
 from s2a.scene import Mesh, Part, Scene
 
 StabilityCheck = Callable[[Mesh, CandidatePose, Scene], Record]
@@ -122,13 +120,13 @@ def insert(context: InsertContext, request: ObjectRequest) -> Inserted:
         NoRoom: no candidate pose is free and stable.
         InputError: a label that no script may contain, a file without an object, or no usable answer of the model.
     """
-    if HIDDEN.search(request.label):
-        raise InputError(f"label {request.label!r} has a word that begins with an underscore, or two; use plain words")
+    check_words(request.label, request.hint)
     room, config, record = context.room, context.config, context.record
     file = read_object(request.file, config.object)
     with step(record, "describe") as result:
         result |= {"parts": len(room.lines), "tokens": tokens(describe.text(room.lines))}
     with Sandbox(room.geometry_free_text, config.sandbox, config.trusted) as sandbox:
+        sandbox.check_guarantees()  # before the model is asked: its answers may cost money
         facts = _facts(file, request, room.lines)
         where, object, scale, candidate = _place(context, file, facts)
         with step(record, "script") as result:

@@ -12,6 +12,7 @@ from s2a.errors import InputError
 from s2a.scene import Vec3
 from s2a.usd.stage import RESERVED
 
+MAX_LABEL = 200
 POSITION, ORIENTATION, SCALE = 5, 7, 6
 """Decimals of a position [m] and of a quaternion, and digits of a scale: no more than a model can copy."""
 
@@ -56,8 +57,7 @@ class Placement:
             )
         if abs(math.hypot(*self.orientation) - 1.0) > 1e-6:
             raise InputError(f"{self.part_id}: its orientation {self.orientation} is not of unit length")
-        if not self.label.strip() or not self.label.isprintable() or len(self.label) > 200:
-            raise InputError(f"{self.part_id}: label {self.label!r} is empty, longer than 200 letters or not printable")
+        check_label(self.label)
 
     def matrix(self) -> np.ndarray:
         """Return the transform from object to world, shape [4 4], for column vectors, as USD makes it of these numbers.
@@ -69,3 +69,12 @@ class Placement:
         matrix = np.array(turn).T
         matrix[:3, :3] *= self.scale
         return matrix
+
+
+def check_label(label: str) -> None:
+    """Raise an InputError unless a label can stand in a stage, a script and a line of a terminal."""
+    if not label.strip() or not label.isprintable() or len(label) > MAX_LABEL:
+        given = f"{label[:40]!r}..." if len(label) > MAX_LABEL else repr(label)
+        raise InputError(
+            f"label {given} is empty, not printable or longer than {MAX_LABEL} letters; name the object in plain words"
+        )

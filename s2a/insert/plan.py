@@ -14,6 +14,8 @@ from s2a.llm.usage_log import UsageLog
 from s2a.scene import Scene
 
 CHOICES = 3
+HIGHEST = 1000.0
+"""Of the supports of a room [m]."""
 LISTED = 200
 """Number of ids listed for a model that named an unknown one."""
 
@@ -120,6 +122,8 @@ def checked(answer: Plan, scene: Scene) -> Plan:
         if part_id is not None and part_id not in scene.parts:
             raise ValidationFeedback(_unknown(part_id, scene))
     for choice in answer.choices:
+        if choice.height is not None and not abs(choice.height) <= HIGHEST:
+            raise ValidationFeedback(f"height is {choice.height:g}; give the support's height in metres, or null.")
         if (choice.relation == "hanging") != (choice.surface == "vertical"):
             raise ValidationFeedback(
                 f"relation {choice.relation!r} does not go with surface {choice.surface!r}: what hangs, hangs on a vertical "
@@ -141,4 +145,4 @@ def _check_axes(answer: Plan) -> None:
 def _unknown(part_id: str, scene: Scene) -> str:
     """Return the feedback on an unknown part."""
     known = list(scene.parts)[:LISTED]
-    return f"There is no {part_id[:60]!r} in the room{nearest(part_id, known)}. All ids: {', '.join(known)}."
+    return f"There is no {part_id[:60]!r} in the room{nearest(part_id[:60], known)}. All ids: {', '.join(known)}."

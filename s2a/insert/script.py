@@ -8,7 +8,7 @@ from typing import Any
 from pxr import Sdf
 
 from s2a.insert.placement import Placement
-from s2a.sandbox.diff import TAXONOMY, compare
+from s2a.sandbox.diff import TAXONOMY
 from s2a.sandbox.jail import STAGE, Sandbox
 from s2a.sandbox.policy import check
 
@@ -35,7 +35,7 @@ class ScriptResult:
 
     Attributes:
         layer: `/scene` with the new prim, as the script wrote it; `s2a.insert.overlay.write` puts it over a stage.
-        record: plain values for the JSON record: the active sandbox layers, seconds, the script.
+        record: plain values for the JSON record: the active sandbox layers, what they left exposed, seconds, the script.
     """
 
     layer: Sdf.Layer
@@ -59,8 +59,11 @@ def run_sandboxed(sandbox: Sandbox, text: str, plan: Placement) -> ScriptResult:
     """
     check(text, STAGE, plan.reference, sandbox.config.allow)
     run = sandbox.run(text, {"STAGE": STAGE, "OBJECT": plan.reference})
-    layer = compare(run.saved, sandbox.geometry_free_text, plan)
-    return ScriptResult(layer, {"active": list(run.active), "seconds": round(run.seconds, 3), "script": text})
+    layer = sandbox.compare(run.saved, plan)
+    return ScriptResult(
+        layer,
+        {"active": list(run.active), "exposed": list(run.exposed), "seconds": round(run.seconds, 3), "script": text},
+    )
 
 
 def write_script(plan: Placement) -> str:

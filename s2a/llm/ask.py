@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
 
 import dacite
 
-from s2a.errors import InputError
+from s2a.errors import InputError, printable
 from s2a.llm.usage_log import UsageLog
 
 T = TypeVar("T")
 Step = Literal["plan", "scale", "script"]
 Message = tuple[Literal["user", "assistant"], str]
+THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought|reasoning)>", re.DOTALL | re.IGNORECASE)
+"""The models that write them end with them before the answer begins."""
 QUOTED = 2000
 """Characters of a rejected answer that are quoted back to the model."""
 
@@ -96,7 +100,7 @@ def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int
             return accepted
     raise InputError(
         f"model {answer.model!r} gave no usable answer to step {request.step!r} in {retries + 1} tries; the last one: "
-        f"{said[:300]}; try another model, or llm=rules"
+        f"{printable(said[:300])}; try another model, or llm=rules"
     )
 
 
@@ -106,8 +110,10 @@ def parse(text: str, kind: type[T]) -> T:
     Raises:
         ValidationFeedback: there is none, or a key is missing or of another type.
     """
+    text = without_thoughts(text)
     try:
         values = json.loads(text[text.index("{") : text.rindex("}") + 1])
+        json.dumps(values, ensure_ascii=False).encode()  # half a character can be spelled, and not be written anywhere
     except (ValueError, RecursionError) as error:
         raise ValidationFeedback(
             f"That is not one JSON object ({error}). Answer with the JSON object alone."
@@ -115,12 +121,20 @@ def parse(text: str, kind: type[T]) -> T:
     rules = dacite.Config(cast=[tuple], type_hooks={float: _number})
     try:
         return dacite.from_dict(kind, values, rules)
-    except (dacite.DaciteError, TypeError, ValueError) as error:
+    except (dacite.DaciteError, TypeError, ValueError, ArithmeticError) as error:
         raise ValidationFeedback(
             f"The JSON does not fit the schema: {str(error)[:300]}. Answer with all keys as asked."
         ) from error
 
 
+def without_thoughts(text: str) -> str:
+    """Return an answer without what a model wrote to itself before it: <think>...</think>, also where only the end is left."""
+    return THOUGHTS.sub("", text)
+
+
 def _number(value: Any) -> Any:
-    """Accept integers as floats: models write 1 for 1.0."""
-    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+    """Accept integers as floats: models write 1 for 1.0; raise a ValueError for infinity and NaN, an OverflowError near them."""
+    number = float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+    if isinstance(number, float) and not math.isfinite(number):
+        raise ValueError(f"{number} is no finite number")
+    return number

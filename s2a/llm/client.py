@@ -5,16 +5,23 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from queue import Empty, SimpleQueue
+from threading import TIMEOUT_MAX, Thread
+from typing import Any, Literal, TypeVar
 
-from s2a.errors import InputError
+from s2a.errors import InputError, encodable, printable
 from s2a.llm.ask import Answer, Model, Request
 from s2a.llm.replay import recorded, recorder
 from s2a.llm.rules import rules
-from s2a.llm.usage_log import tokens
+from s2a.llm.usage_log import is_count, tokens
 from s2a.ranges import Count, CountFromZero, NotNegative, Positive
+
+T = TypeVar("T")
+MAX_WAIT = 60.0
+"""Before a retry, as an endpoint may ask for [s]."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +66,10 @@ def choose(config: LlmConfig, record: Path | None) -> Model:
         InputError: replay without a recording, or chat without a key.
     """
     kind = kind_of(config)
+    if record is not None and not record.parent.is_dir():
+        raise InputError(
+            f"record {str(record)!r} lies in no folder; make {str(record.parent)!r} first, or choose another"
+        )
     if kind == "replay":
         if config.answers is None:
             raise InputError(
@@ -81,24 +92,28 @@ class Chat:
                 "llm=chat needs OPENAI_API_KEY in the environment; set it (a local server takes any), or llm=rules"
             )
         self._config, self._openai, self._structured = config, openai, True
-        # The client names what goes wrong before a response; while it comes, its transport does.
-        self._failures = (openai.OpenAIError, httpx2.HTTPError)
         # No wait for a part of a response is longer than that for the whole.
-        self._client = openai.OpenAI(timeout=config.timeout, max_retries=config.attempts)
+        try:
+            self._client = openai.OpenAI(timeout=config.timeout, max_retries=config.attempts)
+        except (openai.OpenAIError, httpx2.InvalidURL, ValueError) as error:
+            raise InputError(f"the model's endpoint cannot be asked: {error}; check OPENAI_BASE_URL") from error
 
     def __call__(self, request: Request) -> Answer:
         """Return the model's answer; an empty one if it declines.
 
         Raises:
-            InputError: the endpoint cannot be reached, refuses the request, or answers what is no chat completion.
+            InputError: the endpoint cannot be reached, refuses the request, does not answer in time, or answers what is no
+                chat completion.
         """
         start = time.perf_counter()
         try:
             body = self._completion(request)
-        except self._failures as error:
+        except InputError:
+            raise
+        except Exception as error:  # of the client, its transport, or what they make of an odd response
             raise InputError(
                 f"model {self._config.model!r} at {self._client.base_url} failed: "
-                f"{' '.join(str(error).split())[:300] or type(error).__name__}; "
+                f"{printable(' '.join(str(error).split())[:300]) or type(error).__name__}; "
                 f"check OPENAI_BASE_URL, OPENAI_API_KEY and llm.model, or give llm=rules"
             ) from error
         return self._answer(body, request, time.perf_counter() - start)
@@ -106,19 +121,25 @@ class Chat:
     def _completion(self, request: Request) -> dict[str, Any]:
         """Return the response, asked for by schema where the endpoint knows that."""
         if not (self._structured and request.schema):
-            return self._send(request, {})
+            return self._read(self._send(request, {}))
         wanted = {"name": request.step, "schema": request.schema, "strict": True}
         try:
-            return self._send(request, {"response_format": {"type": "json_schema", "json_schema": wanted}})
+            format = {"type": "json_schema", "json_schema": wanted}
+            return self._read(self._send(request, {"response_format": format}))
         except (self._openai.BadRequestError, self._openai.UnprocessableEntityError):
             self._structured = False
-            return self._send(request, {})
+            return self._read(self._send(request, {}))
 
-    def _send(self, request: Request, more: dict[str, Any]) -> dict[str, Any]:
+    def _send(self, request: Request, more: dict[str, Any]) -> bytes:
         """Send a request and return the response, if it comes in time and is not too long."""
         messages = [{"role": "system", "content": request.system}]
         messages += [{"role": role, "content": text} for role, text in request.messages]
-        deadline = time.monotonic() + self._config.timeout * (self._config.attempts + 1)
+        # The client bounds each wait for a part of a response; this bounds their sum, headers and retries included.
+        seconds = self._config.timeout * (self._config.attempts + 1) + MAX_WAIT * self._config.attempts
+        return within(min(seconds, TIMEOUT_MAX), lambda: self._receive(messages, more), self._late)
+
+    def _receive(self, messages: list[dict[str, str]], more: dict[str, Any]) -> bytes:
+        """Return the response to a request; its body may take as long as an answer may."""
         with self._client.chat.completions.with_streaming_response.create(
             model=self._config.model,
             messages=messages,  # type: ignore[arg-type]
@@ -126,8 +147,8 @@ class Chat:
             max_tokens=self._config.max_tokens,
             **more,
         ) as response:
-            found = bytearray()
-            for piece in response.iter_bytes(65536):
+            found, deadline = bytearray(), time.monotonic() + self._config.timeout
+            for piece in response.iter_bytes():  # as they come: a size would wait for as many
                 found += piece
                 if len(found) > self._config.max_response_bytes:
                     raise InputError(
@@ -135,33 +156,63 @@ class Chat:
                         f"try another model, or raise llm.max_response_bytes"
                     )
                 if time.monotonic() > deadline:
-                    raise InputError(
-                        f"model {self._config.model!r} did not end its answer in time; "
-                        f"raise llm.timeout ({self._config.timeout:g} s)"
-                    )
-        return self._read(bytes(found))
+                    raise self._late()
+        return bytes(found)
+
+    def _late(self) -> InputError:
+        return InputError(
+            f"model {self._config.model!r} did not end its answer in time; "
+            f"raise llm.timeout ({self._config.timeout:g} s), or try another model"
+        )
 
     def _read(self, text: bytes) -> dict[str, Any]:
         """Return a response as a dictionary."""
         try:
             body = json.loads(text)
-            body["choices"][0]["message"]
+            if not isinstance(body["choices"][0]["message"], dict):
+                raise TypeError("the message is no object")
         except (ValueError, TypeError, LookupError, RecursionError) as error:
             raise InputError(
                 f"{self._client.base_url} answered what is no chat completion: {text[:80]!r}; check OPENAI_BASE_URL"
             ) from error
-        return body
+        found: dict[str, Any] = body
+        return found
 
     def _answer(self, body: dict[str, Any], request: Request, seconds: float) -> Answer:
         """Return what a response says; what is not text is nothing. Tokens that it does not tell are estimated."""
         text = body["choices"][0]["message"].get("content")
-        text = text if isinstance(text, str) else ""
-        usage = body.get("usage") or {}
+        text = encodable(text) if isinstance(text, str) else ""
+        told = body.get("usage")
+        usage = told if isinstance(told, dict) else {}
         asked, said = (usage.get(key) for key in ("prompt_tokens", "completion_tokens"))
-        asked = (
-            asked
-            if isinstance(asked, int) and asked
-            else tokens(request.system + "".join(m for _, m in request.messages))
+        estimate = tokens(request.system + "".join(message for _, message in request.messages))
+        return Answer(
+            text,
+            self._config.model,
+            seconds,
+            asked if is_count(asked) and asked else estimate,
+            said if is_count(said) and said else tokens(text),
         )
-        said = said if isinstance(said, int) and said else tokens(text)
-        return Answer(text, self._config.model, seconds, asked, said)
+
+
+def within(seconds: float, call: Callable[[], T], late: Callable[[], Exception]) -> T:
+    """Return the result of a call, or raise what it raises, or what `late` makes if it takes longer than `seconds`.
+
+    A late call goes on in a thread that ends with the program.
+    """
+    done: SimpleQueue[tuple[T | None, BaseException | None]] = SimpleQueue()
+
+    def work() -> None:
+        try:
+            done.put((call(), None))
+        except BaseException as error:
+            done.put((None, error))
+
+    Thread(target=work, daemon=True).start()
+    try:
+        result, error = done.get(timeout=seconds)
+    except Empty:
+        raise late() from None
+    if error is not None:
+        raise error
+    return result  # type: ignore[return-value]

@@ -10,14 +10,18 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from s2a.errors import InputError
+from s2a.errors import InputError, encodable, printable
 from s2a.llm.ask import Answer, Model, Request
+from s2a.llm.usage_log import is_count
 from s2a.outputs import atomic_write
 
 EXACT = re.compile(r"(?<![\w.])-?\d+\.\d{4,}(?![\w.])")
 """Numbers of a pose in the question for a script. A recording has a slot for each, because the same question may come
 with another pose: surfaces and search results differ in their last digits."""
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.\d+(?![\w.])")
+TEXTS = ("step", "prompt", "about", "gist", "model", "answer")
+COUNTS = ("prompt_tokens", "completion_tokens")
+"""Keys of an entry."""
 OTHER = "recorded in this room when its measures were others"
 
 
@@ -130,10 +134,21 @@ def _load(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"{path}: no such recording; make one with llm=chat record={path}")
     try:
-        kept = json.loads(path.read_text())
-        for entry in kept.values():
-            entry["step"], entry["prompt"], entry["about"], entry["gist"], entry["model"], entry["answer"]
-            entry["prompt_tokens"], entry["completion_tokens"]
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise InputError(f"{path}: not a recording, or a damaged one ({error}); make one with record=FILE") from error
-    return kept
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        damaged = [name for name, entry in kept.items() if not _whole(entry)]
+        if damaged:
+            raise ValueError(
+                f"entry {damaged[0][:40]!r} lacks one of {', '.join((*TEXTS, *COUNTS))}, or has another type"
+            )
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        raise InputError(
+            f"{path}: not a recording, or a damaged one ({printable(str(error)[:200])}); make one with record=FILE"
+        ) from error
+    return {name: {**entry, "answer": encodable(entry["answer"])} for name, entry in kept.items()}
+
+
+def _whole(entry: Any) -> bool:
+    """Return True for an entry that has all its values."""
+    if not isinstance(entry, dict):
+        return False
+    return all(isinstance(entry.get(key), str) for key in TEXTS) and all(is_count(entry.get(key)) for key in COUNTS)

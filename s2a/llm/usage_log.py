@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 Record = dict[str, Any]
 """Results of an insertion by step: plain values for JSON."""
+MOST_TOKENS = 10**9
 PER_TOKEN = 3.5
 """Characters per token: between 3 and 4 for the JSON of a room with the tokenizers of 2024 and 2025."""
 
@@ -55,6 +56,11 @@ class UsageLog:
             "seconds": round(sum(entry["seconds"] for entry in self.entries), 3),
             "dollars": round((asked * self.prices[0] + said * self.prices[1]) / 1e6, 6),
         }
+
+
+def is_count(value: object) -> bool:
+    """Return True for a number of tokens that an answer can have."""
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < MOST_TOKENS
 
 
 def tokens(text: str) -> int:

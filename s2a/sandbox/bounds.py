@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from s2a.ranges import Count, Positive
 from s2a.sandbox.constants import Values
-from s2a.sandbox.operations import GROWING, WRAPPING
+from s2a.sandbox.operations import GROWING, NUMERIC, WRAPPING
 from s2a.sandbox.violation import PolicyViolation
 
 LOOPS_IN_LOOPS, NESTING, FUNCTIONS = 3, 60, 20
@@ -35,15 +35,23 @@ class AllowConfig:
     max_repeats: Count
 
 
-def refuse_entangled(tree: ast.Module, values: Values) -> None:
-    """Refuse nesting that would exhaust a stack, and functions that may call themselves."""
-    level: list[ast.AST] = [tree]
+def refuse_nested(tree: ast.Module) -> None:
+    """Refuse nesting that would exhaust a stack, and loops inside each other; the other rules take time where these are."""
+    level: list[tuple[ast.AST, int]] = [(tree, 0)]
     for _ in range(NESTING):
-        level = [child for node in level for child in ast.iter_child_nodes(node)]
+        level = [(child, loops + _loops(child)) for node, loops in level for child in ast.iter_child_nodes(node)]
+        if deep := [node for node, loops in level if loops > LOOPS_IN_LOOPS]:
+            raise PolicyViolation(
+                "allowlist", f"more than {LOOPS_IN_LOOPS} loops inside each other", getattr(deep[0], "lineno", None)
+            )
     if level:
         raise PolicyViolation(
-            "allowlist", "it is nested too deeply; use shorter expressions", getattr(level[0], "lineno", None)
+            "allowlist", "it is nested too deeply; use shorter expressions", getattr(level[0][0], "lineno", None)
         )
+
+
+def refuse_entangled(tree: ast.Module, values: Values) -> None:
+    """Refuse functions that may call themselves."""
     if len(values.functions) > FUNCTIONS:
         raise PolicyViolation("allowlist", f"it has {len(values.functions)} functions; at most {FUNCTIONS}")
     for function in values.functions.values():
@@ -81,34 +89,52 @@ def repetition(node: ast.AST, values: Values, config: AllowConfig) -> str | None
         return None
     if not _bounded(node.iter, values, config, set()):
         return f"a loop whose number of rounds does not follow from the text, or is above {config.max_repeats}"
-    inside: list[ast.AST] = [node]
-    for _ in range(LOOPS_IN_LOOPS):
-        inside = [inner for outer in inside for inner in ast.walk(outer) if inner is not outer and _loops(inner)]
-    if not inside:
-        return None
-    return f"more than {LOOPS_IN_LOOPS} loops inside each other"
+    return None
 
 
-def _loops(node: ast.AST) -> bool:
-    return isinstance(node, (ast.For, ast.comprehension))
+def _loops(node: ast.AST) -> int:
+    """Return how many loops a node is; a comprehension has one for each `for`, over what it computes."""
+    return len(node.generators) if isinstance(node, ast.ListComp) else int(isinstance(node, ast.For))
 
 
-def _is_number(node: ast.expr, values: Values, seen: frozenset[str] = frozenset()) -> bool:
-    """Return True if an expression is statically known to be a number."""
+def _is_number(node: ast.expr | tuple | None, values: Values, seen: frozenset[str] = frozenset()) -> bool:
+    """Return True if an expression is statically known to be a number, or a vector, quaternion or matrix of Gf."""
     known = values.of(node)
     if known is not None:
         return all(isinstance(value, (int, float)) for value in known)
     match node:
         case ast.BinOp():
             return _is_number(node.left, values, seen) and _is_number(node.right, values, seen)
+        case ast.IfExp():
+            return _is_number(node.body, values, seen) and _is_number(node.orelse, values, seen)
         case ast.UnaryOp():
             return _is_number(node.operand, values, seen)
+        case ast.Subscript() | ("item" | "each", _) | ("item", _, _):
+            return _is_number(node.value if isinstance(node, ast.Subscript) else node[1], values, seen)
+        case ast.Attribute(attr="real" | "imaginary"):
+            return True
         case ast.Call():
-            numbers = ("float", "int", "len", "abs", "round", "sum")
-            return values.dotted(node.func) is not None or isinstance(node.func, ast.Name) and node.func.id in numbers
+            return _gives_number(node, values, seen)
         case ast.Name(id=name) if name not in seen:
-            nodes = values.names.get(name) or [None]
-            return all(isinstance(n, ast.expr) and _is_number(n, values, seen | {name}) for n in nodes)
+            return all(_is_number(n, values, seen | {name}) for n in values.names.get(name) or [None])
+    return False
+
+
+def _gives_number(call: ast.Call, values: Values, seen: frozenset[str]) -> bool:
+    """Return True for a call that is statically known to give a number, or something of Gf."""
+    name = values.dotted(call.func)
+    if name is not None:
+        return name.startswith(("Gf.", "math.")) or name == "UsdGeom.GetStageMetersPerUnit"
+    match call.func:
+        case ast.Attribute(attr=method):
+            return method in NUMERIC
+        case ast.Name(id="sum"):
+            return len(call.args) == 1 and not call.keywords  # else its start may be a list
+        case ast.Name(id=function) if function in values.functions and function not in seen:
+            ends = [node.value for node in ast.walk(values.functions[function]) if isinstance(node, ast.Return)]
+            return bool(ends) and all(_is_number(end, values, seen | {function}) for end in ends)
+        case ast.Name(id=function):
+            return function in ("float", "int", "len", "abs", "round")
     return False
 
 
@@ -116,7 +142,7 @@ def _bounded(node: ast.expr | tuple | None, values: Values, config: AllowConfig,
     """Return True for a short iterable: a literal, a range, a list of the stage, or a zip of these."""
     known = values.of(node)
     if known is not None:
-        return all(isinstance(value, (tuple, dict, str)) and len(value) <= config.max_repeats for value in known)
+        return all(isinstance(value, (tuple, list, dict, str)) and len(value) <= config.max_repeats for value in known)
     match node:
         case ast.List() | ast.Tuple() | ast.Dict():
             return not any(isinstance(item, ast.Starred) for item in ast.iter_child_nodes(node))

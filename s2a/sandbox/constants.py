@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import ast
 import itertools
+import math
 import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from s2a.sandbox.names import Names
@@ -17,7 +20,19 @@ Known = list[Any] | None
 """All values that an expression can have; None where they do not follow from the text."""
 WIDTH = re.compile(r"\d{3}")
 """A number of three digits in a format: what it gives may be long."""
-MOST_VALUES, MOST_STEPS, MOST_LETTERS = 64, 20_000, 2000
+MOST_VALUES, MOST_STEPS, MOST_LETTERS, MOST_BITS = 64, 20_000, 2000, 1024
+"""Values of an expression, steps in which those of all are found, and letters and bits of one."""
+STEP = 100
+"""Letters that take as long as a step."""
+PATHS = ("Sdf.Layer.FindOrOpen", "Sdf.Reference", "Sdf.Path")
+"""What has a path, but is no text: its `str` may be another."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """Something that has a path: a layer, a reference, or a path of USD's own."""
+
+    text: str
 
 
 class Values:
@@ -46,11 +61,14 @@ class Values:
         Raises:
             PolicyViolation: the script is too entangled to tell in reasonable time.
         """
-        self._steps += 1
-        if self._steps > MOST_STEPS:
-            raise PolicyViolation("allowlist", "its texts are too entangled; write them out")
+        self._spend(1)
         found = self._of(node)
         return None if found is None or len(found) > MOST_VALUES else found
+
+    def _spend(self, steps: int) -> None:
+        self._steps += steps
+        if self._steps > MOST_STEPS:
+            raise PolicyViolation("allowlist", "its texts are too entangled; write them out")
 
     def dotted(self, node: ast.expr) -> str | None:
         """Return the name of something below a module of pxr, such as "Usd.Stage.Open"; None for anything else."""
@@ -63,32 +81,33 @@ class Values:
         return ".".join([self.modules[node.id], *reversed(parts)])
 
     def parts(self, node: ast.AST) -> list[object]:
-        """Return all values that an expression is known to have, those within a list one by one."""
+        """Return all values that an expression is known to have, those within a list one by one, and paths as texts."""
         known = self.of(node) if isinstance(node, ast.expr) else None
         parts: list[object] = []
         for value in known or ():
             inner = [*value.keys(), *value.values()] if isinstance(value, dict) else value
             parts += inner if isinstance(inner, (list, tuple)) else [inner]
-        return parts
+        return [part.text if isinstance(part, Path) else part for part in parts]
 
     def _of(self, node: ast.expr | tuple | None) -> Known:
         match node:
             case ast.Constant():
-                return [node.value]
+                return None if _huge(node.value) else [node.value]
             case ast.Name():
                 return self._of_name(node.id)
-            case ast.Tuple() | ast.List():
-                known = isinstance(node, ast.Tuple) or not self._mutable
-                return self._combine(node.elts, lambda *items: items) if known else None
+            case ast.Tuple():
+                return self._combine(node.elts, lambda *items: items, paths=True)
+            case ast.List():
+                return None if self._mutable else self._combine(node.elts, lambda *items: [*items], paths=True)
             case ast.Dict():
                 pairs = [item for pair in zip(node.keys, node.values, strict=True) for item in pair]
-                return self._combine(pairs, lambda *items: dict(zip(items[::2], items[1::2], strict=True)))
+                return self._combine(pairs, lambda *items: dict(zip(items[::2], items[1::2], strict=True)), paths=True)
             case ast.Subscript():
-                return self._combine([node.value, node.slice], lambda whole, key: whole[key])
+                return self._combine([node.value, node.slice], lambda whole, key: whole[key], paths=True)
             case ("item", value, index):
-                return self._combine([value], lambda whole: list(whole)[index])
+                return self._combine([value], lambda whole: list(whole)[index], paths=True)
             case ("each", value):
-                wholes = self._combine([value], tuple)
+                wholes = self._combine([value], tuple, paths=True)
                 return None if wholes is None else [item for whole in wholes for item in whole]
             case ast.IfExp():
                 return self._union([node.body, node.orelse])
@@ -127,12 +146,12 @@ class Values:
         return None
 
     def _of_call(self, node: ast.Call) -> Known:
-        """Return the values of calls that give a text; a layer or a reference counts as its path."""
-        if self.dotted(node.func) in ("Sdf.Layer.FindOrOpen", "Sdf.Reference", "Sdf.Path"):
+        """Return the values of calls that give a text, a range or a path."""
+        if self.dotted(node.func) in PATHS:
             named = [
                 keyword.value for keyword in node.keywords if keyword.arg in ("assetPath", "identifier", "layerPath")
             ]
-            return self.of((*node.args, *named)[0]) if node.args or named else None
+            return self._combine([*node.args, *named][:1], Path) if node.args or named else None
         match node.func:
             case ast.Name(id="range") if not node.keywords:
                 return self._combine(node.args, lambda *ends: tuple(range(*ends)) if _few(range(*ends)) else None)
@@ -152,7 +171,7 @@ class Values:
                 )
             case ast.Attribute(attr="join" | "lower" | "upper" | "strip" | "replace" | "title") if not node.keywords:
                 method = node.func.attr
-                return self._combine([node.func.value, *node.args], lambda text, *v: getattr(str(text), method)(*v))
+                return self._combine([node.func.value, *node.args], lambda text, *v: getattr(str, method)(text, *v))
         return None
 
     def _union(self, nodes: list) -> Known:
@@ -162,28 +181,47 @@ class Values:
             values = self.of(node)
             if values is None:
                 return None
-            found += [value for value in values if value not in found]
-        return found or None
+            found += values
+        return _distinct(found) or None
 
-    def _combine(self, nodes: list, join: Any) -> Known:
-        """Return what `join` makes of every combination of values of some expressions."""
+    def _combine(self, nodes: list, join: Callable[..., Any], paths: bool = False) -> Known:
+        """Return what `join` makes of every combination of values of some expressions; None where it fails, as it would there.
+
+        Args:
+            nodes: the expressions.
+            join: called with a value of each; None if what it gives is not known.
+            paths: Combine what has a path, too: it is passed on as it is.
+        """
         every = []
         for node in nodes:
             values = self.of(node)
-            if values is None:
+            if values is None or not paths and any("Path(text=" in repr(value) for value in values):
                 return None
             every.append(values)
+        if math.prod(map(len, every)) > MOST_VALUES:
+            return None
         found: list[Any] = []
-        for combination in itertools.islice(itertools.product(*every), MOST_VALUES + 1):
+        for combination in itertools.product(*every):
             try:
                 value = join(*combination)
+                letters = MOST_LETTERS + 1 if _huge(value) else len(repr(value))
             except Exception:  # the script would fail there, too: nothing is known
                 return None
-            if value is None or len(str(value)) > MOST_LETTERS:
+            self._spend(letters // STEP)
+            if value is None or letters > MOST_LETTERS:
                 return None
-            if value not in found:
-                found.append(value)
-        return found
+            found.append(value)
+        return _distinct(found)
+
+
+def _distinct(values: list[Any]) -> list[Any]:
+    """Return values without repetitions; 1, 1.0 and True are three, and 0.0 is not -0.0."""
+    return list({(type(value), repr(value)): value for value in values}.values())
+
+
+def _huge(value: Any) -> bool:
+    """Return True for a number whose digits take long to write."""
+    return isinstance(value, int) and value.bit_length() > MOST_BITS
 
 
 def _formatted(value: Any, form: str) -> str | None:

@@ -1,7 +1,8 @@
 """Comparison of the stage that a script saved with the plan.
 
-The bytes come from a process that the script may have bent to its will, so they are bounded before USD parses them, and
-no other file is opened: a layer is read, never a stage composed of what it refers to.
+The bytes come from a process that the script may have bent to its will, so their nesting is bounded before USD parses them,
+and no other file is opened: a layer is read, never a stage composed of what it refers to. USD's parser may crash all the
+same; `s2a.sandbox.jail.Sandbox.compare` runs this module in a process of its own.
 """
 
 from __future__ import annotations
@@ -22,10 +23,22 @@ KINDS = ("component", "subcomponent", "prop", "model")
 """A prim's `kind` that says nothing of consequence; it may be left out."""
 NESTING = 32
 """Brackets within brackets; USD's parser calls itself for each, and a stage of ours has 6."""
+TOKENS = re.compile(
+    rb""""{3}(?:[^\\]|\\.)*?"{3}|'{3}(?:[^\\]|\\.)*?'{3}|"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*"""
+    rb"""'|@@@.*?@@@|@[^@\n]*@|\#[^\n]*|//[^\n]*|/\*.*?\*/|[][(){}]""",
+    re.DOTALL,
+)
+"""Texts, files and comments of USD's text, whose brackets are none, and the brackets."""
 TOLERANCE = 1e-6
 """Tolerance of the pose: metres, and fractions of the scale."""
-OPERATIONS = r"xformOp:(translate|orient|rotate[XYZ]{1,3}|scale|transform)(:\w+)?"
-NUMBERS = ("float", "double", "half", "float3", "double3", "half3", "quatf", "quatd", "quath", "matrix4d")
+VECTORS, SCALARS = ("float3", "double3", "half3"), ("float", "double", "half")
+OPERATIONS = {
+    r"xformOp:(translate|scale|rotate(XYZ|XZY|YXZ|YZX|ZXY|ZYX))(:\w+)?": VECTORS,
+    r"xformOp:rotate[XYZ](:\w+)?": SCALARS,
+    r"xformOp:orient(:\w+)?": ("quatf", "quatd", "quath"),
+    r"xformOp:transform(:\w+)?": ("matrix4d",),
+}
+"""Transform operations with the types that USD gives them."""
 PRIM_FIELDS = ("specifier", "typeName", "references", "apiSchemas", "kind")
 ATTRIBUTE_FIELDS = ("custom", "typeName", "variability", "default")
 
@@ -41,6 +54,18 @@ def compare(saved: bytes, geometry_free_text: str, plan: Placement) -> Sdf.Layer
     Raises:
         PolicyViolation: something is missing, or anything else differs from the given stage; the message names the first.
     """
+    try:
+        return _compared(saved, geometry_free_text, plan)
+    except PolicyViolation:
+        raise
+    except Exception as error:  # of USD, NumPy or Python: whatever a value of an unexpected type makes them raise
+        raise _violation(
+            f"the saved stage holds a value that cannot be compared ({type(error).__name__}): write what is planned, no more"
+        ) from error
+
+
+def _compared(saved: bytes, geometry_free_text: str, plan: Placement) -> Sdf.Layer:
+    """Compare; other errors than violations may come of values that nobody expects."""
     before, after = _parse(geometry_free_text.encode()), _parse(saved)
     path = Sdf.Path(f"{ROOT}/{plan.part_id}")
     if not after.GetPrimAtPath(path):
@@ -54,18 +79,21 @@ def _parse(text: bytes) -> Sdf.Layer:
     """Read USD's text into a layer of its own, without opening anything that it names."""
     layer = Sdf.Layer.CreateAnonymous(".usda")
     try:
-        if not text.startswith(b"#usda 1.0\n") or _depth(text) > NESTING or not layer.ImportFromString(text.decode()):
+        if not text.startswith(b"#usda 1.0\n") or not _flat(text) or not layer.ImportFromString(text.decode()):
             raise _violation("the saved stage is not USD text as USD writes it: save it, do not rewrite it")
     except (UnicodeDecodeError, Tf.ErrorException) as error:
         raise _violation("the saved stage cannot be read") from error
     return layer
 
 
-def _depth(text: bytes) -> int:
-    """Return how deep brackets nest, counting also those within quotes."""
-    steps = np.frombuffer(text, dtype=np.uint8)
-    opens, closes = np.isin(steps, list(b"([{")), np.isin(steps, list(b")]}"))
-    return int(np.max(np.cumsum(opens.astype(int) - closes), initial=0))
+def _flat(text: bytes) -> bool:
+    """Return True if brackets match and do not nest too deeply."""
+    depth = 0
+    for token in TOKENS.findall(text):
+        depth += (token in b"([{") - (token in b")]}")
+        if not 0 <= depth <= NESTING:
+            return False
+    return True
 
 
 def _opinions(layer: Sdf.Layer) -> dict[tuple[Sdf.Path, str], Any]:
@@ -145,18 +173,25 @@ def _check_attributes(prim: Sdf.PrimSpec, plan: Placement) -> list[str]:
     for attribute in prim.attributes:
         _refuse_fields(attribute, ATTRIBUTE_FIELDS)
     values = {attribute.name: attribute.default for attribute in prim.attributes}
+    types = {attribute.name: str(attribute.typeName) for attribute in prim.attributes}
     for name, value in expected.items():
         given = values.pop(name, None)
-        given = list(given) if isinstance(value, list) and given is not None else given
-        if given != value:
+        given = list(given) if isinstance(value, list) and types.get(name) == "token[]" and given is not None else given
+        if type(given) is not type(value) or given != value:
             raise _violation(f"{prim.path}.{name} is {str(given)[:80]!r}; expected {value!r}")
+    if types.get("xformOpOrder", "token[]") != "token[]":
+        raise _violation(f"{prim.path}.xformOpOrder is {types['xformOpOrder']}; expected token[]")
     order = list(values.pop("xformOpOrder", None) or [])
-    types = {attribute.name: str(attribute.typeName) for attribute in prim.attributes}
-    if others := sorted(n for n in values if not re.fullmatch(OPERATIONS, n) or types[n] not in NUMBERS):
-        raise _violation(f"{prim.path} has {others[0]!r}, which nobody planned")
+    if others := sorted(name for name in values if not _operation(name, types[name])):
+        raise _violation(f"{prim.path} has {types[others[0]]} {others[0]!r}, which nobody planned")
     if len(order) > 3 or len(set(order)) != len(order) or set(order) != set(values):
         raise _violation(f"{prim.path}: xformOpOrder is {', '.join(order)[:80]}; expected translate, orient, scale")
     return order
+
+
+def _operation(name: str, kind: str) -> bool:
+    """Return True for an attribute that USD reads as a transform operation."""
+    return any(re.fullmatch(pattern, name) and kind in kinds for pattern, kinds in OPERATIONS.items())
 
 
 def _refuse_fields(spec: Sdf.Spec, known: tuple[str, ...]) -> None:

@@ -7,25 +7,27 @@ a scratch folder as its only files, by whatever the system offers: user, mount a
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
-import tempfile
 import time
-from contextlib import ExitStack
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
-import pxr
+from pxr import Sdf
 
 from s2a.errors import InputError
+from s2a.insert.placement import Placement
 from s2a.ranges import Count, Positive
 from s2a.sandbox.policy import AllowConfig
+from s2a.sandbox.process import Process
 from s2a.sandbox.violation import PolicyViolation
 from s2a.sandbox.worker import GUARANTEES
 
-START = "import sys; sys.path[:0] = sys.argv[2:]; from s2a.sandbox.worker import main; main(int(sys.argv[1]))"
+EXPOSED = ("existence, size, owner and times of files outside the scratch folder",)
+"""What only namespaces hide."""
+Task = Literal["worker", "comparer"]
+REASON, MOST_LINES = {"process": 300, "comparison": 1000}, 1_000_000
+"""Characters of a reported reason that are kept, and the highest line that is believed."""
+STARTING = 30.0
+"""Longest time in which a process enables its layers [s]."""
 STAGE = "scene.usda"
 """Name of the stage in the scratch folder, which is the current one."""
 
@@ -61,18 +63,21 @@ class SandboxResult:
     Attributes:
         saved: the stage as the process returned it; untrusted.
         active: sandbox layers that were active, reported before the script began.
+        exposed: what a script could see of the system all the same.
         seconds: from when the process received the script to its end [s].
     """
 
     saved: bytes
     active: tuple[str, ...]
+    exposed: tuple[str, ...]
     seconds: float
 
 
 class Sandbox:
-    """Runs scripts on a geometry-free stage, each in a process of its own; the first process is started ahead.
+    """Runs scripts on a geometry-free stage and compares their results with the plan, each in a process of its own.
 
-    Importing USD and enabling the layers takes 0.3 s, which overlaps with the search for a pose.
+    The first processes are started ahead: importing USD and enabling the layers takes 0.3 s, which overlaps with the search
+    for a pose.
 
     Attributes:
         geometry_free_text: USD text of the stage, which a script finds as `scene.usda` in its current folder.
@@ -82,17 +87,28 @@ class Sandbox:
 
     def __init__(self, geometry_free_text: str, config: SandboxConfig, trusted: bool) -> None:
         self.geometry_free_text, self.config, self.trusted = geometry_free_text, config, trusted
-        self._ahead: _Process | None = None
+        self._ahead: dict[Task, Process] = {}
 
     def __enter__(self) -> Sandbox:
-        """Start a process for the first script."""
-        self._ahead = _Process(self)
+        """Start the processes for the first script."""
+        try:
+            for task in ("worker", "comparer"):
+                self._ahead[task] = self._start(task)
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End a process that still waits for a script."""
-        if self._ahead is not None:
-            self._ahead.end()
+        """End the processes that still wait for a script."""
+        for process in self._ahead.values():
+            process.end()
+        self._ahead.clear()
+
+    def check_guarantees(self) -> None:
+        """Raise an InputError if this system cannot confine an untrusted script: before somebody is paid for writing one."""
+        if not self.trusted and "worker" in self._ahead:
+            self._ready(self._ahead["worker"])
 
     def run(self, script: str, names: dict[str, str]) -> SandboxResult:
         """Run a script.
@@ -105,114 +121,101 @@ class Sandbox:
             PolicyViolation: the script failed, or used more than it may.
             InputError: the system cannot confine an untrusted script.
         """
-        process, self._ahead = self._ahead or _Process(self), None
-        start = time.perf_counter()
+        process = self._take("worker")
         try:
-            code, reports = process.run(json.dumps({"script": script, "names": names}), self.config.seconds)
+            active = self._ready(process)
+            start = time.perf_counter()
+            code, report = process.run({"script": script, "names": names}, self.config.seconds)
             seconds = time.perf_counter() - start
-            active, error = _verdict(code, reports, self.config, self.trusted)
-            if error:
-                raise error
-            return SandboxResult(process.saved(), active, seconds)
+            if code is None:
+                raise PolicyViolation("process", f"it ran longer than {self.config.seconds:g} s")
+            if code or report is None:
+                raise PolicyViolation(
+                    "process", f"its process was ended ({code}): too much time, memory or disk, or a crash"
+                )
+            if failure := _failure(report, "process"):
+                raise failure
+            return SandboxResult(process.result(), active, () if "namespaces" in active else EXPOSED, seconds)
         finally:
             process.end()
 
+    def compare(self, saved: bytes, plan: Placement) -> Sdf.Layer:
+        """Return a layer that holds the planned prim as a script wrote it (`s2a.sandbox.diff.compare`).
 
-class _Process:
-    """A process that enables its sandbox layers and waits for its script."""
+        Args:
+            saved: the stage as the script saved it; untrusted.
+            plan: the planned prim.
 
-    def __init__(self, sandbox: Sandbox) -> None:
-        config, self._open = sandbox.config, ExitStack()
-        scratch = self._open.enter_context(tempfile.TemporaryDirectory(prefix="s2a."))
-        self._out = self._open.enter_context(tempfile.TemporaryFile())
-        reader, writer = os.pipe()
-        self._reports = self._open.enter_context(open(reader, "rb"))
-        job = {
-            "report": writer,
-            "scratch": scratch,
+        Raises:
+            PolicyViolation: the stage differs from the plan, or whoever reads it comes to grief.
+            InputError: the process that compares cannot be started.
+        """
+        process = self._take("comparer")
+        try:
+            self._ready(process, guarantees=False)
+            try:
+                text = saved.decode()
+            except UnicodeDecodeError as error:
+                raise PolicyViolation(
+                    "comparison", "the saved stage is not USD text: save it, do not rewrite it"
+                ) from error
+            code, report = process.run({"saved": text, "plan": asdict(plan)}, self.config.seconds)
+            if code or code is None or report is None:
+                raise PolicyViolation(
+                    "comparison",
+                    f"the saved stage is not USD text that can be read (its reader ended with {code}): "
+                    "save it, do not rewrite it",
+                )
+            if failure := _failure(report, "comparison"):
+                raise failure
+            layer = Sdf.Layer.CreateAnonymous(".usda")
+            layer.ImportFromString(process.result().decode())
+            return layer
+        finally:
+            process.end()
+
+    def _take(self, task: Task) -> Process:
+        """Return the process that was started ahead, or a new one."""
+        return self._ahead.pop(task, None) or self._start(task)
+
+    def _start(self, task: Task) -> Process:
+        config = self.config
+        job: dict[str, Any] = {
             "stage": STAGE,
-            "stage_text": sandbox.geometry_free_text,
+            "stage_text": self.geometry_free_text,
             "layers": config.layers,
-            "required_guarantees": () if sandbox.trusted else config.required_guarantees,
-            "cpu_seconds": config.cpu_seconds,
+            "cpu_seconds": config.cpu_seconds if task == "worker" else config.seconds,
             "memory": config.memory,
             "disk": config.disk,
         }
-        folders = (str(Path(__file__).parents[2]), str(Path(pxr.__file__).parents[1]))
-        # A file, for a pipe holds less than a skeleton.
-        with tempfile.TemporaryFile() as file:
-            file.write(json.dumps(job).encode())
-            file.seek(0)
-            self._process = subprocess.Popen(
-                [sys.executable, "-I", "-S", "-B", "-c", START, str(file.fileno()), *folders],
-                stdin=subprocess.PIPE,
-                stdout=self._out,
-                stderr=subprocess.DEVNULL,
-                pass_fds=[writer, file.fileno()],
-                env={},
-                cwd=scratch,
+        return Process(task, job)
+
+    def _ready(self, process: Process, guarantees: bool = True) -> tuple[str, ...]:
+        """Return the active layers of a process, once it has enabled them; raise an InputError if they do not suffice."""
+        active = process.active(STARTING)
+        if active is None:
+            raise InputError(
+                "the process that confines scripts did not start; check the free memory and disk, try again"
             )
-        os.close(writer)
-
-    def run(self, text: str, seconds: float) -> tuple[int | None, list[str]]:
-        """Hand over the script, and wait; return the exit code (None: it had to be ended) and the lines it reported."""
-        try:
-            self._process.communicate(text.encode(), timeout=seconds)
-            code: int | None = self._process.returncode
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            code = None
-        return code, self._reports.read(1 << 16).decode(errors="replace").splitlines()
-
-    def saved(self) -> bytes:
-        """Return the stage as the process handed it back."""
-        self._out.seek(0)
-        return self._out.read()
-
-    def end(self) -> None:
-        """Kill the process and delete its files."""
-        self._process.kill()
-        self._process.wait()
-        if self._process.stdin:
-            self._process.stdin.close()
-        self._open.close()
+        kept = {what for layer in active for what in GUARANTEES[layer]}
+        missing = [what for what in self.config.required_guarantees if what not in kept]
+        if missing and guarantees and not self.trusted:
+            raise InputError(
+                f"this system cannot keep {', '.join(missing)} from a script "
+                f"(active sandbox layers: {', '.join(active) or 'none'}); "
+                f"use llm=rules, or give sandbox.required_guarantees=[] if you trust the scripts' author"
+            )
+        return active
 
 
-def _verdict(
-    code: int | None, reports: list[str], config: SandboxConfig, trusted: bool
-) -> tuple[tuple[str, ...], Exception | None]:
-    """Return the active layers, and the exception to raise if the script failed."""
-    if not reports:
-        reason = (
-            f"ended with {code} before it could start" if code is not None else f"did not start in {config.seconds} s"
-        )
-        return (), InputError(f"the process that confines scripts {reason}; try again, or raise sandbox.seconds")
-    active = tuple(json.loads(reports[0])["active"])
-    missing = [
-        what for what in config.required_guarantees if what not in {w for lock in active for w in GUARANTEES[lock]}
-    ]
-    if missing and not trusted:
-        return active, InputError(
-            f"this system cannot keep {', '.join(missing)} from a script (active sandbox layers: {', '.join(active) or 'none'}); "
-            f"use llm=rules, or give sandbox.required_guarantees=[] if you trust the scripts' author"
-        )
-    if code is None:
-        return active, PolicyViolation("process", f"it ran longer than {config.seconds:g} s")
-    if code or len(reports) < 2:
-        return active, PolicyViolation(
-            "process", f"its process was ended ({code}): too much time, memory or disk, or a crash"
-        )
-    return active, _failure(reports[1])
-
-
-def _failure(report: str) -> PolicyViolation | None:
-    """Return the violation that the script's process reports; untrusted, so shortened and cleaned."""
+def _failure(report: str, step: Literal["process", "comparison"]) -> PolicyViolation | None:
+    """Return the violation that a process reports; untrusted, so shortened and cleaned."""
     try:
         said = json.loads(report)
         line, reason = said.get("line"), said.get("reason")
-    except (ValueError, AttributeError):
-        return PolicyViolation("process", "its report cannot be read")
+    except (ValueError, AttributeError, RecursionError):
+        return PolicyViolation(step, "its report cannot be read")
     if reason is None:
         return None
-    clean = "".join(letter if letter.isprintable() else " " for letter in str(reason)[:300])
-    return PolicyViolation("process", clean, line if isinstance(line, int) else None)
+    known = isinstance(line, int) and not isinstance(line, bool) and 0 < line < MOST_LINES
+    return PolicyViolation(step, str(reason)[: REASON[step]], line if known else None)

@@ -27,6 +27,8 @@ ACCESS_BITS = {1: 13, 2: 14, 3: 15, 4: 15, 5: 16}
 USABLE = 1 << 1 | 1 << 2 | 1 << 3 | 1 << 5 | 1 << 8 | 1 << 14
 """What the scratch folder grants: write, read, list, remove and make regular files, truncate."""
 MEBIBYTE = 1 << 20
+INODES = 64
+"""Files and folders in a scratch folder."""
 
 libc = ctypes.CDLL(None, use_errno=True)
 
@@ -71,7 +73,7 @@ def enter_namespaces(scratch: Path, disk: int) -> None:
     (own / "uid_map").write_text(f"{user} {user} 1")
     (own / "gid_map").write_text(f"{group} {group} 1")
     _call("mount", None, b"/", None, ctypes.c_ulong(MS_REC | MS_PRIVATE), None)
-    options = f"size={disk}m,nr_inodes=64,mode=700".encode()
+    options = f"size={disk}m,nr_inodes={INODES},mode=700".encode()
     _call("mount", b"none", bytes(scratch), b"tmpfs", ctypes.c_ulong(MS_NOSUID | MS_NODEV | MS_NOEXEC), options)
 
 

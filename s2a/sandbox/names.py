@@ -6,6 +6,8 @@ import ast
 import itertools
 from collections import defaultdict
 
+from s2a.sandbox.operations import MODULES, OTHERS
+
 
 class Names:
     """The names of a script.
@@ -14,7 +16,7 @@ class Names:
         functions: the functions that the script defines, by name.
         names: for each other name the expressions that it may stand for: ("each", list) and ("item", list, index) for what
             comes out of one, None for what does not follow from the text.
-        modules: what the script calls the modules of pxr.
+        modules: what the script calls the modules of pxr, and others that it imports.
     """
 
     def __init__(self, tree: ast.Module, given: dict[str, str]) -> None:
@@ -35,10 +37,8 @@ class Names:
     def _collect(self, node: ast.AST) -> None:
         """Note what a statement gives names to."""
         match node:
-            case ast.alias():
-                # Of two meanings of a name, neither is kept: it is known to no operation.
-                name = node.asname or node.name
-                self.modules[name] = node.name if self.modules.get(name, node.name) == node.name else "?"
+            case ast.Import() | ast.ImportFrom():
+                self._import(node)
             case ast.Assign():
                 for target in node.targets:
                     self._bind(target, node.value)
@@ -57,13 +57,25 @@ class Names:
             case ast.Call(func=ast.Name(id=name)) if name in self.functions:
                 self._bind_arguments(node, self.functions[name])
 
+    def _import(self, node: ast.Import | ast.ImportFrom) -> None:
+        """Note modules, and what is imported from math or typing by its full name."""
+        module = node.module if isinstance(node, ast.ImportFrom) else None
+        for alias in node.names:
+            name, full = alias.asname or alias.name, alias.name if module in (None, "pxr") else f"{module}.{alias.name}"
+            # Of two meanings of a name, neither is kept: it is known to no operation.
+            self.modules[name] = full if self.modules.get(name, full) == full else "?"
+
     def _bind(self, target: ast.expr, value: ast.expr | tuple | None) -> None:
         match target:
             case ast.Name():
                 self.names[target.id].append(value)
+            case ast.Starred():
+                self._bind(target.value, None)
             case ast.Tuple() | ast.List():
+                starred = False  # what follows a starred name has another place in the list than among the names
                 for index, inner in enumerate(target.elts):
-                    self._bind(inner, None if value is None else ("item", value, index))
+                    starred |= isinstance(inner, ast.Starred)
+                    self._bind(inner, None if value is None or starred else ("item", value, index))
 
     def _bind_parameters(self, function: ast.FunctionDef) -> None:
         """Note parameters with their default values; further ones come with the calls."""
@@ -87,3 +99,20 @@ class Names:
         for keyword in call.keywords:
             if keyword.arg is not None:
                 self.names[keyword.arg].append(keyword.value)
+
+
+def foreign(node: ast.AST) -> str | None:
+    """Return what is wrong with an import; None for what is possible, and for other nodes."""
+    possible = f"only `from pxr import ...` with {', '.join(MODULES)}, and math and typing, are"
+    if isinstance(node, ast.Import):
+        others = [alias.name for alias in node.names if alias.name not in OTHERS]
+        return f"Import is not possible of {others[0]}; {possible}" if others else None
+    if not isinstance(node, ast.ImportFrom):
+        return None
+    module = node.module or ""
+    names = {"pxr": MODULES, "__future__": ("annotations",), **OTHERS}.get(module, ())
+    others = [alias.name for alias in node.names if alias.name not in names]
+    if not names or node.level or others:
+        given = others[0] if names and others else module or "what is beside the script"
+        return f"{given} may not be imported; {possible}"
+    return None

@@ -7,12 +7,19 @@ from __future__ import annotations
 
 MODULES = ("Gf", "Kind", "Sdf", "Tf", "Usd", "UsdGeom", "UsdSemantics", "Vt")
 """What may be imported from pxr."""
+OTHERS = {
+    "math": tuple(
+        "pi tau sqrt sin cos tan asin acos atan atan2 radians degrees hypot floor ceil fabs isclose isfinite isnan".split()
+    ),
+    "typing": tuple("Any Dict Iterable List Mapping Optional Sequence Tuple Union".split()),
+}
+"""What may be imported from elsewhere: functions of numbers, and words for annotations, which cannot be called."""
 
 FORMS = (
     "Module Expr Assign AnnAssign AugAssign FunctionDef Return If For With withitem Try ExceptHandler Raise Assert Pass "
-    "Break Continue ImportFrom alias arguments arg keyword Call Name Attribute Subscript Slice Constant Starred JoinedStr "
+    "Break Continue Import ImportFrom alias arguments arg keyword Call Name Attribute Subscript Slice Constant Starred JoinedStr "
     "FormattedValue List Tuple Dict ListComp comprehension IfExp BoolOp And Or UnaryOp USub UAdd Not BinOp Add Sub Mult Div "
-    "Mod Compare Eq NotEq Lt LtE Gt GtE Is IsNot In NotIn Load Store"
+    "BitOr Mod Compare Eq NotEq Lt LtE Gt GtE Is IsNot In NotIn Load Store"
 ).split()
 """Kinds of nodes in a syntax tree that a script may have."""
 
@@ -46,7 +53,7 @@ DOTTED = frozenset(
     "UsdGeom.Tokens.z UsdGeom.GetStageUpAxis UsdGeom.GetStageMetersPerUnit "
     "UsdSemantics.LabelsAPI UsdSemantics.LabelsAPI.Apply UsdSemantics.LabelsAPI.Get UsdSemantics.LabelsAPI.CanApply "
     "Vt.TokenArray Vt.StringArray Vt.DoubleArray Vt.FloatArray Vt.IntArray".split()
-)
+) | {f"{module}.{name}" for module, names in OTHERS.items() for name in names}
 """Names below the modules, as values and as functions."""
 
 METHODS = frozenset(
@@ -82,6 +89,13 @@ PROPERTIES = frozenset(
     "name path pathString real imaginary specifier typeName default referenceList prependedItems".split()
 )
 """Which of them are no functions: the others must be called where they stand."""
+
+NUMERIC = frozenset(
+    "SetScale SetRotate SetTranslate SetRotateOnly SetTranslateOnly SetIdentity SetDiagonal SetRow SetRow3 GetInverse "
+    "GetTranspose GetNormalized Normalize GetReal GetImaginary GetAngle GetAxis GetLength GetQuat GetQuaternion "
+    "ExtractTranslation ExtractRotation ExtractRotationQuat GetLocalTransformation ComputeLocalToWorldTransform".split()
+)
+"""Methods that give numbers, or vectors, quaternions and matrices, whatever they are called on: no text or list has them."""
 
 STORES = frozenset({"specifier", "typeName", "default"})
 """What may be assigned behind a dot."""

@@ -12,9 +12,10 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from s2a.sandbox.bounds import AllowConfig, growth, refuse_entangled, repetition
+from s2a.sandbox.bounds import AllowConfig, growth, refuse_entangled, refuse_nested, repetition
 from s2a.sandbox.constants import WIDTH, Values
-from s2a.sandbox.operations import BUILTINS, DOTTED, FILES, FORMS, METADATA, METHODS, MODULES, PROPERTIES, STORES
+from s2a.sandbox.names import foreign
+from s2a.sandbox.operations import BUILTINS, DOTTED, FILES, FORMS, METADATA, METHODS, PROPERTIES, STORES
 from s2a.sandbox.violation import PolicyViolation
 
 HIDDEN = re.compile(r"__|(?<![A-Za-z0-9])_(?=[A-Za-z])")
@@ -55,6 +56,12 @@ def check(text: str, stage: str, reference: str, config: AllowConfig) -> None:
         found = _findings(tree, stage, reference, config)
     except RecursionError as error:
         raise PolicyViolation("allowlist", "it is too entangled; use fewer names") from error
+    except PolicyViolation:
+        raise
+    except Exception as error:  # of values that nobody expects: what cannot be analysed is not run
+        raise PolicyViolation(
+            "allowlist", f"it cannot be analysed ({type(error).__name__}); write it plainly"
+        ) from error
     if found:
         line, _, reason = min(found)
         raise PolicyViolation("allowlist", reason, line)
@@ -62,11 +69,12 @@ def check(text: str, stage: str, reference: str, config: AllowConfig) -> None:
 
 def _findings(tree: ast.Module, stage: str, reference: str, config: AllowConfig) -> list[tuple[int, int, str]]:
     """Return the line, the rank and the reason of everything that is wrong with a script."""
+    refuse_nested(tree)
     values = Values(tree, {"STAGE": stage, "OBJECT": reference})
     refuse_entangled(tree, values)
     called = frozenset(node.func for node in ast.walk(tree) if isinstance(node, ast.Call))
     check = _Check(values, {"stage": stage, "object": reference}, called, config)
-    rules = (_forms, _identifiers, _imports, _constants, _names, _attributes, _calls, _files, _loops)
+    rules = (_forms, _imported, _identifiers, _constants, _names, _attributes, _calls, _files, _loops)
     return [
         (line, rank, reason)
         for line, node in _lines(tree)
@@ -107,6 +115,9 @@ def _forms(node: ast.AST, check: _Check) -> str | None:
         return f"{name} is not possible in such a script"
     if isinstance(node, ast.FunctionDef) and (check.values.functions.get(node.name) is not node or node.decorator_list):
         return f"function {node.name} is inside another, defined twice, or decorated"
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr):
+        none = any(isinstance(side, ast.Constant) and side.value is None for side in (node.left, node.right))
+        return None if none else "BitOr is not possible in such a script, but in annotations such as `Usd.Prim | None`"
     keywords = isinstance(node, ast.keyword) and node.arg is None
     if keywords or isinstance(node, ast.arguments) and (node.vararg or node.kwarg):
         return "arguments with * or ** are not possible; write them out"
@@ -149,14 +160,8 @@ def _constants(node: ast.AST, check: _Check) -> str | None:
     return growth(node, check.values)
 
 
-def _imports(node: ast.AST, check: _Check) -> str | None:
-    if not isinstance(node, ast.ImportFrom):
-        return None
-    others = [alias.name for alias in node.names if alias.name not in MODULES]
-    if node.module != "pxr" or node.level or others:
-        given = others[0] if node.module == "pxr" and others else node.module
-        return f"{given} may not be imported; only `from pxr import ...` with {', '.join(MODULES)}"
-    return None
+def _imported(node: ast.AST, check: _Check) -> str | None:
+    return foreign(node)
 
 
 def _names(node: ast.AST, check: _Check) -> str | None:
@@ -203,7 +208,7 @@ def _calls(node: ast.AST, check: _Check) -> str | None:
     values = check.values
     name = values.dotted(node.func)
     if isinstance(node.func, ast.Name):
-        known = node.func.id in values.functions or node.func.id in BUILTINS
+        known = node.func.id in values.functions or node.func.id in BUILTINS or (name or "").startswith("math.")
         return None if known else f"{node.func.id!r} is called, but is no function of the script"
     if not isinstance(node.func, ast.Attribute):
         return "what is called has no name"

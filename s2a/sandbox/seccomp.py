@@ -1,7 +1,7 @@
 """A filter in the kernel that leaves a process the few system calls that editing a file in memory takes.
 
 No new process or thread, no socket, no signal to another process, no memory that becomes code: whatever is not listed
-fails with "Operation not permitted".
+fails with "Operation not permitted". Changes of permissions do nothing, for Landlock does not govern them.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import platform
 import struct
 
 PR_SET_NO_NEW_PRIVS, PR_SET_SECCOMP, SECCOMP_MODE_FILTER = 38, 22, 2
-ALLOW, REFUSE, KILL = 0x7FFF0000, 0x00050000 | 1, 0x80000000
-"""What a filter answers (linux/seccomp.h): go on; fail with EPERM; end the process."""
+ALLOW, REFUSE, IGNORE, KILL = 0x7FFF0000, 0x00050000 | 1, 0x00050000, 0x80000000
+"""What a filter answers (linux/seccomp.h): go on; fail with EPERM; do nothing and succeed; end the process."""
 LOAD, EQUAL, AT_LEAST, ANY_BIT, RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
 """Instructions of classic BPF: load a word, three conditional jumps, return."""
 NUMBER, ARCHITECTURE, SECOND, THIRD = 0, 4, 24, 32
@@ -44,6 +44,8 @@ AARCH64 = {
     "getegid": 177, "gettid": 178, "sysinfo": 179, "brk": 214, "munmap": 215, "mremap": 216, "mmap": 222, "mprotect": 226,
     "madvise": 233, "renameat2": 276, "getrandom": 278, "statx": 291, "rseq": 293, "faccessat2": 439,
 }  # fmt: skip
+IGNORED = ("chmod", "fchmod", "fchmodat")
+"""USD sets the permissions of what it saves, and only asks whether that failed."""
 MACHINES = {"x86_64": (0xC000003E, X86_64), "aarch64": (0xC00000B7, AARCH64)}
 """Architecture tokens (linux/audit.h) and the numbers of the calls that are let through (asm/unistd.h)."""
 
@@ -81,8 +83,8 @@ def _filter(token: int, calls: dict[str, int]) -> list[bytes]:
     for command in FCNTL:
         body += [_step(EQUAL, command, 0, 1), _step(RETURN, ALLOW)]
     program += [_step(EQUAL, calls["fcntl"], 0, len(body) + 1), *body, _step(RETURN, REFUSE)]
-    for number in sorted(calls.values()):
-        program += [_step(EQUAL, number, 0, 1), _step(RETURN, ALLOW)]
+    for name, number in sorted(calls.items(), key=lambda call: call[1]):
+        program += [_step(EQUAL, number, 0, 1), _step(RETURN, IGNORE if name in IGNORED else ALLOW)]
     return [*program, _step(RETURN, REFUSE)]
 
 

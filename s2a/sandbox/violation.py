@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from s2a.errors import InputError
+from s2a.errors import InputError, printable
 
 
 class PolicyViolation(InputError):
@@ -20,5 +20,5 @@ class PolicyViolation(InputError):
     def __init__(
         self, step: Literal["allowlist", "process", "comparison"], reason: str, line: int | None = None
     ) -> None:
-        self.step, self.reason, self.line = step, reason, line
-        super().__init__(f"script refused ({step}){'' if line is None else f', line {line}'}: {reason}")
+        self.step, self.reason, self.line = step, printable(reason), line
+        super().__init__(f"script refused ({step}){'' if line is None else f', line {line}'}: {self.reason}")

@@ -1,7 +1,7 @@
 """The process in which a script runs: it imports USD, enables its sandbox layers, and only then reads the script.
 
-`s2a.sandbox.jail` starts it. It prints nothing but the stage that the script saved. Reports after the script began are
-untrusted; the report of the active layers is sent before.
+`s2a.sandbox.process` starts it. The saved stage goes to a descriptor of its own, and what the script prints to /dev/null.
+Reports after the script began are untrusted; the report of the active layers is sent before.
 """
 
 from __future__ import annotations
@@ -27,27 +27,30 @@ GUARANTEES = {
 
 
 def main(descriptor: int) -> None:
-    """Lock in by the job that a descriptor holds; run the script on standard input, and write the saved stage to standard output.
+    """Enable the layers of the job that a descriptor holds; run the script on standard input, and hand over the saved stage.
 
-    What holds, and what went wrong, is reported to a descriptor that the job names.
+    What holds, and what went wrong, is reported to a descriptor that the job names; the stage goes to another.
     """
-    with open(descriptor) as file:
-        job = json.load(file)
-    report = int(job["report"])
-    active = enable_layers(job)
-    _tell(report, {"active": active})
-    kept = {what for name in active for what in GUARANTEES[name]}
-    if set(job["required_guarantees"]) <= kept:
-        task = json.load(sys.stdin)
-        error = execute(task["script"], task["names"])
-        _tell(report, error)
-        if not error:
-            os.write(1, Path(job["stage"]).read_bytes())
+    job = read_job(descriptor)
+    active = enable_layers(job, preload)
+    tell(job["report"], {"active": active})
+    task = json.load(sys.stdin)
+    error = execute(task["script"], task["names"])
+    tell(job["report"], error)
+    if not error:
+        os.write(job["result"], Path(job["stage"]).read_bytes())
     os._exit(0)  # without the clean-up of what the script made
 
 
-def enable_layers(job: dict[str, Any]) -> list[str]:
-    """Enter the scratch folder, write the stage there, and enable the sandbox layers; return the active ones."""
+def read_job(descriptor: int) -> dict[str, Any]:
+    """Return the job that a descriptor holds."""
+    with open(descriptor) as file:
+        job: dict[str, Any] = json.load(file)
+    return job
+
+
+def enable_layers(job: dict[str, Any], preload: Callable[[], None]) -> list[str]:
+    """Enter the scratch folder, write the stage there, preload, and enable the sandbox layers; return the active ones."""
     active: list[str] = []
     wanted = job["layers"]
     if "namespaces" in wanted and _enabled(lambda: layers.enter_namespaces(Path(job["scratch"]), job["disk"])):
@@ -56,7 +59,7 @@ def enable_layers(job: dict[str, Any]) -> list[str]:
     here.mkdir()
     os.chdir(here)
     Path(job["stage"]).write_text(job["stage_text"])
-    _preload()
+    preload()
     layers.limit(job["cpu_seconds"], job["memory"], job["disk"])
     if active and not _enabled(layers.drop_privileges):
         active.clear()
@@ -78,9 +81,10 @@ def execute(script: str, names: dict[str, str]) -> dict[str, Any]:
     return {}
 
 
-def _preload() -> None:
+def preload() -> None:
     """Import and use once what a script may import: later loads would be denied their files."""
     os.environ["PXR_WORK_THREAD_LIMIT"] = "1"
+    import math  # noqa: F401
     import unicodedata  # noqa: F401  (Python's parser asks for it when a name is not ASCII)
 
     from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdSemantics, Vt  # noqa: F401
@@ -104,6 +108,6 @@ def _enabled(layer: Callable[[], None]) -> bool:
     return True
 
 
-def _tell(report: int, message: dict[str, Any]) -> None:
+def tell(report: int, message: dict[str, Any]) -> None:
     """Write one line of JSON."""
     os.write(report, json.dumps(message).encode() + b"\n")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from s2a.limits import MAX_MASS
 from s2a.scan import fields
 from s2a.scan.fields import Record
 from s2a.scan.ply import ScanMesh
@@ -91,6 +92,8 @@ def _mass(record: Record) -> float | None:
     if not record.has("mass"):
         return None
     mass = record.number("mass")
-    if mass <= 0:
-        record.refuse("mass", "kilograms above 0 belong here; leave the key out where the mass is unknown")
+    if not 0 < mass <= MAX_MASS:
+        record.refuse(
+            "mass", f"kilograms above 0, up to {MAX_MASS:g}, belong here; leave the key out where it is unknown"
+        )
     return mass

@@ -52,8 +52,7 @@ def write(scene: Scene, path: Path) -> None:
 
 def prim_path(scene: Scene, part_id: str) -> str:
     """Return the path of the prim that describes a part: its ancestors, then itself."""
-    parent = scene.parts[part_id].parent
-    return f"{ROOT if parent is None else prim_path(scene, parent)}/{part_id}"
+    return "/".join((ROOT, *reversed(scene.ancestors(part_id)), part_id))
 
 
 def _write_part(stage: Usd.Stage, scene: Scene, part_id: str) -> Usd.Prim:

@@ -19,9 +19,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 from s2a.errors import InputError
+from s2a.limits import MAX_COORDINATE, MAX_MASS
 from s2a.scene import Joint, Mesh, Motion, Part, Scene
 from s2a.usd.joints import KINDS, placed, read_joint, site_point, write_body, write_fixed_joint, write_joint, write_site
 from s2a.usd.stage import (
@@ -163,24 +165,39 @@ def _check_once(prims: Iterable[Usd.Prim]) -> None:
 
 
 def _read_part(stage: Usd.Stage, prim: Usd.Prim) -> Part:
+    mass = read_attribute(prim, "mass", float)
+    if mass is not None and not 0.0 < mass <= MAX_MASS:
+        raise InputError(
+            f"{where(prim)}: s2a:mass is {mass:g} kg; expected above 0 and up to {MAX_MASS:g}: correct it, or delete it"
+        )
     return Part(
         label=read_attribute(prim, "label", str, ""),
         mesh=_read_surface(stage, prim),
         parent=read_attribute(prim, "parent", str),
         motion=_read_motion(stage, prim),
         graspable=read_attribute(prim, "graspable", bool, False),
-        mass=read_attribute(prim, "mass", float),
+        mass=mass,
     )
 
 
 def _read_surface(stage: Usd.Stage, prim: Usd.Prim) -> Mesh:
     """Read the mesh of a part: the prim itself, or `visual` below its body."""
     if prim.IsA(UsdGeom.PointBased):
-        return read_mesh(prim)
+        return _near(prim, read_mesh(prim))
     visual = stage.GetPrimAtPath(prim.GetPath().AppendChild("visual"))
     if not visual:
         raise InputError(f"{where(prim)} has no visual Mesh; export the scan again")
-    return read_mesh(visual)
+    return _near(visual, read_mesh(visual))
+
+
+def _near(prim: Usd.Prim, mesh: Mesh) -> Mesh:
+    """Return a mesh, or raise an InputError if it reaches where no room is."""
+    farthest = float(np.abs(mesh.vertices).max(initial=0.0))
+    if farthest > MAX_COORDINATE:
+        raise InputError(
+            f"{where(prim)}: a point is {farthest:g} m from the origin; expected up to {MAX_COORDINATE:g} m: export again"
+        )
+    return mesh
 
 
 def _read_motion(stage: Usd.Stage, prim: Usd.Prim) -> Motion:
@@ -192,4 +209,9 @@ def _read_motion(stage: Usd.Stage, prim: Usd.Prim) -> Motion:
     joint = stage.GetPrimAtPath(f"{JOINTS}/{_id(prim)}")
     if not joint:
         raise InputError(f"{where(prim)} is {motion} but {JOINTS}/{_id(prim)} is missing; export the scan again")
-    return placed(read_joint(joint), prim)
+    found = placed(read_joint(joint), prim)
+    if max(map(abs, found.origin)) > MAX_COORDINATE:
+        raise InputError(
+            f"{where(joint)}: s2a:origin {found.origin} is beyond {MAX_COORDINATE:g} m; export the scan again"
+        )
+    return found

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from pxr import Ar, Usd
 
-from s2a.usd.stage import reading
+from s2a.usd.stage import reading, refuse_deep
 
 
 def files(path: Path) -> list[Path]:
@@ -15,9 +16,10 @@ def files(path: Path) -> list[Path]:
     Raises:
         InputError: a damaged file.
     """
+    refuse_deep(path)
     with reading(path):
         stage = Usd.Stage.Open(str(path))  # its layers live as long as it does
         # Of a layer in a .usdz this is the package.
         found = [Ar.SplitPackageRelativePathOuter(layer.realPath)[0] for layer in stage.GetUsedLayers()]
-        others = {Path(name).resolve() for name in found if name}
-    return [path, *sorted(others - {path.resolve()})]
+        others = {Path(os.path.realpath(name)) for name in found if name}
+    return [path, *sorted(others - {Path(os.path.realpath(path))})]

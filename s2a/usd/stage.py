@@ -17,6 +17,10 @@ ROOT = "/scene"
 """Path of the default prim of every flavour."""
 RESERVED = ("joints", "visual", "grasp", "static", "physics", "materials", "colliders", "region")
 """Prims that are no parts; no part may be called so."""
+TEXT, BLOCK, DEEPEST = b"#usda", 1 << 22, 5000
+"""How USD's text begins; bytes that are read at once; brackets within brackets."""
+BRACKETS = np.zeros(256, np.int8)
+BRACKETS[list(b"([{")], BRACKETS[list(b")]}")] = 1, -1
 ENCODINGS = (".usd", ".usda", ".usdc")
 """File names end so: binary, text, binary."""
 
@@ -55,6 +59,7 @@ def open_stage(path: Path, *, payloads: bool = True) -> Usd.Stage:
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; give a .usd, .usda or .usdc file")
+    refuse_deep(path)
     with reading(path):
         stage = Usd.Stage.Open(str(path), Usd.Stage.LoadAll if payloads else Usd.Stage.LoadNone)
         # USD keeps a layer for as long as anybody holds it, and hands that out even if the file has been rewritten.
@@ -175,6 +180,19 @@ def read_attribute(prim: Usd.Prim, name: str, kind: type, default: Any = None) -
 def where(prim: Usd.Prim) -> str:
     """Return the file and the path of a prim, for messages."""
     return f"{prim.GetStage().GetRootLayer().realPath}: {prim.GetPath()}"
+
+
+def refuse_deep(path: Path) -> None:
+    """Raise an InputError for a text file whose brackets nest so deeply that USD's parser would end this process."""
+    with path.open("rb") as file:
+        if file.read(len(TEXT)) != TEXT:
+            return
+        depth = 0
+        while block := file.read(BLOCK):
+            depths = depth + np.cumsum(BRACKETS[np.frombuffer(block, np.uint8)], dtype=np.int64)
+            if depths.max() > DEEPEST:
+                raise InputError(f"{path}: its brackets nest deeper than {DEEPEST}; it is damaged: export it again")
+            depth = int(depths[-1])
 
 
 @contextmanager

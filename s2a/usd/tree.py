@@ -71,15 +71,17 @@ def _part_facts(scene: Scene, part_id: str, part: Part) -> Iterator[str]:
         yield "free"
 
 
-def _prim_tree(prim: Usd.Prim, parent: Tree | None = None) -> Tree:
+def _prim_tree(root: Usd.Prim) -> Tree:
     """Return a prim and its descendants; colliders are summarized in the line of their parent."""
-    pieces = [child for child in prim.GetChildren() if child.HasAPI(UsdPhysics.CollisionAPI)]
-    line = _line(prim.GetName(), [*_prim_facts(prim), *_collider_facts(pieces)])
-    branch = Tree(line) if parent is None else parent.add(line)
-    for child in prim.GetChildren():
-        if child not in pieces:
-            _prim_tree(child, branch)
-    return branch
+    whole = Tree("")
+    waiting = [(root, whole)]  # no recursion: chains may be longer than a stack is deep
+    while waiting:
+        prim, parent = waiting.pop()
+        children = prim.GetChildren()
+        pieces = [child for child in children if child.HasAPI(UsdPhysics.CollisionAPI)]
+        branch = parent.add(_line(prim.GetName(), [*_prim_facts(prim), *_collider_facts(pieces)]))
+        waiting += [(child, branch) for child in reversed(children) if child not in pieces]
+    return whole.children[0]
 
 
 def _prim_facts(prim: Usd.Prim) -> Iterator[str]:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
-from fake_llm import endpoint, message
+from fake_llm import Said, endpoint, failure, message
 from pxr import Usd, UsdGeom
 from rough_furniture import at, block, sheet
 from scipy.spatial.transform import Rotation
@@ -469,3 +469,73 @@ def test_wishes_are_read(wish, near, target):
     found = parse_hint(wish, describe.describe(room, supports))
     assert found.near == near
     assert (found.choices[0]["target"] if found.choices else None) == target
+
+
+UNWORDS = ["a\nmug", "mug\x1b[2J", "mug \udce9", "m" * 201, "\u202emug", " "]
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        *(({"label": label}, "not printable or longer|label=WORDS") for label in UNWORDS),
+        ({"label": "mug", "prompt": "near \udce9"}, "no UTF-8"),
+        ({"label": "mug", "prompt": "x" * 3000}, "longer than 2000"),
+        ({"label": "mug", "sandbox": "none"}, "cannot keep files, network, processes"),
+        ({"label": "mug", "sandbox": "files"}, "cannot keep network, processes"),
+    ],
+)
+def test_what_would_fail_in_the_end_is_refused_before_the_model_is_paid(folder, tmp_path, monkeypatch, values, said):
+    layers = {"none": "sandbox.layers=[]", "files": "sandbox.layers=[landlock]"}
+    options = [layers[values.pop("sandbox")]] if "sandbox" in values else []
+    with endpoint(answers("")) as there:
+        monkeypatch.setenv("OPENAI_API_KEY", "secret-key")
+        monkeypatch.setenv("OPENAI_BASE_URL", there.url)
+        with pytest.raises(InputError, match=said):
+            command.run(settings(folder, tmp_path / "out", "llm=chat", *options, object=folder / "mug.obj", **values))
+    assert not there.asked
+
+
+@pytest.mark.parametrize("words", ["\x1b[31mred\x07", "\x9b2J", "a\u202eb", "\r\x08\x7f"])
+def test_what_an_endpoint_says_reaches_the_terminal_without_control_characters(
+    folder, tmp_path, monkeypatch, capsys, words
+):
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])
+    values = [f"stage={folder}/geometric.usd", f"object={folder}/mug.obj", "label=mug", f"out={tmp_path}/out"]
+    for reply in (failure(404, f"no {words} model"), message(f"no {words} plan"), Said(words.encode())):
+        with endpoint(reply) as there:
+            monkeypatch.setenv("OPENAI_API_KEY", "secret-key")
+            monkeypatch.setenv("OPENAI_BASE_URL", there.url)
+            assert cli.main(["insert", *values, "llm=chat", "llm.attempts=0"]) == 2
+        said = capsys.readouterr().err
+        assert len(said.splitlines()) == 1 and said.removesuffix("\n").isprintable()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 20000,
+        "a: &a [x,x]\nb: &b [*a,*a]\n",
+        "- {object: mug.obj}",
+        "- {object: [a], label: mug}",
+        "- {object: mug.obj, label: {a: b}}",
+        "- {object: mug.obj, label: 2020-01-01}",
+        "mug.obj",
+        "- 5",
+        "- !!python/object:os.system {}",
+        "\xff\xfe",
+    ],
+)
+def test_a_list_of_something_else_is_one_line(folder, tmp_path, text):
+    (tmp_path / "list.yaml").write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError, match="not a list of"):
+        command.run(settings(folder, tmp_path / "out", objects=tmp_path / "list.yaml"))
+
+
+def test_a_list_of_aliases_of_aliases_is_refused_at_once(folder, tmp_path):
+    lines = ["- &a0 {object: x, label: x}"] + [f"- &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 12)]
+    (tmp_path / "list.yaml").write_text("\n".join([*lines, "- {object: *a11, label: mug}"]))
+    with pytest.raises(InputError, match="not a list of"):
+        command.run(settings(folder, tmp_path / "out", objects=tmp_path / "list.yaml"))
+    (tmp_path / "list.yaml").write_text("\n".join(["- object: mug.obj", "  label: &a [x, x]"][:1] + ["  label: *a"]))
+    with pytest.raises(InputError, match="not a list of"):
+        command.run(settings(folder, tmp_path / "out", objects=tmp_path / "list.yaml"))

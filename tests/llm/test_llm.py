@@ -107,6 +107,11 @@ def test_an_overloaded_endpoint_is_asked_again(monkeypatch):
         (Said(b"<html>hello</html>"), "no chat completion.*OPENAI_BASE_URL"),
         (Said(b'{"choices": []}'), "no chat completion"),
         (Said(b"[" * 100_000), "no chat completion"),
+        (Said(b'{"choices": [{"message": null}]}'), "no chat completion"),
+        (Said(b'{"choices": [{"message": "on the desk"}]}'), "no chat completion"),
+        (Said(b'{"choices": {"0": 1}}'), "no chat completion"),
+        (Said(b" " * 40, trickle=0.05), "did not end its answer in time; raise llm.timeout"),
+        (Said(b" " * 40, trickle=0.05, status=500), "did not end its answer in time|timed out"),
         (words("x" * 10_000_000), "more than 2000000 bytes"),
         (Said(b"", wait=3.0), "timed out|[Tt]imeout"),
         (Said(b'{"choices": [', promised=100), "fake|failed"),
@@ -138,6 +143,11 @@ def test_what_an_endpoint_can_do_wrong_ends_in_one_line(monkeypatch, reply, said
         (words({**PLAN, "choices": [{**PLAN["choices"][0], "surface": "top"}]}), "does not fit the schema"),
         (words({"oben": "+z", "vorne": "-y", "nahe": None, "plaetze": []}), "does not fit the schema"),
         (words({**PLAN, "choices": "desk_1"}), "does not fit the schema"),
+        (words({**PLAN, "choices": [{**PLAN["choices"][0], "height": float("nan")}]}), "no finite number"),
+        (words({**PLAN, "choices": [{**PLAN["choices"][0], "height": 10**400}]}), "does not fit the schema"),
+        (words({**PLAN, "choices": [{**PLAN["choices"][0], "height": -1e300}]}), "height is -1e\\+300"),
+        (words({**PLAN, "choices": [{**PLAN["choices"][0], "reason": "\ud800"}]}), "not one JSON object"),
+        (words("\ud800"), "not one JSON object"),
     ],
 )
 def test_a_plan_that_cannot_be_used_goes_back_twice_and_then_ends_in_one_line(monkeypatch, reply, said):
@@ -178,7 +188,7 @@ def test_a_plan_without_room_goes_back_with_the_reason(monkeypatch):
     [
         ({**SIZE, "height": [80.0, 120.0], "longest": [90.0, 140.0]}, "in metres"),
         ({**SIZE, "height": [0.12, 0.08]}, "least and largest in metres"),
-        ({**SIZE, "height": [float("nan"), 0.1]}, "least and largest in metres"),
+        ({**SIZE, "height": [float("nan"), 0.1]}, "no finite number"),
         ({**SIZE, "height": [0.01, 1.0], "longest": [0.01, 1.0]}, "says too little"),
         ({**SIZE, "height": [0.3, 0.4]}, "more than the longest side"),
         ({**SIZE, "height": [0.6, 0.9], "longest": [0.6, 0.9]}, "leaves 0.5 m of height"),

@@ -12,23 +12,17 @@ import numpy as np
 import pytest
 from harmless_scripts import scripts
 from hostile_scripts import ALL, GOOD
-from settings import load
+from placed_mug import CONFIG, PLAN, UPRIGHT, write_stage
 
 from s2a.errors import InputError
 from s2a.insert import overlay
 from s2a.insert.placement import Placement
 from s2a.insert.script import ScriptResult, run_sandboxed, write_script
-from s2a.sandbox.diff import compare
 from s2a.sandbox.geometry_free import geometry_free_text
 from s2a.sandbox.jail import Sandbox, SandboxConfig
 from s2a.sandbox.violation import PolicyViolation
-from s2a.scene import Mesh, Part, Scene
 from s2a.usd import geometric, validate
 
-CONFIG = replace(load(SandboxConfig, "insert/sandbox"), cpu_seconds=0.5)
-QUARTER = (0.0, 0.0, 0.7071067811865476, 0.7071067811865476)
-PLAN = Placement("mug_8", "coffee mug", "objects/mug.usd", (1.5, -0.25, 0.75), QUARTER, 0.5)
-UPRIGHT = replace(PLAN, orientation=(0.0, 0.0, 0.0, 1.0), scale=1.0)
 SECRET = "the secret that no script may see"
 TRIED = {name: hostile for name, hostile in ALL.items() if hostile.process is not None}
 QUICK = (
@@ -41,22 +35,15 @@ QUICK = (
     "kill",
     "forge the report",
     "huge text",
+    "endless loop",
+    "binary stage",
 )
 """One of each kind, for every day; `pytest -m slow` runs them all."""
 
 
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A stage with a wall, and an object beside it."""
-    folder = tmp_path_factory.mktemp("stage")
-    geometric.write(Scene("room", {"wall_1": Part("wall", square(), None, "fixed")}), folder / "geometric.usd")
-    (folder / "objects").mkdir()
-    overlay.write_object(square(), folder / "objects/mug.usd")
-    return folder / "geometric.usd"
-
-
-def square() -> Mesh:
-    return Mesh(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    return write_stage(tmp_path_factory.mktemp("stage"))
 
 
 def run_script(text: str, stage: str, plan: Placement, config: SandboxConfig, *, trusted: bool = False) -> ScriptResult:
@@ -69,7 +56,7 @@ def attack(name: str, stage: Path, folder: Path, config: SandboxConfig) -> str:
     """Run an attack with the allowlist off; return why it was refused, and check that nothing came of it."""
     (folder / "secret").write_text(SECRET)
     (folder / "other.usda").write_text(f'#usda 1.0\n(\n    defaultPrim = "{SECRET}"\n)\n')
-    before = stage.read_bytes(), sorted(folder.iterdir())
+    before = stage.read_bytes(), sorted(folder.iterdir()), facts(folder), facts(folder / "secret")
     said = ""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(0.0)
@@ -80,15 +67,21 @@ def attack(name: str, stage: Path, folder: Path, config: SandboxConfig) -> str:
         try:
             with Sandbox(geometry_free_text(stage), config, trusted=False) as sandbox:
                 run = sandbox.run(text, {})
-            layer = compare(run.saved, geometry_free_text(stage), UPRIGHT)
+                layer = sandbox.compare(run.saved, UPRIGHT)
             assert SECRET not in layer.ExportToString()
         except PolicyViolation as violation:
             said = violation.reason
         with pytest.raises(BlockingIOError):
             server.accept()
     assert SECRET not in said and (folder / "secret").read_text() == SECRET
-    assert before == (stage.read_bytes(), sorted(folder.iterdir()))
+    assert before == (stage.read_bytes(), sorted(folder.iterdir()), facts(folder), facts(folder / "secret"))
     return said
+
+
+def facts(path: Path) -> tuple:
+    """Return what a script may not change of a file or folder."""
+    found = path.stat()
+    return found.st_mode, found.st_uid, found.st_gid, found.st_size, found.st_mtime_ns, found.st_nlink
 
 
 def expect(name: str, said: str) -> None:
@@ -121,14 +114,26 @@ def test_either_of_two_locks_keeps_the_files(layers: tuple, stage: Path, tmp_pat
     assert "No such file" in said or "Permission denied" in said
 
 
+@pytest.mark.parametrize("name", ["permit", "permit by descriptor", "own", "set times", "truncate", "many large files"])
+def test_without_namespaces_files_keep_their_permissions_and_the_disk_is_bounded(
+    name: str, stage: Path, tmp_path: Path
+) -> None:
+    expect(name, attack(name, stage, tmp_path, replace(CONFIG, layers=("landlock", "seccomp"))))
+
+
+def test_what_a_script_could_see_of_the_system_is_recorded(stage: Path) -> None:
+    for layers, exposed in ((("landlock", "seccomp"), 1), (CONFIG.layers, 0)):
+        config = replace(CONFIG, layers=layers)
+        record = run_script(write_script(PLAN), geometry_free_text(stage), PLAN, config).record
+        assert len(record["exposed"]) == exposed
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TRIED)
 @pytest.mark.parametrize("layers", [("landlock", "seccomp"), ("namespaces", "seccomp")])
 def test_either_of_two_locks_keeps_all_attacks_without_effect(
     name: str, layers: tuple, stage: Path, tmp_path: Path
 ) -> None:
-    if name in ("big file", "many files") and "namespaces" not in layers:
-        pytest.skip("only a file system of its own bounds what all files take together")
     config = replace(CONFIG, layers=layers, seconds=2.0 if name == "sleep" else CONFIG.seconds)
     said = attack(name, stage, tmp_path, config)
     assert said or TRIED[name].process == ""
@@ -206,5 +211,5 @@ def test_a_process_that_got_no_script_ends_with_the_cell() -> None:
 
     before = children()
     with Sandbox("#usda 1.0\n", CONFIG, False):
-        assert len(children() - before) == 1
+        assert len(children() - before) == 2
     assert children() <= before

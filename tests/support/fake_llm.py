@@ -22,6 +22,7 @@ class Said:
     status: int = 200
     wait: float = 0.0
     promised: int = 0  # bytes more than come
+    trickle: float = 0.0  # wait after each byte
 
 
 @dataclass
@@ -60,7 +61,9 @@ def endpoint(*replies: Reply | Said) -> Iterator[Endpoint]:
                 self.send_header("Content-Length", str(len(said.body) + said.promised))
                 self.send_header("retry-after-ms", "1")
                 self.end_headers()
-                self.wfile.write(said.body)
+                for piece in [said.body[i : i + 1] for i in range(len(said.body))] if said.trickle else [said.body]:
+                    self.wfile.write(piece)
+                    time.sleep(said.trickle)
                 self.close_connection = True
             except (BrokenPipeError, ConnectionResetError):
                 pass  # the client has heard enough

@@ -51,6 +51,19 @@ FILES = {
     "append": Hostile("open('SECRET', 'a').write('more')", "'open' is neither", NO_FILE),
     "delete": Hostile("import os\nos.unlink('SECRET')", "Import is not", NO_FILE),
     "rename": Hostile("import os\nos.rename('SECRET', 'mine')", "Import is not", NO_FILE),
+    "permit": Hostile("import os\nos.chmod('SECRET', 0o777)", "Import is not", ""),
+    "permit by descriptor": Hostile(
+        "import os\nos.fchmod(os.open('scene.usda', 0), 0)\nos.chmod('FOLDER', 0)", "Import is not", ""
+    ),
+    "permit by system call": Hostile(
+        "import ctypes\nlibc = ctypes.CDLL(None, use_errno=True)\nlibc.fchmodat(-100, b'SECRET', 0o777, 0)\n"
+        "if libc.syscall(452, -100, b'SECRET', 0o777, 0) < 0:\n    raise OSError(ctypes.get_errno(), 'not permitted')",
+        "Import is not",
+        NO_CALL,
+    ),
+    "own": Hostile("import os\nos.chown('SECRET', 1, 1)", "Import is not", NO_CALL),
+    "set times": Hostile("import os\nos.utime('SECRET', (0, 0))", "Import is not", NO_CALL),
+    "truncate": Hostile("import os\nos.truncate('SECRET', 0)", "Import is not", NO_CALL + "|" + NO_FILE),
     "drop a file beside": Hostile("open('FOLDER/dropped', 'w')", "'open' is neither", NO_FILE),
     "list": Hostile("import os\nos.listdir('FOLDER')", "Import is not", NO_FILE),
     "link": Hostile("import os\nos.link('SECRET', 'mine')", "Import is not", NO_CALL),
@@ -296,7 +309,10 @@ BOMBS = {
     "nesting": Hostile("x = " + "[" * 190 + "]" * 190, "nested too deeply|not Python", None),
     "big file": Hostile("open('x', 'wb').write(b'0' * 100_000_000)", "type bytes", "space|large|MemoryError"),
     "many files": Hostile(
-        "for i in range(9999):\n    open(str(i), 'w').write('0')", "number of rounds", "space|Disk quota"
+        "for i in range(9999):\n    open(str(i), 'w').write('0')", "number of rounds", "space|Disk quota|was ended"
+    ),
+    "many large files": Hostile(
+        "for i in range(50):\n    open(str(i), 'wb').write(b'0' * 1000000)", "type bytes", "space|was ended"
     ),
     "sleep": Hostile("import time\ntime.sleep(3600)", "Import is not", "longer than"),
     "deep stage": Hostile(

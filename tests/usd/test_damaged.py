@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -135,3 +136,36 @@ def test_another_ending_or_a_missing_folder_is_refused(tmp_path: Path) -> None:
     for path, says in ((tmp_path / "x.obj", "ending"), (Path("/dev/null/x.usd"), "cannot be written")):
         with pytest.raises(InputError, match=says):
             geometric.write(room(), path)
+
+
+@pytest.mark.parametrize("mass", ["nan", "inf", "-inf", "-5", "0", "-0", "1e30", "1e308"])
+def test_a_mass_that_no_part_has_is_one_line(tmp_path: Path, mass: str) -> None:
+    path = edited(
+        tmp_path,
+        'custom uniform string s2a:partId = "drawer_7"',
+        f'''custom uniform double s2a:mass = {mass}
+        custom uniform string s2a:partId = "drawer_7"''',
+    )
+    with pytest.raises(InputError, match="s2a:mass is .* kg; expected above 0") as error:
+        geometric.read(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("far", ["1e30", "-1e30", "1e8", "3.4e38"])
+def test_a_point_far_from_any_room_is_one_line(tmp_path: Path, far: str) -> None:
+    path = edited(tmp_path, "point3f[] points = [(-2, ", f"point3f[] points = [({far}, ")
+    with pytest.raises(InputError, match="m from the origin; expected up to") as error:
+        geometric.read(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("origin", ["(1e30, 0, 0)", "(nan, 0, 0)", "(0, -inf, 0)"])
+def test_a_joint_far_from_any_room_is_one_line(tmp_path: Path, origin: str) -> None:
+    path = tmp_path / "edited.usda"
+    geometric.write(room(), path)
+    path.write_text(
+        re.sub(r"double3 s2a:origin = \([^)]*\)(?=\s+.*\n?)", f"double3 s2a:origin = {origin}", path.read_text())
+    )
+    with pytest.raises(InputError) as error:
+        geometric.read(path)
+    assert "\n" not in str(error.value)

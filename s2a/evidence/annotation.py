@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from s2a.evidence import contact, grasp, hinge, room, slide
 from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding, bounded_above, unknown
-from s2a.evidence.front import Front, front
+from s2a.evidence.front import Front, front, panel
 from s2a.evidence.kind import kind
 from s2a.evidence.opening import opens_outward
 from s2a.evidence.surface import ScanSurface
@@ -50,7 +50,7 @@ def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bo
     if front is None:
         yield unknown("front", part, "it has no flat surface, so that its joint cannot be checked")
         return
-    points = scene.parts[part].mesh.vertices.astype(float)
+    points = panel(scene, part).vertices.astype(float)
     handle = grasp.has_handle(scene, part)
     yield opens_outward(part, joint, front, bounds)
     yield kind(part, scene.parts[part].label, joint, front, bounds)
@@ -69,7 +69,8 @@ def moving_part(surface: ScanSurface, part: str, front: Front | None, bounds: Bo
     if handle:
         yield grasp.handle_on_part(part, scene, bounds)
         yield grasp.handle_relief(part, scene, front, bounds)
-    yield grasp.grasp_on_region(part, scene, bounds)
+    if grasp.region(scene, part).face_areas.any():
+        yield grasp.grasp_on_region(part, scene, bounds)
     yield path(part, sweep(surface, part, bounds.blocked), joint.kind, bounds)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import QhullError
 
 from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding, bounded_above, bounded_below, unknown
@@ -28,7 +29,10 @@ def size(mesh: Mesh, front: Front) -> np.ndarray:
     """Return the extents of a grasp region in its front's plane, length and width, and along its normal [m], shape [3]."""
     points = mesh.vertices.astype(np.float64)
     flat = points @ front.axes
-    in_plane = np.ptp(flat @ min_area_rectangle(flat), axis=0)
+    try:
+        in_plane = np.ptp(flat @ min_area_rectangle(flat), axis=0)
+    except QhullError:  # points on one line
+        in_plane = np.ptp(flat, axis=0)
     return np.array([*np.sort(in_plane)[::-1], np.ptp(points @ front.normal)])
 
 

@@ -240,3 +240,25 @@ def test_the_opening_cosine_needs_nothing_of_the_axis_to_know_the_outward_side()
         found = front(surface.with_scene(changed(room(), "drawer_6", axis=axis)), "drawer_6")
         assert found is not None
         assert opening.outward_cosine(joint, found) == pytest.approx(axis[0])
+
+
+@pytest.mark.parametrize("part", ["drawer_6", "handle_7", "cabinet_5", "door_8"])
+@pytest.mark.parametrize("faces", [0, 1])
+def test_parts_of_one_face_and_of_none_are_checked_as_far_as_they_go(part: str, faces: int) -> None:
+    scene = room()
+    mesh = scene.parts[part].mesh
+    few = Mesh(mesh.vertices[:0] if not faces else mesh.vertices, mesh.faces[:faces])
+    found = annotation.check(Scene("few", {**scene.parts, part: replace(scene.parts[part], mesh=few)}), BOUNDS)
+    assert {f.part for f in found} >= {"drawer_6", "door_8"}
+
+
+def test_an_upright_sliver_is_no_crash() -> None:
+    scene = room()
+    sliver = Mesh([[0.53, 1.2, 0.5], [0.56, 1.2, 0.5], [0.56, 1.2, 0.53]], [[0, 1, 2]])
+    parts = {**scene.parts, "handle_7": replace(scene.parts["handle_7"], mesh=sliver)}
+    assert annotation.check(Scene("sliver", parts), BOUNDS)
+
+
+def test_a_scene_without_a_surface_is_unknown() -> None:
+    empty = Part("box", Mesh(np.empty((0, 3)), np.empty((0, 3))))
+    assert {f.verdict for f in annotation.check(Scene("empty", {"box_1": empty}), BOUNDS)} <= {"unknown", "fail"}

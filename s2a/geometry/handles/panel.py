@@ -14,6 +14,8 @@ SEARCH_RADIUS = 0.04
 """[m] Search radius for the panel around the handle."""
 SAMPLES = 40000
 """Points sampled on a panel."""
+MOST = 0.4
+"""Fraction of a panel's surface that faces outwards; of a lid, whose edge faces the gripper, a tenth does."""
 STRAY = 0.004
 """[m] What stands out of the front by more than this, close to the handle, is no front."""
 FLUSH = 0.003
@@ -43,7 +45,7 @@ def slab(mesh: Mesh, outwards: np.ndarray, thickness: float) -> Mesh | None:
         thickness: of the piece [m].
     """
     points = _facing(mesh, outwards)
-    if len(points) < 100:
+    if len(points) < MOST * SAMPLES:
         return None
     normal, offset = _middle_plane(points, outwards)
     flat = np.abs(points @ normal - offset) < STRAY

@@ -34,9 +34,9 @@ def with_body(room: SimRoom, body: str, **changes: object) -> SimRoom:
     return replace(room, bodies={**room.bodies, body: replace(room.bodies[body], **changes)})
 
 
-def moved(mesh: Mesh, way: np.ndarray) -> Mesh:
-    """Return a mesh shifted by a way [m]."""
-    return Mesh((mesh.vertices + way).astype(np.float32), mesh.faces, mesh.colors)
+def moved(mesh: Mesh, displacement: np.ndarray) -> Mesh:
+    """Return a mesh shifted by a displacement [m]."""
+    return Mesh((mesh.vertices + displacement).astype(np.float32), mesh.faces, mesh.colors)
 
 
 def outward(room: SimRoom, part: str) -> np.ndarray:
@@ -81,9 +81,9 @@ def wrong_kind(room: SimRoom, part: str) -> SimRoom:
 
 
 def colliders_moved(
-    room: SimRoom, part: str, way: Callable[[SimRoom, str], np.ndarray], handle: bool = False
+    room: SimRoom, part: str, displacement: Callable[[SimRoom, str], np.ndarray], handle: bool = False
 ) -> SimRoom:
-    shift, body = way(room, part), room.bodies[part]
+    shift, body = displacement(room, part), room.bodies[part]
     hulls = [replace(c, mesh=moved(c.mesh, shift)) if c.part != part or not handle else c for c in body.colliders]
     return with_body(room, part, colliders=tuple(hulls))
 
@@ -110,7 +110,7 @@ def no_room(room: SimRoom, part: str) -> SimRoom:
     return replace(room, static_colliders=())
 
 
-def no_carcass(room: SimRoom, part: str) -> SimRoom:
+def no_cabinet(room: SimRoom, part: str) -> SimRoom:
     for body in room.carriers(part):
         room = with_body(room, body, colliders=())
     return room
@@ -137,23 +137,23 @@ def scaled_inertia(room: SimRoom, part: str) -> SimRoom:
 
 
 def based(
-    room: SimRoom, part: str, turn: float = 0.0, way: tuple[float, float] = (0.0, 0.0), **changes: object
+    room: SimRoom, part: str, turn: float = 0.0, displacement: tuple[float, float] = (0.0, 0.0), **changes: object
 ) -> SimRoom:
-    """Move all bases of a part by a way before the handle and to its side [m], and turn them [rad]."""
+    """Move all bases of a part by a displacement before the handle and to its side [m], and turn them [rad]."""
     bases = {}
     for name, base in room.articulations[part].bases.items():
         ahead = Rotation.from_quat(base.orientation).apply([1.0, 0.0, 0.0])
         side = np.cross([0.0, 0.0, 1.0], ahead)
-        place = np.array(base.position) + way[0] * ahead + way[1] * side
+        place = np.array(base.position) + displacement[0] * ahead + displacement[1] * side
         facing = (Rotation.from_euler("z", turn) * Rotation.from_quat(base.orientation)).as_quat()
         bases[name] = replace(base, position=tuple(place), orientation=tuple(facing), **changes)
     return with_articulation(room, part, bases=bases)
 
 
-def grasp_of(room: SimRoom, part: str, roll: float = 0.0, way: float = 0.0, region: bool = False) -> SimRoom:
+def grasp_of(room: SimRoom, part: str, roll: float = 0.0, displacement: float = 0.0, region: bool = False) -> SimRoom:
     grasp = room.articulations[part].grasp
     turn = Rotation.from_quat(grasp.orientation) * Rotation.from_euler("z", roll)
-    shift = way * np.array([0.0, 0.0, 1.0])
+    shift = displacement * np.array([0.0, 0.0, 1.0])
     surface = moved(grasp.region, shift) if region else grasp.region
     changed = replace(
         grasp, orientation=tuple(turn.as_quat()), point=tuple(np.array(grasp.point) + shift), region=surface
@@ -168,14 +168,14 @@ CHANGES: dict[str, Change] = {
     "axis_tilted_15_deg": axis_tilted,
     "origin_10cm_off": origin_off,
     "wrong_kind": wrong_kind,
-    "colliders_8mm_up": partial(colliders_moved, way=up),
-    "colliders_8mm_out": partial(colliders_moved, way=out),
-    "handle_8mm_along": partial(colliders_moved, way=along, handle=True),
-    "handle_8mm_up": partial(colliders_moved, way=up, handle=True),
+    "colliders_8mm_up": partial(colliders_moved, displacement=up),
+    "colliders_8mm_out": partial(colliders_moved, displacement=out),
+    "handle_8mm_along": partial(colliders_moved, displacement=along, handle=True),
+    "handle_8mm_up": partial(colliders_moved, displacement=up, handle=True),
     "no_handle_colliders": partial(without_colliders, handle=True),
     "no_front_colliders": partial(without_colliders, handle=False),
     "no_room_colliders": no_room,
-    "no_cabinet_colliders": no_carcass,
+    "no_cabinet_colliders": no_cabinet,
     "plate_114mm_off": plate,
     "visual_20mm_off": visual_moved,
     "mass_0": partial(mass_of, mass=0.0),
@@ -184,14 +184,14 @@ CHANGES: dict[str, Change] = {
     "inertia_1e4": scaled_inertia,
     "inertia_triangle": partial(mass_of, inertia=(0.1, 0.1, 0.5)),
     "center_5m_off": partial(mass_of, center=(5.0, 5.0, 5.0)),
-    "base_100m_off": partial(based, way=(-100.0, 0.0)),
-    "base_outside_2m_back": partial(based, way=(-2.0, 0.0)),
+    "base_100m_off": partial(based, displacement=(-100.0, 0.0)),
+    "base_outside_2m_back": partial(based, displacement=(-2.0, 0.0)),
     "base_turned_round": partial(based, turn=np.pi),
-    "base_in_furniture": partial(based, way=(0.6, 0.0)),
-    "base_1m_aside": partial(based, way=(0.0, 1.0)),
+    "base_in_furniture": partial(based, displacement=(0.6, 0.0)),
+    "base_1m_aside": partial(based, displacement=(0.0, 1.0)),
     "base_not_free": partial(based, free=False),
     "grasp_rolled_90": partial(grasp_of, roll=np.pi / 2),
-    "grasp_10cm_off": partial(grasp_of, way=0.1),
-    "grasp_and_region_10cm_off": partial(grasp_of, way=0.1, region=True),
+    "grasp_10cm_off": partial(grasp_of, displacement=0.1),
+    "grasp_and_region_10cm_off": partial(grasp_of, displacement=0.1, region=True),
 }
 """Changes of what a room holds, in all its copies."""

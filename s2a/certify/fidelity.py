@@ -31,7 +31,7 @@ class FidelityConfig:
     Attributes:
         cover: a point of the surface is covered where a collider is this near [m].
         max_uncovered: fraction of a body's surface that may be uncovered.
-        max_uncovered_room: the same for what is fixed around the part, whose colliders are cut for the hand and the path.
+        max_uncovered_room: the same for what is fixed around the part, whose colliders are cut for the gripper and the path.
         around: how far from the grasp point the room is asked [m].
         max_excess: how far a collider may reach from its body's surface [m].
         max_shift: how far a body's colliders may be shifted against its surface [m].

@@ -24,8 +24,8 @@ class Stamp:
 
     Attributes:
         sha256: `content_hash` of what was validated.
-        parts: verdict by the id of each articulated part: whether no check failed.
-        valid: whether the stage is still that.
+        parts: by the id of each articulated part: no check failed.
+        valid: the stage is still what was validated.
     """
 
     sha256: str

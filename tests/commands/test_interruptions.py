@@ -24,7 +24,9 @@ from s2a.usd import descriptive, geometric
 from s2a.usd.tree import tree
 
 WRITER = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # a shell may have told the tests to ignore these two
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from pathlib import Path
 from s2a import cli
 from s2a.outputs import atomic_write

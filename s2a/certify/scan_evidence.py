@@ -30,6 +30,9 @@ SEVERE = ("kind", "swept_path")
 """Doubts about an annotation that are failures of a stage: the part would move as none of its name does, or through what was
 scanned."""
 
+OWN = "grasp_on_region"
+"""Asked of the grasp point that the file names (`grasp_frame`), not of the region's mean."""
+
 
 @dataclass(frozen=True)
 class EvidenceConfig:
@@ -61,7 +64,7 @@ class Evidence:
         articulation, path = self.room.articulations[part], f"{ROOT}/{part}"
         robots = {only} if only in articulation.bases else set(articulation.bases)
         widest = max(robot.load(name).gripper.max_opening for name in robots)
-        checks = [_check(finding) for finding in findings if finding.verdict != "unknown"]
+        checks = [_check(finding) for finding in findings if finding.verdict != "unknown" and finding.check != OWN]
         checks += collider_fidelity(self.room, part, config.fidelity)
         checks += grasp_frame(path, articulation.grasp, scanned(self.room, part), config.joints.grasp_gap, widest)
         point = np.array(articulation.grasp.point)
@@ -122,10 +125,8 @@ def _check(finding: Finding) -> Check:
     severe = finding.verdict == "fail" or (finding.verdict == "warn" and finding.check in SEVERE)
     status: Status = "fail" if severe else "info" if finding.verdict == "warn" else "pass"
     value, bound = (None if math.isnan(x) else x for x in (finding.value, finding.bound))
-    prim = f"{ROOT}/joints/{finding.part}"
-    return Check(
-        finding.check, status, value, bound, finding.unit, prim, finding.message, finding.remedy if severe else ""
-    )
+    prim, message = f"{ROOT}/joints/{finding.part}", "" if status == "pass" else finding.message
+    return Check(finding.check, status, value, bound, finding.unit, prim, message, finding.remedy if severe else "")
 
 
 def doubts(checks: Sequence[Check], names: Sequence[str]) -> list[str]:

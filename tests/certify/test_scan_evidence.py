@@ -58,6 +58,8 @@ def failures(path: Path) -> dict[str, str]:
 
 def test_a_clean_stage_has_the_surface_on_its_side(stage: Path) -> None:
     assert failures(stage) == {}
+    checks = Evidence(stage).checks("drawer_2", CONFIG)
+    assert len({check.name for check in checks}) == len(checks) >= 15
     assert [rule(contents.read(stage)).status for rule in portability.ROOM_RULES] == ["pass"] * 6
 
 

@@ -116,9 +116,10 @@ def contact_material(contents: Contents) -> Check:
 
 
 def mass_distribution(contents: Contents) -> Check:
-    """Mass, centre and inertia are of a body of this size."""
+    """Mass, centre and inertia of all that moves are of a body of this size; of what is fixed to the world they do nothing."""
     problems = []
-    for body in contents.bodies:
+    held = {path for j in contents.joints if j.IsA(UsdPhysics.FixedJoint) and not ends(j)[0] for path in ends(j)[1]}
+    for body in (body for body in contents.bodies if body.GetPath() not in held):
         low, high = _bounds(contents, body)
         api, path = UsdPhysics.MassAPI(body), str(body.GetPath())
         mass, center = api.GetMassAttr().Get() or 0.0, api.GetCenterOfMassAttr().Get()

@@ -119,7 +119,7 @@ def shift(surface: Mesh, hulls: Sequence[Mesh], seen: float = SEEN, reach: float
         return 0.0
     whole = merge(list(hulls))
     points, faces = sample_with_faces(surface, POINTS, seed=0)
-    face, gap = nearest_faces(ray_mesh(whole.vertices, whole.faces), points, reach)
+    face, _ = nearest_faces(ray_mesh(whole.vertices, whole.faces), points, reach)
     near = face >= 0
     normal = normals(whole)[face[near]]
     cosine = np.einsum("ij,ij->i", normal, normals(surface)[faces[near]])

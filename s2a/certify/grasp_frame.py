@@ -31,8 +31,8 @@ def grasp_frame(path: str, grasp: Grasp, surface: Mesh, max_distance: float, max
     region = grasp.region
     tree = ray_mesh(region.vertices, region.faces)
     away = float(nearest_faces(tree, np.array([grasp.point]), 10.0)[1][0])
-    face, gap = nearest_faces(ray_mesh(surface.vertices, surface.faces), region.vertices, 10.0)
-    apart = float(np.quantile(np.where(face >= 0, gap, np.inf), 0.95, method="lower"))
+    gap = nearest_faces(ray_mesh(surface.vertices, surface.faces), region.vertices, 10.0)[1]
+    apart = float(np.quantile(gap, 0.95, method="lower"))
     along = (sample(region, 5000, seed=0) - np.array(grasp.point)) @ Rotation.from_quat(grasp.orientation).as_matrix()
     low, high = np.quantile(along, [0.02, 0.98], axis=0)
     length, thickness, _ = high - low

@@ -154,12 +154,10 @@ def _explained(body: str, notes: str) -> bool:
 
 
 def _near(contents: Contents, first: Usd.Prim, second: Usd.Prim) -> bool:
-    """Return whether the bodies' boxes come within the reach of the joint that moves one of them."""
+    """Return whether the second body lies within the first one's diagonal of it, which its joint cannot move it beyond."""
     (low, high), (other_low, other_high) = _bounds(contents, first), _bounds(contents, second)
     gap = np.maximum(np.maximum(low - other_high, other_low - high), 0.0)
-    moved = [j for j in contents.joints if {first.GetPath(), second.GetPath()} & set(ends(j)[1])]
-    reach = max((float(np.linalg.norm(high - low)) for _ in moved), default=0.0)
-    return float(np.linalg.norm(gap)) <= reach
+    return float(np.linalg.norm(gap)) <= float(np.linalg.norm(high - low))
 
 
 def _bounds(contents: Contents, body: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:

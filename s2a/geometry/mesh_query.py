@@ -214,9 +214,9 @@ def _nearest(
 
 
 def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return the face nearest to each point, shape [point] (-1: none within reach), and its distance [m], shape [point]."""
+    """Return the face nearest to each point, shape [point] (-1: none within reach), and its distance [m], shape [point] (then inf)."""
     asked = np.ascontiguousarray(points, np.float32)
-    face, gap = np.full(len(asked), -1, np.int32), np.zeros(len(asked), np.float32)
+    face, gap = np.full(len(asked), -1, np.int32), np.full(len(asked), np.inf, np.float32)
     if not mesh.indices.shape[0]:  # Warp 1.19 follows the tree of a mesh without faces into nowhere
         return face, gap
 

@@ -117,6 +117,21 @@ def test_cover_and_excess_are_measured_against_hulls() -> None:
     assert excess(low, [low, high]) == (pytest.approx(1.0, abs=1e-5), 1)
 
 
+@pytest.mark.parametrize("away", [0.2, 50.0])
+def test_what_is_far_from_the_surface_is_named_however_far(stage: Path, tmp_path: Path, away: float) -> None:
+    room, broken = sim_stage.read(stage), tmp_path / "far.usda"
+    body, found = room.bodies["drawer_2"], room.articulations["drawer_2"]
+    extra = replace(
+        body.colliders[0],
+        mesh=Mesh(body.colliders[0].mesh.vertices + np.float32([0, 0, away]), body.colliders[0].mesh.faces),
+    )
+    point = (HANDLE[0], HANDLE[1], HANDLE[2] + away)
+    room = replace(room, bodies={**room.bodies, "drawer_2": replace(body, colliders=(*body.colliders, extra))})
+    moved = replace(found, grasp=replace(found.grasp, point=point))
+    sim_stage.write(replace(room, articulations={**room.articulations, "drawer_2": moved}), broken)
+    assert {"collider_excess", "grasp_on_region"} <= set(failures(broken))
+
+
 def test_a_base_stands_on_floor_that_was_scanned_and_not_in_furniture() -> None:
     floor, post = box((0.0, 0.0, -0.01), (1.0, 1.0, 0.01)), box((0.5, 0.0, 0.5), (0.05, 0.05, 0.5))
     whole = merge([floor, post])

@@ -53,11 +53,10 @@ def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
     """
     _refuse_foreign(path, earlier)
     made = _make_parents(path)
-    _remove_leftovers(path)
-    room, lock = _temporary_folder(path)
     try:
-        yield room / path.name
-        _swap(room, path)
+        with temporary_folder(path) as room:
+            yield room / path.name
+            _swap(room, path)
         made = []
     except InputError as error:
         raise InputError(str(error).replace(str(room / path.name), str(path))) from error
@@ -67,11 +66,26 @@ def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
         reason = error.strerror or "the disk is full"
         raise InputError(f"{path}: cannot be written: {reason}; free some space, or choose another path") from error
     finally:
-        shutil.rmtree(room)
-        os.close(lock)
         for folder in made:
             with suppress(OSError):  # somebody else's file is in it
                 folder.rmdir()
+
+
+@contextmanager
+def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
+    """Yield a new folder, and delete it afterwards; delete those that killed processes have left there, too.
+
+    Args:
+        beside: the folder is made beside this path; None: in the system's folder for temporary files.
+    """
+    beside = beside or Path(tempfile.gettempdir(), "s2a")
+    _remove_leftovers(beside)
+    room, lock = _locked_folder(beside)
+    try:
+        yield room
+    finally:
+        shutil.rmtree(room)
+        os.close(lock)
 
 
 def require_png(path: Path) -> None:
@@ -80,7 +94,7 @@ def require_png(path: Path) -> None:
         raise InputError(f"key 'image' is {str(path)!r}; expected a PNG file: give image=FILE.png")
 
 
-def _temporary_folder(path: Path) -> tuple[Path, int]:
+def _locked_folder(path: Path) -> tuple[Path, int]:
     """Make a folder beside `path`; return it, and a descriptor that keeps it locked for as long as this process lives."""
     new = tempfile.mkdtemp(prefix=f".{MARK}", dir=path.parent)
     lock = os.open(new, os.O_RDONLY)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ import warp as wp
 
 from s2a import robot as robots
 from s2a.articulation import opening_sign, pose_at
+from s2a.outputs import temporary_folder
 from s2a.ranges import Count, Positive
 from s2a.robot.model import add_gripper
 from s2a.sim.freezing import owner
@@ -74,7 +74,7 @@ class World:
         self.stage, self.dt = read_stage(path, part, robot=robot, also=tuple(known)), config.dt
         self.robot = robots.load(self.stage.robot)
         gripper = self.robot.gripper
-        with tempfile.TemporaryDirectory() as folder, wp.ScopedDevice("cpu"):
+        with temporary_folder() as folder, wp.ScopedDevice("cpu"):
             # Neither a spring nor damping: what stays, stays by the dry friction that the stage itself has.
             builder = build_world(self.stage, JointConfig(0.0, 0.0), config.dt)
             add_gripper(builder, self.robot, wp.transform(wp.vec3(0.0, 0.0, PARKED), wp.quat_identity()))
@@ -90,9 +90,9 @@ class World:
                 iterations=config.iterations,
                 ls_iterations=config.iterations,
                 enable_multiccd=True,
-                save_to_mjcf=f"{folder}/scene.xml",
+                save_to_mjcf=str(folder / "scene.xml"),
             )
-            self.xml = Path(folder, "scene.xml").read_text()
+            self.xml = (folder / "scene.xml").read_text()
         self.mj: mujoco.MjModel = self.solver.mj_model
         self.mj.opt.timestep = config.dt
         shapes = self.solver.mjc_geom_to_newton_shape.numpy()[0]

@@ -16,6 +16,7 @@ from typing import Any
 
 import pxr
 
+from s2a.outputs import temporary_folder
 from s2a.sandbox.layers import INODES, MEBIBYTE
 
 START = "import sys; sys.path[:0] = sys.argv[2:]; from s2a.sandbox.{} import main; main(int(sys.argv[1]))"
@@ -37,7 +38,8 @@ class Process:
 
     def __init__(self, module: str, job: dict[str, Any]) -> None:
         self._open = ExitStack()
-        scratch = self._scratch = self._open.enter_context(tempfile.TemporaryDirectory(prefix="s2a."))
+        own = self._open.enter_context(temporary_folder())  # which the next start deletes, should this one be killed
+        scratch = self._scratch = self._open.enter_context(tempfile.TemporaryDirectory(dir=own))
         self._disk = job["disk"] * MEBIBYTE
         self._result = self._open.enter_context(tempfile.TemporaryFile())
         reader, writer = os.pipe()

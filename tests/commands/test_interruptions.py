@@ -98,6 +98,25 @@ def test_what_a_killed_command_left_is_removed_by_the_next_and_nothing_else_is(t
     assert names(tmp_path) == [".other.s2a-12345678", ".out.s2a-x", ".out.settings", "out"]
 
 
+def test_temporary_files_of_a_killed_process_are_deleted_by_the_next(tmp_path: Path) -> None:
+    script = (
+        "import time; from pathlib import Path; from s2a.outputs import temporary_folder\n"
+        "with temporary_folder() as folder:\n"
+        "    (folder / 'file').touch(); print('begun', flush=True); time.sleep(60)\n"
+    )
+    command, settings = [sys.executable, "-c", script], {**os.environ, "TMPDIR": str(tmp_path)}
+    killed = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=settings)
+    assert killed.stdout is not None and killed.stdout.readline() == "begun\n"
+    killed.kill()
+    killed.communicate()
+    assert len(names(tmp_path)) == 1
+    other = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=settings)
+    assert other.stdout is not None and other.stdout.readline() == "begun\n"
+    assert len(names(tmp_path)) == 1, "that of the living one"
+    other.terminate()
+    other.communicate()
+
+
 @pytest.mark.parametrize("error", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])
 def test_a_full_disk_names_the_output(tmp_path: Path, error: int) -> None:
     with pytest.raises(InputError, match="out.txt: cannot be written: .*free some space"):

@@ -7,6 +7,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEMO ?= demo
+ROBOT ?= panda
 
 .PHONY: demo test check format lock clean
 
@@ -17,9 +18,10 @@ demo: $(INSTALLED)
 	$(BIN)/s2a zoo out=$(DEMO)/zoo
 	$(BIN)/s2a insert stage=$(DEMO)/geometric.usd object=$(DEMO)/zoo/objects/stapler.usda label=stapler \
 		prompt="put it next to the keyboard" llm=rules out=$(DEMO)/insert image=$(DEMO)/insert.png
-	$(BIN)/s2a prepare stage=$(DEMO)/geometric.usd targets=all out=$(DEMO)/room.usd
-	$(BIN)/s2a evaluate stage=$(DEMO)/room.usd part=drawer_7 out=$(DEMO)/planner.json images=$(DEMO)
-	$(BIN)/s2a train stage=$(DEMO)/room.usd part=drawer_7 num_envs=16 ppo.iterations=3 out=$(DEMO)/ppo
+	$(BIN)/s2a prepare stage=$(DEMO)/geometric.usd targets=all robot=$(ROBOT) out=$(DEMO)/room.usd
+	$(BIN)/s2a evaluate stage=$(DEMO)/room.usd part=drawer_7 robot=$(ROBOT) out=$(DEMO)/planner.json images=$(DEMO)
+	$(BIN)/s2a train stage=$(DEMO)/room.usd part=drawer_7 robot=$(ROBOT) num_envs=16 ppo.iterations=3 \
+		out=$(DEMO)/ppo
 	$(BIN)/python tools/joint_table.py $(DEMO)/geometric.usd $(DEMO)/scan/truth/truth.usda
 	@echo "See $(DEMO)/insert.png, $(DEMO)/before.png and $(DEMO)/after.png; open $(DEMO)/*.usd* in any USD viewer;"
 	@echo "read them with: $(BIN)/s2a view path=$(DEMO)/room.usd text=true; and tensorboard --logdir $(DEMO)/ppo"

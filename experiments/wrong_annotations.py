@@ -13,7 +13,7 @@ import argparse
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -61,6 +61,23 @@ class Case:
     right: Mapping[str, list[Finding]]
 
 
+@dataclass(frozen=True)
+class Wrong:
+    """A wrong annotation that was drawn.
+
+    Attributes:
+        case: the scan.
+        part: whose joint is wrong; empty: the room is.
+        how: it is wrong.
+        scene: the scene with it.
+    """
+
+    case: Case
+    part: str
+    how: str
+    scene: Scene
+
+
 def main() -> None:
     """Check right and wrong annotations, write the figures and print a table."""
     args = _arguments()
@@ -68,12 +85,13 @@ def main() -> None:
     start = time.perf_counter()
     cases = [case(path, bounds) for path in args.scans]
     random = np.random.default_rng(args.seed)
-    wrong = {name: [pick(cases, bounds, random) for _ in range(args.count)] for name, pick in CLASSES.items()}
+    drawn = {name: [pick(cases, random) for _ in range(args.count)] for name, pick in CLASSES.items()}
+    wrong = {name: [checked(one, bounds) for one in ones] for name, ones in drawn.items()}
     result = {
         "seed": args.seed,
         "scans": {case.name: len(case.fronts) for case in cases},
-        "classes": {name: _share(rows) for name, rows in wrong.items()},
-        "all": _share([row for rows in wrong.values() for row in rows]),
+        "classes": {name: share(rows) for name, rows in wrong.items()},
+        "all": share([row for rows in wrong.values() for row in rows]),
         "false_alarms": false_alarms(cases),
         "missed": [row for rows in wrong.values() for row in rows if not row["caught"]],
         "checks": _by_check(wrong),
@@ -119,12 +137,13 @@ def false_alarms(cases: list[Case]) -> dict[str, Any]:
 
 
 Change = Callable[[Joint, Front, np.random.Generator], tuple[str, Joint]]
+Draw = Callable[[Sequence[Case], np.random.Generator], Wrong]
 
 
-def of_joint(change: Change, kind: str | None) -> Callable[..., dict[str, Any]]:
-    """Return a function that draws a part with a joint of some kind, changes its joint, and checks it."""
+def of_joint(change: Change, kind: str | None) -> Draw:
+    """Return a function that draws a part with a joint of some kind and changes its joint."""
 
-    def pick(cases: list[Case], bounds: Bounds, random: np.random.Generator) -> dict[str, Any]:
+    def pick(cases: Sequence[Case], random: np.random.Generator) -> Wrong:
         case = cases[random.integers(len(cases))]
         scene = case.surface.scene
         parts = [part for part in scene.movable if kind in (None, scene.joint(part).kind) and case.fronts[part]]
@@ -132,25 +151,37 @@ def of_joint(change: Change, kind: str | None) -> Callable[..., dict[str, Any]]:
         found = case.fronts[part]
         assert found is not None
         how, joint = change(scene.joint(part), found, random)
-        changed = case.surface.with_scene(_with_joint(scene, part, joint))
-        findings = list(annotation.moving_part(changed, part, found, bounds))
-        return _row(case, part, how, findings)
+        return Wrong(case, part, how, _with_joint(scene, part, joint))
 
     return pick
 
 
-def of_scene(transforms: Mapping[str, np.ndarray], labelled: bool) -> Callable[..., dict[str, Any]]:
-    """Return a function that draws a scan, transforms all of it, and checks the room; without labels of floors if asked."""
+def of_scene(transforms: Mapping[str, np.ndarray], labelled: bool) -> Draw:
+    """Return a function that draws a scan and transforms all of it; without labels of floors if asked."""
 
-    def pick(cases: list[Case], bounds: Bounds, random: np.random.Generator) -> dict[str, Any]:
+    def pick(cases: Sequence[Case], random: np.random.Generator) -> Wrong:
         case = cases[random.integers(len(cases))]
         how = list(transforms)[random.integers(len(transforms))]
-        scene = transformed(case.surface.scene, np.array(transforms[how], float), labelled)
-        surface = ScanSurface(scene)
-        fronts = {part: front(surface, part) for part in scene.movable[:8]}
-        return _row(case, "", how, room_findings(surface, fronts, bounds))
+        return Wrong(case, "", how, transformed(case.surface.scene, np.array(transforms[how], float), labelled))
 
     return pick
+
+
+def checked(wrong: Wrong, bounds: Bounds) -> dict[str, Any]:
+    """Return one wrong annotation and the checks that name it, but do not flag the right one."""
+    case, part = wrong.case, wrong.part
+    if part:
+        findings = list(annotation.moving_part(case.surface.with_scene(wrong.scene), part, case.fronts[part], bounds))
+    else:
+        surface = ScanSurface(wrong.scene)
+        findings = room_findings(surface, {p: front(surface, p) for p in wrong.scene.movable[:8]}, bounds)
+    return row(wrong, flagged(findings) - flagged(case.right[part]))
+
+
+def row(wrong: Wrong, checks: set[str]) -> dict[str, Any]:
+    """Return one wrong annotation and the checks that name it, for the file."""
+    found = {"caught": bool(checks), "checks": sorted(checks)}
+    return {"scan": wrong.case.name, "part": wrong.part, "how": wrong.how, **found}
 
 
 def transformed(scene: Scene, matrix: np.ndarray, labelled: bool) -> Scene:
@@ -228,13 +259,7 @@ def _with_joint(scene: Scene, part: str, joint: Joint) -> Scene:
     return Scene(scene.name, parts, scene.origin)
 
 
-def _row(case: Case, part: str, how: str, findings: list[Finding]) -> dict[str, Any]:
-    """Return one wrong annotation and the checks that name it."""
-    checks = flagged(findings) - flagged(case.right[part])
-    return {"scan": case.name, "part": part, "how": how, "caught": bool(checks), "checks": sorted(checks)}
-
-
-def _share(rows: list[dict[str, Any]]) -> dict[str, Any]:
+def share(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return how many rows are caught, and how many without the check that reads the names of parts."""
     caught = sum(row["caught"] for row in rows)
     unnamed = sum(bool(set(row["checks"]) - {"kind"}) for row in rows)

@@ -12,7 +12,7 @@ from s2a.geometry.mesh_ops import keep, merge, normals, sample, sample_with_face
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.ranges import Fraction, Positive
 from s2a.scene import Mesh
-from s2a.usd.sim_scene import SimRoom
+from s2a.usd.sim_scene import PREPARE_AGAIN, SimRoom
 
 POINTS, ROOM_POINTS = 4000, 100_000
 """Samples of a body's surface, and of the room's, of which only the nearest are asked."""
@@ -21,7 +21,6 @@ SEEN, SEEN_HANDLE = 0.15, 0.05
 small surface of a handle, whose ends are scanned."""
 FACING = 0.8
 """Cosine from which a hull's face stands for a scanned one: the other side of a thin sheet does not."""
-PREPARE = "run s2a prepare again"
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ def collider_fidelity(room: SimRoom, part: str, config: FidelityConfig) -> list[
         if surface.face_areas.sum() <= 1e-4:
             if body == part:
                 message = "nothing of it was scanned, and so nothing vouches for its joint and colliders"
-                found.append(Check("cover_part", "fail", prim=path, message=message, remedy=PREPARE))
+                found.append(Check("cover_part", "fail", prim=path, message=message, remedy=PREPARE_AGAIN))
             continue  # an anchor, which nobody can see
         bound = config.max_uncovered if body == part else config.max_uncovered_room
         found.append(_cover(f"cover_{'part' if body == part else 'cabinet'}", path, surface, hulls, bound, config))
@@ -140,7 +139,7 @@ def _cover(name: str, path: str, surface: Mesh, hulls: Sequence[Mesh], bound: fl
     value = uncovered(sample(surface, POINTS, seed=0), hulls, config.cover)
     message = f"of the scanned surface is farther than {1000 * config.cover:.0f} mm from any of {len(hulls)} colliders"
     return check_bound(
-        name, value, bound, "", prim=path, message=message, remedy="add the missing colliders; " + PREPARE
+        name, value, bound, "", prim=path, message=message, remedy="add the missing colliders; " + PREPARE_AGAIN
     )
 
 
@@ -148,13 +147,13 @@ def _excess(path: str, surface: Mesh, hulls: Sequence[Mesh], config: FidelityCon
     value, which = excess(surface, hulls)
     prim = f"{path}/colliders/hull_{which:02d}" if hulls else path
     message = "from a collider's corner to the nearest scanned surface"
-    remedy = "a collider stands where nothing is; " + PREPARE
+    remedy = "a collider stands where nothing is; " + PREPARE_AGAIN
     return check_bound("collider_excess", value, config.max_excess, "m", prim=prim, message=message, remedy=remedy)
 
 
 def _shifted(name: str, path: str, value: float, config: FidelityConfig) -> Check:
     message = "between the colliders and the scanned surface"
-    remedy = "put the colliders where the surface is; " + PREPARE
+    remedy = "put the colliders where the surface is; " + PREPARE_AGAIN
     return check_bound(name, value, config.max_shift, "m", prim=path, message=message, remedy=remedy)
 
 
@@ -171,5 +170,5 @@ def _room(room: SimRoom, part: str, config: FidelityConfig) -> Check:
     message = f"of the room within {config.around:g} m is farther than {1000 * config.cover:.0f} mm from any collider"
     return check_bound(
         "cover_room", value, config.max_uncovered_room, "", prim="/scene/static", message=message,
-        remedy="add the missing colliders; " + PREPARE,
+        remedy="add the missing colliders; " + PREPARE_AGAIN,
     )  # fmt: skip

@@ -9,9 +9,8 @@ from s2a.certify.check import Check, check_bound
 from s2a.geometry.mesh_ops import sample
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scene import Mesh
-from s2a.usd.sim_scene import Grasp
+from s2a.usd.sim_scene import PREPARE_AGAIN, Grasp
 
-PREPARE = "run s2a prepare again"
 ROUND = 1.5
 """A region whose extents differ by less than this factor can be held any way round."""
 ON_SURFACE = 0.005
@@ -44,11 +43,11 @@ def grasp_frame(path: str, grasp: Grasp, surface: Mesh, max_distance: float, max
         ),
         check_bound(
             "region_on_part", apart, ON_SURFACE, "m", prim=f"{path}/region", message="from the region to its part's surface",
-            remedy=PREPARE,
+            remedy=PREPARE_AGAIN,
         ),
         check_bound(
             "grasp_roll", ratio, ROUND, "", prim=f"{path}/grasp",
             message=f"thickness {1000 * thickness:.0f} mm by length {1000 * length:.0f} mm of the region",
-            remedy="close the fingers across the thin side; " + PREPARE,
+            remedy="close the fingers across the thin side; " + PREPARE_AGAIN,
         ),
     ]  # fmt: skip

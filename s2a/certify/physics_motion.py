@@ -11,8 +11,9 @@ import numpy as np
 from s2a.certify.check import Check, check_bound
 from s2a.certify.physics import World
 from s2a.ranges import Count, NotNegative, Positive
+from s2a.usd.sim_scene import PREPARE_AGAIN
 
-FIX = "correct the colliders or the annotated axis and range, then run s2a prepare again"
+FIX = "correct the colliders or the annotated axis and range, then " + PREPARE_AGAIN
 GAIN = 200.0
 """[N s/m] How hard the sweep corrects its speed; its force is bounded, so that this is of no consequence."""
 SLACK = 0.002

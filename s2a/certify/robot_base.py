@@ -11,9 +11,8 @@ from s2a.certify.check import Check, check_bound, decide
 from s2a.geometry.mesh_query import RayMesh, first_hits
 from s2a.ranges import Fraction, Positive
 from s2a.robot.spec import RobotSpec
-from s2a.usd.sim_scene import Base
+from s2a.usd.sim_scene import PREPARE_AGAIN, Base
 
-PREPARE = "run s2a prepare again"
 HEAD = 0.3
 """[m] From here above the base the floor is looked for."""
 RING = 8
@@ -73,7 +72,7 @@ def robot_base(
         decide("base_pose", problems, "let prepare search another place, or correct the joint", prim=path),
         check_bound(
             "base_on_floor", 1.0 - floor, 1.0 - config.min_floor_fraction, "", prim=path,
-            message="of the footprint has no scanned floor below", remedy="stand where the floor was scanned; " + PREPARE,
+            message="of the footprint has no scanned floor below", remedy="stand where the floor was scanned; " + PREPARE_AGAIN,
         ),
     ]  # fmt: skip
 

@@ -13,9 +13,9 @@ from scipy.spatial import ConvexHull, QhullError
 from s2a.certify.check import Check, check_bound, decide
 from s2a.certify.contents import Contents, faces, points
 from s2a.ranges import CountFromZero, NotNegative
+from s2a.usd.sim_scene import PREPARE_AGAIN
 from s2a.usd.stage import ROOT
 
-PREPARE = "run s2a prepare again"
 OPEN = 0.02
 """Fraction of its hull's volume that a collider may lack: more is a hole or a dent."""
 
@@ -56,7 +56,7 @@ def collision(contents: Contents, config: ShapeConfig) -> Check:
             problems.append((path, f"its approximation is {approximation}, not convexHull"))
         if not prim.GetAttribute("s2a:part").Get():
             problems.append((path, "no s2a:part names the part it approximates"))
-    return decide("collision", problems, PREPARE, f"{len(contents.colliders)} colliders")
+    return decide("collision", problems, PREPARE_AGAIN, f"{len(contents.colliders)} colliders")
 
 
 def convex(contents: Contents, config: ShapeConfig) -> Check:
@@ -66,7 +66,7 @@ def convex(contents: Contents, config: ShapeConfig) -> Check:
         depth = dent(points(prim), faces(prim))
         if not depth <= worst:
             worst, where = depth, str(prim.GetPath())
-    remedy = "decompose the collider into convex hulls; " + PREPARE
+    remedy = "decompose the collider into convex hulls; " + PREPARE_AGAIN
     return check_bound("convex", worst, config.dent, "m", prim=where, message=message, remedy=remedy)
 
 
@@ -100,7 +100,10 @@ def collider_count(contents: Contents, config: ShapeConfig) -> Check:
         problems.append((f"{ROOT}/{contents.part}", text))
     around = len(contents.colliders_of(room)) if room else 0
     return decide(
-        "collider_count", problems, PREPARE, f"{own} on the part; {around} in the room, of which a world loads some"
+        "collider_count",
+        problems,
+        PREPARE_AGAIN,
+        f"{own} on the part; {around} in the room, of which a world loads some",
     )
 
 
@@ -122,7 +125,7 @@ def grasp_and_base(contents: Contents, config: ShapeConfig) -> Check:
         ops = {op.GetOpName() for op in UsdGeom.Xformable(base).GetOrderedXformOps()}
         if not {"xformOp:translate", "xformOp:orient"} <= ops:
             problems.append((str(base.GetPath()), "the base pose lacks a translation or an orientation"))
-    return decide(name, problems, PREPARE, prim=f"{contents.target.GetPath()}/grasp")
+    return decide(name, problems, PREPARE_AGAIN, prim=f"{contents.target.GetPath()}/grasp")
 
 
 def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
@@ -137,7 +140,7 @@ def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
     middle = np.average((a + b + c) / 3.0, axis=0, weights=areas)
     return check_bound(
         name, float(np.linalg.norm(middle - np.array(Gf.Vec3d(place)))), config.site, "m", prim=str(site.GetPath()),
-        message="from the middle of the grasp region", remedy="put the site where the region is; " + PREPARE,
+        message="from the middle of the grasp region", remedy="put the site where the region is; " + PREPARE_AGAIN,
     )  # fmt: skip
 
 

@@ -12,13 +12,13 @@ from s2a import limits
 from s2a.certify.check import Check, check_bound, decide
 from s2a.certify.contents import Contents, ends, fixed_carrier
 from s2a.usd.joints import KINDS
+from s2a.usd.sim_scene import PREPARE_AGAIN
 from s2a.usd.stage import ROOT
 from s2a.usd.validate import broken_rules
 
 EXACT = 1e-6
 """Largest difference of an exact value and its float32 copy [m or 1]."""
 NEAR_CENTER = 0.05  # [m] between a free body's frame and its centre of mass; at 5 m a stapler's motion becomes NaN
-PREPARE = "run s2a prepare again"
 
 
 def units(contents: Contents) -> Check:
@@ -66,7 +66,7 @@ def target(contents: Contents) -> Check:
         problems.append((f"{ROOT}/{name}", f"the joint {name!r} has no rigid body of its name"))
     elif contents.joint and contents.joint.GetName() != name:
         problems.append((str(contents.joint.GetPath()), f"the joint that moves {name!r} has another name"))
-    return decide("target", problems, PREPARE, f"{name!r} moves", f"{ROOT}/{name}")
+    return decide("target", problems, PREPARE_AGAIN, f"{name!r} moves", f"{ROOT}/{name}")
 
 
 def bodies(contents: Contents) -> Check:
@@ -89,7 +89,7 @@ def bodies(contents: Contents) -> Check:
             problems.append(
                 (str(path), f"its frame is {np.linalg.norm(center):.2f} m off its centre of mass: it diverges")
             )
-    return decide("bodies", problems, PREPARE, f"{len(contents.bodies)} bodies, siblings, each in its frame")
+    return decide("bodies", problems, PREPARE_AGAIN, f"{len(contents.bodies)} bodies, siblings, each in its frame")
 
 
 def root_joint(contents: Contents) -> Check:
@@ -127,7 +127,7 @@ def target_joint(contents: Contents) -> Check:
             problems.append((str(joint.GetPath()), text))
         if UsdPhysics.Joint(joint).GetJointEnabledAttr().Get() is False:
             problems.append((str(joint.GetPath()), "the joint is switched off"))
-    return decide("target_joint", problems, PREPARE, prim=_path(contents.joint))
+    return decide("target_joint", problems, PREPARE_AGAIN, prim=_path(contents.joint))
 
 
 def joint_limits(contents: Contents) -> Check:
@@ -145,7 +145,7 @@ def joint_limits(contents: Contents) -> Check:
     ):
         problems.append(f"physics limits {physics[0]} to {physics[1]} say other than s2a:limits {low:g} to {high:g}")
     path = str(joint.GetPath())
-    remedy = "correct the annotation's range (metres or radians, from the scanned pose) and " + PREPARE
+    remedy = "correct the annotation's range (metres or radians, from the scanned pose) and " + PREPARE_AGAIN
     return decide(name, [(path, text) for text in problems], remedy, f"{low:.3f} to {high:.3f}", path)
 
 
@@ -174,7 +174,7 @@ def joint_frames(contents: Contents) -> Check:
         worst = float(np.max([worst, min(np.abs(here - there).max(), np.abs(here + there).max())]))
     return check_bound(
         name, worst, EXACT, prim=str(joint.GetPath()), message="axis and origin against the physics frames",
-        remedy="write axis and origin through s2a, which keeps both in step; " + PREPARE,
+        remedy="write axis and origin through s2a, which keeps both in step; " + PREPARE_AGAIN,
     )  # fmt: skip
 
 
@@ -193,7 +193,7 @@ def mass(contents: Contents) -> Check:
             problems.append((path, f"moments {np.round(inertia, 4).tolist()} that no body has (triangle inequality)"))
         if center is None or not np.isfinite(center).all():
             problems.append((path, f"the centre of mass is {center}"))
-    return decide("mass", problems, "author mass, centre and inertia; " + PREPARE)
+    return decide("mass", problems, "author mass, centre and inertia; " + PREPARE_AGAIN)
 
 
 def usd(contents: Contents) -> Check:

@@ -9,10 +9,8 @@ from pxr import Usd, UsdPhysics
 
 from s2a.errors import InputError
 from s2a.usd.sim_read import open_physics, read
-from s2a.usd.sim_scene import SimBody
+from s2a.usd.sim_scene import PREPARE_AGAIN, SimBody
 from s2a.usd.stage import where
-
-REMEDY = "run s2a prepare again"
 
 
 def refuse_unphysical(path: Path) -> None:
@@ -40,7 +38,7 @@ def _check_numbers(prim: Usd.Prim) -> None:
         except (TypeError, ValueError):  # a text, or something else that is no number
             continue
         if np.isnan(numbers).any() and attribute.Get() is not None:
-            raise InputError(f"{where(prim)}: {attribute.GetName()} is not a number; {REMEDY}")
+            raise InputError(f"{where(prim)}: {attribute.GetName()} is not a number; {PREPARE_AGAIN}")
 
 
 def _check_joint(prim: Usd.Prim) -> None:
@@ -50,7 +48,7 @@ def _check_joint(prim: Usd.Prim) -> None:
     bodies = [stage.GetPrimAtPath(path) for path in (*moved, *against)]
     if len(moved) != 1 or len(against) > 1 or not all(body and body.HasAPI(UsdPhysics.RigidBodyAPI) for body in bodies):
         given = ", ".join(map(str, (*moved, *against))) or "nothing"
-        raise InputError(f"{where(prim)} joins {given}; expected rigid bodies of the stage: {REMEDY}")
+        raise InputError(f"{where(prim)} joins {given}; expected rigid bodies of the stage: {PREPARE_AGAIN}")
 
 
 def _check_body(body: SimBody, path: Path) -> None:
@@ -59,7 +57,7 @@ def _check_body(body: SimBody, path: Path) -> None:
     if not 0.0 < mass < np.inf or not ((inertia > 0.0) & (inertia < np.inf)).all():
         given = ", ".join(f"{moment:g}" for moment in inertia)
         raise InputError(
-            f"{path}: {body.id} has mass {mass:g} kg and inertia {given}; expected numbers above 0: {REMEDY}"
+            f"{path}: {body.id} has mass {mass:g} kg and inertia {given}; expected numbers above 0: {PREPARE_AGAIN}"
         )
     _check_hulls([collider.mesh.vertices for collider in body.colliders], f"{path}: {body.id}")
 
@@ -68,4 +66,4 @@ def _check_hulls(hulls: list[np.ndarray], owner: str) -> None:
     """Raise if a hull has no volume."""
     for points in hulls:
         if len(points) < 4 or np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-9) < 3:
-            raise InputError(f"{owner} has a collision hull of {len(points)} points without volume; {REMEDY}")
+            raise InputError(f"{owner} has a collision hull of {len(points)} points without volume; {PREPARE_AGAIN}")

@@ -11,7 +11,18 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from s2a.errors import InputError
 from s2a.scene import Mesh, Vec3
 from s2a.usd.joints import KINDS, read_joint
-from s2a.usd.sim_scene import Articulation, Base, Collider, Grasp, Mass, Quat, Reduction, SimBody, SimRoom
+from s2a.usd.sim_scene import (
+    PREPARE_AGAIN,
+    Articulation,
+    Base,
+    Collider,
+    Grasp,
+    Mass,
+    Quat,
+    Reduction,
+    SimBody,
+    SimRoom,
+)
 from s2a.usd.stage import ROOT, open_stage, read_attribute, read_mesh, where
 
 FLAVOUR = "simready"
@@ -65,9 +76,9 @@ def _checked(stage: Usd.Stage, path: Path) -> Usd.Stage:
     if read_attribute(root, "flavour", str) != FLAVOUR:
         raise InputError(f"{path}: not a simulation-ready stage (no s2a:flavour {FLAVOUR!r}); run s2a prepare")
     if root.GetAttribute("s2a:target"):
-        raise InputError(f"{path}: holds one part, as an older s2a wrote it; run s2a prepare again")
+        raise InputError(f"{path}: holds one part, as an older s2a wrote it; {PREPARE_AGAIN}")
     if missing := [name for name in ("static", "joints") if not root.GetChild(name)]:
-        raise InputError(f"{path}: {ROOT}/{missing[0]} is missing; run s2a prepare again")
+        raise InputError(f"{path}: {ROOT}/{missing[0]} is missing; {PREPARE_AGAIN}")
     return stage
 
 
@@ -102,7 +113,7 @@ def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
     """Read how a body moves and how it is grasped."""
     parents = UsdPhysics.Joint(joint).GetBody0Rel().GetTargets()
     if len(parents) != 1:
-        raise InputError(f"{where(joint)} hangs on {len(parents)} bodies, not on one; run s2a prepare again")
+        raise InputError(f"{where(joint)} hangs on {len(parents)} bodies, not on one; {PREPARE_AGAIN}")
     pairs = (
         UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel() if prim.HasAPI(UsdPhysics.FilteredPairsAPI) else None
     )
@@ -121,7 +132,7 @@ def _grasp(prim: Usd.Prim) -> Grasp:
     site, region = prim.GetChild("grasp"), prim.GetChild("region")
     size = read_attribute(site, "size", tuple) if site else None
     if size is None or not region:
-        raise InputError(f"{where(prim)} moves, but lacks a grasp with s2a:size and a region; run s2a prepare again")
+        raise InputError(f"{where(prim)} moves, but lacks a grasp with s2a:size and a region; {PREPARE_AGAIN}")
     point, orientation = _pose(site)
     return Grasp(point, orientation, size, read_mesh(region))
 
@@ -177,7 +188,7 @@ def _children(prim: Usd.Prim, name: str) -> list[Usd.Prim]:
 def _required(attribute: Usd.Attribute) -> Any:
     value = attribute.Get()
     if value is None:
-        raise InputError(f"{where(attribute.GetPrim())} has no {attribute.GetName()}; run s2a prepare again")
+        raise InputError(f"{where(attribute.GetPrim())} has no {attribute.GetName()}; {PREPARE_AGAIN}")
     return value
 
 

@@ -1,0 +1,111 @@
+"""Wrong annotations against `s2a certify`: how many rooms that are prepared with one are caught, by class.
+
+    python experiments/certified_annotations.py SCAN ... [--count 25] [--seed 0] [--out FILE]
+
+The classes and the draws are those of wrong_annotations.py. Each room is prepared with the wrong annotation, for the part
+concerned (where all of the room is wrong, for one that is drawn), and certified. It counts as caught if `s2a prepare` refuses it,
+or a check fails that does not for the right annotation. Physics is asked only where the file and the surface tell nothing.
+Writes experiments/results/certified_annotations.json and prints a table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import json
+import logging
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from room_defects import named_by
+from wrong_annotations import CLASSES, Wrong, case, row, share
+
+from s2a import config
+from s2a.certify.check_suite import CertifyConfig
+from s2a.commands import certify as command
+from s2a.errors import InputError
+from s2a.evidence.bounds import Bounds
+from s2a.outputs import atomic_write
+from s2a.prepare import PrepareConfig, prepare
+from s2a.progress import track
+from s2a.provenance import provenance
+from s2a.scene import Scene
+from s2a.usd import sim_stage
+
+RESULTS = Path(__file__).parent / "results/certified_annotations.json"
+
+
+def main() -> None:
+    """Prepare and certify with wrong annotations, write the figures and print a table."""
+    args = _arguments()
+    logging.disable(logging.WARNING)
+    bounds = config.load(Bounds, config.file("evidence/default"))
+    cases = [case(path, bounds) for path in args.scans]
+    random = np.random.default_rng(args.seed)
+    drawn = [(name, pick(cases, random)) for name, pick in CLASSES.items() for _ in range(args.count)]
+    ordered = [drawn[i] for i in random.permutation(len(drawn))]  # so that a run that is cut off has some of each
+    known: dict[tuple[str, str], set[str]] = {}
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in CLASSES}
+    for name, wrong in track(ordered, "certifying", len(ordered)):
+        movable = wrong.case.surface.scene.movable
+        part = wrong.part or movable[random.integers(len(movable))]
+        rows[name].append(row(wrong, _failed(wrong.scene, part) - _right(wrong, part, known)) | {"part": part})
+        every = [one for group in rows.values() for one in group]
+        result = {
+            "seed": args.seed,
+            "scans": [one.name for one in cases],
+            "classes": {group: share(found) for group, found in rows.items()},
+            "all": share(every),
+            "missed": [one for one in every if not one["caught"]],
+            **provenance("cpu"),
+        }
+        with atomic_write(args.out) as file:
+            file.write_text(json.dumps(result, indent=1) + "\n")
+    for group, figures in {**result["classes"], "all": result["all"]}.items():
+        print(f"{group:28}{figures['caught']:4} of {figures['wrong']:4}  {figures['fraction']:.0%}")
+    for one in result["missed"]:
+        print(f"missed: {one['scan']} {one['part']} {one['how']}")
+
+
+def _right(wrong: Wrong, part: str, known: dict[tuple[str, str], set[str]]) -> set[str]:
+    """Return the checks that fail on a part as it is rightly annotated; `known` keeps them by scan and part."""
+    key = (wrong.case.name, part)
+    if key not in known:
+        known[key] = _failed(wrong.case.surface.scene, part)
+    return known[key]
+
+
+def _failed(scene: Scene, part: str) -> set[str]:
+    """Prepare a scene for a part and certify it; return the checks that fail."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "room.usd")
+        try:
+            sim_stage.write(prepare(scene, part, _prepare()), path)
+        except InputError:
+            return {"prepare"}
+        return set(named_by(path, part, _settings()))
+
+
+@functools.cache
+def _prepare() -> PrepareConfig:
+    return config.load(PrepareConfig, config.compose("prepare", ["stage=-", "out=-"])["prepare"])
+
+
+@functools.cache
+def _settings() -> CertifyConfig:
+    return config.load(command.Config, config.compose("certify", ["stage=-", "out=-"])).certify
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scans", nargs="+", type=Path, help="folders that s2a sample wrote")
+    parser.add_argument("--count", type=int, default=25, help="wrong annotations of each class")
+    parser.add_argument("--seed", type=int, default=0, help="of the wrong annotations")
+    parser.add_argument("--out", type=Path, default=RESULTS, help="file to write")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()

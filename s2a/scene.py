@@ -19,6 +19,8 @@ from s2a.mesh import Mesh
 __all__ = ["Joint", "Mesh", "Motion", "Part", "Scene", "Vec3"]
 
 Vec3 = tuple[float, float, float]
+HANDLE_GAP = 0.03
+"""[m] Grasp parts nearer to each other than this are one handle, such as a bar and its posts."""
 
 
 @dataclass(frozen=True)
@@ -191,9 +193,29 @@ class Scene:
         deepest = max(self.depth(i) for i in below)
         return tuple(i for i in below if self.depth(i) == deepest)
 
+    def handle_parts(self, part_id: str) -> tuple[str, ...]:
+        """Ids of the grasp parts that make up one handle: the largest of several, with what is nearer to it than HANDLE_GAP."""
+        parts = self.grasp_parts(part_id)
+        if len(parts) == 1:
+            return parts
+        rest = sorted(parts, key=lambda i: -self.parts[i].mesh.face_areas.sum())
+        held = [rest.pop(0)]
+        while near := [i for i in rest if any(self._gap(i, j) < HANDLE_GAP for j in held)]:
+            held += near
+            rest = [i for i in rest if i not in near]
+        return tuple(i for i in parts if i in held)
+
+    def _gap(self, one: str, other: str) -> float:
+        """Distance between the bounding boxes of two parts [m]; inf where one has no surface."""
+        meshes = self.parts[one].mesh, self.parts[other].mesh
+        if not all(len(mesh.faces) for mesh in meshes):
+            return float("inf")
+        (low, high), (other_low, other_high) = (mesh.bounds for mesh in meshes)
+        return float(np.linalg.norm(np.maximum(np.maximum(low - other_high, other_low - high), 0.0)))
+
     def grasp_point(self, part_id: str) -> np.ndarray:
-        """Mean of the surface of a part's grasp region [m], shape [3], float64 (area-weighted: scans are unevenly dense)."""
-        meshes = [self.parts[i].mesh for i in self.grasp_parts(part_id)]
+        """Mean of the surface of a part's handle [m], shape [3], float64 (area-weighted: scans are unevenly dense)."""
+        meshes = [self.parts[i].mesh for i in self.handle_parts(part_id)]
         areas = np.concatenate([mesh.face_areas for mesh in meshes])
         if not areas.sum() > 0:
             raise InputError(f"part {part_id!r} of scene {self.name!r} has no surface to grasp; annotate its faces")

@@ -15,8 +15,8 @@ from s2a.scene import Mesh, Scene
 
 
 def region(scene: Scene, part: str) -> Mesh:
-    """Return the surface of a moving part's grasp region; of the part itself where it has no other."""
-    meshes = [scene.parts[i].mesh for i in scene.grasp_parts(part)]
+    """Return the surface of a moving part's handle; of the part itself where it has none."""
+    meshes = [scene.parts[i].mesh for i in scene.handle_parts(part)]
     return merge([Mesh(mesh.vertices, mesh.faces) for mesh in meshes])
 
 
@@ -67,7 +67,7 @@ def handle_gap(scene: Scene, part: str) -> float:
 
 def grasp_on_region(part: str, scene: Scene, bounds: Bounds) -> Finding:
     """Judge a grasp point by its distance from the scanned surface: that of a ring lies in its empty middle."""
-    gap, regions = grasp_gap(scene, part), scene.grasp_parts(part)
+    gap, regions = grasp_gap(scene, part), scene.handle_parts(part)
     where = f"between {' and '.join(regions)}" if len(regions) > 1 else "in the air: has it a hole, or is it a ring?"
     message = f"its grasp point lies {1000 * gap:.0f} mm off the surface of its region, {where}"
     remedy = f"possible: up to {1000 * bounds.grasp_gap:.0f} mm; annotate only the faces to grasp, of one handle"

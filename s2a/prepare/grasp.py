@@ -34,7 +34,7 @@ def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None) -> Gras
         InputError: the part is unknown, does not move, or has no surface.
     """
     point = scene.grasp_point(target)
-    region = merge([scene.parts[i].mesh for i in scene.grasp_parts(target)])
+    region = merge([scene.parts[i].mesh for i in scene.handle_parts(target)])
     shape = robot_shape(spec or robot.load(DEFAULT_ROBOT))
     first = _grasp(point, region, -opening_direction(scene.joint(target), point))
     if is_round(first):

@@ -39,7 +39,7 @@ def free_roll(scene: Scene, target: str, grasp: Grasp, shape: RobotShape) -> Gra
 
 def free_side(scene: Scene, target: str, grasp: Grasp, others: Iterable[Grasp], shape: RobotShape) -> Grasp:
     """Return a grasp, or one from another side if the gripper would otherwise collide with anything beside its grasp region."""
-    near = Obstacles(scene, scene.grasp_parts(target), np.array(grasp.point), SEARCH_RADIUS)
+    near = Obstacles(scene, scene.handle_parts(target), np.array(grasp.point), SEARCH_RADIUS)
     return _collision_free(near, shape, grasp, others)
 
 

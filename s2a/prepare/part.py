@@ -167,7 +167,7 @@ def _unpacked(scene: Scene, part: str, members: tuple[str, ...], arrays: Arrays)
 
     facts = json.loads(str(arrays["facts"]))
     grasp, base = ({k: _tuples(v) for k, v in facts[name].items()} for name in ("grasp", "base"))
-    region = merge([scene.parts[i].mesh for i in scene.grasp_parts(part)])
+    region = merge([scene.parts[i].mesh for i in scene.handle_parts(part)])
     return PartResult(
         target=find_target(scene, part, members, Grasp(**grasp, region=region)),
         colliders=tuple(Collider(i, mesh) for i, mesh in zip(facts["owners"], group("colliders"), strict=True)),

@@ -83,7 +83,7 @@ def find_target(
         InputError: the part is unknown, does not move, has limits that no robot can use, or has no surface.
     """
     joint, grasp = target_joint(scene, part), grasp or find_grasp(scene, part, spec)
-    held, root = scene.grasp_parts(part), scene.root(part)
+    held, root = scene.handle_parts(part), scene.root(part)
     plate = scene.parts[held[0]].parent
     return Target(
         id=part,

@@ -131,7 +131,7 @@ def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xf
 
 def site_point(scene: Scene, part_id: str) -> np.ndarray | None:
     """Return the grasp point of an articulated part [3] (scene coordinates, m); None if no surface is annotated there."""
-    if not any(scene.parts[i].mesh.face_areas.any() for i in scene.grasp_parts(part_id)):
+    if not any(scene.parts[i].mesh.face_areas.any() for i in scene.handle_parts(part_id)):
         return None
     return scene.grasp_point(part_id)
 

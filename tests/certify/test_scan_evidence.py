@@ -27,7 +27,8 @@ from s2a.usd.sim_scene import Base
 CONFIG: EvidenceConfig = load(CertifyConfig, "certify/default").evidence
 NAMED = {
     "axis_flipped": "opens_outward", "limits_negated": "opens_outward", "axis_tilted_15_deg": "slide_axis",
-    "wrong_kind": "kind", "colliders_8mm_out": "collider_shift", "colliders_8mm_up": "handle_shift",
+    "limits_doubled": "slide_travel", "wrong_kind": "kind",
+    "colliders_8mm_out": "collider_shift", "colliders_8mm_up": "handle_shift",
     "no_front_colliders": "cover_part", "no_room_colliders": "cover_room", "no_cabinet_colliders": "cover_cabinet",
     "plate_114mm_off": "collider_excess", "visual_20mm_off": "collider_shift", "base_100m_off": "base_on_floor",
     "base_turned_round": "base_pose", "base_in_furniture": "base_pose", "base_1m_aside": "base_pose",

@@ -194,6 +194,14 @@ def test_a_ring_shaped_region_has_its_grasp_point_in_the_air() -> None:
     assert ("drawer_6", "grasp_on_region") in doubted(Scene("ring", parts))
 
 
+def test_one_of_two_handles_is_grasped_and_no_point_between_them() -> None:
+    scene = room()
+    second = replace(scene.parts["handle_7"], mesh=bar((1.40, 1.45), (0.5, 0.52), (0.53, 0.56)))
+    two = Scene("two", {**scene.parts, "handle_10": second})
+    assert grasp.grasp_gap(two, "drawer_6") == grasp.grasp_gap(scene, "drawer_6")
+    assert ("drawer_6", "grasp_on_region") not in doubted(two)
+
+
 RIM = [
     ((1.15, 1.35), (0.4, 0.42)),
     ((1.15, 1.35), (0.58, 0.6)),

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from pulled_parts import SECONDS, Pull, in_mujoco, in_newton, in_pybullet
+from pulled_parts import SECONDS, Pull, in_mujoco, in_newton
 from scipy.spatial.transform import Rotation
 
 import s2a
@@ -65,6 +65,8 @@ def pulled(model: mujoco.MjModel, stage: SimStage, settings: SimConfig) -> Pull:
 
 def row(stage: Path, part: str, folder: Path, settings: SimConfig) -> dict:
     """Return how a part opens in all simulators."""
+    from pulled_in_pybullet import in_pybullet  # which only this experiment needs installed
+
     model = mujoco.MjModel.from_xml_path(str(folder / "mjcf/room.xml"))
     found = read_stage(stage, part)
     pull = pulled(model, found, settings)
@@ -136,6 +138,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
     settings = config.load(SimConfig, config.compose("convert")["sim"])
+    origin = provenance("cpu")
+    origin["versions"] |= {"mujoco": mujoco.__version__, "pybullet": version("pybullet")}
     rows = []
     for stage in args.stages:
         with tempfile.TemporaryDirectory() as folder:
@@ -144,8 +148,6 @@ def main() -> None:
             for part in args.parts or sim_stage.read(stage, visuals=False).articulations:
                 rows.append(row(stage, part, Path(folder), settings))
                 print(_line(rows[-1]), flush=True)
-    origin = provenance("cpu")
-    origin["versions"] |= {"mujoco": mujoco.__version__, "pybullet": version("pybullet")}
     report = {"scans": "virtual", **origin, "seconds": SECONDS, "times": TIMES, **_summary(rows), "rows": rows}
     args.out.write_text(json.dumps(report, indent=1) + "\n")
     print(json.dumps(_summary(rows)))

@@ -17,12 +17,13 @@ from s2a.sim.solver import SimConfig
 from s2a.sim.world import empty_world, joint_index, stiffen
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import SimRoom, in_scene
-from s2a.usd.stage import ROOT
 
 STATIC = "static"
 """Id of the link that is the room itself."""
 ALL = "all"
 """Stands for every articulated part and free object."""
+MIN_AREA = 1e-8
+"""[m^2] A tenth of a millimetre squared: less is not seen."""
 
 
 @dataclass(frozen=True)
@@ -113,14 +114,16 @@ def _hull(builder: newton.ModelBuilder, shape: int) -> Mesh:
     return Mesh(points, np.asarray(source.indices).reshape(-1, 3))
 
 
+def _visible(mesh: Mesh) -> bool:
+    """Return whether a surface is more than MuJoCo refuses: three vertices, or no area."""
+    return len(mesh.vertices) > 3 and bool(mesh.face_areas.sum() > MIN_AREA)
+
+
 def _add_visuals(links: dict[str, Link], room: SimRoom, kept: Sequence[str]) -> None:
     """Give every surface to the link that it moves with."""
-    if len(room.static_visual.faces):
+    if _visible(room.static_visual):
         links[STATIC].visuals[STATIC] = room.static_visual
-    for body in (b for b in (*room.bodies.values(), *room.free.values()) if len(b.visual.faces)):
+    for body in (b for b in (*room.bodies.values(), *room.free.values()) if _visible(b.visual)):
         link = body.id if body.id in kept else carrier_of(room, body.id, kept) or STATIC
         points = body.visual.vertices if body.id in kept else in_scene(body, body.visual)
         links[link].visuals[body.id] = Mesh(points, body.visual.faces, body.visual.colors)
-
-
-__all__ = ["ALL", "ROOT", "STATIC", "Link", "LinkedRoom", "read_links"]

@@ -13,9 +13,10 @@ from pathlib import Path
 
 import mujoco
 
-from s2a.convert.links import ROOT, STATIC, LinkedRoom
+from s2a.convert.links import STATIC, LinkedRoom
 from s2a.convert.meshes import FOLDER, write_hull, write_surface
 from s2a.sim.solver import SimConfig, make_solver
+from s2a.usd.stage import ROOT
 
 FILE = "room.xml"
 PREFIX = f"{ROOT}/".replace("/", "_")

@@ -126,7 +126,7 @@ def _pairs(linked: LinkedRoom) -> Element:
     room, robot = linked.room, Element("robot", name=linked.room.name)
     for one, other in linked.filtered():
         joined = carrier_of(room, one, linked.kept) == other or carrier_of(room, other, linked.kept) == one
-        reason = "Adjacent" if joined else "User"
+        reason = "Adjacent" if joined else "Default"  # SAPIEN heeds no other word
         ElementTree.SubElement(robot, "disable_collisions", link1=one, link2=other, reason=reason)
     return robot
 

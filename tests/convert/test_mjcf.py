@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import converted
@@ -15,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from s2a.articulation import displace
 from s2a.convert import mjcf
 from s2a.convert.links import ALL, read_links
-from s2a.scene import Joint
+from s2a.scene import Joint, Mesh
 from s2a.sim.solver import SimConfig
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import in_scene
@@ -126,6 +127,17 @@ def test_surfaces_and_hulls_lie_where_they_were_scanned(tmp_path: Path) -> None:
         lowest = _vertices(model, data, f"{name}_hull_00").min(axis=0)
         assert lowest == pytest.approx(in_scene(body, hull).min(axis=0), abs=1e-5)
     assert model.ntex == len(room.bodies) + len(room.free) + 1
+
+
+def test_a_surface_of_one_triangle_or_without_area_is_left_out(tmp_path: Path) -> None:
+    stage = write_room(tmp_path / "room.usd")
+    room = sim_stage.read(stage)
+    triangle = Mesh(np.eye(3), [[0, 1, 2]])
+    line = Mesh(np.outer(np.arange(4), [1.0, 0.0, 0.0]), [[0, 1, 2], [1, 2, 3]])
+    bodies = {CABINET: replace(room.bodies[CABINET], visual=triangle), PART: replace(room.bodies[PART], visual=line)}
+    sim_stage.write(replace(room, bodies=bodies), stage)
+    model = convert(stage, tmp_path / "out", converted.settings())
+    assert [model.tex(i).name for i in range(model.ntex)] == ["static_visual"]
 
 
 def _vertices(model: mujoco.MjModel, data: mujoco.MjData, geom: str) -> np.ndarray:

@@ -118,6 +118,6 @@ def test_pairs_that_overlap_or_that_a_joint_connects_do_not_collide(tmp_path: Pa
     tags = [tag.attrib for tag in ElementTree.parse(tmp_path / "out" / urdf.PAIRS).getroot()]
     assert tags == [
         {"link1": CABINET, "link2": PART, "reason": "Adjacent"},
-        {"link1": CABINET, "link2": LID, "reason": "User"},
+        {"link1": CABINET, "link2": LID, "reason": "Default"},
         {"link1": PART, "link2": LID, "reason": "Adjacent"},
     ]

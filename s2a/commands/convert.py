@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from s2a.convert import mjcf, urdf
-from s2a.convert.links import ALL, LinkedRoom, read_links
-from s2a.errors import InputError
+from s2a.convert.links import LinkedRoom, read_links
 from s2a.outputs import atomic_write, refuse_loss
 from s2a.sim.solver import SimConfig
 from s2a.usd.sim_check import refuse_unphysical
@@ -41,10 +40,6 @@ def run(config: Config) -> str:
     Raises:
         InputError: no simulation-ready stage; an id that cannot move; `out` is a file, or a folder of something else.
     """
-    if not config.parts:
-        raise InputError(
-            f"key 'parts' names nothing that moves; give parts={ALL}, parts=drawer_7 or parts=[drawer_6,door_8]"
-        )
     writer = WRITERS[config.to]
     refuse_loss(config.out, writer.FILE, [config.stage])
     refuse_unphysical(config.stage)

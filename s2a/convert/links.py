@@ -10,6 +10,7 @@ import newton
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from s2a.errors import InputError
 from s2a.scene import Mesh
 from s2a.sim.freezing import carrier_of, kept_bodies, owner
 from s2a.sim.room import add_room, open_physics
@@ -77,11 +78,15 @@ def read_links(path: Path, parts: str | Sequence[str], config: SimConfig) -> Lin
         config: how physics is stepped.
 
     Raises:
-        InputError: no such file, or another kind of stage; an id that cannot move.
+        InputError: no such file, or another kind of stage; an id that cannot move; nothing is to move.
     """
     room = sim_stage.read(path)
     named = (parts,) if isinstance(parts, str) else tuple(parts)
-    active = (*room.articulations, *room.free) if named == (ALL,) else named
+    active = (*room.articulations, *room.free) if named == (ALL,) else tuple(dict.fromkeys(named))
+    if not active:
+        raise InputError(
+            f"{path}: nothing of room {room.name!r} is to move; give parts={ALL}, parts=drawer_7 or parts=[drawer_6,door_8]"
+        )
     kept = kept_bodies(room, active)
     builder = empty_world()
     add_room(builder, room, open_physics(path), active, load_sites=True)

@@ -22,6 +22,8 @@ FILE = "room.xml"
 PREFIX = f"{ROOT}/".replace("/", "_")
 """Newton's names of bodies and joints begin with it."""
 MASKS = ("contype", "conaffinity")
+INLINE = ("vertex", "face")
+"""What Newton writes of a mesh into the XML, with six digits."""
 HULL, SURFACE = "3", "2"
 """Groups of geoms, as in mujoco_menagerie: viewers show 0 to 2."""
 
@@ -36,19 +38,23 @@ def write(linked: LinkedRoom, config: SimConfig, folder: Path) -> None:
     """
     root, shapes = _from_newton(linked, config)
     names = {geom: linked.shape_names[shape] for geom, shape in shapes.items()}
-    hulls = {name: mesh for link in linked.links.values() for name, mesh in link.colliders.items()}
     (folder / FOLDER).mkdir()
-    for name, mesh in hulls.items():
-        write_hull(folder / FOLDER / f"{name}.obj", mesh)
+    for link in linked.links.values():
+        for name, mesh in link.colliders.items():
+            write_hull(folder / FOLDER / f"{name}.obj", mesh)
     root.set("model", linked.room.name)
     _child(root, "compiler").attrib |= {"meshdir": FOLDER, "texturedir": FOLDER}
     _child(root, "option").set("timestep", repr(config.dt))
     assets = _child(root, "asset")
-    assets[:] = [_element("mesh", name=name, file=f"{name}.obj", inertia="shell") for name in hulls]
+    given = {str(mesh.get("name")): mesh for mesh in assets}
+    assets.clear()
     for body in root.iter("body"):
         _tidy_body(body)
     for geom in root.iter("geom"):
-        _tidy_geom(geom, names[str(geom.get("name"))])
+        name = names[str(geom.get("name"))]
+        settings = {key: value for key, value in given[str(geom.get("mesh"))].items() if key not in INLINE}
+        assets.append(_element("mesh", **settings | {"name": name, "file": f"{name}.obj"}))
+        _tidy_geom(geom, name)
     for exclude in root.iter("exclude"):
         exclude.attrib |= {end: str(exclude.get(end)).removeprefix(PREFIX) for end in ("body1", "body2")}
     _add_surfaces(root, linked, folder)

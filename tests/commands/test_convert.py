@@ -59,7 +59,7 @@ def test_the_python_api_returns_the_file_to_load(stage: Path, tmp_path: Path) ->
             f"'cup_9' neither moves on a joint nor lies free in room 'test'; possible: {PART}, {LID}",
         ),
         ([f"parts={CABINET}"], f"'{CABINET}' neither moves"),
-        (["parts=[]"], "key 'parts' names nothing that moves"),
+        (["parts=[]"], "nothing of room 'test' is to move; give parts=all"),
         (["to=urdf"], "has no room.urdf as an earlier output would"),
     ],
 )

@@ -71,8 +71,6 @@ def row(stage: Path, part: str, folder: Path, settings: SimConfig) -> dict:
     found = read_stage(stage, part)
     pull = pulled(model, found, settings)
     reference = in_newton(pull)
-    handle = found.grasp[None, :3]
-    places = np.concatenate([displace(handle, found.joint, q) for q in reference])
     samples = [round(time / settings.dt) - 1 for time in TIMES]
     result = {
         "scan": found.room.name,
@@ -83,28 +81,42 @@ def row(stage: Path, part: str, folder: Path, settings: SimConfig) -> dict:
         "newton": _listed(reference, samples),
     }
     runs = {"mujoco": in_mujoco(model, pull), "pybullet": in_pybullet(folder / "urdf", pull)}
-    for name, (openings, points) in runs.items():
-        far = np.abs(reference).max(), np.linalg.norm(places - handle, axis=1).max()
-        result[name] = {
-            "openings": _listed(openings, samples),
-            "opening_difference": float(np.abs(openings - reference).max() / far[0]),
-            "end_difference": float(abs(openings[-1] - reference[-1]) / far[0]),
-            "handle_difference": float(np.linalg.norm(points - places, axis=1).max() / far[1]),
-        }
-    result["wrong"] = {name: _wrong(folder, damage, pull, reference, places) for name, damage in WRONG.items()}
-    return result
+    for name, run in runs.items():
+        result[name] = {"openings": _listed(run[0], samples), **differences(run, reference, found)}
+    wrong = {
+        name: differences(in_mujoco(damaged(folder / "mjcf", part, name), pull), reference, found) for name in WRONG
+    }
+    return result | {"wrong": {name: _worst(found) for name, found in wrong.items()}}
 
 
-def _wrong(
-    folder: Path, damage: Callable[[mujoco.MjModel, int], None], pull: Pull, reference: np.ndarray, places: np.ndarray
-) -> float:
-    """Return the larger of both differences of a room that was damaged on purpose."""
-    model = mujoco.MjModel.from_xml_path(str(folder / "mjcf/room.xml"))
-    damage(model, model.joint(pull.stage.target).id)
-    openings, points = in_mujoco(model, pull)
-    moved = np.linalg.norm(places - pull.stage.grasp[:3], axis=1).max()
-    opening = np.abs(openings - reference).max() / np.abs(reference).max()
-    return float(max(opening, np.linalg.norm(points - places, axis=1).max() / moved))
+def differences(run: tuple[np.ndarray, np.ndarray], reference: np.ndarray, stage: SimStage) -> dict[str, float]:
+    """Return how a run differs from the reference, as fractions of how far that came.
+
+    Args:
+        run: coordinate [m or rad] and place of the handle [m] after every step, shape [step] and [step 3].
+        reference: coordinate after every step, shape [step]; the stage's joint says where the handle then is.
+        stage: the part.
+    """
+    openings, points = run
+    handle = stage.grasp[None, :3]
+    places = np.concatenate([displace(handle, stage.joint, q) for q in reference])
+    opened, moved = np.abs(reference).max(), np.linalg.norm(places - handle, axis=1).max()
+    return {
+        "opening_difference": float(np.abs(openings - reference).max() / opened),
+        "end_difference": float(abs(openings[-1] - reference[-1]) / opened),
+        "handle_difference": float(np.linalg.norm(points - places, axis=1).max() / moved),
+    }
+
+
+def damaged(folder: Path, part: str, damage: str) -> mujoco.MjModel:
+    """Return the room in a folder with a part damaged by one of WRONG."""
+    model = mujoco.MjModel.from_xml_path(str(folder / "room.xml"))
+    WRONG[damage](model, model.joint(part).id)
+    return model
+
+
+def _worst(found: dict[str, float]) -> float:
+    return max(found["opening_difference"], found["handle_difference"])
 
 
 def _scale(mass: np.ndarray, inertia: np.ndarray, body: int) -> None:
@@ -124,7 +136,7 @@ def _summary(rows: list[dict]) -> dict:
     """Return the largest differences, and in how many parts the goals are met."""
     found = {}
     for name, goal in GOALS.items():
-        worst = [max(r[name]["opening_difference"], r[name]["handle_difference"]) for r in rows]
+        worst = [_worst(row[name]) for row in rows]
         met = sum(value <= goal for value in worst)
         found[name] = {"goal": goal, "met": met, "of": len(rows), "max": max(worst), "median": float(np.median(worst))}
     return found
@@ -155,7 +167,7 @@ def main() -> None:
 
 def _line(row: dict) -> str:
     """Return a row of the table."""
-    columns = [f"{100 * max(row[n]['opening_difference'], row[n]['handle_difference']):7.3f} %" for n in GOALS]
+    columns = [f"{100 * _worst(row[name]):7.3f} %" for name in GOALS]
     wrong = ", ".join(f"{name} {100 * value:.1f} %" for name, value in row["wrong"].items())
     return (
         f"{row['scan']} {row['part']:12} {row['force']:8.2f} N {row['newton'][-1]:7.4f} {' '.join(columns)}   {wrong}"

@@ -2,10 +2,10 @@
 
 `import s2a` is instant: every name below loads its module at the first use.
 
-    load_scene, export, insert, prepare, certify    scenes: `s2a.api`
-    make                                            a task as a gymnasium.vector.VectorEnv: `s2a.vector_env`
+    load_scene, export, insert, prepare, convert, certify    scenes: `s2a.api`
+    make                                                     a task as a gymnasium.vector.VectorEnv: `s2a.vector_env`
 
-The subpackages insert, prepare and certify share their names with functions: import from them by their full path,
+The subpackages insert, prepare, convert and certify share their names with functions: import from them by their full path,
 `from s2a.prepare.target import ...`.
 """
 
@@ -18,13 +18,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from s2a.api import certify as certify
+    from s2a.api import convert as convert
     from s2a.api import export as export
     from s2a.api import insert as insert
     from s2a.api import load_scene as load_scene
     from s2a.api import prepare as prepare
     from s2a.vector_env import make as make
 
-_MODULES = dict.fromkeys(("load_scene", "export", "insert", "prepare", "certify"), "s2a.api") | {
+_MODULES = dict.fromkeys(("load_scene", "export", "insert", "prepare", "convert", "certify"), "s2a.api") | {
     "make": "s2a.vector_env"
 }
 """Public name -> module that defines it."""

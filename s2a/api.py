@@ -4,6 +4,7 @@
     s2a.export("demo/scan", out="demo")
     s2a.insert("demo/geometric.usd", "stapler.usda", "stapler", out="demo/insert", hint="next to the keyboard", llm="rules")
     s2a.prepare("demo/geometric.usd", "drawer_7", out="demo/sim.usd")
+    s2a.convert("demo/sim.usd", out="demo/mjcf")
     reports = s2a.certify("demo/sim.usd")
 
 Lengths are metres, angles radians, masses kilograms, z is up. `overrides` are `key=value` texts, as on the command line.
@@ -126,6 +127,32 @@ def prepare(stage: File, targets: str | Sequence[str], out: File, overrides: Seq
         asked = targets if isinstance(targets, str) else tuple(targets)
         command.run(_load(command.Config, "prepare", {"stage": stage, "targets": asked, "out": out}, overrides))
     return Path(out)
+
+
+def convert(
+    stage: File,
+    out: File,
+    to: str = "mjcf",
+    parts: str | Sequence[str] = "all",
+    overrides: Sequence[str] = (),
+) -> Path:
+    """Write a simulation-ready room for other simulators; return the file to load there. Needs `s2a[sim]`.
+
+    Args:
+        stage: the sim.usd.
+        out: the folder to write: room.xml (MJCF) or room.urdf, and meshes; an earlier one is replaced.
+        to: "mjcf" or "urdf".
+        parts: "all" articulated parts and free objects move, or the one, or those, that are named; all others are frozen.
+        overrides: other keys of `s2a convert`, such as "sim.joint.stiffness=0".
+
+    Raises:
+        InputError: no such file, an id that cannot move, or an `out` that is something else; nothing is written.
+    """
+    with extras.required():
+        command = importlib.import_module("s2a.commands.convert")
+        asked = parts if isinstance(parts, str) else tuple(parts)
+        command.run(_load(command.Config, "convert", {"stage": stage, "out": out, "to": to, "parts": asked}, overrides))
+        return Path(out) / command.WRITERS[to].FILE
 
 
 def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ()) -> list[ValidationReport]:

@@ -34,6 +34,7 @@ COMMANDS = {
     "export": "turn an annotated scan into two flavours of USD, descriptive and geometric",
     "insert": "insert objects into a room where they belong, as a layer over its stage",
     "prepare": "turn a geometric stage into a simulation-ready one",
+    "convert": "write a simulation-ready stage as MJCF or URDF, for other simulators",
     "certify": "validate a simulation-ready stage; exit with 1 if a check fails",
     "train": "train a policy by reinforcement learning (PPO)",
     "evaluate": "measure the success of a policy or of the planner",

@@ -34,6 +34,11 @@ def kept_bodies(room: SimRoom, active: Sequence[str]) -> tuple[str, ...]:
     return tuple(i for i in (*room.bodies, *room.free) if i in carriers or i in active)
 
 
+def carrier_of(room: SimRoom, body: str, kept: Collection[str]) -> str | None:
+    """Return the nearest kept body that carries a body; None for one that stands in the room or lies free."""
+    return next((c for c in room.carriers(body) if c in kept), None) if body in room.articulations else None
+
+
 def freeze(stage: Usd.Stage, room: SimRoom, kept: Collection[str]) -> None:
     """Freeze, in the session layer of a stage, all bodies that are not kept, at their scanned pose.
 
@@ -46,7 +51,7 @@ def freeze(stage: Usd.Stage, room: SimRoom, kept: Collection[str]) -> None:
             pairs = UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel()
             pairs.SetTargets([path for path in pairs.GetTargets() if i in kept and path.name in kept])
         joint = stage.GetPrimAtPath(f"{ROOT}/joints/{i}")
-        carrier = next((c for c in room.carriers(i) if c in kept), None) if i in room.articulations else None
+        carrier = carrier_of(room, i, kept)
         if i in kept:
             if carrier is not None:  # of a drawer inside of a frozen door: the cabinet that this one hangs on
                 UsdPhysics.Joint(joint).GetBody0Rel().SetTargets([f"{ROOT}/{carrier}"])

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Literal
 
-import mujoco_warp
 import newton
 import numpy as np
 import torch
@@ -14,50 +11,9 @@ import warp as wp
 
 from s2a import robot
 from s2a.errors import InputError
-from s2a.ranges import Count, Positive
-from s2a.robot.spec import Gains, MotionLimits
 from s2a.sim.layout import Layout, layout
-from s2a.sim.world import JointConfig, SimStage, body_index, build_world
-
-IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
-"""Reports that are switched off: reaching the iteration limits is meant, they are set low; capacities stay reported."""
-
-
-@dataclass(frozen=True)
-class SimConfig:
-    """How physics is stepped.
-
-    Attributes:
-        dt: physics time step [s].
-        substeps: physics steps a control step; even, so that a captured step ends in the buffer it began with.
-        iterations: of the constraint solver.
-        ls_iterations: of its line search.
-        cone: friction cone.
-        impratio: ratio of friction to normal impedance; higher slips less.
-        njmax: constraint rows a world.
-        nconmax: contacts a world.
-        multiccd: Enable several contacts a pair of hulls.
-        load_static_colliders: Load the room's colliders.
-        gains: of the robot's position controller; null: the robot's own.
-        gravity_compensation: the robot's weight is carried.
-        limits: what the arm's controller keeps to; null: nothing, and targets move as far as the task's action asks.
-        joint: how the target's joint resists.
-    """
-
-    dt: Positive
-    substeps: Count
-    iterations: Count
-    ls_iterations: Count
-    cone: Literal["elliptic", "pyramidal"]
-    impratio: Positive
-    njmax: Count
-    nconmax: Count
-    multiccd: bool
-    load_static_colliders: bool
-    gains: Gains | None
-    gravity_compensation: bool
-    limits: MotionLimits | None
-    joint: JointConfig
+from s2a.sim.solver import IGNORED_OVERFLOWS, SimConfig, make_solver
+from s2a.sim.world import SimStage, body_index, build_world
 
 
 class Simulation:
@@ -111,7 +67,8 @@ class Simulation:
             worlds = [self._world(stage, with_robot) for stage in self.stages]
             self.world = worlds[0]
             self.model = _batch(worlds, num_envs).finalize()
-            self.solver = _solver(self.model, config)
+            self.solver = make_solver(self.model, config)
+            self.solver.mjw_model.opt.warn_overflow &= ~int(IGNORED_OVERFLOWS)
             self.state, self.before = self.model.state(), self.model.state()
             self.control = self.model.control()
             newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
@@ -214,21 +171,3 @@ def _group(world: newton.ModelBuilder) -> None:
             is_robot = body >= 0 and not world.body_label[body].startswith("/scene/")
             world.shape_collision_group[shape] = -1 if is_robot else -2
     world.shape_collision_filter_pairs.clear()
-
-
-def _solver(model: newton.Model, config: SimConfig) -> newton.solvers.SolverMuJoCo:
-    """Return the solver of a model."""
-    solver = newton.solvers.SolverMuJoCo(
-        model,
-        solver="newton",
-        integrator="implicitfast",
-        cone=config.cone,
-        impratio=config.impratio,
-        iterations=config.iterations,
-        ls_iterations=config.ls_iterations,
-        njmax=config.njmax,
-        nconmax=config.nconmax,
-        enable_multiccd=config.multiccd,
-    )
-    solver.mjw_model.opt.warn_overflow &= ~int(IGNORED_OVERFLOWS)
-    return solver

@@ -145,11 +145,7 @@ def build_world(
         static_colliders: Load the room's colliders.
         realistic: make the robot's joint limits stiff; see add_robot for the rest.
     """
-    builder = newton.ModelBuilder()
-    newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-    # The default of 0.1 m makes contact candidates of everything within reach of the gripper.
-    builder.rigid_gap = 0.01
-    builder.default_shape_cfg.mu = 1.0
+    builder = empty_world()
     if robot is not None:
         base = wp.transform(*stage.base[:3], *stage.base[3:])
         add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation)
@@ -161,6 +157,16 @@ def build_world(
             builder.joint_target_ke[dof] = joint.stiffness
             builder.joint_target_kd[dof] = joint.damping
             stiffen(builder, dof, dt)
+    return builder
+
+
+def empty_world() -> newton.ModelBuilder:
+    """Return a builder that can read MuJoCo's attributes, with the contacts of all worlds."""
+    builder = newton.ModelBuilder()
+    newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+    # The default of 0.1 m makes contact candidates of everything within reach of the gripper.
+    builder.rigid_gap = 0.01
+    builder.default_shape_cfg.mu = 1.0
     return builder
 
 

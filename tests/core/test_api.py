@@ -27,7 +27,7 @@ def test_importing_the_package_loads_nothing() -> None:
 def test_every_public_name_is_documented_and_stays_when_its_subpackage_is_imported() -> None:
     for name in s2a.__all__:
         assert getattr(s2a, name).__doc__
-    for name in ("insert", "prepare", "certify"):
+    for name in ("insert", "prepare", "convert", "certify"):
         importlib.import_module(f"s2a.{name}")
         assert callable(getattr(s2a, name))
 

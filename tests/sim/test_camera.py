@@ -12,8 +12,9 @@ from settings import load
 
 from s2a import robot
 from s2a.geometry.mesh_ops import merge
+from s2a.geometry.texture import BLOCK, bake
 from s2a.scene import Mesh
-from s2a.sim.camera import BLOCK, Camera, CameraConfig, bake
+from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.camera_pose import blocked, viewpoint
 from s2a.sim.world import read_stage
 from s2a.usd import sim_stage

@@ -196,7 +196,7 @@ def _static_colliders(
         if len(scene.parts[part].mesh.faces):
             hulls = part_hulls(scene.parts[part], config.room)
             found += [Collider(part, hull.mesh, hull.structure) for hull in hulls]
-    colliders, trimmed = cut_out(found, obstacles, config.room.min_volume)
+    colliders, trimmed = cut_out(found, obstacles, config.room)
     return (*(item.support for item in extracted), *colliders), trimmed
 
 

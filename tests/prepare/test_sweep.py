@@ -19,10 +19,9 @@ from s2a.certify.contents import Contents
 from s2a.certify.static import joint_limits
 from s2a.commands import prepare as verb
 from s2a.errors import InputError
-from s2a.geometry.convex import box, contains, overlap, volume
+from s2a.geometry.convex import box, contains, overlap
 from s2a.geometry.sweep import deepest, sweep
 from s2a.prepare import PrepareConfig, prepare
-from s2a.prepare.colliders.room import cut_all
 from s2a.prepare.grasp import opening_direction
 from s2a.prepare.mass import MassConfig, moving_mass
 from s2a.prepare.target import target_joint
@@ -187,12 +186,3 @@ def test_the_way_of_a_part_is_covered_with_the_clearance_all_around(joint: Joint
             around = point + 0.0029 * away / np.linalg.norm(away, axis=1, keepdims=True)
             held = np.any([contains(piece, around, 1e-6) for piece in way], axis=0)
             assert held.all()
-
-
-def test_what_is_left_of_a_cut_piece_is_kept_unless_it_is_too_small() -> None:
-    wall = box(np.array([0.048, 0.0, 0.0]), np.eye(3), np.full(3, 0.1))  # 2 mm of it lies at x below 0
-    space = box(np.array([0.5, 0.0, 0.0]), np.eye(3), np.ones(3))
-    left = cut_all(wall, [space])
-    assert left is not None and volume(left) < 0.1 * 0.1 * 0.0021
-    assert cut_all(wall, [space], min_volume=2.5e-5) is None
-    assert cut_all(cube(0.0, 0.01), [box(np.full(3, 1.0), np.eye(3), np.ones(3))], min_volume=1.0) is not None

@@ -66,8 +66,7 @@ def cabinet_body(
     visual = merge([*(scene.parts[i].mesh for i in members), *walls])
     found = []
     for i in members:
-        free = [cut_all(hull, obstacles) for hull in _hulls(scene, i, config)]
-        found += [Collider(i, hull) for hull in free if hull is not None]
+        found += [Collider(i, part) for hull in _hulls(scene, i, config) for part in cut_all(hull, obstacles)]
     found += [Collider(members[0], wall) for wall in walls]
     completed = sum(len(wall.faces) for wall in walls)
     scanned = merge([scene.parts[i].mesh for i in members])

@@ -214,7 +214,7 @@ def _nearest(
 
 
 def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return the face nearest to each point, shape [point] (-1: none within reach), and its distance [m], shape [point] (then inf)."""
+    """Return the face nearest to each point (-1: none within reach) and its distance [m] (then inf), shape [point] each."""
     asked = np.ascontiguousarray(points, np.float32)
     face, gap = np.full(len(asked), -1, np.int32), np.full(len(asked), np.inf, np.float32)
     if not mesh.indices.shape[0]:  # Warp 1.19 follows the tree of a mesh without faces into nowhere

@@ -15,7 +15,7 @@ from s2a.errors import InputError
 from s2a.geometry.closed_solid import close, drop_small_components
 from s2a.geometry.convex import box, clip, hull, volume
 from s2a.geometry.decompose import vhacd
-from s2a.geometry.mesh_ops import keep, merge
+from s2a.geometry.mesh_ops import merge, within
 from s2a.geometry.mesh_query import first_hits, ray_mesh
 from s2a.geometry.sweep import grown
 from s2a.prepare.colliders.foot import split_foot, whole_foot
@@ -189,7 +189,7 @@ def _support(scene: Scene, part: str, members: Sequence[str], surface: Mesh, con
     )
     falls: dict[str, np.ndarray] = {}
     for i in scene.parts:
-        below = _within(scene.parts[i].mesh, starts.min(axis=0) - [0, 0, 2 * config.search_radius], starts.max(axis=0))
+        below = within(scene.parts[i].mesh, starts.min(axis=0) - [0, 0, 2 * config.search_radius], starts.max(axis=0))
         if i not in members and len(below.faces):
             down = np.tile([0.0, 0.0, -1.0], (len(starts), 1))
             falls[i] = first_hits(ray_mesh(below.vertices, below.faces), starts, down)
@@ -207,14 +207,6 @@ def _support(scene: Scene, part: str, members: Sequence[str], surface: Mesh, con
             f"free={part}: no horizontal surface supports it within {100 * config.search_radius:.0f} cm of its lowest point"
         )
     return best, float(np.median(heights[best]))
-
-
-def _within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
-    """Return the faces whose boxes meet a box [3], [3]."""
-    if not len(mesh.faces) or (mesh.bounds[0] > high).any() or (mesh.bounds[1] < low).any():
-        return merge([])
-    corners = mesh.vertices[mesh.faces]
-    return keep(mesh, ((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1))
 
 
 def _hulls(solid: Mesh, ground: float, config: FreeConfig) -> list[Mesh]:

@@ -33,6 +33,8 @@ __all__ = ["ALL", "PrepareConfig", "prepare"]
 
 UNEVEN = 0.01
 """[m] A scanned floor may rise by so much under a robot's base."""
+GRAVITY = 9.81
+"""[m/s^2]"""
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,9 @@ class PrepareConfig:
     """Settings of the preparation.
 
     Attributes:
-        friction: dry friction of an articulated part's joint as a force at the grasp point [N]; holds a drawer whose annotated
-            axis is not quite horizontal.
+        friction: min dry friction of an articulated part's joint as a force at the grasp point [N]; holds a drawer whose
+            annotated axis is not quite horizontal.
+        friction_coefficient: the same as a fraction of its weight, where that is more.
         interior: Enable the open box behind a drawer's front, and the back and sides of its furniture, where a scan cannot
             show them.
         base: where the robot may stand.
@@ -54,6 +57,7 @@ class PrepareConfig:
     """
 
     friction: NotNegative
+    friction_coefficient: NotNegative
     interior: bool
     base: BaseConfig
     decimate: DecimateConfig
@@ -223,7 +227,8 @@ def _articulation(
         bases={
             spec.name: Base(base.position, base.orientation, base.reason, base.free, base.pedestal, spec.base.radius)
         },
-        friction=config.friction * lever_arm(target.joint, target.point),
+        friction=max(config.friction, config.friction_coefficient * GRAVITY * body.mass.mass)
+        * lever_arm(target.joint, target.point),
         filtered=tuple(filtered),
         notes=tuple(notes),
     )

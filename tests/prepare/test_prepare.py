@@ -192,7 +192,7 @@ def test_an_annotated_mass_wins_over_the_label() -> None:
     drawer = parts["drawer_7"]
     parts["drawer_7"] = Part("drawer", drawer.mesh, drawer.parent, drawer.motion, mass=3.2)
     assert moving(prepare(Scene("heavy", parts), "drawer_7", config())).mass.mass == pytest.approx(3.2)
-    assert moving(prepared("drawer_7")).mass.mass == pytest.approx(5.3)
+    assert moving(prepared("drawer_7")).mass.source.endswith("m of front of a drawer")
 
 
 def test_a_body_is_as_hard_to_turn_as_the_box_around_it() -> None:

@@ -19,7 +19,7 @@ from s2a.geometry.mesh_ops import merge, within
 from s2a.geometry.mesh_query import first_hits, ray_mesh
 from s2a.geometry.sweep import grown
 from s2a.prepare.colliders.foot import split_foot, whole_foot
-from s2a.prepare.mass import MassConfig, known_mass
+from s2a.prepare.mass import MassConfig, annotated_mass
 from s2a.ranges import AtLeast, Count, Fraction, NotNegative, Positive
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import Collider, Mass, SimBody
@@ -217,14 +217,23 @@ def _hulls(solid: Mesh, ground: float, config: FreeConfig) -> list[Mesh]:
 
 
 def _mass(scene: Scene, members: Sequence[str], solid: Mesh, config: FreeConfig) -> Mass:
-    """Return mass, centre and inertia: annotated, else its label's, else its volume's within bounds."""
+    """Return mass, centre and inertia: annotated, else by the rule of its label's family."""
     shape = trimesh.Trimesh(solid.vertices, solid.faces, process=False)
     closed = hull(solid.vertices)
     whole = volume(closed) if closed is not None else 0.0
     if closed is not None and not HOLLOW * whole < shape.volume <= FULL * whole:
         shape = trimesh.Trimesh(closed.vertices, closed.faces, process=False)
-    mass, source = known_mass(scene, members, config.mass) or (config.mass.estimate(shape.volume), "its volume")
+    mass, source = _estimate(scene, members, float(shape.volume), config.mass)
     moments, axes = np.linalg.eigh(shape.moment_inertia * (mass / shape.volume))
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     quat = Rotation.from_matrix(axes).as_quat(canonical=True)
     return Mass(mass, tuple(shape.center_mass.tolist()), tuple(moments.tolist()), tuple(quat.tolist()), source)
+
+
+def _estimate(scene: Scene, members: Sequence[str], inside: float, config: MassConfig) -> tuple[float, str]:
+    """Return an object's mass [kg] and where it comes from."""
+    annotated = annotated_mass(scene, members)
+    family, rule = config.rule(scene.parts[members[0]].label)
+    if annotated is not None or rule.by == "mass":
+        return (annotated, "annotated") if annotated is not None else (rule.value, f"usual for a {family}")
+    return config.bounded(rule.value * inside), f"its volume, {rule.value:g} kg/m^3"

@@ -71,7 +71,8 @@ def cabinet_body(
     found += [Collider(members[0], wall) for wall in walls]
     completed = sum(len(wall.faces) for wall in walls)
     scanned = merge([scene.parts[i].mesh for i in members])
-    estimate = config.density * float(np.prod(np.maximum(np.ptp(scanned.bounds, axis=0), 0.02)))
+    size = np.ptp(scanned.bounds, axis=0) if len(scanned.vertices) else np.zeros(3)
+    estimate = config.density * float(np.prod(np.maximum(size, 0.1)))
     mass = annotated_mass(scene, members) or estimate
     return SimBody(members[0], visual, tuple(found), box_mass(scanned, mass, np.eye(3)), completed)
 

@@ -16,6 +16,8 @@ FLAT = 1e-3
 APART = 1e-6
 """[m] Pieces whose intersection holds no larger ball are apart: the limit of float32. A sharp edge whose ball has a tenth of a
 millimetre reaches in by several."""
+MARGIN = 1e-4
+"""[m] Distance of what is cut from what it is cut free of."""
 INSIDE, TRIED = 256, 8
 """Points inside of a piece by which the planes that it can be cut at are compared, and how many of these are tried."""
 
@@ -78,21 +80,44 @@ def overlap(a: Mesh, b: Mesh) -> float:
     return float(found.x[3]) if found.status == 0 else 0.0
 
 
-def cut_free(piece: Mesh, obstacle: Mesh, margin: float = 1e-4) -> Mesh | None:
-    """Return the largest part of a piece beyond a single plane of an obstacle; None if nothing is left.
+def cut_free(piece: Mesh, obstacle: Mesh, count: int = 1, min_volume: float = 0.0, margin: float = 1e-4) -> list[Mesh]:
+    """Return the parts of a piece that are free of an obstacle, each beyond a single plane of it; none if nothing is left.
 
-    A piece that does not overlap the obstacle comes back as it is. What is cut stays convex, at the price of losing
-    more than the overlap itself. Of the planes, those are tried beyond which most of some points inside of the piece lie.
+    A piece that does not overlap the obstacle comes back as it is. What is cut stays convex, at the price of losing more than
+    the overlap itself: the less, the more parts are allowed. Each time the largest part of the rest is cut off.
+
+    Args:
+        piece: what is cut.
+        obstacle: what its parts leave free.
+        count: largest number of parts.
+        min_volume: parts but the first have this volume or more [m^3].
+        margin: see MARGIN.
     """
     if overlap(piece, obstacle) <= APART:
-        return piece
+        return [piece]
     planes = np.unique(halfspaces(obstacle).round(6), axis=0)
+    found: list[Mesh] = []
+    rest: Mesh | None = piece
+    while rest is not None and len(found) < count:
+        part, plane = _largest_part(rest, planes, margin)
+        if part is None or (found and volume(part) < min_volume):
+            break
+        found.append(part)
+        rest = clip(rest, plane[:3], margin - plane[3])
+    return found
+
+
+def _largest_part(piece: Mesh, planes: np.ndarray, margin: float) -> tuple[Mesh | None, np.ndarray]:
+    """Return the largest part of a piece beyond one of the planes [plane 4], and that plane.
+
+    Of the planes, those are tried beyond which most of some points inside of the piece lie.
+    """
     corners = piece.vertices.astype(np.float64)
     weights = np.random.default_rng(0).dirichlet(np.full(len(corners), 0.5), INSIDE)
     beyond = (np.concatenate([corners, weights @ corners]) @ planes[:, :3].T + planes[:, 3] > margin).sum(axis=0)
-    best = np.argsort(-beyond, kind="stable")[:TRIED]
-    parts = [clip(piece, -plane[:3], plane[3] - margin) for plane in planes[best]]
-    return max((part for part in parts if part is not None), key=volume, default=None)
+    best = planes[np.argsort(-beyond, kind="stable")[:TRIED]]
+    parts = [(clip(piece, -plane[:3], plane[3] - margin), plane) for plane in best]
+    return max(parts, key=lambda pair: 0.0 if pair[0] is None else volume(pair[0]))
 
 
 def subtract(piece: Mesh, obstacle: Mesh, thinnest: float = 2 * FLAT) -> list[Mesh]:

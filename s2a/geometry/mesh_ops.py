@@ -33,6 +33,14 @@ def keep(mesh: Mesh, faces: np.ndarray) -> Mesh:
     return Mesh(mesh.vertices[used], flat.reshape(chosen.shape), colors)
 
 
+def within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
+    """Return the faces of a mesh whose bounding boxes meet a box with these corners [m], shape [3] each."""
+    if not len(mesh.faces) or (mesh.bounds[0] > high).any() or (mesh.bounds[1] < low).any():
+        return merge([])
+    corners = mesh.vertices[mesh.faces]
+    return keep(mesh, ((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1))
+
+
 def weld(mesh: Mesh) -> Mesh:
     """Return a mesh in which vertices at bitwise the same place are one, as they were before it was cut into parts."""
     # Sorting the bits as two integers takes a third of the time of np.unique on rows; adding 0 makes -0 the same as 0.

@@ -24,7 +24,7 @@ from s2a.prepare.part import PartConfig, PartResult
 from s2a.prepare.selection import ALL, selected_parts
 from s2a.prepare.target import bodies, parent_body
 from s2a.progress import track
-from s2a.ranges import NotNegative
+from s2a.ranges import NotNegative, Positive
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, Grasp, SimBody, SimRoom
@@ -33,6 +33,8 @@ __all__ = ["ALL", "PrepareConfig", "prepare"]
 
 UNEVEN = 0.01
 """[m] A scanned floor may rise by so much under a robot's base."""
+GRAVITY = 9.81
+"""[m/s^2]"""
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,10 @@ class PrepareConfig:
     """Settings of the preparation.
 
     Attributes:
-        friction: dry friction of an articulated part's joint as a force at the grasp point [N]; holds a drawer whose annotated
-            axis is not quite horizontal.
+        friction: min dry friction of an articulated part's joint as a force at the grasp point [N]; holds a drawer whose
+            annotated axis is not quite horizontal.
+        friction_coefficient: the same as a fraction of its weight, where that is more.
+        max_friction: but not more than this [N].
         interior: Enable the open box behind a drawer's front, and the back and sides of its furniture, where a scan cannot
             show them.
         base: where the robot may stand.
@@ -54,6 +58,8 @@ class PrepareConfig:
     """
 
     friction: NotNegative
+    friction_coefficient: NotNegative
+    max_friction: Positive
     interior: bool
     base: BaseConfig
     decimate: DecimateConfig
@@ -196,7 +202,7 @@ def _static_colliders(
         if len(scene.parts[part].mesh.faces):
             hulls = part_hulls(scene.parts[part], config.room)
             found += [Collider(part, hull.mesh, hull.structure) for hull in hulls]
-    colliders, trimmed = cut_out(found, obstacles, config.room.min_volume)
+    colliders, trimmed = cut_out(found, obstacles, config.room)
     return (*(item.support for item in extracted), *colliders), trimmed
 
 
@@ -223,7 +229,12 @@ def _articulation(
         bases={
             spec.name: Base(base.position, base.orientation, base.reason, base.free, base.pedestal, spec.base.radius)
         },
-        friction=config.friction * lever_arm(target.joint, target.point),
+        friction=_friction(body.mass.mass, config) * lever_arm(target.joint, target.point),
         filtered=tuple(filtered),
         notes=tuple(notes),
     )
+
+
+def _friction(mass: float, config: PrepareConfig) -> float:
+    """Return the dry friction of a joint that carries a mass [kg], as a force at the grasp point [N]."""
+    return max(config.friction, min(config.friction_coefficient * GRAVITY * mass, config.max_friction))

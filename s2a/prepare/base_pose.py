@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from s2a.evidence.floor import FloorConfig, floor_fraction
 from s2a.geometry.convex import column, overlap
-from s2a.prepare.grasp import floor_height, floor_points, heading
+from s2a.prepare.grasp import floor_height, floor_points, heading, lowest_point
 from s2a.prepare.obstacles import Obstacles
 from s2a.prepare.path_clearance import deepest_collision
 from s2a.ranges import Count, Numbers, Positive
@@ -44,6 +45,7 @@ class BaseConfig:
         ik_seeds: starts of the inverse kinematics at each place, for both gripper rolls.
         query_radius: how far from the handle the room is looked at [m].
         search: other places than the preferred one are tried.
+        floor: when it stands on scanned floor; not asked where no part is labelled as floor.
     """
 
     sides: Numbers
@@ -54,6 +56,7 @@ class BaseConfig:
     ik_seeds: Count
     query_radius: Positive
     search: bool
+    floor: FloorConfig
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,9 @@ class _Search:
         held = np.array([*grasp.point, *grasp.orientation])
         self._poses = part_path(joint, held, config.approach, opening).poses
         self._near = Obstacles(scene, moving, self._point, config.query_radius)
-        self._ahead, self._floor = heading(scene, target), floor_points(scene)
+        self._ahead, floor = heading(scene, target), floor_points(scene)
+        self._asks_floor = len(floor) > 0
+        self._floor = floor if self._asks_floor else lowest_point(scene)
         self._swept, self._config, self._robot, self._shape = swept, config, robot, robot_shape(robot)
 
     def first_free(self, places: Sequence[Candidate], tried: list[Tried]) -> BasePose | None:
@@ -190,10 +195,18 @@ class _Search:
         standing = self._near.standing_in(foot[:2], low, high, body.radius)
         if standing is not None:
             return f"{standing} stands where the base has to stand"
+        if self._asks_floor and not self._on_floor(foot, place):
+            return "no floor was scanned there"
         height = place.pedestal + body.shoulder_height + body.upper_arm
         trunk = column(np.array([*foot[:2], floor]), body.radius, height)
         opens_into = any(overlap(trunk, piece) > 1e-3 for piece in self._swept)
         return "the part would open into the base" if opens_into else None
+
+    def _on_floor(self, foot: np.ndarray, place: Candidate) -> bool:
+        """Return True if there is scanned floor below a base [3]; `s2a certify` asks the same."""
+        known, radius = self._config.floor, self._robot.base.radius
+        below = floor_fraction(foot, place.pedestal, radius, self._near.surface, known.tolerance)
+        return below >= known.min_fraction
 
 
 def _praise(place: Candidate, tried: Sequence[Tried]) -> str:

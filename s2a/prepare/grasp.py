@@ -98,11 +98,14 @@ def heading(scene: Scene, target: str) -> np.ndarray:
 
 
 def floor_points(scene: Scene) -> np.ndarray:
-    """Return points of the floor [m], shape [point 3]: of the parts labelled so, else one at the room's lowest height."""
+    """Return points of the floor [m], those of the parts labelled so, shape [point 3]; none where no part is."""
     floors = merge([part.mesh for part in scene.parts.values() if is_structure(part.label, FLOOR)])
-    points = centroids(floors)[normals(floors)[:, 2] > 0.5]
-    lowest = np.nanmin([part.mesh.bounds[0, 2] for part in scene.parts.values()])
-    return points if len(points) else np.array([[0.0, 0.0, lowest]])
+    return centroids(floors)[normals(floors)[:, 2] > 0.5]
+
+
+def lowest_point(scene: Scene) -> np.ndarray:
+    """Return a point at a room's lowest height [m], shape [1 3], which stands for a floor that nobody labelled."""
+    return np.array([[0.0, 0.0, np.nanmin([part.mesh.bounds[0, 2] for part in scene.parts.values()])]])
 
 
 def floor_height(floor: np.ndarray, place: np.ndarray, radius: float = 0.4) -> float:

@@ -7,17 +7,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2a.geometry.mesh_ops import centroids, keep
+from s2a.geometry.mesh_ops import merge, within
+from s2a.geometry.mesh_query import ray_mesh
 from s2a.robot.collision import Penetration, Surfaces
-from s2a.scene import Mesh, Scene
+from s2a.scene import Scene
 
 
 class Obstacles:
-    """The scanned surfaces around a point, and a pedestal."""
+    """The scanned surfaces around a point, and a pedestal.
+
+    Attributes:
+        surface: all of them as one, for rays.
+    """
 
     def __init__(self, scene: Scene, moving: Sequence[str], point: np.ndarray, query_radius: float) -> None:
         """Take the surfaces within `query_radius` [m] of a point [3] in plan; `moving` are the ids of the parts that open."""
-        near = {i: _near(part.mesh, point, query_radius) for i, part in scene.parts.items()}
+        around = np.array([query_radius, query_radius, np.inf])
+        near = {i: within(part.mesh, point - around, point + around) for i, part in scene.parts.items()}
+        whole = merge(list(near.values()))
+        self.surface = ray_mesh(whole.vertices, whole.faces)
         self._static = Surfaces({i: mesh for i, mesh in near.items() if i not in moving})
         self._moving = Surfaces({i: near[i] for i in moving})
         self._pedestal: tuple[np.ndarray, float] | None = None
@@ -52,7 +60,3 @@ class Obstacles:
         axis = np.concatenate([np.tile(place, (len(steps), 1)), steps[:, None]], axis=1)
         depth, owner = self.penetration(axis, np.full(len(axis), radius), moving=True)
         return owner if depth > 0.0 else None
-
-
-def _near(mesh: Mesh, point: np.ndarray, query_radius: float) -> Mesh:
-    return keep(mesh, np.linalg.norm(centroids(mesh)[:, :2] - point[:2], axis=1) < query_radius)

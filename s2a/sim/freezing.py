@@ -73,7 +73,7 @@ def cut_colliders(prims: Sequence[Usd.Prim], obstacles: Sequence[Mesh]) -> None:
         whole = read_mesh(prim)
         left: Mesh | None = whole
         for obstacle in obstacles:
-            left = None if left is None else cut_free(left, obstacle)
+            left = None if left is None else next(iter(cut_free(left, obstacle)), None)
         if left is None:
             prim.SetActive(False)
         elif left is not whole:

@@ -31,7 +31,7 @@ IMPOSSIBLE = {
         ("prepare.decimate.max_error", "0.0", "a number above 0"),
         ("prepare.room.part_hulls", "0", "1 or more"),
         ("prepare.colliders.max_vertices", "3", "4 or more"),
-        ("prepare.mass.priors.drawer", "-3.0", "a number above 0"),
+        ("prepare.mass.families.drawer.value", "-3.0", "a number above 0"),
         ("prepare.free.min_component_area", "2.0", "a number from 0 to 1"),
     ],
     "certify": [

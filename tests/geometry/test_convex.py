@@ -74,11 +74,17 @@ def test_clipping_all_or_nothing() -> None:
 
 
 def test_cutting_free_takes_the_plane_that_costs_least() -> None:
-    free = convex.cut_free(CUBE, moved(CUBE, (0.8, 0.1, 0)))
-    assert free is not None
+    (free,) = convex.cut_free(CUBE, moved(CUBE, (0.8, 0.1, 0)))
     assert convex.volume(free) == pytest.approx(0.8, abs=1e-3)
-    assert convex.cut_free(CUBE, moved(CUBE, (2, 0, 0))) is CUBE
-    assert convex.cut_free(CUBE, convex.box(np.zeros(3), np.eye(3), 2 * np.ones(3))) is None
+    assert convex.cut_free(CUBE, moved(CUBE, (2, 0, 0)), count=4)[0] is CUBE
+    assert not convex.cut_free(CUBE, convex.box(np.zeros(3), np.eye(3), 2 * np.ones(3)), count=4)
+
+
+def test_more_parts_keep_more_and_none_that_is_too_small() -> None:
+    corner = moved(CUBE, (0.8, 0.7, 0.6))  # 0.2 x 0.3 x 0.4 are in both
+    kept = [sum(map(convex.volume, convex.cut_free(CUBE, corner, count=k))) for k in (1, 2, 3, 4)]
+    assert kept == pytest.approx([0.8, 0.8 + 0.2 * 0.7, 1 - 0.2 * 0.3 * 0.4, 1 - 0.2 * 0.3 * 0.4], abs=1e-3)
+    assert len(convex.cut_free(CUBE, corner, count=4, min_volume=0.1)) == 2
 
 
 def test_a_thin_edge_is_cut_free_though_no_ball_fits_into_what_it_shares() -> None:
@@ -87,8 +93,8 @@ def test_a_thin_edge_is_cut_free_though_no_ball_fits_into_what_it_shares() -> No
     )
     wall = convex.box(np.array([0.5, 0.5, -0.0003]), np.eye(3), np.array([1.006, 0.5, 0.0008]))
     assert sheet is not None and 0.0 < convex.overlap(sheet, wall) < 1e-4
-    free = convex.cut_free(sheet, wall)
-    assert free is not None and convex.overlap(free, wall) == 0.0
+    (free,) = convex.cut_free(sheet, wall)
+    assert convex.overlap(free, wall) == 0.0
 
 
 def test_subtracting_a_notch_keeps_the_rest() -> None:

@@ -77,6 +77,29 @@ def test_a_floor_lamp_is_no_floor_to_stand_on() -> None:
     assert base(scene, search=False).position[2] == pytest.approx(0.0, abs=1e-6)
 
 
+def with_floor(low: tuple[float, ...], high: tuple[float, ...]) -> Scene:
+    """Return a room of whose floor this much was scanned."""
+    scene, solid = clean_cabinet_room(), box(*zip(low, high, strict=True))
+    floor = replace(scene.parts["floor_2"], mesh=Mesh(solid.vertices, solid.faces))
+    return replace(scene, parts={**scene.parts, "floor_2": floor})
+
+
+def test_a_robot_stands_where_floor_was_scanned() -> None:
+    half = with_floor((-0.4, 0.05, -0.05), (2.5, 2.0, 0.0))
+    straight, found = base(half, search=False), base(half)
+    assert not straight.free and "no floor was scanned there" in straight.reason
+    assert found.free and "no floor was scanned there" in found.reason
+    assert found.position[1] > 0.05  # more than half of its footprint
+    away = base(with_floor((-0.4, 1.5, -0.05), (2.5, 2.0, 0.0)), pedestals=(0.0,))
+    assert not away.free and "no floor was scanned there; no place is free" in away.reason
+
+
+def test_where_no_part_is_labelled_as_floor_none_is_asked_for() -> None:
+    scene = clean_cabinet_room()
+    parts = {i: part for i, part in scene.parts.items() if i != "floor_2"}
+    assert base(replace(scene, parts=parts)).free
+
+
 def test_what_stands_there_is_walked_around_and_named() -> None:
     blocked = with_block((0.8, -0.2, 0.0), (1.1, 0.05, 0.3))
     stuck, found = base(blocked, search=False), base(blocked)

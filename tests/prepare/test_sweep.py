@@ -1,4 +1,4 @@
-"""What the target weighs, what it meets on its way, and stages for several targets."""
+"""What the target meets on its way, and stages for several targets."""
 
 from __future__ import annotations
 
@@ -19,12 +19,10 @@ from s2a.certify.contents import Contents
 from s2a.certify.static import joint_limits
 from s2a.commands import prepare as verb
 from s2a.errors import InputError
-from s2a.geometry.convex import box, contains, overlap, volume
+from s2a.geometry.convex import box, contains, overlap
 from s2a.geometry.sweep import deepest, sweep
 from s2a.prepare import PrepareConfig, prepare
-from s2a.prepare.colliders.room import cut_all
 from s2a.prepare.grasp import opening_direction
-from s2a.prepare.mass import MassConfig, moving_mass
 from s2a.prepare.target import target_joint
 from s2a.scene import Joint, Mesh, Part, Scene, Vec3
 from s2a.usd import geometric, sim_stage
@@ -48,33 +46,6 @@ def coarse() -> PrepareConfig:
 @pytest.fixture(scope="module")
 def prepared() -> SimRoom:
     return prepare(clean_cabinet_room(), "drawer_7", coarse())
-
-
-def weigh(part: Part) -> tuple[float, str]:
-    settings: MassConfig = load(PrepareConfig, "prepare/handle").mass
-    return moving_mass(
-        Scene("one", {"part_1": part}),
-        ("part_1",),
-        replace(settings, density=200.0, min_estimate=1.0, max_estimate=10.0),
-    )
-
-
-def test_bounds_of_the_mass_that_leave_none_are_refused() -> None:
-    keys = ["prepare.free.mass.min_estimate=30", "stage=a", "targets=b", "out=c"]
-    with pytest.raises(InputError, match="'mass.min_estimate' is 30; expected 20 or less, as mass.max_estimate"):
-        configuration.load(verb.Config, configuration.compose("prepare", keys))
-
-
-def test_an_unknown_thing_weighs_what_its_hull_holds_within_bounds() -> None:
-    # 0.25 m cubed times 200 kg/m^3
-    assert weigh(Part("tray", cube(0.0, 0.25)))[0] == pytest.approx(0.25**3 * 200.0, rel=1e-5)
-    assert weigh(Part("tray", cube(0.0, 0.02)))[0] == 1.0
-    assert weigh(Part("tray", cube(0.0, 2.0)))[0] == 10.0
-
-
-def test_the_label_and_the_annotation_know_better() -> None:
-    assert weigh(Part("kitchen drawer", cube(0.0, 2.0))) == (5.3, "usual for a drawer")
-    assert weigh(Part("drawer", cube(0.0, 2.0), mass=3.0)) == (3.0, "annotated")
 
 
 def test_the_centre_of_mass_lies_inside_the_part(prepared: SimRoom) -> None:
@@ -187,12 +158,3 @@ def test_the_way_of_a_part_is_covered_with_the_clearance_all_around(joint: Joint
             around = point + 0.0029 * away / np.linalg.norm(away, axis=1, keepdims=True)
             held = np.any([contains(piece, around, 1e-6) for piece in way], axis=0)
             assert held.all()
-
-
-def test_what_is_left_of_a_cut_piece_is_kept_unless_it_is_too_small() -> None:
-    wall = box(np.array([0.048, 0.0, 0.0]), np.eye(3), np.full(3, 0.1))  # 2 mm of it lies at x below 0
-    space = box(np.array([0.5, 0.0, 0.0]), np.eye(3), np.ones(3))
-    left = cut_all(wall, [space])
-    assert left is not None and volume(left) < 0.1 * 0.1 * 0.0021
-    assert cut_all(wall, [space], min_volume=2.5e-5) is None
-    assert cut_all(cube(0.0, 0.01), [box(np.full(3, 1.0), np.eye(3), np.ones(3))], min_volume=1.0) is not None

@@ -17,7 +17,7 @@ from s2a.geometry.handles.panel import slab
 from s2a.geometry.mesh_ops import merge
 from s2a.prepare.colliders.room import cut_all
 from s2a.prepare.colliders.target import Handle
-from s2a.prepare.mass import box_mass
+from s2a.prepare.mass import annotated_mass, box_mass
 from s2a.prepare.target import Target
 from s2a.ranges import AtLeast, Count, Positive
 from s2a.scene import Joint, Mesh, Scene
@@ -33,7 +33,8 @@ class CabinetConfig:
         thickness: of the front of a frozen drawer or door, inwards from its outer surface [m].
         resolution: voxels of the decomposition.
         max_vertices: largest number of vertices of a hull.
-        mass: [kg]; without effect on a body that is fixed to the world, but a simulator needs a number.
+        density: mass by the volume of its bounding box [kg/m^3], where none is annotated; without effect on a body that is
+            fixed to the world, but a simulator needs a number.
         corridor: width, height and length [m] of the gripper's path to the handle, which no hull may block: along the
             handle, across it, and outwards from where fingers end before the front.
     """
@@ -42,7 +43,7 @@ class CabinetConfig:
     thickness: Positive
     resolution: Count
     max_vertices: Annotated[int, AtLeast(4)]
-    mass: Positive
+    density: Positive
     corridor: tuple[Positive, Positive, Positive]
 
 
@@ -66,12 +67,14 @@ def cabinet_body(
     visual = merge([*(scene.parts[i].mesh for i in members), *walls])
     found = []
     for i in members:
-        free = [cut_all(hull, obstacles) for hull in _hulls(scene, i, config)]
-        found += [Collider(i, hull) for hull in free if hull is not None]
+        found += [Collider(i, part) for hull in _hulls(scene, i, config) for part in cut_all(hull, obstacles)]
     found += [Collider(members[0], wall) for wall in walls]
     completed = sum(len(wall.faces) for wall in walls)
     scanned = merge([scene.parts[i].mesh for i in members])
-    return SimBody(members[0], visual, tuple(found), box_mass(scanned, config.mass, np.eye(3)), completed)
+    size = np.ptp(scanned.bounds, axis=0) if len(scanned.vertices) else np.zeros(3)
+    estimate = config.density * float(np.prod(np.maximum(size, 0.1)))
+    mass = annotated_mass(scene, members) or estimate
+    return SimBody(members[0], visual, tuple(found), box_mass(scanned, mass, np.eye(3)), completed)
 
 
 def _hulls(scene: Scene, part: str, config: CabinetConfig) -> list[Mesh]:

@@ -15,11 +15,11 @@ from s2a.errors import InputError
 from s2a.geometry.closed_solid import close, drop_small_components
 from s2a.geometry.convex import box, clip, hull, volume
 from s2a.geometry.decompose import vhacd
-from s2a.geometry.mesh_ops import keep, merge
+from s2a.geometry.mesh_ops import merge, within
 from s2a.geometry.mesh_query import first_hits, ray_mesh
 from s2a.geometry.sweep import grown
 from s2a.prepare.colliders.foot import split_foot, whole_foot
-from s2a.prepare.mass import MassConfig, known_mass
+from s2a.prepare.mass import MassConfig, annotated_mass
 from s2a.ranges import AtLeast, Count, Fraction, NotNegative, Positive
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import Collider, Mass, SimBody
@@ -189,7 +189,7 @@ def _support(scene: Scene, part: str, members: Sequence[str], surface: Mesh, con
     )
     falls: dict[str, np.ndarray] = {}
     for i in scene.parts:
-        below = _within(scene.parts[i].mesh, starts.min(axis=0) - [0, 0, 2 * config.search_radius], starts.max(axis=0))
+        below = within(scene.parts[i].mesh, starts.min(axis=0) - [0, 0, 2 * config.search_radius], starts.max(axis=0))
         if i not in members and len(below.faces):
             down = np.tile([0.0, 0.0, -1.0], (len(starts), 1))
             falls[i] = first_hits(ray_mesh(below.vertices, below.faces), starts, down)
@@ -209,14 +209,6 @@ def _support(scene: Scene, part: str, members: Sequence[str], surface: Mesh, con
     return best, float(np.median(heights[best]))
 
 
-def _within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
-    """Return the faces whose boxes meet a box [3], [3]."""
-    if not len(mesh.faces) or (mesh.bounds[0] > high).any() or (mesh.bounds[1] < low).any():
-        return merge([])
-    corners = mesh.vertices[mesh.faces]
-    return keep(mesh, ((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1))
-
-
 def _hulls(solid: Mesh, ground: float, config: FreeConfig) -> list[Mesh]:
     """Return convex hulls above the ground."""
     found = vhacd(solid, config.hulls, config.resolution, config.max_vertices)
@@ -225,14 +217,23 @@ def _hulls(solid: Mesh, ground: float, config: FreeConfig) -> list[Mesh]:
 
 
 def _mass(scene: Scene, members: Sequence[str], solid: Mesh, config: FreeConfig) -> Mass:
-    """Return mass, centre and inertia: annotated, else its label's, else its volume's within bounds."""
+    """Return mass, centre and inertia: annotated, else by the rule of its label's family."""
     shape = trimesh.Trimesh(solid.vertices, solid.faces, process=False)
     closed = hull(solid.vertices)
     whole = volume(closed) if closed is not None else 0.0
     if closed is not None and not HOLLOW * whole < shape.volume <= FULL * whole:
         shape = trimesh.Trimesh(closed.vertices, closed.faces, process=False)
-    mass, source = known_mass(scene, members, config.mass) or (config.mass.estimate(shape.volume), "its volume")
+    mass, source = _estimate(scene, members, float(shape.volume), config.mass)
     moments, axes = np.linalg.eigh(shape.moment_inertia * (mass / shape.volume))
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     quat = Rotation.from_matrix(axes).as_quat(canonical=True)
     return Mass(mass, tuple(shape.center_mass.tolist()), tuple(moments.tolist()), tuple(quat.tolist()), source)
+
+
+def _estimate(scene: Scene, members: Sequence[str], inside: float, config: MassConfig) -> tuple[float, str]:
+    """Return an object's mass [kg] and where it comes from."""
+    annotated = annotated_mass(scene, members)
+    family, rule = config.rule(scene.parts[members[0]].label)
+    if annotated is not None or rule.by == "mass":
+        return (annotated, "annotated") if annotated is not None else (rule.value, f"usual for a {family}")
+    return config.bounded(rule.value * inside), f"its volume, {rule.value:g} kg/m^3"

@@ -9,13 +9,18 @@ from typing import Annotated
 import numpy as np
 
 from s2a.cache import pack, recall, unpack
-from s2a.geometry.convex import cut_free, volume
+from s2a.geometry.convex import APART, MARGIN, clip, cut_free, overlap, volume
 from s2a.geometry.decompose import one_hull, vhacd
 from s2a.geometry.planes import find_planes, slabs
 from s2a.geometry.simplify import is_structure
 from s2a.ranges import AtLeast, Count, NotNegative, Positive
 from s2a.scene import Mesh, Part
 from s2a.usd.sim_scene import Collider
+
+THIN = 0.1
+"""Thickness of a hull as a fraction of its width below which it is cut in layers."""
+THINNEST = 0.002
+"""[m] A thinner layer is not worth a collider."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,9 @@ class RoomConfig:
         base_radius: radius of the upright column around a robot's base that stays free [m].
         base_height: its height [m].
         clearance: what stays free around the paths of the articulated parts [m].
+        cut_hulls: largest number of hulls into which a cut takes one apart.
         min_volume: what is left of a hull after cutting counts from this volume on [m^3].
+        min_cut_volume: the same for each hull but the largest into which it is taken apart [m^3].
     """
 
     part_hulls: Count
@@ -50,7 +57,9 @@ class RoomConfig:
     base_radius: NotNegative
     base_height: NotNegative
     clearance: NotNegative
+    cut_hulls: Count
     min_volume: NotNegative
+    min_cut_volume: NotNegative
 
 
 def part_hulls(part: Part, config: RoomConfig) -> tuple[Collider, ...]:
@@ -63,26 +72,56 @@ def part_hulls(part: Part, config: RoomConfig) -> tuple[Collider, ...]:
 
 
 def cut_out(
-    colliders: Sequence[Collider], obstacles: Sequence[Mesh], min_volume: float
+    colliders: Sequence[Collider], obstacles: Sequence[Mesh], config: RoomConfig
 ) -> tuple[tuple[Collider, ...], tuple[str, ...]]:
     """Cut colliders free of obstacles; return them with the ids of the parts of which something was cut off."""
     found: list[Collider] = []
     trimmed: dict[str, None] = {}
     for collider in colliders:
-        left = cut_all(collider.mesh, obstacles, min_volume)
-        if left is not collider.mesh:
+        left = cut_all(collider.mesh, obstacles, config.cut_hulls, config.min_volume, config.min_cut_volume)
+        if not any(piece is collider.mesh for piece in left):
             trimmed[collider.part] = None
-        if left is not None:
-            found.append(Collider(collider.part, left, collider.structure))
+        found += [Collider(collider.part, piece, collider.structure) for piece in left]
     return tuple(found), tuple(trimmed)
 
 
-def cut_all(hull: Mesh, obstacles: Sequence[Mesh], min_volume: float = 0.0) -> Mesh | None:
-    """Return the largest part of a hull that is free of all obstacles, or None if less than `min_volume` [m^3] is left."""
-    left: Mesh | None = hull
-    for obstacle in obstacles:
-        left = None if left is None else cut_free(left, obstacle)
-    return left if left is hull or (left is not None and volume(left) >= min_volume) else None
+def cut_all(
+    hull: Mesh, obstacles: Sequence[Mesh], count: int = 1, min_volume: float = 0.0, min_cut_volume: float = 0.0
+) -> list[Mesh]:
+    """Return the largest convex parts of a hull that are free of all obstacles, the hull itself where it is free of them.
+
+    Args:
+        hull: what is cut.
+        obstacles: convex hulls that nothing of it may reach into.
+        count: largest number of parts.
+        min_volume: none is left of a cut hull whose largest part is smaller [m^3].
+        min_cut_volume: the same for each of its other parts.
+    """
+    hit = [obstacle for obstacle in obstacles if overlap(hull, obstacle) > APART]
+    if not hit:
+        return [hull]
+    left = _layers(hull, hit) if count > 1 else [hull]
+    for obstacle in hit:
+        parts = [part for piece in left for part in cut_free(piece, obstacle, count, min_cut_volume)]
+        left = parts if len(parts) <= count else sorted(parts, key=volume, reverse=True)[:count]
+    left = sorted(left, key=volume, reverse=True)
+    return [part for k, part in enumerate(left) if volume(part) >= (min_cut_volume if k else min_volume)]
+
+
+def _layers(hull: Mesh, obstacles: Sequence[Mesh]) -> list[Mesh]:
+    """Split a thin hull, such as a floor's, below the obstacles that only graze it, so that it gets no hole there."""
+    _, _, axes = np.linalg.svd(hull.vertices - hull.vertices.mean(axis=0), full_matrices=False)
+    *_, width, thickness = np.ptp(hull.vertices @ axes.T, axis=0)
+    if thickness > THIN * width:
+        return [hull]
+    found = [hull]
+    for up in (axes[2], -axes[2]):
+        above = np.array([(obstacle.vertices @ up).min() for obstacle in obstacles]) - MARGIN
+        grazing = above[above > (hull.vertices @ up).min() + THINNEST]
+        if len(grazing):
+            split = (clip(hull, up, grazing.min()), clip(hull, -up, -grazing.min()))
+            found = max(found, [part for part in split if part is not None], key=len)
+    return found
 
 
 def _hulls(mesh: Mesh, structure: bool, config: RoomConfig) -> list[Mesh]:

@@ -1,0 +1,59 @@
+"""Hulls of the static room, cut free of what moves and of where a robot stands: little is lost."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from s2a.geometry.convex import box, column, contains, overlap, volume
+from s2a.geometry.sweep import sweep
+from s2a.prepare.colliders.room import cut_all
+from s2a.scene import Joint, Mesh
+
+FLOOR = box(np.array([0.0, 0.0, -0.01]), np.eye(3), np.array([4.0, 4.0, 0.02]))
+COUNT = 12
+
+
+def test_what_is_left_of_a_cut_piece_is_kept_unless_it_is_too_small() -> None:
+    wall = box(np.array([0.048, 0.0, 0.0]), np.eye(3), np.full(3, 0.1))  # 2 mm of it lies at x below 0
+    space = box(np.array([0.5, 0.0, 0.0]), np.eye(3), np.ones(3))
+    (left,) = cut_all(wall, [space])
+    assert volume(left) < 0.1 * 0.1 * 0.0021
+    assert not cut_all(wall, [space], min_volume=2.5e-5)
+    assert cut_all(
+        box(np.zeros(3), np.eye(3), np.full(3, 0.01)), [box(np.full(3, 1.0), np.eye(3), np.ones(3))], min_volume=1.0
+    )
+
+
+def area_of_floor(pieces: list[Mesh], surface: float) -> float:
+    """Return the area [m^2] over which pieces reach up to a height [m], by points 2 cm apart."""
+    grid = np.stack([g.ravel() for g in np.meshgrid(*2 * [np.arange(-1.99, 2.0, 0.02)], [surface])], axis=1)
+    return float(np.any([contains(piece, grid, 1e-5) for piece in pieces], axis=0).sum()) * 0.02**2
+
+
+def test_a_floor_keeps_what_no_robot_stands_on() -> None:
+    stands = [column(np.array([*place, -0.5]), 0.1, 1.0) for place in ((0.3, 0.2), (-1.0, 1.2), (1.4, -1.5))]
+    for count in (1, 2, 3):
+        left = cut_all(FLOOR, stands[:count], COUNT, 8.0e-6, 1.0e-4)
+        assert len(left) <= COUNT and max(overlap(a, b) for a in left for b in stands[:count]) == 0.0
+        assert max(overlap(a, b) for a, b in itertools.combinations(left, 2)) < 1e-6
+        # A column takes 0.032 m^2, its bounding square 0.04.
+        assert area_of_floor(left, -0.005) > 16.0 * 0.95
+    assert area_of_floor(cut_all(FLOOR, stands[:1]), -0.005) < 16.0 * 0.6
+
+
+def test_a_floor_that_a_door_grazes_is_not_lost() -> None:
+    leaf = box(np.array([0.4, 0.02, 0.99]), np.eye(3), np.array([0.8, 0.04, 2.0]))  # 10 mm deep in the floor
+    swept = sweep(leaf, Joint("revolute", (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 1.5)), 0.003)
+    left = cut_all(FLOOR, swept, COUNT, 8.0e-6, 1.0e-4)
+    assert len(left) <= COUNT and max(overlap(a, b) for a in left for b in swept) == 0.0
+    # It sweeps a quarter of a circle, 0.5 m^2, where the lowest 7 mm of the floor are left, and of these everything.
+    assert area_of_floor(left, -0.0135) == pytest.approx(16.0)
+    assert area_of_floor(left, -0.001) > 16.0 - 1.5 * 0.5
+    # What reaches through it makes a hole nevertheless.
+    stand = column(np.array([-1.0, -1.0, -0.5]), 0.1, 1.0)
+    left = cut_all(FLOOR, [*swept, stand], COUNT, 8.0e-6, 1.0e-4)
+    assert len(left) <= COUNT and max(overlap(a, b) for a in left for b in [*swept, stand]) == 0.0
+    assert area_of_floor(left, -0.0135) > 16.0 * 0.95

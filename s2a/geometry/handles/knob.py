@@ -27,6 +27,16 @@ TOLERANCE = 0.0005
 """[m] How far a piece's side may be from the profile."""
 MIN_POINTS = 20
 """Smallest number of points of a usable sector."""
+TRUER = 0.12
+"""Fraction of a knob's sides that flare out least; behind its head these show it, and the others skirts."""
+DRAWN = 0.0011
+"""[m] A head has ended where it draws in by more than this."""
+STALK = 0.75
+"""A stalk's radius is less than this fraction of its head's."""
+EVEN = 0.0015
+"""[m] A stalk is as thin as its thinnest within this,"""
+EVEN_SHARE = 0.3
+"""over this fraction of its length or more; a cone is not. The fillet before it is fusion's."""
 
 
 def knob_hulls(region: Mesh, frame: np.ndarray, front: float) -> list[Mesh] | None:
@@ -72,14 +82,37 @@ def knob_profile(
         sides = [
             np.quantile(radius[k], share) for s in range(SECTORS) if (k := here & (sector == s)).sum() >= MIN_POINTS
         ]
-        found.append(np.median(sides) if len(sides) >= 3 else np.nan)
-    known = np.isfinite(found)
+        found.append(np.quantile(sides, [0.5, TRUER]) if len(sides) >= 3 else [np.nan] * 2)
+    profiles = np.array(found)
+    known = np.isfinite(profiles[:, 0])
     if not known.any():
         return [(np.array([circle[2], face]), np.array([circle[2], front]))]
-    radii = median_filter(np.interp(depths, depths[known], np.array(found)[known]), size=3, mode="nearest")
+    radii, truer = (
+        median_filter(np.interp(depths, depths[known], values[known]), size=3, mode="nearest") for values in profiles.T
+    )
     depths[0] = face
     rings = np.stack([np.minimum(radii, 1.1 * circle[2]), depths], axis=1)
-    return [(rings[a], rings[b]) for a, b in _breaks(rings)]
+    return [(part[a], part[b]) for part in _head_and_stalk(rings, truer, face + HEAD) for a, b in _breaks(part)]
+
+
+def _head_and_stalk(rings: np.ndarray, truer: np.ndarray, least: float) -> list[np.ndarray]:
+    """Return rings [ring 2] as those of a head, which ends behind z = `least` [m], and of its stalk; all, if there is no stalk.
+
+    Fusion rounds the corner behind a head off to a fillet of several millimetres.
+    """
+    radii, depths = truer, rings[:, 1]
+    widest = radii.max()
+    ended = (depths > least) & (radii < widest - DRAWN)
+    if not ended.any():
+        return [rings]
+    k = int(np.argmax(ended))
+    thin = float(np.quantile(radii[k:], EVEN_SHARE / 2))
+    even = (radii[k:] < thin + EVEN).mean() > EVEN_SHARE
+    if k < 2 or k > len(rings) - 2 or thin > STALK * widest or not even:
+        return [rings]
+    back = float(np.interp(widest - DRAWN, [radii[k], max(radii[k - 1], widest - DRAWN)], [depths[k], depths[k - 1]]))
+    head = np.concatenate([rings[:k], [[rings[k - 1, 0], back]]]) if back > depths[k - 1] + 1e-4 else rings[:k]
+    return [head, np.array([[thin, head[-1, 1]], [thin, depths[-1]]])]
 
 
 def _circle(points: np.ndarray) -> tuple[float, float, float] | None:

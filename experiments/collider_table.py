@@ -183,7 +183,7 @@ def webbed(surface: Mesh, space: FingerSpace, true: Scene, target: str) -> float
 
 
 def table(rows: list[dict]) -> list[dict]:
-    """Return means (and the worst gap and time) by style and method."""
+    """Return means by style and method, the worst gap, hulls and time, and the fraction of parts with a gap under 1 % filled [%]."""
     found = []
     for method in dict.fromkeys(row["method"] for row in rows):
         for style in STYLES:
@@ -193,7 +193,9 @@ def table(rows: list[dict]) -> list[dict]:
                 worst = {
                     f"worst_{key}": max(row[key] or 0.0 for row in group) for key in ("gap_pct", "hulls", "seconds")
                 }
-                found.append({"method": method, "style": style, "parts": len(group), **means, **worst})
+                gaps = [row["gap_pct"] for row in group if row["gap_pct"] is not None]
+                free = {"free_pct": 1e2 * float(np.mean([gap < 1.0 for gap in gaps])) if gaps else None}
+                found.append({"method": method, "style": style, "parts": len(group), **means, **free, **worst})
     return found
 
 

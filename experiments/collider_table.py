@@ -32,7 +32,7 @@ from handle_error import TrueHandle, behind, filled_behind, symmetric_error
 from scipy.spatial.transform import Rotation
 
 from s2a import config, scan
-from s2a.geometry.handles.finger_gap import FINGER_DEPTH, FingerSpace, finger_space, fraction_inside
+from s2a.geometry.handles.finger_gap import FingerSpace, finger_space, fraction_inside
 from s2a.geometry.mesh_ops import centroids, merge, normals, sample, sample_with_faces
 from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 from s2a.prepare.colliders.target import ColliderConfig, Handle, find_handle, target_colliders
@@ -183,7 +183,7 @@ def webbed(surface: Mesh, space: FingerSpace, true: Scene, target: str) -> float
 
 
 def table(rows: list[dict]) -> list[dict]:
-    """Return means by style and method, the worst gap, hulls and time, and the fraction of parts with a gap under 1 % filled [%]."""
+    """Return means by style and method, the worst gap, hulls and time, and `free_pct` of parts with a gap fill below 1 %."""
     found = []
     for method in dict.fromkeys(row["method"] for row in rows):
         for style in STYLES:

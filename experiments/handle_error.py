@@ -8,11 +8,12 @@
   hulls, and of other hulls (the front's) those that are nearer to the true handle than to anything else of the furniture.
   What hulls add counts.
 
-Either takes the points that a finger can touch: a ball as thick as a fingertip (FINGER_DEPTH) rests on them without reaching into
-anything else, of the true furniture for `true_mm`; of the hulls and of the furniture's other parts for `hull_mm`. POINTS points are
-spread evenly by area, before the untouchable ones are left out; a surface that no finger can touch has no error (None), and without
-any hull the error is infinite. Space that hulls close, so that no finger reaches their surface there, is measured by
-`filled_behind` and by the fill ratio of the fingers' own space (collider_table.py).
+Either takes the points that a finger can touch: a ball as thick as a fingertip (FINGER_DEPTH) rests on them without reaching
+into anything else, of the true furniture for `true_mm`; of the hulls and of the furniture's other parts for `hull_mm`. POINTS
+points are spread evenly by area, before the untouchable ones are left out; a surface that no finger can touch has no error
+(None), and without any hull the error is infinite. Hulls count as far as MARGIN around the true handle's bounding box. Space
+that hulls close, so that no finger reaches their surface there, is measured by `filled_behind` and by the fill ratio of the
+fingers' own space (collider_table.py).
 """
 
 from __future__ import annotations
@@ -76,14 +77,14 @@ class HandleError:
 
 def symmetric_error(own: Sequence[Mesh], other: Sequence[Mesh], true: TrueHandle) -> HandleError:
     """Return the error of a handle's own hulls and of the other hulls of its part."""
-    touched = touchable(*_spread(true.handle), merge([true.handle, true.rest, true.others]))
+    touched = touchable(*_spread(true.handle), [true.handle, true.rest, true.others])
     hulls, owners = union_surface([*own, *other], true.handle.bounds + [[-MARGIN], [MARGIN]])
     if not len(hulls.faces):
         return HandleError(math.inf if len(touched) else None, None)
     points, faces = sample_with_faces(hulls, POINTS, 0)
     chosen = distances(points, true.handle) < distances(points, merge([true.rest, true.others]))
     chosen |= owners[faces] < len(own)
-    stand_out = touchable(points[chosen], normals(hulls)[faces[chosen]], merge([hulls, true.others]))
+    stand_out = touchable(points[chosen], normals(hulls)[faces[chosen]], [hulls, true.others])
     gaps = distances(touched, hulls), distances(stand_out, merge([true.handle, true.rest]))
     return HandleError(*(1e3 * float(gap.mean()) if len(gap) else None for gap in gaps))
 
@@ -121,15 +122,21 @@ def _fine(piece: Mesh, bounds: np.ndarray) -> Mesh:
         vertices, faces = trimesh.remesh.subdivide(vertices, faces, np.flatnonzero(long))
 
 
-def touchable(points: np.ndarray, facing: np.ndarray, around: Mesh) -> np.ndarray:
-    """Return the points of a surface where a ball of RADIUS rests without reaching into what is around it, shape [point 3].
+def touchable(points: np.ndarray, facing: np.ndarray, around: Sequence[Mesh]) -> np.ndarray:
+    """Return the points of a surface where a ball of RADIUS rests outside of all that is around it, shape [point 3].
 
     Args:
         points: on the surface [m], shape [point 3].
         facing: its unit normals there, outwards, shape [point 3].
-        around: all surfaces, this one among them.
+        around: surfaces of solids, this one among them.
     """
-    return points[distances(points + RADIUS * facing, around) > REST * RADIUS]
+    centres, free = points + RADIUS * facing, np.ones(len(points), bool)
+    for solid in around:
+        if len(solid.faces):
+            nearest, gap = nearest_faces(ray_mesh(solid.vertices, solid.faces), centres)
+            outside = np.einsum("ij,ij->i", centres - centroids(solid)[nearest], normals(solid)[nearest]) > 0
+            free &= outside & (gap > REST * RADIUS)
+    return points[free]
 
 
 def _spread(surface: Mesh) -> tuple[np.ndarray, np.ndarray]:

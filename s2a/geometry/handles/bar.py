@@ -141,28 +141,23 @@ def bar_depth(points: np.ndarray, profile: Profile, front: float) -> float:
     deepest = max(SHALLOWEST, front - GAP - float(np.median(profile.face)))
     depths = np.arange(SHALLOWEST / 2, deepest, STEP)
     sides = [_side_end(out[in_middle] * side, deep[in_middle], depths) for side in (-1, 1)]
-    sides = [side for side in sides if side[0] > SHALLOWEST]
-    least = min((flare for _, flare, _ in sides), default=0.0)
-    truer = [(end, drawn) for end, flare, drawn in sides if flare <= least + UNEVEN]
-    ends = [end for end, drawn in truer if drawn] or [max((end for end, _ in truer), default=SHALLOWEST)]
-    return min(ends)
+    sides = [(end, flare) for end, flare in sides if end > SHALLOWEST]
+    least = min((flare for _, flare in sides), default=0.0)
+    return min((end for end, flare in sides if flare <= least + UNEVEN), default=SHALLOWEST)
 
 
-def _side_end(out: np.ndarray, deep: np.ndarray, depths: np.ndarray) -> tuple[float, float, bool]:
-    """Return the depth [m] at which a side, `out` of the middle [point], draws in or ends, how far it flares out [m], and
-    whether it draws in; where it merely ends, no scanner saw more of it.
-    """
+def _side_end(out: np.ndarray, deep: np.ndarray, depths: np.ndarray) -> tuple[float, float]:
+    """Return the depth [m] at which a side, `out` of the middle [point], draws in or ends, and how far it flares out [m]."""
     reaches: list[float] = []
-    most, drawn = MIN_POINTS / SEEN, False
+    most = MIN_POINTS / SEEN
     for depth in depths:
         here = out[(np.abs(deep - depth) < STEP) & (out > 0)]
         most = max(most, len(here))
         if len(here) < SEEN * most:
             break
         reaches.append(float(np.quantile(here, 0.75)))
-        drawn = reaches[-1] < max(reaches) - DRAWN
-        if drawn:
+        if reaches[-1] < max(reaches) - DRAWN:
             break
     else:
         depth = depths[-1] if len(depths) else SHALLOWEST
-    return float(depth), max(reaches) - reaches[0] if reaches else 0.0, drawn
+    return float(depth), max(reaches) - reaches[0] if reaches else 0.0

@@ -33,10 +33,10 @@ DRAWN = 0.0011
 """[m] A head has ended where it draws in by more than this."""
 STALK = 0.75
 """A stalk's radius is less than this fraction of its head's."""
-EVEN = 0.0015
-"""[m] A stalk is as thin as its thinnest within this,"""
-EVEN_SHARE = 0.3
-"""over this fraction of its length or more; a cone is not. The fillet before it is fusion's."""
+THIN = 0.2
+"""Fraction of a stalk's length that is as thin as it is."""
+SAG = 0.03
+"""From a head's end on, a stalk's profile lies below a cone's by more than this fraction of what the cone narrows by."""
 
 
 def knob_hulls(region: Mesh, frame: np.ndarray, front: float) -> list[Mesh] | None:
@@ -96,23 +96,26 @@ def knob_profile(
 
 
 def _head_and_stalk(rings: np.ndarray, truer: np.ndarray, least: float) -> list[np.ndarray]:
-    """Return rings [ring 2] as those of a head, which ends behind z = `least` [m], and of its stalk; all, if there is no stalk.
+    """Return rings as those of a head and those of its stalk; all together where there is no stalk.
 
-    Fusion rounds the corner behind a head off to a fillet of several millimetres.
+    Fusion rounds the corner behind a head off to a fillet of several millimetres, so a stalk begins where the head ends.
+
+    Args:
+        rings: radius and z [m], shape [ring 2].
+        truer: radius at the sides that flare out least [m], shape [ring].
+        least: z that a head reaches [m].
     """
-    radii, depths = truer, rings[:, 1]
-    widest = radii.max()
-    ended = (depths > least) & (radii < widest - DRAWN)
-    if not ended.any():
-        return [rings]
+    depths, edge = rings[:, 1], truer.max() - DRAWN
+    ended = (depths > least) & (truer < edge)
     k = int(np.argmax(ended))
-    thin = float(np.quantile(radii[k:], EVEN_SHARE / 2))
-    even = (radii[k:] < thin + EVEN).mean() > EVEN_SHARE
-    if k < 2 or k > len(rings) - 2 or thin > STALK * widest or not even:
+    if not ended.any() or not 2 <= k <= len(rings) - 2:
         return [rings]
-    back = float(np.interp(widest - DRAWN, [radii[k], max(radii[k - 1], widest - DRAWN)], [depths[k], depths[k - 1]]))
-    head = np.concatenate([rings[:k], [[rings[k - 1, 0], back]]]) if back > depths[k - 1] + 1e-4 else rings[:k]
-    return [head, np.array([[thin, head[-1, 1]], [thin, depths[-1]]])]
+    thin = float(np.quantile(truer[k:], THIN))
+    cone = np.linspace(truer[k], truer[k:].min(), len(truer) - k)
+    if thin > STALK * truer.max() or (cone - truer[k:]).mean() <= SAG * np.ptp(cone):
+        return [rings]
+    back = float(np.interp(edge, [truer[k], max(truer[k - 1], edge)], depths[[k, k - 1]]))
+    return [np.vstack([rings[:k], [rings[k - 1, 0], back]]), np.array([[thin, back], [thin, depths[-1]]])]
 
 
 def _circle(points: np.ndarray) -> tuple[float, float, float] | None:

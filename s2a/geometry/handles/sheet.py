@@ -136,7 +136,7 @@ def hidden_wall(region: Mesh, frame: np.ndarray, opening: np.ndarray, front: flo
 
 
 def before_wall(patches: Iterable[Mesh], wall: Mesh, opening: np.ndarray) -> list[Mesh]:
-    """Return patches as far as they lie on the side of a hidden wall towards which the sheet is open; fusion draws on beyond it."""
+    """Return patches of a sheet without what fusion drew on beyond its hidden wall, on the side where it is not open."""
     outer = float((wall.vertices @ -opening).max())
     return [piece for patch in patches if (piece := clip(patch, -opening, outer)) is not None]
 

@@ -27,8 +27,8 @@ from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
-from closeness import gap_points, surface_distance
-from handle_error import TrueHandle, behind, filled_behind, symmetric_error
+from closeness import gap_points
+from handle_error import MARGIN, TrueHandle, behind, distances, filled_behind, symmetric_error, union_surface
 from scipy.spatial.transform import Rotation
 
 from s2a import config, scan
@@ -44,6 +44,7 @@ from s2a.usd import geometric
 
 RESULTS = Path(__file__).parent / "results/colliders.json"
 POINTS = 1500
+MARGINS = np.array([[-MARGIN], [MARGIN]])
 STYLES = ("bar", "bar upright", "knob", "cup", "edge", "lever")
 MEASURES = (
     *("scan_mm", "bias_mm", "fit_mm", "symmetric_mm", "true_mm", "hull_mm"),
@@ -107,20 +108,22 @@ def measure(scanned: Scene, true: Scene, target: str, method: str) -> dict:
     colliders = target_colliders(part, handle, others, settings)
     seconds = time.process_time() - start
     pieces = [collider.mesh for collider in colliders]
-    truth, space = true_handle(true, target), true_space(true, target)
+    truth, (frame, front) = true_handle(true, target), true_front(true, target)
+    space = true_space(true, target, frame, front)
     surface = merge([scanned.parts[i].mesh for i in (target, *scanned.descendants(target))])
     own = [collider.mesh for collider in colliders if collider.part in part.grasp_parts]
     error = symmetric_error(own, [c.mesh for c in colliders if c.part not in part.grasp_parts], truth)
     asked = _outside(gap_points(space), true, target)
     return {
         **scan_error(scanned, true, target, part.frame),
-        "fit_mm": 1e3 * float(surface_distance(pieces, _scanned_points(handle)).mean()),
+        "fit_mm": 1e3
+        * float(distances(_scanned_points(handle), union_surface(pieces, handle.region.bounds + MARGINS)[0]).mean()),
         "symmetric_mm": error.symmetric_mm,
         "true_mm": error.true_mm,
         "hull_mm": error.hull_mm,
-        "behind_pct": filled_behind(pieces, behind(truth, *true_front(true, target))),
+        "behind_pct": filled_behind(pieces, behind(truth, frame, front)),
         "gap_pct": 1e2 * fraction_inside(pieces, asked) if len(asked) else None,
-        "web_pct": webbed(surface, space, true, target),
+        "web_pct": webbed(surface, space, frame),
         "hulls": len(pieces),
         "vertices": sum(len(piece.vertices) for piece in pieces),
         "seconds": seconds,
@@ -145,9 +148,8 @@ def true_handle(true: Scene, target: str) -> TrueHandle:
     return TrueHandle(*(merge([true.parts[i].mesh for i in ids]) for ids in (grasped, rest, others)))
 
 
-def true_space(true: Scene, target: str) -> FingerSpace:
+def true_space(true: Scene, target: str, frame: np.ndarray, front: float | None) -> FingerSpace:
     """Return where fingers go at the true handle."""
-    frame, front = true_front(true, target)
     if front is None:
         return FingerSpace(None, ())
     region = merge([true.parts[i].mesh for i in true.grasp_parts(target)])
@@ -169,11 +171,10 @@ def true_front(true: Scene, target: str) -> tuple[np.ndarray, float | None]:
     return frame, float(np.median((starts[:, 2] + hits)[met])) if met.mean() > 0.25 else None
 
 
-def webbed(surface: Mesh, space: FingerSpace, true: Scene, target: str) -> float | None:
+def webbed(surface: Mesh, space: FingerSpace, frame: np.ndarray) -> float | None:
     """Return the fraction of the lines across a bar, behind it, that the scanned surface blocks [%]; None without a gap."""
     if space.behind is None:
         return None
-    frame = Rotation.from_quat(find_grasp(true, target).orientation).as_matrix()
     points = gap_points(FingerSpace(space.behind, ()))
     y = points @ frame[:, 1]
     low, high = y.min(), y.max()

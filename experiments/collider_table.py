@@ -10,9 +10,10 @@ experiments/results/colliders.json, keeps its others, and prints its table. Of e
 - scan: mean distance of the handle as scanned from the true one [mm]; `bias` is the mean signed one of the faces that
   look out of the furniture (positive: the scan stands out too far).
 - fit: mean distance of the handle as scanned (what of it is handle, borders tidied) from the colliders [mm].
-- truth: mean distance of the true handle from the colliders [mm], where a fingertip can touch it.
-- seen: the same where the scan shows the true handle within 3 mm; shown: how far the scan itself is there [mm].
+- symmetric: error of the colliders at the handle [mm], the larger one of true (true handle to hulls) and hull (back), as
+  handle_error.py defines it.
 - gap: fraction of the space of two fingers at the true handle that colliders fill [%].
+- behind: fraction of the free space between a handle and its front, behind the handle, that colliders fill [%]; not of cups.
 - web: fraction of the lines across a bar, behind it, that the scanned surface blocks [%].
 - seconds: processor time, of all threads.
 """
@@ -26,12 +27,12 @@ from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
-from closeness import gap_points, surface_distance
+from closeness import gap_points
+from handle_error import MARGIN, TrueHandle, behind, distances, filled_behind, symmetric_error, union_surface
 from scipy.spatial.transform import Rotation
 
 from s2a import config, scan
-from s2a.geometry.handles.finger_gap import FINGER_DEPTH, FingerSpace, finger_space, fraction_inside
-from s2a.geometry.handles.panel import front_behind, front_coordinate
+from s2a.geometry.handles.finger_gap import FingerSpace, finger_space, fraction_inside
 from s2a.geometry.mesh_ops import centroids, merge, normals, sample, sample_with_faces
 from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 from s2a.prepare.colliders.target import ColliderConfig, Handle, find_handle, target_colliders
@@ -43,12 +44,11 @@ from s2a.usd import geometric
 
 RESULTS = Path(__file__).parent / "results/colliders.json"
 POINTS = 1500
-SEEN = 0.003
-"""[m]"""
+MARGINS = np.array([[-MARGIN], [MARGIN]])
 STYLES = ("bar", "bar upright", "knob", "cup", "edge", "lever")
 MEASURES = (
-    *("scan_mm", "bias_mm", "fit_mm", "truth_mm", "seen_mm", "shown_mm", "seen_pct"),
-    *("gap_pct", "web_pct", "hulls", "vertices", "seconds"),
+    *("scan_mm", "bias_mm", "fit_mm", "symmetric_mm", "true_mm", "hull_mm"),
+    *("gap_pct", "behind_pct", "web_pct", "hulls", "vertices", "seconds"),
 )
 
 
@@ -108,21 +108,22 @@ def measure(scanned: Scene, true: Scene, target: str, method: str) -> dict:
     colliders = target_colliders(part, handle, others, settings)
     seconds = time.process_time() - start
     pieces = [collider.mesh for collider in colliders]
-    touched, space = touchable(true, target), true_space(true, target)
+    truth, (frame, front) = true_handle(true, target), true_front(true, target)
+    space = true_space(true, target, frame, front)
     surface = merge([scanned.parts[i].mesh for i in (target, *scanned.descendants(target))])
-    shown = nearest_faces(ray_mesh(surface.vertices, surface.faces), touched)[1]
-    seen = shown < SEEN
-    distance = surface_distance(pieces, touched)
+    own = [collider.mesh for collider in colliders if collider.part in part.grasp_parts]
+    error = symmetric_error(own, [c.mesh for c in colliders if c.part not in part.grasp_parts], truth)
     asked = _outside(gap_points(space), true, target)
     return {
         **scan_error(scanned, true, target, part.frame),
-        "fit_mm": 1e3 * float(surface_distance(pieces, _scanned_points(handle)).mean()),
-        "truth_mm": 1e3 * float(distance.mean()),
-        "seen_mm": 1e3 * float(distance[seen].mean()) if seen.any() else None,
-        "shown_mm": 1e3 * float(shown[seen].mean()) if seen.any() else None,
-        "seen_pct": 1e2 * float(seen.mean()),
+        "fit_mm": 1e3
+        * float(distances(_scanned_points(handle), union_surface(pieces, handle.region.bounds + MARGINS)[0]).mean()),
+        "symmetric_mm": error.symmetric_mm,
+        "true_mm": error.true_mm,
+        "hull_mm": error.hull_mm,
+        "behind_pct": filled_behind(pieces, behind(truth, frame, front)),
         "gap_pct": 1e2 * fraction_inside(pieces, asked) if len(asked) else None,
-        "web_pct": webbed(surface, space, true, target),
+        "web_pct": webbed(surface, space, frame),
         "hulls": len(pieces),
         "vertices": sum(len(piece.vertices) for piece in pieces),
         "seconds": seconds,
@@ -139,33 +140,41 @@ def scan_error(scanned: Scene, true: Scene, target: str, frame: np.ndarray) -> d
     return {"scan_mm": 1e3 * float(gap.mean()), "bias_mm": bias}
 
 
-def touchable(true: Scene, target: str) -> np.ndarray:
-    """Return points on the true handle that a ball as thick as a fingertip touches without meeting anything else [m]."""
-    region = merge([true.parts[i].mesh for i in true.grasp_parts(target)])
-    points, faces = sample_with_faces(region, POINTS, 0)
-    radius = FINGER_DEPTH / 2
-    object_ = (true.root(target), *true.descendants(true.root(target)))
-    around = merge([true.parts[i].mesh for i in object_])
-    centres = points + radius * normals(region)[faces]
-    return points[nearest_faces(ray_mesh(around.vertices, around.faces), centres)[1] > 0.95 * radius]
+def true_handle(true: Scene, target: str) -> TrueHandle:
+    """Return what was really there of a part's handle, of what moves with it, and of the furniture around."""
+    grasped, root = true.grasp_parts(target), true.root(target)
+    rest = [i for i in true.members(target) if i not in grasped]
+    others = [i for i in (root, *true.descendants(root)) if i not in (*grasped, *rest)]
+    return TrueHandle(*(merge([true.parts[i].mesh for i in ids]) for ids in (grasped, rest, others)))
 
 
-def true_space(true: Scene, target: str) -> FingerSpace:
+def true_space(true: Scene, target: str, frame: np.ndarray, front: float | None) -> FingerSpace:
     """Return where fingers go at the true handle."""
+    if front is None:
+        return FingerSpace(None, ())
+    region = merge([true.parts[i].mesh for i in true.grasp_parts(target)])
+    return finger_space(region, true.grasp_point(target), frame, front)
+
+
+def true_front(true: Scene, target: str) -> tuple[np.ndarray, float | None]:
+    """Return the true grasp frame's axes [3 3], and the coordinate of the front on its z axis [m], None without one.
+
+    The front is where lines along z through the handle first meet the part that carries it: what lies deeper is inside of it.
+    """
     frame = Rotation.from_quat(find_grasp(true, target).orientation).as_matrix()
     region = merge([true.parts[i].mesh for i in true.grasp_parts(target)])
-    plane = front_behind(true.parts[target].mesh, region, frame)
-    if plane is None:
-        return FingerSpace(None, ())
-    point = true.grasp_point(target)
-    return finger_space(region, point, frame, front_coordinate(plane, frame, point))
+    starts = sample(region, POINTS, 0) @ frame
+    starts[:, 2] = starts[:, 2].min() - 0.01
+    front = true.parts[target].mesh
+    hits = first_hits(ray_mesh(front.vertices, front.faces), starts @ frame.T, np.tile(frame[:, 2], (POINTS, 1)))
+    met = np.isfinite(hits)
+    return frame, float(np.median((starts[:, 2] + hits)[met])) if met.mean() > 0.25 else None
 
 
-def webbed(surface: Mesh, space: FingerSpace, true: Scene, target: str) -> float | None:
+def webbed(surface: Mesh, space: FingerSpace, frame: np.ndarray) -> float | None:
     """Return the fraction of the lines across a bar, behind it, that the scanned surface blocks [%]; None without a gap."""
     if space.behind is None:
         return None
-    frame = Rotation.from_quat(find_grasp(true, target).orientation).as_matrix()
     points = gap_points(FingerSpace(space.behind, ()))
     y = points @ frame[:, 1]
     low, high = y.min(), y.max()
@@ -175,7 +184,7 @@ def webbed(surface: Mesh, space: FingerSpace, true: Scene, target: str) -> float
 
 
 def table(rows: list[dict]) -> list[dict]:
-    """Return means (and the worst gap and time) by style and method."""
+    """Return means by style and method, the worst gap, hulls and time, and `free_pct` of parts with a gap fill below 1 %."""
     found = []
     for method in dict.fromkeys(row["method"] for row in rows):
         for style in STYLES:
@@ -185,7 +194,9 @@ def table(rows: list[dict]) -> list[dict]:
                 worst = {
                     f"worst_{key}": max(row[key] or 0.0 for row in group) for key in ("gap_pct", "hulls", "seconds")
                 }
-                found.append({"method": method, "style": style, "parts": len(group), **means, **worst})
+                gaps = [row["gap_pct"] for row in group if row["gap_pct"] is not None]
+                free = {"free_pct": 1e2 * float(np.mean([gap < 1.0 for gap in gaps])) if gaps else None}
+                found.append({"method": method, "style": style, "parts": len(group), **means, **free, **worst})
     return found
 
 

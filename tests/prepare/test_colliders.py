@@ -12,7 +12,7 @@ from s2a.geometry.handles.bar_hulls import bar_hulls
 from s2a.geometry.handles.finger_gap import FingerSpace, fraction_inside
 from s2a.geometry.handles.knob import knob_hulls
 from s2a.geometry.handles.panel import reassign_border
-from s2a.geometry.handles.sheet import hidden_wall, sheet_hulls, sheet_opening
+from s2a.geometry.handles.sheet import before_wall, hidden_wall, sheet_hulls, sheet_opening
 from s2a.geometry.mesh_ops import keep, merge, normals, sample
 from s2a.prepare.colliders.target import Handle, flatten
 from s2a.scene import Mesh
@@ -151,6 +151,36 @@ def test_a_skirt_on_one_side_of_a_knob_is_no_knob() -> None:
     assert fraction_inside(pieces, below) < 0.01
 
 
+def turned_knob(profile: list[tuple[float, float]]) -> Mesh:
+    """Return a round handle with a profile of (radius, height above the front) [m], as seen."""
+    solid = trimesh.creation.revolve([(0, profile[0][1]), *profile, (0, profile[-1][1])], sections=64)
+    solid = solid.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])).subdivide_to_size(
+        0.002
+    )
+    return seen(Mesh(solid.vertices, solid.faces))
+
+
+def ring_behind(inner: float, outer: float, depth: float) -> np.ndarray:
+    """Return points behind a head, between two radii, from the front to a depth [m]."""
+    random = np.random.default_rng(0)
+    turn, radius = random.uniform(0, 2 * np.pi, 4000), np.sqrt(random.uniform(inner**2, outer**2, 4000))
+    return np.stack([random.uniform(0, depth, 4000), radius * np.cos(turn), radius * np.sin(turn)], axis=1)
+
+
+def test_a_fillet_behind_a_knobs_head_is_fusions_and_its_stalk_runs_up_to_the_head() -> None:
+    pieces = knob_hulls(turned_knob([(0.007, 0.0), (0.007, 0.009), (0.015, 0.014), (0.015, 0.028)]), FRAME, 0.0)
+    assert pieces is not None
+    assert fraction_inside(pieces, ring_behind(0.0075, 0.0145, 0.013)) <= 0.05
+    assert fraction_inside(pieces, ring_behind(0.0, 0.0065, 0.013)) > 0.95
+
+
+def test_a_cone_stays_a_cone() -> None:
+    cone = turned_knob([(0.006, 0.0), (0.016, 0.025)])
+    pieces = knob_hulls(cone, FRAME, 0.0)
+    assert pieces is not None
+    assert surface_distance(pieces, sample(cone, 1000, 0)).mean() < 0.0007
+
+
 def test_a_square_handle_is_no_knob() -> None:
     assert knob_hulls(seen(block((0, -0.04, -0.01), (0.028, 0.04, 0.01))), FRAME, 0.0) is None
 
@@ -190,6 +220,13 @@ def test_an_edge_pull_whose_wall_no_scanner_saw_is_fixed_to_its_front() -> None:
     assert wall.bounds == pytest.approx(np.array([[0.0, -0.147, 0.0], [0.02, 0.147, 0.002]]), abs=0.003)
     assert hidden_wall(mesh, FRAME, opening, 0.0) is None  # the scan shows it: nothing is made up
     assert hidden_wall(mesh, FRAME, np.zeros(3), 0.0) is None
+
+
+def test_what_fusion_drew_on_beyond_a_hidden_wall_is_no_sheet() -> None:
+    opening, wall = np.array([0.0, 0.0, -1.0]), block((0.0, -0.1, 0.0), (0.02, 0.1, 0.002))
+    top, beyond = block((0.018, -0.1, -0.014), (0.02, 0.1, 0.012)), block((0.018, -0.1, 0.004), (0.02, 0.1, 0.012))
+    (kept,) = before_wall([top, beyond], wall, opening)
+    assert kept.bounds[:, 2] == pytest.approx([-0.014, 0.002])
 
 
 def test_a_bar_in_the_middle_of_its_front_is_no_sheet() -> None:

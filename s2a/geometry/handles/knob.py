@@ -27,6 +27,16 @@ TOLERANCE = 0.0005
 """[m] How far a piece's side may be from the profile."""
 MIN_POINTS = 20
 """Smallest number of points of a usable sector."""
+TRUER = 0.12
+"""Fraction of a knob's sides that flare out least; behind its head these show it, and the others skirts."""
+DRAWN = 0.0011
+"""[m] A head has ended where it draws in by more than this."""
+STALK = 0.75
+"""A stalk's radius is less than this fraction of its head's."""
+THIN = 0.2
+"""Fraction of a stalk's length that is as thin as it is."""
+SAG = 0.03
+"""From a head's end on, a stalk's profile lies below a cone's by more than this fraction of what the cone narrows by."""
 
 
 def knob_hulls(region: Mesh, frame: np.ndarray, front: float) -> list[Mesh] | None:
@@ -72,14 +82,40 @@ def knob_profile(
         sides = [
             np.quantile(radius[k], share) for s in range(SECTORS) if (k := here & (sector == s)).sum() >= MIN_POINTS
         ]
-        found.append(np.median(sides) if len(sides) >= 3 else np.nan)
-    known = np.isfinite(found)
+        found.append(np.quantile(sides, [0.5, TRUER]) if len(sides) >= 3 else [np.nan] * 2)
+    profiles = np.array(found)
+    known = np.isfinite(profiles[:, 0])
     if not known.any():
         return [(np.array([circle[2], face]), np.array([circle[2], front]))]
-    radii = median_filter(np.interp(depths, depths[known], np.array(found)[known]), size=3, mode="nearest")
+    radii, truer = (
+        median_filter(np.interp(depths, depths[known], values[known]), size=3, mode="nearest") for values in profiles.T
+    )
     depths[0] = face
     rings = np.stack([np.minimum(radii, 1.1 * circle[2]), depths], axis=1)
-    return [(rings[a], rings[b]) for a, b in _breaks(rings)]
+    return [(part[a], part[b]) for part in _head_and_stalk(rings, truer, face + HEAD) for a, b in _breaks(part)]
+
+
+def _head_and_stalk(rings: np.ndarray, truer: np.ndarray, least: float) -> list[np.ndarray]:
+    """Return rings as those of a head and those of its stalk; all together where there is no stalk.
+
+    Fusion rounds the corner behind a head off to a fillet of several millimetres, so a stalk begins where the head ends.
+
+    Args:
+        rings: radius and z [m], shape [ring 2].
+        truer: radius at the sides that flare out least [m], shape [ring].
+        least: z that a head reaches [m].
+    """
+    depths, edge = rings[:, 1], truer.max() - DRAWN
+    ended = (depths > least) & (truer < edge)
+    k = int(np.argmax(ended))
+    if not ended.any() or not 2 <= k <= len(rings) - 2:
+        return [rings]
+    thin = float(np.quantile(truer[k:], THIN))
+    cone = np.linspace(truer[k], truer[k:].min(), len(truer) - k)
+    if thin > STALK * truer.max() or (cone - truer[k:]).mean() <= SAG * np.ptp(cone):
+        return [rings]
+    back = float(np.interp(edge, [truer[k], max(truer[k - 1], edge)], depths[[k, k - 1]]))
+    return [np.vstack([rings[:k], [rings[k - 1, 0], back]]), np.array([[thin, back], [thin, depths[-1]]])]
 
 
 def _circle(points: np.ndarray) -> tuple[float, float, float] | None:

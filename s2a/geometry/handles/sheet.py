@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
-from s2a.geometry.convex import box, hull
+from s2a.geometry.convex import box, clip, hull
 from s2a.geometry.handles.panel import SEARCH_RADIUS, STRAY, near_region
 from s2a.geometry.mesh_ops import keep, normals, sample, sample_with_faces
 from s2a.scene import Mesh
@@ -131,6 +133,12 @@ def hidden_wall(region: Mesh, frame: np.ndarray, opening: np.ndarray, front: flo
     border = float(np.quantile(inner[deep < face + HEAD], 1 - BORDER))
     center = axes @ np.array([(low + high) / 2, border + SHEET / 2, (face + front) / 2])
     return box(center, axes, np.array([high - low, SHEET, front - face]))
+
+
+def before_wall(patches: Iterable[Mesh], wall: Mesh, opening: np.ndarray) -> list[Mesh]:
+    """Return patches of a sheet without what fusion drew on beyond its hidden wall, on the side where it is not open."""
+    outer = float((wall.vertices @ -opening).max())
+    return [piece for patch in patches if (piece := clip(patch, -opening, outer)) is not None]
 
 
 def _patch(points: np.ndarray, facing: np.ndarray, max_vertices: int) -> Mesh | None:

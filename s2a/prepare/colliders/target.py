@@ -15,7 +15,7 @@ from s2a.geometry.handles.bar_hulls import bar_hulls
 from s2a.geometry.handles.finger_gap import FingerSpace, finger_space
 from s2a.geometry.handles.knob import knob_hulls
 from s2a.geometry.handles.panel import front_behind, front_coordinate, patch, reassign_border, slab
-from s2a.geometry.handles.sheet import hidden_wall, sheet_hulls, sheet_opening
+from s2a.geometry.handles.sheet import before_wall, hidden_wall, sheet_hulls, sheet_opening
 from s2a.prepare.target import Target
 from s2a.ranges import AtLeast, Count, CountFromZero, Positive
 from s2a.scene import Mesh
@@ -96,11 +96,13 @@ def target_colliders(
         )
         return tuple(Collider(target.id, piece) for piece in hulls)
     found = []
+    plate = _plate(handle, others.get(target.base_plate or ""))
     for i, mesh in others.items():
         hulls = _front_panel_hulls(mesh, handle, config) if i == target.id else _rough_hulls(mesh, config)
+        if plate is not None and i == target.base_plate:  # noise and the handle's foot at its border stand out of it
+            hulls = [piece for whole in hulls if (piece := clip(whole, *plate)) is not None]
         found += [Collider(i, piece) for piece in flatten(hulls, handle)]
-    ground = _ground(handle, others.get(target.base_plate or ""))
-    hulls = _handle_hulls(handle, others.get(target.id), ground, config)
+    hulls = _handle_hulls(handle, others.get(target.id), _ground(handle, plate), config)
     found += [Collider(target.grasp_parts[0], piece) for piece in free_fingers(hulls, handle.space)]
     return tuple(found)
 
@@ -116,12 +118,16 @@ def _front_panel_hulls(mesh: Mesh, handle: Handle, config: ColliderConfig) -> li
     return [*(piece for piece in solid if piece is not None), *hidden]
 
 
-def _ground(handle: Handle, base: Mesh | None) -> float:
+def _plate(handle: Handle, base: Mesh | None) -> tuple[np.ndarray, float] | None:
+    """Return the plane of a base plate before the front as outward normal and offset [m]; None without one."""
+    return None if base is None else front_behind(base, handle.region, handle.frame)
+
+
+def _ground(handle: Handle, plate: tuple[np.ndarray, float] | None) -> float:
     """Return the coordinate on z of what the posts of a handle stand on [m]: of the front, or of a base plate before it."""
-    plane = None if base is None else front_behind(base, handle.region, handle.frame)
-    if plane is None:
+    if plate is None:
         return handle.front
-    return min(handle.front, front_coordinate(plane, handle.frame, handle.region.vertices.mean(axis=0)))
+    return min(handle.front, front_coordinate(plate, handle.frame, handle.region.vertices.mean(axis=0)))
 
 
 def _handle_hulls(handle: Handle, front: Mesh | None, ground: float, config: ColliderConfig) -> list[Mesh]:
@@ -131,7 +137,7 @@ def _handle_hulls(handle: Handle, front: Mesh | None, ground: float, config: Col
         if opening is not None:
             wall = hidden_wall(handle.region, handle.frame, opening, handle.front)
             sheet = sheet_hulls(handle.region, handle.frame, opening, config.handle_hulls, config.max_vertices)
-            return sheet if wall is None else [*sheet, wall]
+            return sheet if wall is None else [*before_wall(sheet, wall, opening), wall]
         profile = bar_profile(handle.region, handle.frame, config.bar_slices)
         if profile is not None:
             hulls = bar_hulls(handle.region, handle.frame, profile, handle.front, ground)

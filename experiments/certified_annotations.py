@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from room_defects import named_by
-from wrong_annotations import CLASSES, Wrong, case, row, share
+from wrong_annotations import CLASSES, Wrong, case, row, summary
 
 from s2a import config
 from s2a.certify.check_suite import CertifyConfig
@@ -56,8 +56,8 @@ def main() -> None:
         result = {
             "seed": args.seed,
             "scans": [one.name for one in cases],
-            "classes": {group: share(found) for group, found in rows.items()},
-            "all": share(every),
+            "classes": {group: summary(found) for group, found in rows.items()},
+            "all": summary(every),
             "missed": [one for one in every if not one["caught"]],
             **provenance("cpu"),
         }

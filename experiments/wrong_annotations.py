@@ -90,8 +90,8 @@ def main() -> None:
     result = {
         "seed": args.seed,
         "scans": {case.name: len(case.fronts) for case in cases},
-        "classes": {name: share(rows) for name, rows in wrong.items()},
-        "all": share([row for rows in wrong.values() for row in rows]),
+        "classes": {name: summary(rows) for name, rows in wrong.items()},
+        "all": summary([row for rows in wrong.values() for row in rows]),
         "false_alarms": false_alarms(cases),
         "missed": [row for rows in wrong.values() for row in rows if not row["caught"]],
         "checks": _by_check(wrong),
@@ -137,10 +137,10 @@ def false_alarms(cases: list[Case]) -> dict[str, Any]:
 
 
 Change = Callable[[Joint, Front, np.random.Generator], tuple[str, Joint]]
-Draw = Callable[[Sequence[Case], np.random.Generator], Wrong]
+Picker = Callable[[Sequence[Case], np.random.Generator], Wrong]
 
 
-def of_joint(change: Change, kind: str | None) -> Draw:
+def of_joint(change: Change, kind: str | None) -> Picker:
     """Return a function that draws a part with a joint of some kind and changes its joint."""
 
     def pick(cases: Sequence[Case], random: np.random.Generator) -> Wrong:
@@ -156,7 +156,7 @@ def of_joint(change: Change, kind: str | None) -> Draw:
     return pick
 
 
-def of_scene(transforms: Mapping[str, np.ndarray], labelled: bool) -> Draw:
+def of_scene(transforms: Mapping[str, np.ndarray], labelled: bool) -> Picker:
     """Return a function that draws a scan and transforms all of it; without labels of floors if asked."""
 
     def pick(cases: Sequence[Case], random: np.random.Generator) -> Wrong:
@@ -259,7 +259,7 @@ def _with_joint(scene: Scene, part: str, joint: Joint) -> Scene:
     return Scene(scene.name, parts, scene.origin)
 
 
-def share(rows: list[dict[str, Any]]) -> dict[str, Any]:
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return how many rows are caught, and how many without the check that reads the names of parts."""
     caught = sum(row["caught"] for row in rows)
     unnamed = sum(bool(set(row["checks"]) - {"kind"}) for row in rows)

@@ -91,7 +91,7 @@ def test_movables_types_ranges_and_interactables_are_the_loaders(room: str, seed
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "seed"), itertools.product(HOMES, range(100, 110)))
+@pytest.mark.parametrize(("kind", "seed"), [*itertools.product(HOMES, range(100, 110))])
 def test_a_hundred_varied_rooms_are_read_as_by_the_loader(kind: str, seed: int, tmp_path: Path) -> None:
     check_loader(f"varied {kind}", seed, tmp_path)
 

@@ -1,7 +1,7 @@
 """What varied rooms do to the planner: it opens every part of virtual rooms; how far each part comes, and why no farther.
 
     python experiments/varied_rooms.py --virtual varied --rooms kitchen office ... --seeds 0 [--detail demo]
-        [--num-envs 4] [--work runs/varied_rooms] [--name planner_rooms]
+        [--parts drawer_14 ...] [--num-envs 4] [--work runs/varied_rooms] [--name planner_rooms]
 
 Scans each room, prepares all its parts, and lets the planner open each from noisy starts. Scans and stages in the work folder
 are kept, and so are the rows in experiments/results/NAME.json, which come as a table in NAME.md too. How far a part comes:
@@ -118,10 +118,10 @@ def _room(key: Row, done: dict[str, Row], args: argparse.Namespace) -> Iterator[
         sample(config.load(SampleConfig, config.compose("sample", keys)), folder / "scan")
     scene = scan.read(folder / "scan")
     stage = folder / "sim.usd"
-    refused = _prepared(scene, stage, folder / "left_out.json")
+    refused = _prepared(scene, args.parts or ALL, stage, folder / "left_out.json")
     facts = _handles(folder / "scan", scene)
     room = sim_stage.read(stage, visuals=False).articulations if stage.exists() else {}
-    for part in sorted(scene.movable):
+    for part in sorted(args.parts or scene.movable):
         if facts[part]["handle"] == "none":
             yield facts[part] | {"outcome": "no_handle", "why": "nothing to hold"}
             continue
@@ -138,8 +138,8 @@ def _room(key: Row, done: dict[str, Row], args: argparse.Namespace) -> Iterator[
         yield facts[part] | _outcome(open_part(stage, part, args.num_envs, 0))
 
 
-def _prepared(scene: Scene, stage: Path, record: Path) -> dict[str, str]:
-    """Prepare all parts of a room, unless that was done; return why some were left out, by part."""
+def _prepared(scene: Scene, parts: str | Sequence[str], stage: Path, record: Path) -> dict[str, str]:
+    """Prepare parts of a room, unless that was done; return why some were left out, by part."""
     if record.exists():
         return json.loads(record.read_text())
     refused: dict[str, str] = {}
@@ -154,7 +154,7 @@ def _prepared(scene: Scene, stage: Path, record: Path) -> dict[str, str]:
 
     log, listener = logging.getLogger("s2a.prepare"), Listener()
     log.addHandler(listener)
-    room = prepare(scene, ALL, config.load(PrepareConfig, config.compose("prepare")["prepare"]))
+    room = prepare(scene, parts, config.load(PrepareConfig, config.compose("prepare")["prepare"]))
     log.removeHandler(listener)
     sim_stage.write(room, stage)
     record.write_text(json.dumps(refused, indent=1))
@@ -220,6 +220,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--rooms", nargs="+", default=["office", "bedroom", "kitchen", "bathroom", "living_room"])
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--detail", default="demo")
+    parser.add_argument("--parts", nargs="+", help="ids of the parts to open; else all of each room")
     parser.add_argument("--num-envs", type=int, default=4)
     parser.add_argument("--work", type=Path, default=Path("runs/varied_rooms"))
     parser.add_argument("--name", default="planner_rooms")

@@ -2,7 +2,9 @@
 
     python tools/certify_rooms.py --rooms office kitchen --seeds 0 1 2 --detail demo --work runs/certify \
         --out experiments/results/certificates.json
+    python tools/certify_rooms.py --virtual varied --rooms kitchen:1 study:3 --work runs/certify --out FILE.json
 
+A room with a colon has its own seed. Of varied rooms handles are counted by family ("rail", "bow"), of classic ones by style.
 What lies in the work folder already (scans, stages, reports of the same stage and settings) is kept, so that an
 interrupted run goes on where it stopped.
 """
@@ -41,14 +43,20 @@ def main() -> None:
     """Certify the parts, write the reports and print a table."""
     asked = _arguments()
     logging.disable(logging.WARNING)
-    rooms = [(room, seed, asked) for room in asked.rooms for seed in asked.seeds]
+    rooms = [(room, seed, asked) for name in asked.rooms for room, seed in _seeded(name, asked.seeds)]
     found = []
     # Processes start afresh: a forked one would share Warp's and MuJoCo's threads and locks.
     with ProcessPoolExecutor(asked.processes, multiprocessing.get_context("spawn")) as pool:
         parts = [(*part, asked) for found in pool.map(_parts, rooms) for part in found]
         for result in track(pool.map(_part, parts), "certifying", len(parts)):
             found.append(result)
-            whole = {"detail": asked.detail, "prepare": asked.prepare, "styles": rates(found), "parts": found}
+            whole = {
+                "virtual": asked.virtual,
+                "detail": asked.detail,
+                "prepare": asked.prepare,
+                "styles": rates(found),
+                "parts": found,
+            }
             with atomic_write(asked.out) as out:
                 out.write_text(json.dumps(whole | provenance("cpu"), indent=1))
     Console(width=160).print(_table(rates(found)))
@@ -68,8 +76,15 @@ def rates(found: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
     return dict(sorted(styles.items()))
 
 
+def _seeded(name: str, seeds: list[int]) -> list[tuple[str, int]]:
+    """Return a room with its own seed ("kitchen:1"), or with each of those given for all."""
+    room, _, own = name.partition(":")
+    return [(room, int(seed)) for seed in ([own] if own else seeds)]
+
+
 def _folder(room: str, seed: int, asked: argparse.Namespace) -> Path:
-    return asked.work / f"{room}_{seed}_{asked.detail}"
+    name = room if asked.virtual == "classic" else f"{asked.virtual}_{room}"
+    return asked.work / f"{name}_{seed}_{asked.detail}"
 
 
 def _parts(case: tuple[str, int, argparse.Namespace]) -> list[tuple[str, int, str]]:
@@ -78,7 +93,8 @@ def _parts(case: tuple[str, int, argparse.Namespace]) -> list[tuple[str, int, st
     logging.disable(logging.WARNING)
     folder = _folder(room, seed, asked)
     if not (folder / "scan/truth/truth.json").exists():
-        keys = [f"room={room}", f"seed={seed}", f"detail={asked.detail}", f"out={folder / 'scan'}"]
+        keys = [f"virtual={asked.virtual}", f"room={room}", f"seed={seed}", f"detail={asked.detail}"]
+        keys.append(f"out={folder / 'scan'}")
         with atomic_write(folder / "scan", earlier="truth/truth.json") as out:
             sample(config.load(SampleConfig, config.compose("sample", keys)), out)
     stage = _stage(folder, asked)
@@ -105,7 +121,8 @@ def _part(case: tuple[str, int, str, argparse.Namespace]) -> dict[str, Any]:
     logging.disable(logging.WARNING)
     folder = _folder(room, seed, asked)
     truth = json.loads((folder / "scan/truth/truth.json").read_text())["parts"]
-    styles = {truth[part]["style"] for part in _scene(folder).grasp_parts(target) if part in truth}
+    held = [truth[part] for part in _scene(folder).grasp_parts(target) if part in truth]
+    styles = {part.get("facts", {}).get("family", part["style"]) for part in held}
     style = ", ".join(sorted(filter(None, styles))) or "none"
     return {"room": room, "seed": seed, "target": target, "style": style, **_certified(folder, target, asked)}
 
@@ -150,6 +167,7 @@ def _table(styles: dict[str, dict[str, int]]) -> Table:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--virtual", default="classic", choices=["classic", "varied"])
     parser.add_argument("--rooms", nargs="+", default=["office"])
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--detail", default="demo")

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+import sheet
 
 from s2a import config
 from s2a.geometry.mesh_ops import merge
@@ -25,11 +25,9 @@ from s2a.synth.room import Room
 from s2a.synth.solids import Piece
 
 TILES = {"rooms": (400, 300), "handles": (200, 150)}
-"""Size of a image [pixel]."""
+"""Size of an image [pixel]."""
 CAPTION = 16
 COLUMNS = {"rooms": 5, "handles": 10}
-COLORS = 255
-"""Of the palette, which halves the file."""
 PLACES = (
     (0.75, 0.35, 0.25),
     (0.75, -0.35, 0.25),
@@ -52,8 +50,7 @@ def main(kind: str, out: Path, count: int, first: int) -> None:
         room = home(name, seed)
         image = above(room, camera) if kind == "rooms" else handle(room, i, camera)
         tiles.append((f"{name} {seed}", image) if kind == "rooms" else image)
-    _sheet(tiles, COLUMNS[kind], TILES[kind]).quantize(COLORS).save(out, optimize=True)
-    print(f"{out}: {count} {kind}, seeds from {first}")
+    print(f"{sheet.write(tiles, out, COLUMNS[kind], CAPTION)}, {count} {kind}, seeds from {first}")
 
 
 def above(room: Room, camera: OrbitCamera) -> np.ndarray:
@@ -100,18 +97,6 @@ def _inner(entry: Entry) -> Mesh | None:
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
     inwards = np.cross(b - a, c - a) @ entry.piece.pose[:3, 0] > 0
     return Mesh(mesh.vertices, mesh.faces[inwards], mesh.colors)
-
-
-def _sheet(tiles: list[tuple[str, np.ndarray]], columns: int, size: tuple[int, int]) -> Image.Image:
-    """Return images with their names in rows."""
-    rows = -(-len(tiles) // columns)
-    sheet = Image.new("RGB", (columns * size[0], rows * (size[1] + CAPTION)), "white")
-    font = ImageFont.load_default(12)
-    for i, (name, image) in enumerate(tiles):
-        corner = i % columns * size[0], i // columns * (size[1] + CAPTION)
-        sheet.paste(Image.fromarray(image), corner)
-        ImageDraw.Draw(sheet).text((corner[0] + size[0] // 2, corner[1] + size[1]), name, "black", font, anchor="ma")
-    return sheet
 
 
 if __name__ == "__main__":

@@ -7,14 +7,13 @@ The first argument is the folder that `make demo` fills; it is read for `scan` a
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from pathlib import Path
 
 import newton
 import numpy as np
 import warp as wp
-from room_images import above
+from room_images import above, folder_and_image
 from scipy.spatial.transform import Rotation
 
 from s2a import config, robot
@@ -106,8 +105,4 @@ def _moved(mesh: Mesh, pose: np.ndarray) -> Mesh:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("demo", type=Path)
-    parser.add_argument("image", type=Path)
-    args = parser.parse_args()
-    main(args.demo, args.image)
+    main(*folder_and_image(__doc__))

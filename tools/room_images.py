@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+import sheet
 
 from s2a import config
 from s2a.commands.sample import run
@@ -27,8 +27,6 @@ TILE, CAPTION, COLUMNS = (480, 360), 22, 3
 ABOVE = {"width": TILE[0], "height": TILE[1], "samples": 3, "elevation": 0.8, "margin": 1.02}
 INSIDE = ("bedroom", "wardrobe", 2.1)
 """Room, piece of furniture, and distance from which it is drawn [m]."""
-COLORS = 255
-"""Of the palette, which halves the file."""
 
 
 def main(scans: Path, out: Path) -> None:
@@ -38,16 +36,7 @@ def main(scans: Path, out: Path) -> None:
     tiles = [(room.replace("_", " "), above(scene, camera)) for room, scene in seen.items()]
     room, furniture, distance = INSIDE
     tiles.append((f"{furniture} of the {room}", _inside(seen[room], furniture, distance, camera)))
-    rows = -(-len(tiles) // COLUMNS)
-    sheet = Image.new("RGB", (COLUMNS * TILE[0], rows * (TILE[1] + CAPTION)), "white")
-    font = ImageFont.load_default(15)
-    for number, (name, image) in enumerate(tiles):
-        corner = number % COLUMNS * TILE[0], number // COLUMNS * (TILE[1] + CAPTION)
-        sheet.paste(Image.fromarray(image), corner)
-        ImageDraw.Draw(sheet).text((corner[0] + TILE[0] // 2, corner[1] + TILE[1]), name, "black", font, anchor="ma")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    sheet.quantize(COLORS).save(out, optimize=True)
-    print(f"{out}: {len(ROOMS)} rooms, {out.stat().st_size / 1000:.0f} kB")
+    print(f"{sheet.write(tiles, out, COLUMNS, CAPTION)}, {len(ROOMS)} rooms")
 
 
 def _scan(room: str, scans: Path) -> Path:
@@ -80,9 +69,14 @@ def _inside(scene: Visible, furniture: str, distance: float, camera: OrbitCamera
     return render(meshes, view, replace(camera, fov=1.05, backface_culling=False))
 
 
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scans", type=Path)
+def folder_and_image(doc: str | None) -> tuple[Path, Path]:
+    """Return the arguments of a tool that reads a folder and writes an image."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
     parser.add_argument("image", type=Path)
     args = parser.parse_args()
-    main(args.scans, args.image)
+    return args.folder, args.image
+
+
+if __name__ == "__main__":
+    main(*folder_and_image(__doc__))

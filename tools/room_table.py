@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from rich.progress import track
 
+from s2a.provenance import provenance
 from s2a.synth.homes import HOMES
 from s2a.synth.rooms import ROOMS
 from s2a.usd import geometric
@@ -59,6 +60,7 @@ class Row:
         jointed: mean characters of the prims of jointed parts, without their children's prims.
         tokens: of descriptive.usda.
         tokenizer: what counted them.
+        commit: of the code.
     """
 
     virtual: str
@@ -80,9 +82,10 @@ class Row:
     jointed: float
     tokens: int
     tokenizer: str
+    commit: str | None
 
 
-def measure(virtual: str, room: str, seed: int, detail: str, folder: Path) -> Row:
+def measure(virtual: str, room: str, seed: int, detail: str, folder: Path, commit: str | None) -> Row:
     """Sample and export a room below a folder, and return its figures."""
     keys = [f"virtual={virtual}", f"room={room}", f"seed={seed}", f"detail={detail}", f"out={folder / 'scan'}"]
     sampled = _run("sample", *keys)
@@ -103,6 +106,7 @@ def measure(virtual: str, room: str, seed: int, detail: str, folder: Path) -> Ro
         jointed=float(np.mean([len(own[i]) for i in scene.movable])),
         tokens=tokens,
         tokenizer=tokenizer,
+        commit=commit,
     )
 
 
@@ -183,11 +187,11 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="folder in which scans and stages stay, as VIRTUAL_ROOM_SEED_DETAIL")
     parser.add_argument("--out", type=Path, default=Path("experiments/results/rooms.json"))
     args = parser.parse_args()
-    rows = []
+    rows, commit = [], provenance("cpu")["commit"]
     for room, seed in track([(room, seed) for room in args.rooms for seed in args.seeds], "rooms"):
         with tempfile.TemporaryDirectory() as folder:
             kept = args.keep and args.keep / f"{args.virtual}_{room}_{seed}_{args.detail}"
-            rows.append(measure(args.virtual, room, seed, args.detail, kept or Path(folder)))
+            rows.append(measure(args.virtual, room, seed, args.detail, kept or Path(folder), commit))
         # Written after each room: a long measurement that is cut short keeps what it has.
         args.out.write_text(json.dumps(merged(args.out, rows), indent=1) + "\n")
     print(markdown(merged(args.out, [])))

@@ -1,6 +1,9 @@
 """How much virtual rooms differ: sizes of what opens, handles, plans; varied homes beside the classic rooms, without scanning.
 
-    python tools/variety.py --rooms 600 --out runs/variety.png --json runs/variety.json
+    python tools/variety.py --rooms 600 --out docs/variety.png --json experiments/results/variety.json \
+        --listing 0a5c013435_prims.json
+
+The listing is of a real scene: its prims with part_id, parent_id, label and depth, as Articulate3D's repository lists them.
 
 handles  distinct by style and the three extents of their box, each rounded to a millimetre
 nearest  1 - intersection over union of two floor plans of the same kind, cells of 0.25 m by the name of what stands there, the
@@ -18,10 +21,12 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from real_listing import overlap, quantiles
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
+from s2a.provenance import provenance  # noqa: E402
 from s2a.synth.catalog import Entry, catalog, moves  # noqa: E402
 from s2a.synth.homes import HOMES, home  # noqa: E402
 from s2a.synth.room import Room  # noqa: E402
@@ -62,16 +67,25 @@ def measure(found: Iterator[tuple[str, Room]]) -> dict[str, Any]:
     styles: Counter[str] = Counter()
     handles: set[tuple] = set()
     plans: dict[str, list[np.ndarray]] = defaultdict(list)
-    counts: dict[str, list[int]] = {"movables": [], "parts": [], "objects": []}
+    counts: dict[str, list[int]] = {
+        "movables a room": [],
+        "parts a room": [],
+        "objects a room": [],
+        "parts of an object": [],
+    }
     labels: Counter[str] = Counter()
+    movable: set[str] = set()
     for kind, room in found:
         entries = catalog(room.pieces)
         _fronts(entries, values, styles, handles)
         plans[kind].append(_plan(room))
-        counts["movables"].append(sum(e.piece.joint is not None for e in entries))
-        counts["parts"].append(len(entries))
-        counts["objects"].append(sum(e.parent is None for e in entries))
+        counts["movables a room"].append(sum(e.piece.joint is not None for e in entries))
+        counts["parts a room"].append(len(entries))
+        counts["objects a room"].append(sum(e.parent is None for e in entries))
         labels.update(e.piece.name for e in entries)
+        movable.update(e.piece.name for e in entries if e.piece.joint is not None)
+        below = Counter(root(e, entries) for e in entries if e.articulated)
+        counts["parts of an object"] += below.values()
     nearest = [d for kind in plans for d in _nearest(plans[kind])]
     return {
         "values": values,
@@ -80,7 +94,15 @@ def measure(found: Iterator[tuple[str, Room]]) -> dict[str, Any]:
         "nearest": nearest,
         "counts": counts,
         "labels": dict(labels),
+        "movable": movable,
     }
+
+
+def root(entry: Entry, entries: list[Entry]) -> int:
+    """Return the number of the object that a part belongs to; numbers count from 1 in the order of the entries."""
+    while entry.parent is not None:
+        entry = entries[entry.parent - 1]
+    return entry.number
 
 
 def _fronts(entries: list[Entry], values: dict[str, list[float]], styles: Counter[str], handles: set[tuple]) -> None:
@@ -142,20 +164,6 @@ def _apart(a: np.ndarray, b: np.ndarray) -> float:
     return 1.0 - float(((a == b) & (a > 0)).sum()) / max(int(union), 1)
 
 
-def overlap(labels: dict[str, int], listing: Path) -> dict[str, Any]:
-    """Return which labels of a real scan's list of prims the virtual rooms have, and what the real scan counts."""
-    prims = json.loads(listing.read_text())
-    names = Counter(prim["label"].replace("_", " ") for prim in prims)
-    children = Counter(prim["parent_id"] for prim in prims if prim["parent_id"] is not None)
-    return {
-        "labels shared": sorted(set(names) & set(labels)),
-        "labels missing": sorted(set(names) - set(labels)),
-        "fraction of prims": sum(count for name, count in names.items() if name in labels) / len(prims),
-        "prims": len(prims),
-        "objects with parts": sum(prim["depth"] == 1 and children[prim["part_id"]] > 0 for prim in prims),
-    }
-
-
 def plot(figures: dict[str, dict[str, Any]], out: Path) -> None:
     """Plot histograms of all figures, one preset over the other."""
     fig, axes = plt.subplots(3, 3, figsize=(12, 9), layout="constrained")
@@ -180,6 +188,19 @@ def plot(figures: dict[str, dict[str, Any]], out: Path) -> None:
     fig.savefig(out, dpi=90)
 
 
+def summary(figures: dict[str, Any]) -> dict[str, Any]:
+    """Return the figures of some rooms with quantiles in place of all values."""
+    lists = {**figures["values"], "nearest plan": figures["nearest"]}
+    lists |= figures["counts"]
+    numbers = {name: len(figures[name]) for name in ("styles", "labels")}
+    return {
+        "distinct handles": figures["handles"],
+        **numbers,
+        "handles by family": dict(sorted(figures["styles"].items())),
+        "quantiles": {name: quantiles(values) for name, values in lists.items()},
+    }
+
+
 def main() -> None:
     """Measure, print and plot."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -192,20 +213,16 @@ def main() -> None:
         "varied": measure(rooms(home, list(HOMES), args.rooms)),
         "classic": measure(rooms(classic, list(ROOMS), args.rooms)),
     }
+    report: dict[str, Any] = {"rooms": args.rooms, "first_seed": 0, **provenance("cpu")}
     for preset, f in figures.items():
-        movables = np.percentile(f["counts"]["movables"], [5, 50, 95])
-        nearest = np.percentile(f["nearest"], [0, 5, 50])
-        print(
-            f"{preset}: {f['handles']} distinct handles; nearest plan {nearest.round(2)} (min, 5 %, median); ", end=""
-        )
-        print(f"movables a room {movables} (5, 50, 95 %); {len(f['labels'])} labels")
-        for name in PANELS:
-            print(f"  {name:24s}", np.percentile(f["values"][name], [1, 25, 50, 75, 99]).round(3))
+        report[preset] = summary(f)
         if args.listing:
-            print(f"  real listing: {overlap(f['labels'], args.listing)}")
+            report[preset]["real listing"] = overlap(f["labels"], f["movable"], args.listing)
     plot(figures, args.out)
+    text = json.dumps(report, indent=1)
+    print(text)
     if args.json:
-        args.json.write_text(json.dumps(figures, default=float) + "\n")
+        args.json.write_text(text + "\n")
 
 
 if __name__ == "__main__":

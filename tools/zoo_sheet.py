@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+import sheet
 
 from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
 from s2a.geometry.render import render
@@ -21,25 +21,13 @@ COLUMNS = 10
 TILE, CAPTION = 168, 22
 """Side of an image, and height of the label below it [pixel]."""
 CAMERA = OrbitCamera(TILE, TILE, 3, fov=0.5, azimuth=0.45, elevation=0.5, margin=1.06, backface_culling=False)
-COLORS = 255
-"""Of the palette, which halves the file."""
 
 
 def main(out: Path, chosen: list[str]) -> None:
     """Render the objects of the chosen labels and categories, or all."""
     shown = [item for item in zoo() if not chosen or {item.label, item.category} & set(chosen)]
-    columns = min(COLUMNS, len(shown))
-    rows = -(-len(shown) // columns)
-    sheet = Image.new("RGB", (columns * TILE, rows * (TILE + CAPTION)), "white")
-    font = ImageFont.load_default(13)
-    for number, item in enumerate(shown):
-        corner = number % columns * TILE, number // columns * (TILE + CAPTION)
-        sheet.paste(Image.fromarray(_image(item)), corner)
-        place = (corner[0] + TILE // 2, corner[1] + TILE + 2)
-        ImageDraw.Draw(sheet).text(place, item.label, "black", font, anchor="ma")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    sheet.quantize(COLORS).save(out, optimize=True)
-    print(f"{out}: {len(shown)} objects, {out.stat().st_size / 1000:.0f} kB")
+    tiles = [(item.label, _image(item)) for item in shown]
+    print(f"{sheet.write(tiles, out, COLUMNS, CAPTION)}, {len(shown)} objects")
 
 
 def _image(item: ZooObject) -> np.ndarray:

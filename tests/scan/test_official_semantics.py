@@ -87,6 +87,17 @@ def write(folder: Path, entries: list[Entry], joints: dict[int, Joint]) -> Path:
     [*itertools.product(ROOMS, range(3)), *((f"varied {kind}", 3 + i) for i, kind in enumerate(HOMES))],
 )
 def test_movables_types_ranges_and_interactables_are_the_loaders(room: str, seed: int, tmp_path: Path) -> None:
+    check_loader(room, seed, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "seed"), [*itertools.product(HOMES, range(100, 110))])
+def test_a_hundred_varied_rooms_are_read_as_by_the_loader(kind: str, seed: int, tmp_path: Path) -> None:
+    check_loader(f"varied {kind}", seed, tmp_path)
+
+
+def check_loader(room: str, seed: int, tmp_path: Path) -> None:
+    """Assert that our reader, the loader's rules and the truth agree on a room's files."""
     entries = furnished(room, seed)
     joints = annotated_joints(entries, load(AnnotationConfig, "synth/careful"), np.random.default_rng(seed))
     folder = write(tmp_path / "scan", entries, joints)

@@ -35,15 +35,27 @@ def facts(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "truth" / "truth.json").read_text())
 
 
-@pytest.fixture(scope="module")
-def phone(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A coarse phone scan by a hasty annotator with a drawer open."""
-    out = tmp_path_factory.mktemp("phone") / "scan"
+def take(out: Path) -> Path:
+    """Write a coarse phone scan by a hasty annotator with a drawer open, and return its folder."""
     drawer = next(e.part_id for e in catalog(home(*ROOM).pieces) if e.piece.name == "detergent drawer")
     keys = [f"room={ROOM[0]}", f"seed={ROOM[1]}", "virtual=varied", "detail=phone", "annotator=hasty", "moved=1"]
     keys += ["scanner.phone.poses=6", "scanner.phone.fusion.voxel=0.05", f"open={{{drawer}: 0.1}}", f"out={out}"]
     sample(config.load(SampleConfig, config.compose("sample", keys)), out)
     return out
+
+
+@pytest.fixture(scope="module")
+def phone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A coarse phone scan."""
+    return take(tmp_path_factory.mktemp("phone") / "scan")
+
+
+def test_the_same_seed_gives_the_same_bytes(phone: Path, tmp_path: Path) -> None:
+    again = take(tmp_path / "again")
+    files = sorted(path.relative_to(phone) for path in phone.rglob("*") if path.is_file())
+    assert files == sorted(path.relative_to(again) for path in again.rglob("*") if path.is_file())
+    for file in files:
+        assert (phone / file).read_bytes() == (again / file).read_bytes(), file
 
 
 def test_a_phone_writes_a_glb_with_y_up_and_one_image(phone: Path) -> None:

@@ -180,6 +180,10 @@ class _Search:
         first = np.eye(len(self._robot.arm_joints))[0]
         for turn in self._config.turns if self._config.search and len(paths) else self._config.turns[:1]:
             turned, there = _turned(base, turn, self._shape.kin.shoulder), replace(place, turn=turn)
+            # The foot of a robot whose arm is not on its axis moves when the robot turns about its shoulder.
+            if not np.allclose(turned[:3, 3], base[:3, 3]) and (problem := self._taken(turned, there)) is not None:
+                tried.append((STUCK, problem, turned, there))
+                continue
             near = self._near.with_pedestal(turned[:3, 3], place.pedestal, self._robot.base.radius)
             depth, problem = deepest_collision(near, self._shape, turned, self._poses, paths - turn * first)
             if depth <= SLACK:

@@ -25,6 +25,7 @@ from s2a.prepare.path_clearance import deepest_collision
 from s2a.robot.collision import robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
+from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import opening_coordinate, part_path
 from s2a.scene import Joint, Mesh, Part, Scene
 from s2a.sim.room import PEDESTAL, pedestal
@@ -41,10 +42,10 @@ def config() -> BaseConfig:
     return load(PrepareConfig, "prepare/handle").base
 
 
-def base(scene: Scene, target: str = "drawer_7", **changes: object) -> BasePose:
+def base(scene: Scene, target: str = "drawer_7", spec: RobotSpec = PANDA, **changes: object) -> BasePose:
     moving = (target, *scene.descendants(target))
     way = [piece for i in moving for piece in sweep(scene.parts[i].mesh, scene.joint(target))]
-    return find_base(scene, target, find_grasp(scene, target), moving, way, replace(config(), **changes), PANDA)
+    return find_base(scene, target, find_grasp(scene, target), moving, way, replace(config(), **changes), spec)
 
 
 def poses_of(scene: Scene, target: str) -> np.ndarray:
@@ -92,6 +93,20 @@ def test_a_robot_stands_where_floor_was_scanned() -> None:
     assert found.position[1] > 0.05  # more than half of its footprint
     away = base(with_floor((-0.4, 1.5, -0.05), (2.5, 2.0, 0.0)), pedestals=(0.0,))
     assert not away.free and "no floor was scanned there; no place is free" in away.reason
+
+
+def test_the_floor_is_asked_for_where_the_foot_of_a_turned_robot_stands() -> None:
+    baxter = robot.load("baxter")  # whose arm is beside its axis
+    straight, turned = (
+        base(clean_cabinet_room(), spec=baxter, search=False, turns=(turn,)).position for turn in (0.0, 0.8)
+    )
+    assert abs(turned[1] - straight[1]) > 0.03
+    middle = (turned[1] + straight[1]) / 2
+    low, high = (middle, 4.0) if straight[1] > turned[1] else (-4.0, middle)
+    half = with_floor((-4.0, low, -0.05), (4.0, high, 0.0))
+    for turn, said in ((0.0, False), (0.8, True)):
+        reason = base(half, spec=baxter, search=False, turns=(turn,)).reason
+        assert ("no floor was scanned there" in reason) is said, reason
 
 
 def test_where_no_part_is_labelled_as_floor_none_is_asked_for() -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 
+import numpy as np
+
 from s2a.errors import InputError
 from s2a.prepare.part import PartConfig, PartResult, part_results
 from s2a.prepare.target import bodies, target_joint
@@ -14,6 +16,19 @@ _log = logging.getLogger(__name__)
 
 ALL = "all"
 """Stands for every articulated part of a room."""
+LARGEST = 100.0
+"""[m] No scan of rooms is longer; in centimetres or inches every room is, and would be cut into millions of cells."""
+
+
+def refuse_other_units(scene: Scene) -> None:
+    """Raise an InputError for a scene that cannot be in metres."""
+    boxes = np.array([part.mesh.bounds for part in scene.parts.values() if len(part.mesh.faces)])
+    length = float((boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)).max()) if len(boxes) else 0.0
+    if length > LARGEST:
+        raise InputError(
+            f"scene {scene.name!r} is {length:.0f} m long; expected metres, and {LARGEST:g} of them or less: "
+            "`s2a check scan=...` names the unit; scale the scan to metres"
+        )
 
 
 def selected_parts(scene: Scene, targets: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
@@ -25,8 +40,9 @@ def selected_parts(scene: Scene, targets: Sequence[str], config: PartConfig) -> 
         config: settings of each part.
 
     Raises:
-        InputError: a part that is named cannot be prepared; of all parts, none can.
+        InputError: a part that is named cannot be prepared; of all parts, none can; the scene is not in metres.
     """
+    refuse_other_units(scene)
     return _all(scene, config) if tuple(targets) == (ALL,) else _exactly(scene, targets, config)
 
 

@@ -212,6 +212,16 @@ def test_an_unknown_or_immovable_target_is_refused_with_the_movable_ones() -> No
             prepare(clean_cabinet_room(), target, config())
 
 
+@pytest.mark.parametrize("unit", [0.0254, 0.01, 0.001])
+def test_a_room_that_is_not_in_metres_is_refused_at_once(unit: float) -> None:
+    def scaled(one: Part) -> Part:
+        return replace(one, mesh=Mesh(one.mesh.vertices / np.float32(unit), one.mesh.faces))
+
+    scene = clean_cabinet_room()
+    with pytest.raises(InputError, match="m long; expected metres"):
+        prepare(replace(scene, parts={i: scaled(one) for i, one in scene.parts.items()}), "drawer_7", config())
+
+
 def test_the_file_is_sound_and_the_same_each_time(tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / name).mkdir()

@@ -218,7 +218,7 @@ def _articulation(
     target, base = result.target, result.base
     grasp, region = target.grasp, target.grasp.region
     notes = [
-        f"no contact between {target.id} and {other}: their colliders overlap by {1000 * depth:.1f} mm on its path"
+        f"no contact between {target.id} and {other}: their colliders overlap by {1000 * depth:.2g} mm on its path"
         for other, depth in filtered.items()
     ]
     notes += [f"box behind the front of {target.id} added: it was not scanned"] if body.completed else []

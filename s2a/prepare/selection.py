@@ -16,7 +16,7 @@ _log = logging.getLogger(__name__)
 
 ALL = "all"
 """Stands for every articulated part of a room."""
-LARGEST = 100.0
+MAX_LENGTH = 100.0
 """[m] No scan of rooms is longer; in centimetres or inches every room is, and would be cut into millions of cells."""
 
 
@@ -24,9 +24,9 @@ def refuse_other_units(scene: Scene) -> None:
     """Raise an InputError for a scene that cannot be in metres."""
     boxes = np.array([part.mesh.bounds for part in scene.parts.values() if len(part.mesh.faces)])
     length = float((boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)).max()) if len(boxes) else 0.0
-    if length > LARGEST:
+    if length > MAX_LENGTH:
         raise InputError(
-            f"scene {scene.name!r} is {length:.0f} m long; expected metres, and {LARGEST:g} of them or less: "
+            f"scene {scene.name!r} is {length:.0f} m long; expected metres, and {MAX_LENGTH:g} of them or less: "
             "`s2a check scan=...` names the unit; scale the scan to metres"
         )
 

@@ -151,6 +151,7 @@ def test_a_certificate_never_takes_the_stages_own_place(
     assert "would be replaced with" in capsys.readouterr().err and mine.is_file()
 
 
+@pytest.mark.slow
 def test_only_what_moves_is_painted_orange_wherever_the_rest_stands(stage: Path) -> None:
     def blue() -> int:
         image = images(stage, "drawer_2", load(OrbitCamera, "camera/near"))["what collides; orange moves"].astype(int)

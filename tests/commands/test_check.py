@@ -45,6 +45,7 @@ def test_what_is_no_scan_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_sampled_room_passes_and_its_changed_joints_are_named(
     office_scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

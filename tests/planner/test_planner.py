@@ -55,6 +55,7 @@ def test_the_arm_takes_a_path_on_which_nothing_is_in_its_way(tmp_path: Path) -> 
     assert (most_clear(plain, both), most_clear(blocked, both), most_clear(blocked, both[::-1])) == (0, 1, 0)
 
 
+@pytest.mark.slow
 def test_targets_keep_the_limits_of_the_robot(tmp_path: Path) -> None:
     env = planner_env(write_cabinet(tmp_path / "sim.usda"))
     planner = Planner(env, load(PlannerConfig, "planner/default"))

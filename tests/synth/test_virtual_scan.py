@@ -98,6 +98,7 @@ def test_the_classic_office_is_the_same_byte_for_byte(coarse: Path) -> None:
     assert found == EARLIER
 
 
+@pytest.mark.slow
 def test_another_seed_furnishes_another_room(coarse: Path, tmp_path: Path) -> None:
     other = take(tmp_path / "other", "seed=1")
     assert facts(other)["yaw"] != facts(coarse)["yaw"]

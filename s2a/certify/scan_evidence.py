@@ -19,6 +19,7 @@ from s2a.evidence.annotation import moving_part
 from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding
 from s2a.evidence.front import front
+from s2a.evidence.room import up_axis
 from s2a.evidence.surface import ScanSurface
 from s2a.geometry.mesh_ops import keep
 from s2a.scene import Joint, Mesh, Part, Scene
@@ -66,6 +67,7 @@ class Evidence:
         articulation, path = self.room.articulations[part], f"{ROOT}/{part}"
         robots = {only} if only in articulation.bases else set(articulation.bases)
         widest = max(robot.load(name).gripper.max_opening for name in robots)
+        findings = [*up_axis(self._surface, config.joints), *findings]
         checks = [_check(finding) for finding in findings if finding.verdict != "unknown" and finding.check != OWN]
         checks += collider_fidelity(self.room, part, config.fidelity)
         checks += grasp_frame(path, articulation.grasp, scanned(self.room, part), config.joints.grasp_gap, widest)
@@ -127,7 +129,8 @@ def _check(finding: Finding) -> Check:
     severe = finding.verdict == "fail" or (finding.verdict == "warn" and finding.check in SEVERE)
     status: Status = "fail" if severe else "info" if finding.verdict == "warn" else "pass"
     value, bound = (None if math.isnan(x) else x for x in (finding.value, finding.bound))
-    prim, message = f"{ROOT}/joints/{finding.part}", "" if status == "pass" else finding.message
+    prim = f"{ROOT}/joints/{finding.part}" if finding.part else ROOT
+    message = "" if status == "pass" else finding.message
     return Check(finding.check, status, value, bound, finding.unit, prim, message, finding.remedy if severe else "")
 
 

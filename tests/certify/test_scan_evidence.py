@@ -61,6 +61,7 @@ def test_a_clean_stage_has_the_surface_on_its_side(stage: Path) -> None:
     assert failures(stage) == {}
     checks = Evidence(stage).checks("drawer_2", CONFIG)
     assert len({check.name for check in checks}) == len(checks) >= 15
+    assert "up_axis" in {check.name for check in checks}
     assert [rule(contents.read(stage)).status for rule in portability.ROOM_RULES] == ["pass"] * 6
 
 

@@ -27,7 +27,7 @@ COMMANDS = {
     "export": ["scan={inputs}/scan", "out={out}"],
     "check": ["scan={inputs}/scan", "out={out}/check.json"],
     "insert": [
-        "stage={inputs}/room.usd", "object={inputs}/zoo/objects/mug.usda", "label=mug", "llm=rules", "out={out}/insert",
+        "stage={inputs}/room.usd", "object={inputs}/zoo/objects/stapler.usda", "label=stapler", "llm=rules", "out={out}/insert",
         "image={out}/insert.png", "placement.ransac.seed={n}",
     ],
     "prepare": ["stage={inputs}/room.usd", "targets=drawer_6", "out={out}/sim.usd"],

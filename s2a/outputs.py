@@ -61,14 +61,21 @@ def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
     except InputError as error:
         raise InputError(str(error).replace(str(room / path.name), str(path))) from error
     except OSError as error:
-        if error.errno not in FULL and "requested and" not in str(error):  # the latter is NumPy's
+        if (told := named(path, error)) is None:
             raise
-        reason = error.strerror or "the disk is full"
-        raise InputError(f"{path}: cannot be written: {reason}; free some space, or choose another path") from error
+        raise told from error
     finally:
         for folder in made:
             with suppress(OSError):  # somebody else's file is in it
                 folder.rmdir()
+
+
+def named(path: Path, error: OSError) -> InputError | None:
+    """Return the InputError that names an output for an error that says that the disk is full; None for any other."""
+    if error.errno not in FULL and "requested and" not in str(error):  # the latter is NumPy's
+        return None
+    reason = error.strerror or "the disk is full"
+    return InputError(f"{path}: cannot be written: {reason}; free some space, or choose another path")
 
 
 @contextmanager

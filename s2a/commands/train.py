@@ -14,7 +14,7 @@ from s2a.commands.worlds import WorldsConfig
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
-from s2a.outputs import atomic_write
+from s2a.outputs import atomic_write, named
 from s2a.planner.motion import grasping_motion
 from s2a.provenance import provenance
 from s2a.ranges import Fraction
@@ -65,13 +65,18 @@ def run(config: Config) -> str:
         skill = partial(task(config.task.name).tool_path, config=config.task)
         demo = ([grasping_motion(sim, config.planner, skill)], config.demo_reset_fraction)
     env = make_env(sim, config.task, config.metrics, config.reward, seed, demo=demo)
-    if lead:
-        config.out.mkdir(parents=True, exist_ok=True)
-        run_folder.keep_settings(asdict(config), config.out)
-        starts = run_folder.keep_start(config.out, first, config.stage, provenance(sim.device))
-        write_world(config.sim, config.task, config.out)
-    metrics = ppo.train(env, config.ppo, config.out, checkpoint)
-    return _report(config, env, metrics | {"starts": starts}) if lead else ""
+    try:
+        if lead:
+            config.out.mkdir(parents=True, exist_ok=True)
+            run_folder.keep_settings(asdict(config), config.out)
+            starts = run_folder.keep_start(config.out, first, config.stage, provenance(sim.device))
+            write_world(config.sim, config.task, config.out)
+        metrics = ppo.train(env, config.ppo, config.out, checkpoint)
+        return _report(config, env, metrics | {"starts": starts}) if lead else ""
+    except OSError as error:  # checkpoints and logs are not written by atomic_write
+        if (told := named(config.out, error)) is None:
+            raise
+        raise told from error
 
 
 def _start_of(config: Config) -> Path | None:

@@ -52,7 +52,8 @@ def keep_settings(values: Mapping[str, Any], out: Path) -> None:
                     f"key {key!r} is {given.get(key)!r}, but {out} was begun with {then.get(key)!r}; "
                     "resume with the same settings, or train into another folder"
                 )
-    file.write_text(json.dumps(now, indent=1))
+    with atomic_write(file) as new:
+        new.write_text(json.dumps(now, indent=1))
 
 
 def _may_change(key: str, now: object, then: object) -> bool:

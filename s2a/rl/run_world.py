@@ -10,6 +10,7 @@ from s2a import aliases, tasks
 from s2a.config import load
 from s2a.env.task import MdpConfig
 from s2a.errors import InputError
+from s2a.outputs import atomic_write
 from s2a.sim.simulation import SimConfig
 
 FILE = "world.json"
@@ -17,7 +18,8 @@ FILE = "world.json"
 
 def write_world(sim: SimConfig, task: MdpConfig, out: Path) -> None:
     """Write how physics is stepped and what the robot has to do into the folder of a training run."""
-    (out / FILE).write_text(json.dumps({"sim": asdict(sim), "task": asdict(task)}, indent=1))
+    with atomic_write(out / FILE) as new:
+        new.write_text(json.dumps({"sim": asdict(sim), "task": asdict(task)}, indent=1))
 
 
 def read_world(checkpoint: Path) -> tuple[SimConfig, MdpConfig] | None:

@@ -10,7 +10,6 @@ Writes experiments/results/certified_annotations.json and prints a table.
 
 from __future__ import annotations
 
-import argparse
 import functools
 import json
 import logging
@@ -20,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from room_defects import named_by
-from wrong_annotations import CLASSES, Wrong, case, row, summary
+from wrong_annotations import CLASSES, Wrong, arguments, case, row, summary
 
 from s2a import config
 from s2a.certify.check_suite import CertifyConfig
@@ -39,7 +38,7 @@ RESULTS = Path(__file__).parent / "results/certified_annotations.json"
 
 def main() -> None:
     """Prepare and certify with wrong annotations, write the figures and print a table."""
-    args = _arguments()
+    args = arguments(__doc__, RESULTS)
     logging.disable(logging.WARNING)
     bounds = config.load(Bounds, config.file("evidence/default"))
     cases = [case(path, bounds) for path in args.scans]
@@ -96,15 +95,6 @@ def _prepare() -> PrepareConfig:
 @functools.cache
 def _settings() -> CertifyConfig:
     return config.load(command.Config, config.compose("certify", ["stage=-", "out=-"])).certify
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scans", nargs="+", type=Path, help="folders that s2a sample wrote")
-    parser.add_argument("--count", type=int, default=25, help="wrong annotations of each class")
-    parser.add_argument("--seed", type=int, default=0, help="of the wrong annotations")
-    parser.add_argument("--out", type=Path, default=RESULTS, help="file to write")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

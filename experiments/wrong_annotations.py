@@ -80,7 +80,7 @@ class Wrong:
 
 def main() -> None:
     """Check right and wrong annotations, write the figures and print a table."""
-    args = _arguments()
+    args = arguments(__doc__, RESULTS)
     bounds = config.load(Bounds, config.file("evidence/default"))
     start = time.perf_counter()
     cases = [case(path, bounds) for path in args.scans]
@@ -291,12 +291,13 @@ def table(result: Mapping[str, Any]) -> str:
     return "\n".join([*lines, *(f"false alarm: {text}" for text in alarms["said"])])
 
 
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments(description: str | None, results: Path) -> argparse.Namespace:
+    """Return what the command line asks for; `results` is the file that is written by default."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scans", nargs="+", type=Path, help="folders that s2a sample wrote")
     parser.add_argument("--count", type=int, default=25, help="wrong annotations of each class")
     parser.add_argument("--seed", type=int, default=0, help="of the wrong annotations")
-    parser.add_argument("--out", type=Path, default=RESULTS, help="file to write")
+    parser.add_argument("--out", type=Path, default=results, help="file to write")
     return parser.parse_args()
 
 

@@ -61,7 +61,7 @@ def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
     except InputError as error:
         raise InputError(str(error).replace(str(room / path.name), str(path))) from error
     except OSError as error:
-        if (told := named(path, error)) is None:
+        if (told := full_disk(path, error)) is None:
             raise
         raise told from error
     finally:
@@ -70,7 +70,7 @@ def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
                 folder.rmdir()
 
 
-def named(path: Path, error: OSError) -> InputError | None:
+def full_disk(path: Path, error: OSError) -> InputError | None:
     """Return the InputError that names an output for an error that says that the disk is full; None for any other."""
     if error.errno not in FULL and "requested and" not in str(error):  # the latter is NumPy's
         return None

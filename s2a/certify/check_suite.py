@@ -18,7 +18,7 @@ from s2a.certify.foundation import FoundationConfig
 from s2a.certify.physics import PhysicsConfig, World
 from s2a.certify.physics_grip import Grip, GripConfig
 from s2a.certify.physics_motion import MotionConfig, motion
-from s2a.certify.scan_evidence import Evidence, EvidenceConfig, doubts
+from s2a.certify.scan_evidence import REASON, Evidence, EvidenceConfig, doubts
 from s2a.certify.shapes import ShapeConfig
 from s2a.errors import InputError
 from s2a.provenance import provenance
@@ -148,7 +148,7 @@ def _fingers(target: str, room: Gap, attempt: Grip, config: CertifyConfig, seen:
         )
         filled = filled if fits else replace(filled, status="info", remedy="")
     message = attempt.message if attempt.holds else f"not graspable by a parallel gripper: {attempt.message}"
-    why = [*doubts(seen, ("handle_relief",)), *room.reasons(config.gap)]
+    why = [*doubts(seen, (REASON,)), *room.reasons(config.gap)]
     message += f"; {'; '.join(why)}" if why and not attempt.holds else ""
     status: Status = "pass" if attempt.holds else "info" if why else "fail"
     fix = "inspect the colliders of the grasp region and around it" if status == "fail" else ""

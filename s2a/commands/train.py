@@ -14,7 +14,7 @@ from s2a.commands.worlds import WorldsConfig
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
-from s2a.outputs import atomic_write, named
+from s2a.outputs import atomic_write, full_disk
 from s2a.planner.motion import grasping_motion
 from s2a.provenance import provenance
 from s2a.ranges import Fraction
@@ -74,7 +74,7 @@ def run(config: Config) -> str:
         metrics = ppo.train(env, config.ppo, config.out, checkpoint)
         return _report(config, env, metrics | {"starts": starts}) if lead else ""
     except OSError as error:  # checkpoints and logs are not written by atomic_write
-        if (told := named(config.out, error)) is None:
+        if (told := full_disk(config.out, error)) is None:
             raise
         raise told from error
 

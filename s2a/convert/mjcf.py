@@ -7,7 +7,6 @@ another model (Newton makes mocap bodies of them, which cannot).
 
 from __future__ import annotations
 
-import tempfile
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import mujoco
 
 from s2a.convert.links import STATIC, LinkedRoom
 from s2a.convert.meshes import FOLDER, write_hull, write_surface
+from s2a.outputs import temporary_folder
 from s2a.sim.solver import SimConfig, make_solver
 from s2a.usd.stage import ROOT
 
@@ -65,8 +65,8 @@ def write(linked: LinkedRoom, config: SimConfig, folder: Path) -> None:
 
 def _from_newton(linked: LinkedRoom, config: SimConfig) -> tuple[ElementTree.Element, dict[str, int]]:
     """Return Newton's MJCF of a room, and the shape that each of its geoms is, by the geom's name."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / FILE
+    with temporary_folder() as folder:
+        file = folder / FILE
         model = linked.builder.finalize(device="cpu")
         solver = make_solver(model, config, use_mujoco_cpu=True, save_to_mjcf=str(file))
         shapes = solver.mjc_geom_to_newton_shape.numpy()[0]

@@ -82,6 +82,20 @@ def test_extreme_actions_stay_within_every_limit_and_press_gently(stage: SimStag
     assert max(fingers_apart) < 1e-3, "one motor drives both"
 
 
+def test_the_planner_waits_for_an_arm_that_is_held(stage: SimStage) -> None:
+    env = without_physics(make_env(stage, start_noise=0.0, sim="sim/real"))
+    planner = Planner(env, load(PlannerConfig, "planner/default"))
+    ahead = []
+    for _ in range(200):
+        action = planner(env.observation)
+        ahead.append(float(action[:, :7].abs().max()))
+        env.step(action)
+    window = env.sim.config.limits.window
+    assert float((env.sim.joint_target_q[:, :7] - env.sim.joint_q[:, :7]).abs().max()) <= window + 1e-3
+    # The trajectory passes what it waits for by less than one more step at full velocity.
+    assert 3.0 < ahead[-1] < 4.0 and ahead[-1] == pytest.approx(ahead[-20], abs=0.05)
+
+
 def test_without_drives_the_arm_is_the_planners(stage: SimStage) -> None:
     real = load(SimConfig, "sim/real")
     assert real.limits is not None

@@ -58,6 +58,10 @@ class PlannerConfig:
     seed: CountFromZero
 
 
+BEHIND = 3.0
+"""Steps at full velocity that a joint target may be behind the trajectory before this waits for it."""
+
+
 class Planner:
     """A policy that follows a planned trajectory; the same for all worlds once the arm is at the point of approach.
 
@@ -78,16 +82,24 @@ class Planner:
             _log.warning(text, env.max_episode_length, self.steps + 1)
         self._targets = torch.tensor(self.trajectory.targets, dtype=torch.float32, device=sim.device)
         self._start = sim.joint_target_q[:, : self._targets.shape[1]].clone()
+        self._clock = torch.zeros(env.num_envs, dtype=torch.long, device=sim.device)
 
     def __call__(self, observation: torch.Tensor) -> torch.Tensor:
-        """Return the action [world joint] that brings the joint targets onto the trajectory; observations are not needed."""
-        step, reach = self._env.episode_step.long(), self.trajectory.reach_steps
+        """Return the action [world joint] that brings the joint targets onto the trajectory; observations are not needed.
+
+        The trajectory waits where a controller with limits holds a target back, by more than BEHIND, for a joint that lags.
+        """
+        began, reach = self._env.episode_step == 0, self.trajectory.reach_steps
         now = self._env.sim.joint_target_q[:, : self._targets.shape[1]]
-        self._start = torch.where((step == 0)[:, None], now, self._start)
+        self._start = torch.where(began[:, None], now, self._start)
+        step = self._clock = torch.where(began, 0, self._clock)
         fraction = torch.from_numpy(eased((step + 1).cpu().numpy() / reach)).to(now)[:, None]
         reaching = self._start + fraction * (self._targets[0] - self._start)
         following = self._targets[(step - reach + 1).clamp(0, len(self._targets) - 1)]
-        return (torch.where((step < reach)[:, None], reaching, following) - now) / self._env.action_step
+        action = (torch.where((step < reach)[:, None], reaching, following) - now) / self._env.action_step
+        arm = len(self._env.sim.robot.arm_joints)
+        self._clock = step + (action[:, :arm].abs().amax(dim=1) <= BEHIND)
+        return action
 
 
 def grasping_motion(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> np.ndarray:

@@ -34,8 +34,8 @@ def add_robot(
         gains: of the position controller; None: the robot's own.
         gravity_compensation: MuJoCo carries the robot's weight.
         visuals: load visual meshes too.
-        realistic: let links touch each other, except NEIGHBOURS; couple the fingers if one motor drives both; control
-            follows target velocities too.
+        realistic: let links touch each other, except NEIGHBOURS; drives have their inertia; couple the fingers if one motor
+            drives both, let them follow target velocities too, and yield no faster than at their speed to the drive's own force.
 
     Raises:
         InputError: the URDF's joints are not those of the spec, in this order.
@@ -49,15 +49,22 @@ def add_robot(
             f"{', '.join(spec.joints)}"
         )
     arm = len(spec.arm_joints)
-    mode = newton.JointTargetMode.POSITION_VELOCITY if realistic else newton.JointTargetMode.POSITION
+    drives, finger_damping = spec.drives, gains.finger_damping
+    armature = (gains.armature,) * len(moving)
+    if realistic:
+        armature = (*drives.rotor_inertia, *2 * (drives.finger_mass,))
+        finger_damping = gains.finger_effort / spec.gripper.finger_speed
+    modes = [newton.JointTargetMode.POSITION] * len(moving)
+    if realistic:
+        modes[arm:] = [newton.JointTargetMode.POSITION_VELOCITY] * 2
     efforts = (*spec.limits.torque, *2 * (gains.finger_effort,))
     for k, (i, start) in enumerate(zip(moving, spec.start, strict=True)):
         dof = builder.joint_qd_start[i]
         builder.joint_target_ke[dof] = gains.arm_stiffness if k < arm else gains.finger_stiffness
-        builder.joint_target_kd[dof] = gains.arm_damping if k < arm else gains.finger_damping
-        builder.joint_armature[dof] = gains.armature
+        builder.joint_target_kd[dof] = gains.arm_damping if k < arm else finger_damping
+        builder.joint_armature[dof] = armature[k]
         builder.joint_effort_limit[dof] = efforts[k]
-        builder.joint_target_mode[dof] = mode
+        builder.joint_target_mode[dof] = modes[k]
         builder.joint_q[builder.joint_q_start[i]] = builder.joint_target_q[dof] = start
     if gravity_compensation:
         _compensate_gravity(builder, first_body)

@@ -32,6 +32,19 @@ class Gains:
 
 
 @dataclass(frozen=True)
+class Drives:
+    """Inertia of the motors and gears, seen from the joints; simulated instead of `Gains.armature` by MotionLimits.drives.
+
+    Attributes:
+        rotor_inertia: of each arm joint's drive [kg m^2].
+        finger_mass: of the gripper's drive, for each finger [kg].
+    """
+
+    rotor_inertia: Numbers
+    finger_mass: NotNegative
+
+
+@dataclass(frozen=True)
 class GripperSpec:
     """A parallel gripper.
 
@@ -86,17 +99,20 @@ class JointLimits:
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """What the arm's controller keeps to, as a real one does; joint limits are stiff and the links touch each other then.
+    """What the arm's controller keeps to, as a real one does.
 
     Attributes:
         velocity: fraction of the arm's velocity limits that an action of 1 asks for; the fingers' own speed counts whole.
         acceleration: fraction of its acceleration limits with which the commanded velocity changes.
         window: distance of a target from its joint's position at which it stops [rad, m].
+        drives: Simulate the robot's drives too: their inertia (Drives), coupled fingers that a push as strong as their drive
+            moves no faster than it does; and links that touch each other.
     """
 
     velocity: Annotated[float, Above(0.0, 1.0)]
     acceleration: Annotated[float, Above(0.0, 1.0)]
     window: Positive
+    drives: bool
 
     def of(self, arm: JointLimits) -> JointLimits:
         """Return what the controller of an arm with these limits lets anyone ask for."""
@@ -136,6 +152,7 @@ class RobotSpec:
         gripper: the parallel gripper.
         home: arm joints at the start of an episode [rad].
         gains: the robot's own controller.
+        drives: what it drives beside the links.
         limits: of the arm joints.
         base: what decides where it can stand.
     """
@@ -148,12 +165,14 @@ class RobotSpec:
     gripper: GripperSpec
     home: tuple[float, ...]
     gains: Gains
+    drives: Drives
     limits: JointLimits
     base: BaseSpec
 
     def __post_init__(self) -> None:
         """Raise InputError unless there is one value per arm joint."""
-        lists = {"home": self.home, **{f"limits.{f.name}": getattr(self.limits, f.name) for f in fields(JointLimits)}}
+        lists = {"home": self.home, "drives.rotor_inertia": self.drives.rotor_inertia}
+        lists |= {f"limits.{f.name}": getattr(self.limits, f.name) for f in fields(JointLimits)}
         for key, values in lists.items():
             if len(values) != len(self.arm_joints):
                 raise InputError(

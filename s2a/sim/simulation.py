@@ -95,7 +95,7 @@ class Simulation:
             gains=config.gains,
             gravity_compensation=config.gravity_compensation,
             static_colliders=config.load_static_colliders,
-            realistic=config.limits is not None,
+            realistic=config.limits is not None and config.limits.drives,
         )
 
     def step(self) -> None:

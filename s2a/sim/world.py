@@ -143,12 +143,12 @@ def build_world(
         gains: of its position controller; None: its own.
         gravity_compensation: its weight is carried.
         static_colliders: Load the room's colliders.
-        realistic: make the robot's joint limits stiff; see add_robot for the rest.
+        realistic: simulate the robot's drives too; see add_robot.
     """
     builder = empty_world()
     if robot is not None:
         base = wp.transform(*stage.base[:3], *stage.base[3:])
-        add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation)
+        add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation, realistic=realistic)
     _add_room(builder, stage, static=static_colliders)
     for part in stage.active:
         if part in stage.room.articulations:

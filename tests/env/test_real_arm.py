@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 from cabinet import write_cabinet
@@ -12,6 +14,7 @@ from s2a.env.vec_env import VecEnv
 from s2a.evaluate import baseline, evaluate
 from s2a.planner.motion import Planner, PlannerConfig
 from s2a.sim.limit_use import LimitUse
+from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 
 
@@ -66,11 +69,47 @@ def test_both_fingers_follow_the_mean_of_their_actions_at_their_motors_speed(sta
 
 def test_extreme_actions_stay_within_every_limit_and_press_gently(stage: SimStage) -> None:
     env = make_env(stage, 12, episode_steps=300, sim="sim/real")
-    use = LimitUse(env.sim)
-    result = evaluate(env, baseline("extreme", env, 0), lambda: use.watch(env.episode_step == 0))
+    use, fingers_apart = LimitUse(env.sim), []
+
+    def watch() -> None:
+        use.watch(env.episode_step == 0)
+        fingers_apart.append(float((env.sim.joint_q[:, 7] - env.sim.joint_q[:, 8]).abs().max()))
+
+    result = evaluate(env, baseline("extreme", env, 0), watch)
     assert max(use.fractions().values()) <= 1.02, use.fractions()
     assert use.fractions()["position"] > 0.95, "some joint was driven to its end"
     assert result["contact_force"]["max"] < 300.0 and result["invalid"] == 0
+    assert max(fingers_apart) < 1e-3, "one motor drives both"
+
+
+def test_the_planner_waits_for_an_arm_that_is_held(stage: SimStage) -> None:
+    env = without_physics(make_env(stage, start_noise=0.0, sim="sim/real"))
+    planner = Planner(env, load(PlannerConfig, "planner/default"))
+    ahead = []
+    for _ in range(200):
+        action = planner(env.observation)
+        ahead.append(float(action[:, :7].abs().max()))
+        env.step(action)
+    window = env.sim.config.limits.window
+    assert float((env.sim.joint_target_q[:, :7] - env.sim.joint_q[:, :7]).abs().max()) <= window + 1e-3
+    # The trajectory passes what it waits for by less than one more step at full velocity.
+    assert 3.0 < ahead[-1] < 4.0 and ahead[-1] == pytest.approx(ahead[-20], abs=0.05)
+
+
+def test_without_drives_the_arm_is_the_planners(stage: SimStage) -> None:
+    real = load(SimConfig, "sim/real")
+    assert real.limits is not None
+    ideal = replace(real, limits=replace(real.limits, drives=False))
+    planner, ideal, real = (Simulation(stage, each, 1).world for each in (load(SimConfig, "sim/planner"), ideal, real))
+    names = (
+        "joint_armature",
+        "joint_target_kd",
+        "joint_target_mode",
+        "joint_mimic_joint",
+        "shape_collision_filter_pairs",
+    )
+    for name in names:
+        assert getattr(ideal, name) == getattr(planner, name) != getattr(real, name), name
 
 
 @pytest.mark.slow

@@ -33,6 +33,8 @@ def test_one_value_per_arm_joint_is_demanded() -> None:
     spec = robot.load("panda")
     with pytest.raises(InputError, match=r"home has 6 values; give one for each of the 7 arm joints"):
         replace(spec, home=spec.home[:6])
+    with pytest.raises(InputError, match=r"drives.rotor_inertia has 1 values"):
+        replace(spec, drives=replace(spec.drives, rotor_inertia=(0.1,)))
 
 
 def test_a_robot_that_a_command_changed_is_refused() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,19 @@ def test_a_run_with_keys_that_were_renamed_since_is_read(tmp_path: Path) -> None
     assert {"room", "dt"} <= set(json.loads(text)["sim"])
     (tmp_path / "world.json").write_text(text)
     assert read_world(tmp_path / "model_1.pt") == (sim, task)
+
+
+def test_a_run_from_before_drives_is_read_without_them(tmp_path: Path) -> None:
+    sim = load(SimConfig, "sim/real")
+    assert sim.limits and sim.limits.drives
+    write_world(sim, task_settings(), tmp_path)
+    values = json.loads((tmp_path / "world.json").read_text())
+    del values["sim"]["limits"]["drives"]
+    (tmp_path / "world.json").write_text(json.dumps(values))
+    assert read_world(tmp_path / "model_1.pt") == (
+        replace(sim, limits=replace(sim.limits, drives=False)),
+        task_settings(),
+    )
 
 
 def test_what_is_reported_is_up_to_the_evaluation(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.base_pose import BaseConfig, BasePose, find_base
 from s2a.prepare.grasp import find_grasp
 from s2a.prepare.obstacles import Obstacles
-from s2a.prepare.path_clearance import deepest_collision
+from s2a.prepare.path_clearance import path_collision
 from s2a.robot.collision import robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
@@ -172,10 +172,10 @@ def test_the_arm_turns_to_the_handle_without_touching_anything() -> None:
     room = with_block(low, high, Scene("room", {}))
     near, nothing = (Obstacles(room, [], np.array([x, 0.0, 0.0]), 1.6) for x in (0.0, 50.0))
     around, still = np.stack([turned, turned]), np.stack([home, home])
-    depth, problem = deepest_collision(near, shape, np.eye(4), end[None], around[None])
+    depth, problem = path_collision(near, shape, np.eye(4), around[None])
     assert 0.005 < depth < 0.2 and "block_99 on its path to the handle" in problem
-    assert deepest_collision(nothing, shape, np.eye(4), end[None], around[None])[0] == 0.0
-    assert deepest_collision(near, shape, np.eye(4), end[None], np.stack([around, still]))[0] == 0.0
+    assert path_collision(nothing, shape, np.eye(4), around[None])[0] == 0.0
+    assert path_collision(near, shape, np.eye(4), np.stack([around, still]))[0] == 0.0
 
 
 def test_where_no_place_is_free_the_stage_says_so() -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -13,15 +14,15 @@ from s2a.prepare.candidates import Candidate, Ground, candidates, turned
 from s2a.prepare.obstacles import Obstacles
 from s2a.prepare.path_clearance import UNREACHABLE, path_collision, start_collision
 from s2a.ranges import Count, Numbers, Positive
-from s2a.robot.collision import SLACK, robot_shape
+from s2a.robot.collision import SLACK, Penetration, robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import opening_coordinate, part_path
 from s2a.scene import Mesh, Scene, Vec3
 from s2a.usd.sim_scene import Grasp, Quat
 
-CHUNK = 24
-"""Places whose reach is computed at once."""
+CHUNK, ENOUGH = 24, 8
+"""Places that are looked at before the reach of those with a free start is computed at once, if there are so many of these."""
 STUCK = 1.0
 """Depth [m] that stands for a place where the base cannot stand."""
 
@@ -83,15 +84,18 @@ class _Facing:
         base: pose of the base, shape [4 4], scene frame.
         place: where it stands.
         near: what it can collide with.
-        depth: of its collision before the arm moves along a path [m]; `STUCK` where its foot cannot stand.
-        problem: that collision, in words.
+        measure: returns what `start` does.
     """
 
     base: np.ndarray
     place: Candidate
     near: Obstacles
-    depth: float
-    problem: str
+    measure: Callable[[], Penetration]
+
+    @cached_property
+    def start(self) -> Penetration:
+        """Its collision before the arm moves along a path: depth [m] and words; `STUCK` where its foot cannot stand."""
+        return self.measure()
 
 
 @dataclass(frozen=True)
@@ -162,12 +166,13 @@ class _Search:
         hopeful: list[list[_Facing]] = []
         for k, place in enumerate(self._places):
             facings = self._stand(place)
-            starts = any(facing.depth <= SLACK for facing in facings)
+            starts = any(facing.start[0] <= SLACK for facing in facings)
             if starts or (facings and k == 0):  # why the preferred place was not taken is said in any case
                 hopeful.append(facings)
             else:
-                self._failures += [_Failure(f.depth, f.problem, f.base, f.place, f.depth < STUCK) for f in facings]
-            if (k == 0 and starts) or (k > 0 and k % CHUNK == 0) or place is self._places[-1]:
+                self._failures += [_Failure(*f.start, f.base, f.place, f.start[0] < STUCK) for f in facings]
+            enough = len(hopeful) >= ENOUGH and k % CHUNK == 0
+            if (k == 0 and starts) or enough or place is self._places[-1]:
                 found = self._first_served(hopeful)
                 if found is not None:
                     return found
@@ -200,8 +205,8 @@ class _Search:
             # The foot of a robot whose arm is not on its axis moves when the robot turns about its shoulder.
             moves = not np.allclose(seen[:3, 3], base[:3, 3])
             stuck = self._ground.taken(seen, there) if moves else None
-            depth, problem = (STUCK, stuck) if stuck else start_collision(near, self._shape, seen, self._poses[0])
-            found.append(_Facing(seen, there, near, depth, problem))
+            start = partial(start_collision, near, self._shape, seen, self._poses[0])
+            found.append(_Facing(seen, there, near, partial(_stuck, stuck) if stuck else start))
         return found
 
     def _first_served(self, stands: Sequence[list[_Facing]]) -> BasePose | None:
@@ -210,7 +215,7 @@ class _Search:
         first = np.eye(len(self._robot.arm_joints))[0]
         for facings, paths in zip(stands, self._paths(places, [self._ground.base(p) for p in places]), strict=True):
             for facing in facings if len(paths) else facings[:1]:
-                depth, problem = facing.depth, facing.problem
+                depth, problem = facing.start
                 if not len(paths) and depth < STUCK:
                     depth, problem = UNREACHABLE, "the arm cannot reach along the whole path"
                 elif depth <= SLACK:
@@ -233,6 +238,10 @@ class _Search:
         wrong = [failure for failure in self._failures if failure.place.standing == self._places[0]]
         instead = f" (not {wrong[0].place}: {wrong[0].problem})" if wrong else ""
         return f"{place}; the arm reaches the whole path, start and path are free{instead}"
+
+
+def _stuck(problem: str) -> Penetration:
+    return STUCK, problem
 
 
 def _chosen(base: np.ndarray, place: Candidate, reason: str, free: bool) -> BasePose:

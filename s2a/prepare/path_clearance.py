@@ -89,4 +89,6 @@ def _straight(near: Obstacles, shape: RobotShape, start: np.ndarray, end: np.nda
         places = start[:3, 3] + fraction[:, None] * (end[:3, 3] - start[:3, 3])
         centers = np.einsum("kij,sj->ksi", matrices, shape.gripper) + places[:, None]
         best = min(best, near.penetration(centers.reshape(-1, 3), np.tile(shape.gripper_radii, count), moving=True))
+        if best[0] <= 0.0:
+            break
     return best

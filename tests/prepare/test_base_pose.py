@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -17,14 +18,14 @@ from settings import load
 from s2a import robot
 from s2a.geometry.sweep import sweep
 from s2a.planner.motion import PlannerConfig, joint_paths
-from s2a.prepare import PrepareConfig, prepare
+from s2a.prepare import PrepareConfig, base_pose, prepare
 from s2a.prepare.base_pose import BaseConfig, BasePose, find_base
-from s2a.prepare.grasp import find_grasp
+from s2a.prepare.grasp import find_grasp, floor_height
 from s2a.prepare.obstacles import Obstacles
 from s2a.prepare.path_clearance import path_collision
 from s2a.robot.collision import robot_shape
 from s2a.robot.joint_path import follow
-from s2a.robot.kinematics import kinematics
+from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import opening_coordinate, part_path
 from s2a.scene import Joint, Mesh, Part, Scene
@@ -182,6 +183,33 @@ def test_where_no_place_is_free_the_stage_says_so() -> None:
     walled = with_block((0.45, -3.0, 0.0), (3.0, 3.0, 2.0))
     found = base(walled, pedestals=(0.0, 0.6), turns=(0.0,))
     assert not found.free and "no place is free" in found.reason
+
+
+def test_inverse_kinematics_are_not_asked_for_where_the_robot_starts_in_something(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # A slab at the height of the elbow at home, 0.9 m before the furniture: a robot on the floor starts in it everywhere.
+    slab = with_block((0.7, -3.0, 0.5), (3.0, 3.0, 0.52))
+    asked: list[int] = []
+
+    def counted(kin: Kinematics, poses: np.ndarray, bases: np.ndarray, ik_seeds: Sequence[int]) -> list[np.ndarray]:
+        asked.append(len(bases))
+        return follow(kin, poses, bases, ik_seeds)
+
+    monkeypatch.setattr(base_pose, "follow", counted)
+    distances = PANDA.base.distances
+    found = base(slab, pedestals=(0.0,), turns=(0.0,))
+    assert not found.free and "no place is free" in found.reason
+    assert sum(asked) < len(distances) * len(config().sides)
+
+
+def test_the_floor_is_as_high_as_its_points_around_a_place() -> None:
+    random = np.random.default_rng(0)
+    points = random.uniform(-2.0, 2.0, (3000, 3))
+    points = points[np.argsort(points[:, 0])]
+    for place in random.uniform(-2.5, 2.5, (50, 2)):
+        near = np.linalg.norm(points[:, :2] - place, axis=1) < 0.3
+        assert floor_height(points, place, 0.3) == np.median(points[near if near.any() else slice(None), 2])
 
 
 def test_a_part_does_not_open_into_the_base() -> None:

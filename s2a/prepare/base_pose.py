@@ -136,8 +136,8 @@ def find_base(
 class _Search:
     """The search for a place from which a part can be opened.
 
-    Inverse kinematics take most of the time: they are asked for many places at once, and not for those where the robot
-    collides before its arm follows any path.
+    Inverse kinematics take most of the time: they are asked for many places at once, and for none where the robot starts in
+    something.
     """
 
     def __init__(
@@ -184,8 +184,8 @@ class _Search:
         order = sorted(self._failures, key=lambda failure: failure.depth)
         for start in range(0, len(order), CHUNK):
             some = order[start : start + CHUNK]
-            asked = {f.place.standing: self._ground.base(f.place) for f in some if f.waits}
-            reached = dict(zip(asked, self._paths(list(asked), list(asked.values())), strict=True))
+            asked = list(dict.fromkeys(f.place.standing for f in some if f.waits))
+            reached = dict(zip(asked, self._paths(asked), strict=True))
             for failure in some:
                 if not failure.waits or len(reached[failure.place.standing]):
                     words = f"{failure.place}, though {failure.problem}; no place is free"
@@ -211,27 +211,26 @@ class _Search:
 
     def _first_served(self, stands: Sequence[list[_Facing]]) -> BasePose | None:
         """Return the first facing that serves; note the others."""
-        places = [facings[0].place.standing for facings in stands]
         first = np.eye(len(self._robot.arm_joints))[0]
-        for facings, paths in zip(stands, self._paths(places, [self._ground.base(p) for p in places]), strict=True):
+        for facings, paths in zip(stands, self._paths([f[0].place.standing for f in stands]), strict=True):
             for facing in facings if len(paths) else facings[:1]:
                 depth, problem = facing.start
                 if not len(paths) and depth < STUCK:
                     depth, problem = UNREACHABLE, "the arm cannot reach along the whole path"
                 elif depth <= SLACK:
-                    ahead = paths - facing.place.turn * first
-                    depth, problem = path_collision(facing.near, self._shape, facing.base, ahead)
+                    seen = paths - facing.place.turn * first
+                    depth, problem = path_collision(facing.near, self._shape, facing.base, seen)
                 if depth <= SLACK:
                     return _chosen(facing.base, facing.place, self._praise(facing.place), True)
                 self._failures.append(_Failure(depth, problem, facing.base, facing.place))
         return None
 
-    def _paths(self, places: Sequence[Candidate], bases: Sequence[np.ndarray]) -> list[np.ndarray]:
+    def _paths(self, places: Sequence[Candidate]) -> list[np.ndarray]:
         """Return the joint paths from each place, shape [path pose arm]; the preferred one is tried harder."""
         if not places:
             return []
         ik_seeds = [self._config.ik_seeds * (4 if place == self._places[0] else 1) for place in places]
-        return follow(self._shape.kin, self._poses, np.array(bases), ik_seeds)
+        return follow(self._shape.kin, self._poses, np.array([self._ground.base(p) for p in places]), ik_seeds)
 
     def _praise(self, place: Candidate) -> str:
         """Return why a place was taken, and what was wrong with the preferred one."""

@@ -26,7 +26,7 @@ Result = TypeVar("Result")
 Shared = TypeVar("Shared")
 
 
-def share(
+def spread(
     work: Callable[[Shared, Item], Result],
     shared: Shared,
     items: Sequence[Item],

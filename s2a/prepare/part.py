@@ -87,7 +87,7 @@ def part_results(
             missing.append((part, members))
         else:
             found[part] = _unpacked(scene, part, members, entry)
-    work = workers.share(_try, (scene, config), missing, FEW, meanwhile)
+    work = workers.spread(_try, (scene, config), missing, FEW, meanwhile)
     for (part, members), made in zip(missing, track(work, "parts", len(missing)), strict=True):
         if isinstance(made, InputError):
             found[part] = made

@@ -27,7 +27,7 @@ def work(shared, item):
 if __name__ == "__main__":
     from s2a import terminal
     terminal.set_up()
-    list(workers.share(work, sys.argv[1], range(9)))
+    list(workers.spread(work, sys.argv[1], range(9)))
 """
 """Three processes that work for minutes, each after it wrote a file named by its number."""
 
@@ -40,7 +40,7 @@ def _three_cores(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 def test_results_come_in_the_order_of_the_items_and_other_work_is_done_once() -> None:
     done: list[int] = []
-    found = list(workers.share(operator.mul, 3, range(20), meanwhile=lambda: done.append(1)))
+    found = list(workers.spread(operator.mul, 3, range(20), meanwhile=lambda: done.append(1)))
     assert found == [3 * k for k in range(20)] and done == [1]
 
 
@@ -48,13 +48,13 @@ def test_results_come_in_the_order_of_the_items_and_other_work_is_done_once() ->
 def test_few_items_need_no_helper(items: int, few: int, meanwhile: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "_pool", None)
     done: list[int] = []
-    found = list(workers.share(operator.mul, 3, range(items), few, (lambda: done.append(1)) if meanwhile else None))
+    found = list(workers.spread(operator.mul, 3, range(items), few, (lambda: done.append(1)) if meanwhile else None))
     assert found == [3 * k for k in range(items)] and done == [1] * meanwhile
 
 
 def test_what_a_helper_raises_is_raised() -> None:
     with pytest.raises(ZeroDivisionError):
-        list(workers.share(operator.truediv, 1, [0, 1, 1, 1, 1, 1, 1, 1]))
+        list(workers.spread(operator.truediv, 1, [0, 1, 1, 1, 1, 1, 1, 1]))
 
 
 def test_commands_side_by_side_have_fewer_helpers_than_cores() -> None:
@@ -70,7 +70,7 @@ def test_where_no_claim_can_be_made_the_work_is_done_alone(tmp_path: Path) -> No
     (tmp_path / "cache").write_text("no folder")
     with workers._spare_cores(9) as helpers:
         assert helpers == 0
-    assert list(workers.share(operator.mul, 3, [1, 2, 3])) == [3, 6, 9]
+    assert list(workers.spread(operator.mul, 3, [1, 2, 3])) == [3, 6, 9]
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])

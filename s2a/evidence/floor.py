@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.geometry.mesh_query import RayMesh, first_hits
+from s2a.geometry.mesh_query import Forest, RayMesh, first_hits
 from s2a.ranges import Fraction, Positive
 
 HEAD = 0.3
@@ -28,7 +28,9 @@ class FloorConfig:
     min_fraction: Fraction
 
 
-def floor_fraction(base: np.ndarray, pedestal: float, radius: float, surface: RayMesh, tolerance: float) -> float:
+def floor_fraction(
+    base: np.ndarray, pedestal: float, radius: float, surface: RayMesh | Forest, tolerance: float
+) -> float:
     """Return the fraction of a base's footprint below which a surface is at the height of its foot, 0 to 1.
 
     Args:

@@ -28,17 +28,24 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
 def keep(mesh: Mesh, faces: np.ndarray) -> Mesh:
     """Return the faces chosen by a mask or by indices [face], with the vertices that they use."""
     chosen = mesh.faces[faces]
-    used, flat = np.unique(chosen, return_inverse=True)
+    used = np.zeros(len(mesh.vertices), bool)
+    used[chosen] = True
+    number = np.cumsum(used, dtype=np.int32) - 1  # without sorting, a tenth of the time of np.unique
     colors = None if mesh.colors is None else mesh.colors[used]
-    return Mesh(mesh.vertices[used], flat.reshape(chosen.shape), colors)
+    return Mesh(mesh.vertices[used], number[chosen], colors)
 
 
 def within(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
     """Return the faces of a mesh whose bounding boxes meet a box with these corners [m], shape [3] each."""
     if not len(mesh.faces) or (mesh.bounds[0] > high).any() or (mesh.bounds[1] < low).any():
         return merge([])
-    corners = mesh.vertices[mesh.faces]
-    return keep(mesh, ((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1))
+    # A bit for each side of the box: a face has it where one of its corners is not beyond that side.
+    bits = np.zeros(len(mesh.vertices), np.uint8)
+    for axis in range(3):
+        bits |= (mesh.vertices[:, axis] >= low[axis]).astype(np.uint8) << (2 * axis)
+        bits |= (mesh.vertices[:, axis] <= high[axis]).astype(np.uint8) << (2 * axis + 1)
+    a, b, c = mesh.faces.T
+    return keep(mesh, (bits[a] | bits[b] | bits[c]) == 0b111111)
 
 
 def weld(mesh: Mesh) -> Mesh:

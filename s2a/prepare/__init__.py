@@ -11,23 +11,23 @@ from s2a import robot
 from s2a.articulation import lever_arm
 from s2a.geometry.convex import column
 from s2a.geometry.mesh_ops import merge
-from s2a.geometry.simplify import DecimateConfig, decimate_room
+from s2a.geometry.simplify import DecimateConfig
 from s2a.prepare.base_pose import BaseConfig
 from s2a.prepare.colliders.cabinet import CabinetConfig, anchor, cabinet_body
 from s2a.prepare.colliders.free import FreeConfig, FreeObject, free_objects
-from s2a.prepare.colliders.room import RoomConfig, cut_out, part_hulls
+from s2a.prepare.colliders.room import RoomConfig, cut_out
 from s2a.prepare.colliders.target import ColliderConfig
 from s2a.prepare.filtering import filtered_pairs
 from s2a.prepare.interior import cabinet_walls
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
 from s2a.prepare.part import PartConfig, PartResult
 from s2a.prepare.selection import ALL, selected_parts
+from s2a.prepare.static_room import StaticRoom
 from s2a.prepare.target import bodies, parent_body
-from s2a.progress import track
 from s2a.ranges import NotNegative, Positive
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
-from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, Grasp, SimBody, SimRoom
+from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Grasp, SimBody, SimRoom
 
 __all__ = ["ALL", "PrepareConfig", "prepare"]
 
@@ -97,7 +97,8 @@ def prepare(
     """
     asked = (targets,) if isinstance(targets, str) else tuple(dict.fromkeys(targets))
     spec = spec or robot.load(DEFAULT_ROBOT)
-    results = selected_parts(scene, asked, config.part(spec))
+    still = StaticRoom(scene, config.room, config.decimate)
+    results = selected_parts(scene, asked, config.part(spec), None if free else still.ahead)
     extracted = free_objects(scene, free, tuple(results), config.free)
     owners = bodies(scene, results)
     obstacles = _obstacles(scene, results, extracted, config)
@@ -106,10 +107,9 @@ def prepare(
     filtered = filtered_pairs(moving, fixed, {part: result.target.joint for part, result in results.items()})
     taken = {i for item in extracted for i in item.members}
     static = [i for i, owner in owners.items() if owner is None and i not in taken]
-    colliders, trimmed = _static_colliders(
-        scene, static, extracted, [o for group in obstacles.values() for o in group], config
-    )
-    visual = decimate_room(scene, static, config.decimate)
+    around = [hull for group in obstacles.values() for hull in group]
+    colliders, trimmed = cut_out(still.colliders(static), around, config.room)
+    visual = still.visual(static)
     return SimRoom(
         name=scene.name,
         bodies=fixed | moving,
@@ -118,7 +118,7 @@ def prepare(
             for part, result in results.items()
         },
         static_visual=visual.mesh,
-        static_colliders=colliders,
+        static_colliders=(*(item.support for item in extracted), *colliders),
         free={item.body.id: item.body for item in extracted},
         notes=_notes(fixed, trimmed),
         static_parts=visual.parts,
@@ -187,23 +187,6 @@ def _moving_body(scene: Scene, result: PartResult, config: PrepareConfig) -> Sim
     mass, source = moving_mass(scene, tuple(target.surfaces), config.mass)
     completed = sum(len(wall.faces) for wall in result.interior)
     return SimBody(target.id, visual, result.colliders, box_mass(visual, mass, target.frame, source), completed)
-
-
-def _static_colliders(
-    scene: Scene,
-    parts: Sequence[str],
-    extracted: Sequence[FreeObject],
-    obstacles: Sequence[Mesh],
-    config: PrepareConfig,
-) -> tuple[tuple[Collider, ...], tuple[str, ...]]:
-    """Return the hulls of the static room, free of obstacles, and the ids of the parts of which something was cut off."""
-    found = []
-    for part in track(parts, "room colliders"):
-        if len(scene.parts[part].mesh.faces):
-            hulls = part_hulls(scene.parts[part], config.room)
-            found += [Collider(part, hull.mesh, hull.structure) for hull in hulls]
-    colliders, trimmed = cut_out(found, obstacles, config.room)
-    return (*(item.support for item in extracted), *colliders), trimmed
 
 
 def _articulation(

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from s2a.evidence.floor import FloorConfig, floor_fraction
-from s2a.geometry.convex import column, overlap
-from s2a.prepare.grasp import floor_height, floor_points, heading, lowest_point
+from s2a.evidence.floor import FloorConfig
+from s2a.prepare.candidates import Candidate, Ground, candidates, turned
 from s2a.prepare.obstacles import Obstacles
-from s2a.prepare.path_clearance import deepest_collision
+from s2a.prepare.path_clearance import UNREACHABLE, path_collision, start_collision
 from s2a.ranges import Count, Numbers, Positive
-from s2a.robot.collision import SLACK, robot_shape
+from s2a.robot.collision import SLACK, Penetration, robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import opening_coordinate, part_path
 from s2a.scene import Mesh, Scene, Vec3
 from s2a.usd.sim_scene import Grasp, Quat
 
-CHUNK = 24
-"""Places whose reach is computed at once."""
+CHUNK, ENOUGH = 24, 8
+"""Places that are looked at before the reach of those with a free start is computed at once, if there are so many of these."""
 STUCK = 1.0
 """Depth [m] that stands for a place where the base cannot stand."""
 
@@ -79,24 +77,36 @@ class BasePose:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A candidate: distance and offset to the side [m], height of the pedestal [m], turn [rad]."""
+class _Facing:
+    """A robot at a place, looking at the handle or past it.
 
-    distance: float
-    side: float
-    pedestal: float
-    turn: float = 0.0
+    Attributes:
+        base: pose of the base, shape [4 4], scene frame.
+        place: where it stands.
+        near: what it can collide with.
+        measure: returns what `start` does.
+    """
 
-    def __str__(self) -> str:
-        words = [f"{self.distance:.2f} m before the handle"]
-        words += [f"{abs(self.side):.2f} m to its {'left' if self.side > 0 else 'right'}"] if self.side else []
-        words += [f"on a pedestal of {self.pedestal:.2f} m"] if self.pedestal else ["on the floor"]
-        words += [f"turned by {math.degrees(self.turn):.0f} degrees"] if self.turn else []
-        return ", ".join(words)
+    base: np.ndarray
+    place: Candidate
+    near: Obstacles
+    measure: Callable[[], Penetration]
+
+    @cached_property
+    def start(self) -> Penetration:
+        """Its collision before the arm moves along a path: depth [m] and words; `STUCK` where its foot cannot stand."""
+        return self.measure()
 
 
-Tried = tuple[float, str, np.ndarray, Candidate]
-"""A place that does not serve: depth of the collision [m], words for it, pose of the base, place."""
+@dataclass(frozen=True)
+class _Failure:
+    """A facing that does not serve: how deep it collides [m], and with what; `waits`: unless the arm cannot even reach."""
+
+    depth: float
+    problem: str
+    base: np.ndarray
+    place: Candidate
+    waits: bool = False
 
 
 def find_base(
@@ -120,17 +130,15 @@ def find_base(
         robot: the robot.
     """
     search = _Search(scene, target, grasp, moving, swept, config, robot)
-    tried: list[Tried] = []
-    for places in _places(config, robot.base.distances):
-        found = search.first_free(places, tried)
-        if found is not None:
-            return found
-    depth, problem, base, place = min(tried, key=lambda t: t[0])
-    return _chosen(base, place, f"{place}, though {problem}; no place is free", False)
+    return search.first_free() or search.nearest()
 
 
 class _Search:
-    """The search for a place from which a part can be opened."""
+    """The search for a place from which a part can be opened.
+
+    Inverse kinematics take most of the time: they are asked for many places at once, and for none where the robot starts in
+    something.
+    """
 
     def __init__(
         self,
@@ -142,113 +150,100 @@ class _Search:
         config: BaseConfig,
         robot: RobotSpec,
     ) -> None:
-        joint, self._point = scene.joint(target), np.array(grasp.point)
-        opening = opening_coordinate(joint, self._point, config.opening)
+        joint, point = scene.joint(target), np.array(grasp.point)
+        opening = opening_coordinate(joint, point, config.opening)
         held = np.array([*grasp.point, *grasp.orientation])
         self._poses = part_path(joint, held, config.approach, opening).poses
-        self._near = Obstacles(scene, moving, self._point, config.query_radius)
-        self._ahead, floor = heading(scene, target), floor_points(scene)
-        self._asks_floor = len(floor) > 0
-        self._floor = floor if self._asks_floor else lowest_point(scene)
-        self._swept, self._config, self._robot, self._shape = swept, config, robot, robot_shape(robot)
+        self._near = Obstacles(scene, moving, point, config.query_radius)
+        self._ground = Ground(scene, target, point, self._near, swept, config.floor, robot)
+        self._config, self._robot, self._shape = config, robot, robot_shape(robot)
+        places = candidates(robot.base.distances, config.sides, config.pedestals)
+        self._places = places if config.search else places[:1]
+        self._failures: list[_Failure] = []
 
-    def first_free(self, places: Sequence[Candidate], tried: list[Tried]) -> BasePose | None:
-        """Return the first place that serves; add the others to those tried."""
-        poses = [_pose(self._floor, self._point, self._ahead, place) for place in places]
-        taken = [self._taken(base, place) for base, place in zip(poses, places, strict=True)]
-        tried += [
-            (STUCK, problem, base, place)
-            for problem, base, place in zip(taken, poses, places, strict=True)
-            if problem is not None
-        ]
-        open_places = [
-            (base, place) for problem, base, place in zip(taken, poses, places, strict=True) if problem is None
-        ]
-        if not open_places:
-            return None
-        # The preferred place is not given up before it was tried hard.
-        ik_seeds = self._config.ik_seeds * (4 if len(places) == 1 else 1)
-        paths = follow(self._shape.kin, self._poses, np.array([base for base, _ in open_places]), ik_seeds)
-        for (base, place), found in zip(open_places, paths, strict=True):
-            chosen = self._facing(base, place, found, tried)
-            if chosen is not None:
-                return chosen
+    def first_free(self) -> BasePose | None:
+        """Return the first place that serves."""
+        hopeful: list[list[_Facing]] = []
+        for k, place in enumerate(self._places):
+            facings = self._stand(place)
+            starts = any(facing.start[0] <= SLACK for facing in facings)
+            if starts or (facings and k == 0):  # why the preferred place was not taken is said in any case
+                hopeful.append(facings)
+            else:
+                self._failures += [_Failure(*f.start, f.base, f.place, f.start[0] < STUCK) for f in facings]
+            enough = len(hopeful) >= ENOUGH and k % CHUNK == 0
+            if (k == 0 and starts) or enough or place is self._places[-1]:
+                found = self._first_served(hopeful)
+                if found is not None:
+                    return found
+                hopeful = []
         return None
 
-    def _facing(self, base: np.ndarray, place: Candidate, paths: np.ndarray, tried: list[Tried]) -> BasePose | None:
-        """Return a place if the robot is free there, facing the handle or turned past it; else add it to those tried."""
-        first = np.eye(len(self._robot.arm_joints))[0]
-        for turn in self._config.turns if self._config.search and len(paths) else self._config.turns[:1]:
-            turned, there = _turned(base, turn, self._shape.kin.shoulder), replace(place, turn=turn)
+    def nearest(self) -> BasePose:
+        """Return the place where the robot collides least, once no other is left."""
+        order = sorted(self._failures, key=lambda failure: failure.depth)
+        for start in range(0, len(order), CHUNK):
+            some = order[start : start + CHUNK]
+            asked = list(dict.fromkeys(f.place.standing for f in some if f.waits))
+            reached = dict(zip(asked, self._paths(asked), strict=True))
+            for failure in some:
+                if not failure.waits or len(reached[failure.place.standing]):
+                    words = f"{failure.place}, though {failure.problem}; no place is free"
+                    return _chosen(failure.base, failure.place, words, False)
+        raise AssertionError("the preferred place was tried to the end")
+
+    def _stand(self, place: Candidate) -> list[_Facing]:
+        """Return the robot at a place, facing the handle or turned past it; nothing where it cannot stand, which is noted."""
+        base = self._ground.base(place)
+        if (problem := self._ground.taken(base, place)) is not None:
+            self._failures.append(_Failure(STUCK, problem, base, place))
+            return []
+        found = []
+        for turn in self._config.turns if self._config.search else self._config.turns[:1]:
+            seen, there = turned(base, turn, self._shape.kin.shoulder), replace(place, turn=turn)
+            near = self._near.with_pedestal(seen[:3, 3], place.pedestal, self._robot.base.radius)
             # The foot of a robot whose arm is not on its axis moves when the robot turns about its shoulder.
-            if not np.allclose(turned[:3, 3], base[:3, 3]) and (problem := self._taken(turned, there)) is not None:
-                tried.append((STUCK, problem, turned, there))
-                continue
-            near = self._near.with_pedestal(turned[:3, 3], place.pedestal, self._robot.base.radius)
-            depth, problem = deepest_collision(near, self._shape, turned, self._poses, paths - turn * first)
-            if depth <= SLACK:
-                return _chosen(turned, there, _praise(there, tried), True)
-            tried.append((depth, problem, turned, there))
+            moves = not np.allclose(seen[:3, 3], base[:3, 3])
+            stuck = self._ground.taken(seen, there) if moves else None
+            start = partial(start_collision, near, self._shape, seen, self._poses[0])
+            found.append(_Facing(seen, there, near, partial(_stuck, stuck) if stuck else start))
+        return found
+
+    def _first_served(self, stands: Sequence[list[_Facing]]) -> BasePose | None:
+        """Return the first facing that serves; note the others."""
+        first = np.eye(len(self._robot.arm_joints))[0]
+        for facings, paths in zip(stands, self._paths([f[0].place.standing for f in stands]), strict=True):
+            for facing in facings if len(paths) else facings[:1]:
+                depth, problem = facing.start
+                if not len(paths) and depth < STUCK:
+                    depth, problem = UNREACHABLE, "the arm cannot reach along the whole path"
+                elif depth <= SLACK:
+                    seen = paths - facing.place.turn * first
+                    depth, problem = path_collision(facing.near, self._shape, facing.base, seen)
+                if depth <= SLACK:
+                    return _chosen(facing.base, facing.place, self._praise(facing.place), True)
+                self._failures.append(_Failure(depth, problem, facing.base, facing.place))
         return None
 
-    def _taken(self, base: np.ndarray, place: Candidate) -> str | None:
-        """Return why a base cannot stand at a place, or None if it can."""
-        body, foot = self._robot.base, base[:3, 3]
-        floor = foot[2] - place.pedestal
-        low, high = floor + 0.05 + body.radius, foot[2] + body.shoulder_height
-        standing = self._near.standing_in(foot[:2], low, high, body.radius)
-        if standing is not None:
-            return f"{standing} stands where the base has to stand"
-        if self._asks_floor and not self._on_floor(foot, place):
-            return "no floor was scanned there"
-        height = place.pedestal + body.shoulder_height + body.upper_arm
-        trunk = column(np.array([*foot[:2], floor]), body.radius, height)
-        opens_into = any(overlap(trunk, piece) > 1e-3 for piece in self._swept)
-        return "the part would open into the base" if opens_into else None
+    def _paths(self, places: Sequence[Candidate]) -> list[np.ndarray]:
+        """Return the joint paths from each place, shape [path pose arm]; the preferred one is tried harder."""
+        if not places:
+            return []
+        ik_seeds = [self._config.ik_seeds * (4 if place == self._places[0] else 1) for place in places]
+        return follow(self._shape.kin, self._poses, np.array([self._ground.base(p) for p in places]), ik_seeds)
 
-    def _on_floor(self, foot: np.ndarray, place: Candidate) -> bool:
-        """Return True if there is scanned floor below a base [3]; `s2a certify` asks the same."""
-        known, radius = self._config.floor, self._robot.base.radius
-        below = floor_fraction(foot, place.pedestal, radius, self._near.surface, known.tolerance)
-        return below >= known.min_fraction
+    def _praise(self, place: Candidate) -> str:
+        """Return why a place was taken, and what was wrong with the preferred one."""
+        wrong = [failure for failure in self._failures if failure.place.standing == self._places[0]]
+        instead = f" (not {wrong[0].place}: {wrong[0].problem})" if wrong else ""
+        return f"{place}; the arm reaches the whole path, start and path are free{instead}"
 
 
-def _praise(place: Candidate, tried: Sequence[Tried]) -> str:
-    """Return why a place was taken."""
-    instead = f" (not {tried[0][3]}: {tried[0][1]})" if tried else ""
-    return f"{place}; the arm reaches the whole path, start and path are free{instead}"
-
-
-def _places(config: BaseConfig, distances: Sequence[float]) -> Iterator[list[Candidate]]:
-    """Yield the places in the order of how far they are from the preferred one."""
-    places = [Candidate(*p) for p in itertools.product(distances, config.sides, config.pedestals)]
-    places = sorted(places, key=lambda p: abs(p.distance - distances[0]) + abs(p.side) + 0.5 * p.pedestal)
-    places = places if config.search else places[:1]
-    yield places[:1]
-    for k in range(1, len(places), CHUNK):
-        yield places[k : k + CHUNK]
-
-
-def _pose(floor: np.ndarray, point: np.ndarray, ahead: np.ndarray, place: Candidate) -> np.ndarray:
-    """Return the pose [4 4] of the base at a place above the floor's points [point 3], facing the handle."""
-    left = np.array([-ahead[1], ahead[0]])
-    position = point[:2] - place.distance * ahead + place.side * left
-    towards = point[:2] - position
-    pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_euler("z", math.atan2(towards[1], towards[0])).as_matrix()
-    pose[:3, 3] = [*position, floor_height(floor, position) + place.pedestal]
-    return pose
+def _stuck(problem: str) -> Penetration:
+    return STUCK, problem
 
 
 def _chosen(base: np.ndarray, place: Candidate, reason: str, free: bool) -> BasePose:
     x, y, z = map(float, base[:3, 3])
     half = math.atan2(base[1, 0], base[0, 0]) / 2
     return BasePose((x, y, z), (0.0, 0.0, math.sin(half), math.cos(half)), reason, place.pedestal, free)
-
-
-def _turned(base: np.ndarray, turn: float, shoulder: np.ndarray) -> np.ndarray:
-    """Return a base turned about its arm's vertical first axis, through a point [3] of its frame."""
-    pose = base.copy()
-    pose[:3, :3] = base[:3, :3] @ Rotation.from_euler("z", turn).as_matrix()
-    pose[:3, 3] += (base[:3, :3] - pose[:3, :3]) @ shoulder
-    return pose

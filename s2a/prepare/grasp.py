@@ -98,9 +98,10 @@ def heading(scene: Scene, target: str) -> np.ndarray:
 
 
 def floor_points(scene: Scene) -> np.ndarray:
-    """Return points of the floor [m], those of the parts labelled so, shape [point 3]; none where no part is."""
+    """Return points of the floor [m], of the parts labelled so, shape [point 3], by increasing x; none where no part is."""
     floors = merge([part.mesh for part in scene.parts.values() if is_structure(part.label, FLOOR)])
-    return centroids(floors)[normals(floors)[:, 2] > 0.5]
+    found = centroids(floors)[normals(floors)[:, 2] > 0.5]
+    return found[np.argsort(found[:, 0], kind="stable")]
 
 
 def lowest_point(scene: Scene) -> np.ndarray:
@@ -109,9 +110,17 @@ def lowest_point(scene: Scene) -> np.ndarray:
 
 
 def floor_height(floor: np.ndarray, place: np.ndarray, radius: float = 0.4) -> float:
-    """Return the height [m] of the floor's points [point 3] around a place (x, y), or of all where there are none."""
-    near = np.linalg.norm(floor[:, :2] - place, axis=1) < radius
-    return float(np.median(floor[near if near.any() else slice(None), 2]))
+    """Return the height [m] of the floor's points around a place (x, y), or of all where there are none.
+
+    Args:
+        floor: the points [m], by increasing x, shape [point 3].
+        place: (x, y) [m].
+        radius: what counts as around [m].
+    """
+    first, last = np.searchsorted(floor[:, 0], [place[0] - radius, place[0] + radius])
+    strip = floor[first:last]
+    near = strip[np.linalg.norm(strip[:, :2] - place, axis=1) < radius]
+    return float(np.median((near if len(near) else floor)[:, 2]))
 
 
 def _vec3(values: np.ndarray) -> Vec3:

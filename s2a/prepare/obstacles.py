@@ -7,10 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2a.geometry.mesh_ops import merge, within
-from s2a.geometry.mesh_query import ray_mesh
-from s2a.robot.collision import Penetration, Surfaces
-from s2a.scene import Scene
+from s2a.geometry.mesh_query import Forest, nearest_meshes
+from s2a.robot.collision import Penetration
+from s2a.scene import Mesh, Scene
 
 
 class Obstacles:
@@ -21,13 +20,11 @@ class Obstacles:
     """
 
     def __init__(self, scene: Scene, moving: Sequence[str], point: np.ndarray, query_radius: float) -> None:
-        """Take the surfaces within `query_radius` [m] of a point [3] in plan; `moving` are the ids of the parts that open."""
-        around = np.array([query_radius, query_radius, np.inf])
-        near = {i: within(part.mesh, point - around, point + around) for i, part in scene.parts.items()}
-        whole = merge(list(near.values()))
-        self.surface = ray_mesh(whole.vertices, whole.faces)
-        self._static = Surfaces({i: mesh for i, mesh in near.items() if i not in moving})
-        self._moving = Surfaces({i: near[i] for i in moving})
+        """Take the parts that reach within `query_radius` [m] of a point [3] in plan; `moving` are the ids of those that open."""
+        parts = [i for i in scene.parts if _reaches(scene.parts[i].mesh, point[:2], query_radius)]
+        self.surface = Forest([scene.parts[i].mesh for i in parts])
+        self._static = _Parts(scene, [i for i in parts if i not in moving])
+        self._moving = _Parts(scene, [i for i in parts if i in moving])
         self._pedestal: tuple[np.ndarray, float] | None = None
 
     def with_pedestal(self, foot: np.ndarray, height: float, radius: float) -> Obstacles:
@@ -60,3 +57,27 @@ class Obstacles:
         axis = np.concatenate([np.tile(place, (len(steps), 1)), steps[:, None]], axis=1)
         depth, owner = self.penetration(axis, np.full(len(axis), radius), moving=True)
         return owner if depth > 0.0 else None
+
+
+class _Parts:
+    """Some parts of a scene; their search trees are built once for all parts that are to be opened."""
+
+    def __init__(self, scene: Scene, ids: Sequence[str]) -> None:
+        self._ids = ids
+        self._forest = Forest([scene.parts[i].mesh for i in ids])
+
+    def penetration(self, centers: np.ndarray, radii: np.ndarray) -> Penetration:
+        """Return how deep spheres [sphere 3] of radii [sphere] reach into a surface [m], and whose."""
+        if not self._ids or not len(centers):
+            return 0.0, ""
+        index, gap = nearest_meshes(self._forest, centers, reach=float(radii.max()))
+        depth = np.where(index >= 0, radii - gap, 0.0)
+        k = int(np.argmax(depth))
+        return (float(depth[k]), self._ids[index[k]]) if depth[k] > 0.0 else (0.0, "")
+
+
+def _reaches(mesh: Mesh, place: np.ndarray, radius: float) -> bool:
+    """Return True if the bounding box of a surface meets the square of half this width [m] around a place (x, y)."""
+    if not len(mesh.faces):
+        return False
+    return bool((mesh.bounds[0, :2] <= place + radius).all() and (mesh.bounds[1, :2] >= place - radius).all())

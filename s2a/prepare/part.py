@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import logging
-import multiprocessing
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from s2a import cores
+from s2a import workers
 from s2a.cache import Arrays, find, keep, key, pack, unpack
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
@@ -69,13 +66,16 @@ Asked = tuple[str, tuple[str, ...]]
 """An articulated part, and the parts of its body."""
 
 
-def part_results(scene: Scene, asked: Sequence[Asked], config: PartConfig) -> dict[str, PartResult | InputError]:
+def part_results(
+    scene: Scene, asked: Sequence[Asked], config: PartConfig, meanwhile: Callable[[], object] | None = None
+) -> dict[str, PartResult | InputError]:
     """Return what was found for each part, or why it cannot be prepared.
 
     Args:
         scene: the room.
         asked: articulated parts, each with the parts of its body.
         config: how.
+        meanwhile: other work for this process, where helpers begin with the parts.
     """
     whole = key([*(part.mesh for part in scene.parts.values()), _facts(scene), repr(config)])
     keys = {part: [whole, part, repr(members)] for part, members in asked}
@@ -87,7 +87,8 @@ def part_results(scene: Scene, asked: Sequence[Asked], config: PartConfig) -> di
             missing.append((part, members))
         else:
             found[part] = _unpacked(scene, part, members, entry)
-    for (part, members), made in zip(missing, _made(scene, missing, config), strict=True):
+    work = workers.spread(_try, (scene, config), missing, FEW, meanwhile)
+    for (part, members), made in zip(missing, track(work, "parts", len(missing)), strict=True):
         if isinstance(made, InputError):
             found[part] = made
         else:
@@ -96,33 +97,8 @@ def part_results(scene: Scene, asked: Sequence[Asked], config: PartConfig) -> di
     return {part: found[part] for part, _ in asked}
 
 
-def _made(scene: Scene, asked: Sequence[Asked], config: PartConfig) -> Iterator[Arrays | InputError]:
-    """Yield the packed result of each part, from as many processes as there are processors."""
-    if len(asked) <= FEW or cores.count() == 1:
-        for part in track(asked, "parts"):
-            yield _try(scene, part, config)
-        return
-    # Processes start afresh: a forked one would share Warp's threads and locks.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(cores.count(), context, _begin, (scene, config)) as pool:
-        yield from track(pool.map(_in_worker, asked), "parts", len(asked))
-
-
-_shared: list[tuple[Scene, PartConfig]] = []
-
-
-def _begin(scene: Scene, config: PartConfig) -> None:
-    """Keep in a worker process what all its tasks share."""
-    logging.disable(logging.WARNING)
-    _shared.append((scene, config))
-
-
-def _in_worker(asked: Asked) -> Arrays | InputError:
-    scene, config = _shared[0]
-    return _try(scene, asked, config)
-
-
-def _try(scene: Scene, asked: Asked, config: PartConfig) -> Arrays | InputError:
+def _try(shared: tuple[Scene, PartConfig], asked: Asked) -> Arrays | InputError:
+    scene, config = shared
     try:
         return _packed(_part(find_target(scene, *asked, spec=config.robot), scene, config))
     except InputError as error:

@@ -17,32 +17,32 @@ TRIED = 8
 """Number of joint paths that are checked: those that begin nearest to home."""
 
 
-def deepest_collision(
-    near: Obstacles, shape: RobotShape, base: np.ndarray, poses: np.ndarray, paths: np.ndarray
-) -> Penetration:
-    """Return the robot's deepest collision from one place, on the best of its joint paths, with words for it.
+def start_collision(near: Obstacles, shape: RobotShape, base: np.ndarray, first: np.ndarray) -> Penetration:
+    """Return the robot's deepest collision at home and with the gripper's straight path from there, with words for it.
 
     Args:
         near: what it can collide with.
         shape: of the robot.
         base: pose of the base, shape [4 4], scene frame.
-        poses: of the tool frame from the point of approach on, shape [pose 4 4], scene frame.
-        paths: joint paths that follow them [rad], shape [path pose arm].
+        first: pose of the tool frame at the point of approach, shape [4 4], scene frame.
     """
     home = np.array(shape.kin.spec.home)
-    if not len(paths):
-        return UNREACHABLE, "the arm cannot reach along the whole path"
     depth, owner = _robot(near, shape, base, home[None], moving=True)
     if depth > SLACK:
         return depth, f"the start pose reaches {1000 * depth:.0f} mm into {owner}"
-    depth, owner = _straight(near, shape, base @ shape.kin.tool(home[None])[0], poses[0])
-    if depth > SLACK:
-        return depth, f"the gripper on its path reaches {1000 * depth:.0f} mm into {owner}"
-    return _along(near, shape, base, paths)
+    depth, owner = _straight(near, shape, base @ shape.kin.tool(home[None])[0], first)
+    return depth, f"the gripper on its path reaches {1000 * depth:.0f} mm into {owner}"
 
 
-def _along(near: Obstacles, shape: RobotShape, base: np.ndarray, paths: np.ndarray) -> Penetration:
-    """Return the deepest collision on the best path to the handle and with it."""
+def path_collision(near: Obstacles, shape: RobotShape, base: np.ndarray, paths: np.ndarray) -> Penetration:
+    """Return the robot's deepest collision on its way from home to the handle and with it, on the best of its joint paths.
+
+    Args:
+        near: what it can collide with.
+        shape: of the robot.
+        base: pose of the base, shape [4 4], scene frame.
+        paths: joint paths from the point of approach on [rad], shape [path pose arm].
+    """
     kin = shape.kin
     home = np.array(kin.spec.home)
     paths = paths[((paths > kin.lower) & (paths < kin.upper)).all(axis=(1, 2))]
@@ -89,4 +89,6 @@ def _straight(near: Obstacles, shape: RobotShape, start: np.ndarray, end: np.nda
         places = start[:3, 3] + fraction[:, None] * (end[:3, 3] - start[:3, 3])
         centers = np.einsum("kij,sj->ksi", matrices, shape.gripper) + places[:, None]
         best = min(best, near.penetration(centers.reshape(-1, 3), np.tile(shape.gripper_radii, count), moving=True))
+        if best[0] <= 0.0:
+            break
     return best

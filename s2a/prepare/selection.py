@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -31,37 +31,44 @@ def refuse_other_units(scene: Scene) -> None:
         )
 
 
-def selected_parts(scene: Scene, targets: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
+Ahead = Callable[[Sequence[str]], object]
+"""Work that can be done beside that on the parts with these ids."""
+
+
+def selected_parts(
+    scene: Scene, targets: Sequence[str], config: PartConfig, ahead: Ahead | None = None
+) -> dict[str, PartResult]:
     """Return the results of parts by id.
 
     Args:
         scene: the room.
         targets: ids of the parts, or only "all": every part that can be prepared; of the others a warning is logged.
         config: settings of each part.
+        ahead: done by this process while others begin with the parts.
 
     Raises:
         InputError: a part that is named cannot be prepared; of all parts, none can; the scene is not in metres.
     """
     refuse_other_units(scene)
-    return _all(scene, config) if tuple(targets) == (ALL,) else _exactly(scene, targets, config)
+    return _all(scene, config, ahead) if tuple(targets) == (ALL,) else _exactly(scene, targets, config, ahead)
 
 
-def _exactly(scene: Scene, parts: Sequence[str], config: PartConfig) -> dict[str, PartResult]:
+def _exactly(scene: Scene, parts: Sequence[str], config: PartConfig, ahead: Ahead | None) -> dict[str, PartResult]:
     """Return the results of parts that were asked for by their ids."""
     for part in parts:
         target_joint(scene, part)  # one that cannot move is refused before the first is worked on
-    results = part_results(scene, _with_members(scene, parts), config)
+    results = _results(scene, parts, config, ahead)
     for result in results.values():
         if isinstance(result, InputError):
             raise result
     return {part: result for part, result in results.items() if isinstance(result, PartResult)}
 
 
-def _all(scene: Scene, config: PartConfig) -> dict[str, PartResult]:
+def _all(scene: Scene, config: PartConfig, ahead: Ahead | None) -> dict[str, PartResult]:
     """Return the results of all articulated parts that can be prepared; warn of the others, which are frozen."""
     parts = scene.movable
     while True:
-        results = part_results(scene, _with_members(scene, parts), config)
+        results = _results(scene, parts, config, ahead)
         refused = {part: result for part, result in results.items() if isinstance(result, InputError)}
         for part, error in refused.items():
             _log.warning("%s is left out: %s", part, error)
@@ -71,6 +78,13 @@ def _all(scene: Scene, config: PartConfig) -> dict[str, PartResult]:
             raise InputError(f"scene {scene.name!r} has no articulated part that can be prepared")
         if not refused:
             return {part: result for part, result in results.items() if isinstance(result, PartResult)}
+
+
+def _results(
+    scene: Scene, parts: Sequence[str], config: PartConfig, ahead: Ahead | None
+) -> dict[str, PartResult | InputError]:
+    meanwhile = None if ahead is None else lambda: ahead(parts)
+    return part_results(scene, _with_members(scene, parts), config, meanwhile)
 
 
 def _with_members(scene: Scene, parts: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from s2a.robot.kinematics import Kinematics
@@ -18,22 +20,27 @@ HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 """A parallel gripper holds as well with its fingers exchanged."""
 
 
-def follow(kin: Kinematics, poses: np.ndarray, bases: np.ndarray, ik_seeds: int, seed: int = 0) -> list[np.ndarray]:
+def follow(
+    kin: Kinematics, poses: np.ndarray, bases: np.ndarray, ik_seeds: int | Sequence[int], seed: int = 0
+) -> list[np.ndarray]:
     """Return, for each base, the joint paths with which the arm can follow a tool path, shape [path pose arm].
 
     Args:
         kin: of the robot.
         poses: of the tool frame, shape [pose 4 4], scene frame; it may also be turned by half about its z axis.
         bases: poses of the base, shape [base 4 4], scene frame.
-        ik_seeds: starts of the inverse kinematics for each base and both gripper rolls: home, and random ones.
+        ik_seeds: starts of the inverse kinematics for each base (one number for all, or one each) and both gripper rolls:
+            home, and random ones.
         seed: of those.
     """
     local = np.linalg.inv(bases)[:, None] @ poses[None]
-    targets = np.repeat(np.concatenate([local, local @ HALF_TURN]), ik_seeds, axis=0)
-    starts = np.random.default_rng(seed).uniform(kin.lower, kin.upper, (ik_seeds, len(kin.lower)))
+    counts = np.broadcast_to(ik_seeds, len(bases))
+    owner = np.tile(np.repeat(np.arange(len(bases)), counts), 2)
+    targets = np.repeat(np.concatenate([local, local @ HALF_TURN]), np.tile(counts, 2), axis=0)
+    starts = np.random.default_rng(seed).uniform(kin.lower, kin.upper, (counts.max(), len(kin.lower)))
     starts[0] = kin.spec.home
-    q, left = kin.solve(targets[:, 0], np.tile(starts, (2 * len(bases), 1)), iterations=40, damping=1e-2)
-    owner = np.tile(np.repeat(np.arange(len(bases)), ik_seeds), 2)
+    first = np.concatenate([starts[:count] for count in counts])
+    q, left = kin.solve(targets[:, 0], np.tile(first, (2, 1)), iterations=40, damping=1e-2)
     alive = np.flatnonzero((left < EXACT) & (_margin(kin, q) > MARGIN))
     path = [q[alive]]
     for k in range(1, len(poses)):

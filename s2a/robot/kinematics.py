@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from functools import cache
+from functools import cache, cached_property
+from typing import TYPE_CHECKING
 
-import newton
-import newton.ik as ik
 import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
 from s2a.robot import urdf
 from s2a.robot.spec import RobotSpec
+
+if TYPE_CHECKING:
+    import newton
 
 
 class Kinematics:
@@ -40,7 +42,12 @@ class Kinematics:
             self.arm_group[i] = 0 if parent < 0 else self.arm_group[parent] + (joint >= 0)
         self.shoulder = next(fixed for _, _, fixed, _, joint in self._chain if joint == 0)[:3, 3]
         self._tool_link = self.links.index(spec.tool_link)
-        self._model, self._body = _ik_model(robot, spec)
+        self._urdf = robot
+
+    @cached_property
+    def _ik_model(self) -> tuple[newton.Model, int]:
+        """Newton's model of the arm; made when it is asked for, since Newton takes seconds to import."""
+        return _ik_model(self._urdf, self.spec)
 
     def frames(self, q: np.ndarray) -> np.ndarray:
         """Return the poses of all links in the base frame, shape [pose link 4 4], for arm joints [pose arm]."""
@@ -73,16 +80,17 @@ class Kinematics:
         n = len(targets)
         if n == 0:
             return start.copy(), np.zeros(0)
+        import newton.ik as ik
+
+        model, body = self._ik_model
         with wp.ScopedDevice("cpu"):
             quats = Rotation.from_matrix(targets[:, :3, :3]).as_quat().astype(np.float32)
             places = targets[:, :3, 3].astype(np.float32)
-            position = ik.IKObjectivePosition(
-                self._body, wp.vec3(*self.spec.tool_offset), wp.array(places, dtype=wp.vec3)
-            )
-            rotation = ik.IKObjectiveRotation(self._body, wp.quat_identity(), wp.array(quats, dtype=wp.vec4))
-            limits = ik.IKObjectiveJointLimit(self._model.joint_limit_lower, self._model.joint_limit_upper, weight=10.0)
+            position = ik.IKObjectivePosition(body, wp.vec3(*self.spec.tool_offset), wp.array(places, dtype=wp.vec3))
+            rotation = ik.IKObjectiveRotation(body, wp.quat_identity(), wp.array(quats, dtype=wp.vec4))
+            limits = ik.IKObjectiveJointLimit(model.joint_limit_lower, model.joint_limit_upper, weight=10.0)
             solver = ik.IKSolver(
-                self._model,
+                model,
                 n,
                 [position, rotation, limits],
                 jacobian_mode=ik.IKJacobianType.ANALYTIC,
@@ -129,6 +137,8 @@ def _chain(robot: ElementTree.Element, spec: RobotSpec) -> list[tuple[str, int, 
 
 def _ik_model(robot: ElementTree.Element, spec: RobotSpec) -> tuple[newton.Model, int]:
     """Return a model of the arm alone, without shapes, and the index of the body with the tool frame."""
+    import newton
+
     bare = urdf.without(robot, set(spec.gripper.links))
     for link in bare.findall("link"):
         for shape in link.findall("collision"):

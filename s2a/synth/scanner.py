@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from s2a.geometry.mesh_query import NoiseConfig, RayMesh, cast_panorama
+from s2a.geometry.mesh_query import RayMesh
+from s2a.geometry.panorama import NoiseConfig, cast_panorama
 from s2a.progress import track
 from s2a.ranges import AtLeast, CountFromZero, Fraction, Positive
 from s2a.synth.handheld import DriftConfig, drifts, smoothed

@@ -108,3 +108,16 @@ def test_distance_from_a_union_ignores_surfaces_inside_of_it() -> None:
     points = np.array([[0.25, 0, 0], [1.5, 0, 0], [-0.6, 0, 0.6]])
     assert surface_distance(cubes, points)[1:] == pytest.approx([0.5, np.hypot(0.1, 0.1)], abs=1e-6)
     assert surface_distance(cubes, points)[0] >= 0.25 - 1e-6
+
+
+def test_a_box_takes_the_faces_whose_own_boxes_meet_it() -> None:
+    random = np.random.default_rng(0)
+    corners = random.uniform(-1.0, 1.0, (400, 1, 3)) + random.uniform(-0.3, 0.3, (400, 3, 3))
+    mesh = Mesh(corners.reshape(-1, 3), np.arange(1200).reshape(-1, 3))
+    low, high = np.array([-0.5, -0.2, -np.inf]), np.array([0.1, 0.6, 0.3])
+    triangles = mesh.vertices[mesh.faces]
+    meets = ((triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)).all(axis=1)
+    found = mesh_ops.within(mesh, low, high)
+    assert 0 < meets.sum() < 400
+    assert np.array_equal(found.vertices[found.faces], triangles[meets])
+    assert np.array_equal(np.unique(found.faces), np.arange(len(found.vertices)))

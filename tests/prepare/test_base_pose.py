@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -17,14 +18,14 @@ from settings import load
 from s2a import robot
 from s2a.geometry.sweep import sweep
 from s2a.planner.motion import PlannerConfig, joint_paths
-from s2a.prepare import PrepareConfig, prepare
+from s2a.prepare import PrepareConfig, base_pose, prepare
 from s2a.prepare.base_pose import BaseConfig, BasePose, find_base
-from s2a.prepare.grasp import find_grasp
+from s2a.prepare.grasp import find_grasp, floor_height
 from s2a.prepare.obstacles import Obstacles
-from s2a.prepare.path_clearance import deepest_collision
+from s2a.prepare.path_clearance import path_collision
 from s2a.robot.collision import robot_shape
 from s2a.robot.joint_path import follow
-from s2a.robot.kinematics import kinematics
+from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import opening_coordinate, part_path
 from s2a.scene import Joint, Mesh, Part, Scene
@@ -172,16 +173,43 @@ def test_the_arm_turns_to_the_handle_without_touching_anything() -> None:
     room = with_block(low, high, Scene("room", {}))
     near, nothing = (Obstacles(room, [], np.array([x, 0.0, 0.0]), 1.6) for x in (0.0, 50.0))
     around, still = np.stack([turned, turned]), np.stack([home, home])
-    depth, problem = deepest_collision(near, shape, np.eye(4), end[None], around[None])
+    depth, problem = path_collision(near, shape, np.eye(4), around[None])
     assert 0.005 < depth < 0.2 and "block_99 on its path to the handle" in problem
-    assert deepest_collision(nothing, shape, np.eye(4), end[None], around[None])[0] == 0.0
-    assert deepest_collision(near, shape, np.eye(4), end[None], np.stack([around, still]))[0] == 0.0
+    assert path_collision(nothing, shape, np.eye(4), around[None])[0] == 0.0
+    assert path_collision(near, shape, np.eye(4), np.stack([around, still]))[0] == 0.0
 
 
 def test_where_no_place_is_free_the_stage_says_so() -> None:
     walled = with_block((0.45, -3.0, 0.0), (3.0, 3.0, 2.0))
     found = base(walled, pedestals=(0.0, 0.6), turns=(0.0,))
     assert not found.free and "no place is free" in found.reason
+
+
+def test_inverse_kinematics_are_not_asked_for_where_the_robot_starts_in_something(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # A slab at the height of the elbow at home, 0.9 m before the furniture: a robot on the floor starts in it everywhere.
+    slab = with_block((0.7, -3.0, 0.5), (3.0, 3.0, 0.52))
+    asked: list[int] = []
+
+    def counted(kin: Kinematics, poses: np.ndarray, bases: np.ndarray, ik_seeds: Sequence[int]) -> list[np.ndarray]:
+        asked.append(len(bases))
+        return follow(kin, poses, bases, ik_seeds)
+
+    monkeypatch.setattr(base_pose, "follow", counted)
+    distances = PANDA.base.distances
+    found = base(slab, pedestals=(0.0,), turns=(0.0,))
+    assert not found.free and "no place is free" in found.reason
+    assert sum(asked) < len(distances) * len(config().sides)
+
+
+def test_the_floor_is_as_high_as_its_points_around_a_place() -> None:
+    random = np.random.default_rng(0)
+    points = random.uniform(-2.0, 2.0, (3000, 3))
+    points = points[np.argsort(points[:, 0])]
+    for place in random.uniform(-2.5, 2.5, (50, 2)):
+        near = np.linalg.norm(points[:, :2] - place, axis=1) < 0.3
+        assert floor_height(points, place, 0.3) == np.median(points[near if near.any() else slice(None), 2])
 
 
 def test_a_part_does_not_open_into_the_base() -> None:

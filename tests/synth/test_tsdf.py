@@ -9,7 +9,8 @@ import pytest
 import warp as wp
 
 from s2a.geometry.mesh_ops import normals, sample_with_faces
-from s2a.geometry.mesh_query import NoiseConfig, cast_panorama, nearest_faces, pixel_tangents, ray_mesh
+from s2a.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.geometry.panorama import NoiseConfig, cast_panorama, pixel_tangents
 from s2a.scene import Mesh
 from s2a.synth.pixel_planes import View, measure
 from s2a.synth.project_to_scan import project_to_scan

@@ -1,0 +1,103 @@
+"""Work is shared with helper processes, which end with this one and leave other commands their cores."""
+
+from __future__ import annotations
+
+import operator
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from s2a import workers
+
+SCRIPT = """
+import os, sys, time
+from s2a import workers
+
+os.sched_getaffinity = lambda pid: {0, 1, 2}
+
+def work(shared, item):
+    open(f"{shared}/{os.getpid()}", "w").close()
+    time.sleep(600)
+
+if __name__ == "__main__":
+    from s2a import terminal
+    terminal.set_up()
+    list(workers.spread(work, sys.argv[1], range(9)))
+"""
+"""Three processes that work for minutes, each after it wrote a file named by its number."""
+
+
+@pytest.fixture(autouse=True)
+def _three_cores(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("S2A_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1, 2})
+
+
+def test_results_come_in_the_order_of_the_items_and_other_work_is_done_once() -> None:
+    done: list[int] = []
+    found = list(workers.spread(operator.mul, 3, range(20), meanwhile=lambda: done.append(1)))
+    assert found == [3 * k for k in range(20)] and done == [1]
+
+
+@pytest.mark.parametrize(("items", "few", "meanwhile"), [(0, 1, True), (3, 3, True), (3, 3, False)])
+def test_few_items_need_no_helper(items: int, few: int, meanwhile: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "_pool", None)
+    done: list[int] = []
+    found = list(workers.spread(operator.mul, 3, range(items), few, (lambda: done.append(1)) if meanwhile else None))
+    assert found == [3 * k for k in range(items)] and done == [1] * meanwhile
+
+
+def test_what_a_helper_raises_is_raised() -> None:
+    with pytest.raises(ZeroDivisionError):
+        list(workers.spread(operator.truediv, 1, [0, 1, 1, 1, 1, 1, 1, 1]))
+
+
+def test_commands_side_by_side_have_fewer_helpers_than_cores() -> None:
+    with workers._spare_cores(9) as first, workers._spare_cores(9) as second:
+        assert (first, second) == (2, 0)
+    with workers._spare_cores(1) as first, workers._spare_cores(9) as second:
+        assert (first, second) == (1, 1)
+    with workers._spare_cores(-1) as none:
+        assert none == 0
+
+
+def test_where_no_claim_can_be_made_the_work_is_done_alone(tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("no folder")
+    with workers._spare_cores(9) as helpers:
+        assert helpers == 0
+    assert list(workers.spread(operator.mul, 3, [1, 2, 3])) == [3, 6, 9]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_helpers_end_with_their_command(number: signal.Signals, tmp_path: Path) -> None:
+    script, begun = tmp_path / "script.py", tmp_path / "begun"
+    script.write_text(SCRIPT)
+    begun.mkdir()
+    command = subprocess.Popen([sys.executable, str(script), str(begun)], stderr=subprocess.DEVNULL)
+    try:
+        _wait(lambda: len(list(begun.iterdir())) == 3)
+        command.send_signal(number)
+        command.wait(30)
+        _wait(lambda: not any(_runs(int(path.name)) for path in begun.iterdir()))
+    finally:
+        command.kill()
+
+
+def _wait(until: object, seconds: float = 60.0) -> None:
+    """Wait until something is true, far shorter than the work takes."""
+    end = time.monotonic() + seconds
+    while not until():  # type: ignore[operator]
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def _runs(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().split()[2] not in "ZX"
+    except FileNotFoundError:
+        return False

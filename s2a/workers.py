@@ -12,11 +12,13 @@ import multiprocessing
 import os
 import signal
 import socket
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
+from types import ModuleType
 from typing import TypeVar
 
 from s2a import cache
@@ -51,7 +53,8 @@ def spread(
             yield from (work(shared, item) for item in items)
             return
         with _pool(helpers, shared) as pool:
-            futures = [pool.submit(_in_helper, work, item) for item in items]
+            with _hidden_main():
+                futures = [pool.submit(_in_helper, work, item) for item in items]
             if meanwhile is not None:
                 meanwhile()
             own = _taken_back(work, shared, items, futures)
@@ -79,6 +82,17 @@ def _pool(helpers: int, shared: object) -> Iterator[ProcessPoolExecutor]:
         held.close()
         pool.shutdown(cancel_futures=True)
         lifeline.close()
+
+
+@contextmanager
+def _hidden_main() -> Iterator[None]:
+    """Hide the main module from helpers that start: each would run it, which a script without a guard does not expect."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 _given: list = []

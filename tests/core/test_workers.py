@@ -14,22 +14,24 @@ import pytest
 
 from s2a import workers
 
-SCRIPT = """
-import os, sys, time
-from s2a import workers
-
-os.sched_getaffinity = lambda pid: {0, 1, 2}
+WORK = """
+import os, time
 
 def work(shared, item):
     open(f"{shared}/{os.getpid()}", "w").close()
     time.sleep(600)
-
-if __name__ == "__main__":
-    from s2a import terminal
-    terminal.set_up()
-    list(workers.spread(work, sys.argv[1], range(9)))
 """
-"""Three processes that work for minutes, each after it wrote a file named by its number."""
+"""Works for minutes, after it wrote a file named by its process."""
+SCRIPT = """
+import os, sys
+from s2a import terminal, workers
+from work import work
+
+os.sched_getaffinity = lambda pid: {0, 1, 2}
+terminal.set_up()
+list(workers.spread(work, sys.argv[1], range(9)))
+"""
+"""Three processes that work, from a script without a guard."""
 
 
 @pytest.fixture(autouse=True)
@@ -73,10 +75,23 @@ def test_where_no_claim_can_be_made_the_work_is_done_alone(tmp_path: Path) -> No
     assert list(workers.spread(operator.mul, 3, [1, 2, 3])) == [3, 6, 9]
 
 
+def test_a_script_without_a_guard_runs_once(tmp_path: Path) -> None:
+    script, runs = tmp_path / "script.py", tmp_path / "runs"
+    runs.mkdir()
+    script.write_text(
+        f"import operator, os\nopen({str(runs)!r} + f'/{{os.getpid()}}', 'w').close()\n"
+        "from s2a import workers\nos.sched_getaffinity = lambda pid: {0, 1, 2}\n"
+        "assert list(workers.spread(operator.mul, 3, range(9))) == [3 * k for k in range(9)]\n"
+    )
+    subprocess.run([sys.executable, str(script)], check=True)
+    assert len(list(runs.iterdir())) == 1
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_helpers_end_with_their_command(number: signal.Signals, tmp_path: Path) -> None:
     script, begun = tmp_path / "script.py", tmp_path / "begun"
     script.write_text(SCRIPT)
+    (tmp_path / "work.py").write_text(WORK)
     begun.mkdir()
     command = subprocess.Popen([sys.executable, str(script), str(begun)], stderr=subprocess.DEVNULL)
     try:

@@ -2,10 +2,12 @@
 
     python experiments/collider_table.py SCAN ... [--methods handle coacd one_hull] [--styles bar knob ...]
         [--each 2] [--out FILE]
+    python experiments/collider_table.py --merge FILE ... [--out FILE]
 
 Each SCAN is a folder that `s2a sample` wrote. Of every handle style in it the first `--each` movable parts are given
 colliders by every method, without any cache, and compared with `truth/`. Renews these rows of
-experiments/results/colliders.json, keeps its others, and prints its table. Of each part:
+experiments/results/colliders.json after each scan, keeps its others, and prints its table. Scans are measured side by side with
+an --out of their own each, and --merge then puts the rows of these files there. Of each part:
 
 - scan: mean distance of the handle as scanned from the true one [mm]; `bias` is the mean signed one of the faces that
   look out of the furniture (positive: the scan stands out too far).
@@ -55,21 +57,33 @@ MEASURES = (
 def main() -> None:
     """Measure all parts of all scans with all methods."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scans", nargs="+", type=Path)
+    parser.add_argument("scans", nargs="*", type=Path)
+    parser.add_argument(
+        "--merge", nargs="+", type=Path, default=[], help="files of this command whose rows are taken over"
+    )
     parser.add_argument("--methods", nargs="+", default=["handle", "coacd", "one_hull"])
     parser.add_argument("--each", type=int, default=2)
     parser.add_argument("--styles", nargs="+", default=list(STYLES), choices=STYLES)
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
+    if not args.scans and not args.merge:
+        parser.error("give scans, or files to --merge")
     rows = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
+    for path in args.merge:
+        rows = write(args.out, rows, json.loads(path.read_text())["rows"])
     for folder in args.scans:
-        new = measure_scan(folder, args.methods, args.styles, args.each)
-        rows = [row for row in rows if _key(row) not in {_key(other) for other in new}] + new
-        report = {**provenance("cpu"), "table": table(rows), "rows": rows}
-        args.out.parent.mkdir(exist_ok=True)
-        args.out.write_text(json.dumps(report, indent=1) + "\n")
+        rows = write(args.out, rows, measure_scan(folder, args.methods, args.styles, args.each))
     for line in summary(table(rows)):
         print(line)
+
+
+def write(path: Path, rows: list[dict], new: list[dict]) -> list[dict]:
+    """Write rows with new ones in place of those of the same scan, part and method, and return all."""
+    replaced = {_key(row) for row in new}
+    rows = [row for row in rows if _key(row) not in replaced] + new
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({**provenance("cpu"), "table": table(rows), "rows": rows}, indent=1) + "\n")
+    return rows
 
 
 def measure_scan(folder: Path, methods: list[str], styles: list[str], each: int) -> list[dict]:

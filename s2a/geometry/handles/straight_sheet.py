@@ -105,7 +105,8 @@ def _line(along: np.ndarray, values: np.ndarray) -> np.ndarray | None:
     """Return the line (slope, offset) through values [m] over places along a sheet [m]; None if most do not lie on one."""
     if len(along) < BINS * MIN_POINTS:
         return None
-    edges = np.linspace(*np.quantile(along, [0.005, 0.995]), BINS + 1)
+    start, end = np.quantile(along, [0.005, 0.995])
+    edges = np.linspace(start, end, BINS + 1)
     piece = np.clip(np.searchsorted(edges, along) - 1, 0, BINS - 1)
     known = np.array([k for k in range(BINS) if (piece == k).sum() >= MIN_POINTS])
     if len(known) < KNOWN * BINS:

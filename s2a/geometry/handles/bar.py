@@ -20,7 +20,7 @@ SAMPLES = 40000
 """Points by which a bar is asked."""
 HEAD = 0.006
 """[m] Depth from the outermost point within which a scan shows a bar as it is."""
-FLANK = 0.006
+FLANK = 0.009
 """[m] Depth within which its sides are as far apart as they are."""
 SHALLOWEST = 0.008
 """[m] Least depth of a bar; scans may show its outer face alone."""

@@ -2,10 +2,12 @@
 
     python experiments/collider_table.py SCAN ... [--methods handle coacd one_hull] [--styles bar knob ...]
         [--each 2] [--out FILE]
+    python experiments/collider_table.py --merge FILE ... [--out FILE]
 
 Each SCAN is a folder that `s2a sample` wrote. Of every handle style in it the first `--each` movable parts are given
 colliders by every method, without any cache, and compared with `truth/`. Renews these rows of
-experiments/results/colliders.json, keeps its others, and prints its table. Of each part:
+experiments/results/colliders.json after each scan, keeps its others, and prints its table. Scans are measured side by side with
+an --out of their own each, and --merge then puts the rows of these files there. Of each part:
 
 - scan: mean distance of the handle as scanned from the true one [mm]; `bias` is the mean signed one of the faces that
   look out of the furniture (positive: the scan stands out too far).
@@ -35,7 +37,7 @@ from s2a import config, scan
 from s2a.geometry.handles.finger_gap import FingerSpace, finger_space, fraction_inside
 from s2a.geometry.mesh_ops import centroids, merge, normals, sample, sample_with_faces
 from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
-from s2a.prepare.colliders.target import ColliderConfig, Handle, find_handle, target_colliders
+from s2a.prepare.colliders.target import ColliderConfig, find_handle, target_colliders
 from s2a.prepare.grasp import find_grasp
 from s2a.prepare.target import find_target
 from s2a.provenance import provenance
@@ -55,21 +57,30 @@ MEASURES = (
 def main() -> None:
     """Measure all parts of all scans with all methods."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scans", nargs="+", type=Path)
+    parser.add_argument("scans", nargs="*", type=Path)
+    parser.add_argument(
+        "--merge", nargs="+", type=Path, default=[], help="files of this command whose rows are taken over"
+    )
     parser.add_argument("--methods", nargs="+", default=["handle", "coacd", "one_hull"])
     parser.add_argument("--each", type=int, default=2)
     parser.add_argument("--styles", nargs="+", default=list(STYLES), choices=STYLES)
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
     rows = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
+    for path in args.merge:
+        rows = write(args.out, rows, json.loads(path.read_text())["rows"])
     for folder in args.scans:
-        new = measure_scan(folder, args.methods, args.styles, args.each)
-        rows = [row for row in rows if _key(row) not in {_key(other) for other in new}] + new
-        report = {**provenance("cpu"), "table": table(rows), "rows": rows}
-        args.out.parent.mkdir(exist_ok=True)
-        args.out.write_text(json.dumps(report, indent=1) + "\n")
-    for line in summary(table(rows)):
-        print(line)
+        rows = write(args.out, rows, measure_scan(folder, args.methods, args.styles, args.each))
+    print("\n".join(summary(table(rows))))
+
+
+def write(path: Path, rows: list[dict], new: list[dict]) -> list[dict]:
+    """Write rows with new ones in place of those of the same scan, part and method, and return all."""
+    replaced = {_key(row) for row in new}
+    rows = [row for row in rows if _key(row) not in replaced] + new
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({**provenance("cpu"), "table": table(rows), "rows": rows}, indent=1) + "\n")
+    return rows
 
 
 def measure_scan(folder: Path, methods: list[str], styles: list[str], each: int) -> list[dict]:
@@ -114,10 +125,10 @@ def measure(scanned: Scene, true: Scene, target: str, method: str) -> dict:
     own = [collider.mesh for collider in colliders if collider.part in part.grasp_parts]
     error = symmetric_error(own, [c.mesh for c in colliders if c.part not in part.grasp_parts], truth)
     asked = _outside(gap_points(space), true, target)
+    whole, _ = union_surface(pieces, handle.region.bounds + MARGINS)
     return {
         **scan_error(scanned, true, target, part.frame),
-        "fit_mm": 1e3
-        * float(distances(_scanned_points(handle), union_surface(pieces, handle.region.bounds + MARGINS)[0]).mean()),
+        "fit_mm": 1e3 * float(distances(sample(handle.region, POINTS, 0), whole).mean()),
         "symmetric_mm": error.symmetric_mm,
         "true_mm": error.true_mm,
         "hull_mm": error.hull_mm,
@@ -191,9 +202,8 @@ def table(rows: list[dict]) -> list[dict]:
             group = [row for row in rows if row["method"] == method and row["style"] == style]
             if group:
                 means = {key: _mean(row[key] for row in group) for key in MEASURES}
-                worst = {
-                    f"worst_{key}": max(row[key] or 0.0 for row in group) for key in ("gap_pct", "hulls", "seconds")
-                }
+                asked = ("gap_pct", "hulls", "seconds")
+                worst = {f"worst_{key}": max(row[key] or 0.0 for row in group) for key in asked}
                 gaps = [row["gap_pct"] for row in group if row["gap_pct"] is not None]
                 free = {"free_pct": 1e2 * float(np.mean([gap < 1.0 for gap in gaps])) if gaps else None}
                 found.append({"method": method, "style": style, "parts": len(group), **means, **free, **worst})
@@ -210,10 +220,6 @@ def summary(rows: list[dict]) -> list[str]:
 
 def _key(row: dict) -> tuple[str, str, str]:
     return row["scan"], row["target"], row["method"]
-
-
-def _scanned_points(handle: Handle) -> np.ndarray:
-    return sample(handle.region, POINTS, 0)
 
 
 def _outside(points: np.ndarray, true: Scene, target: str) -> np.ndarray:

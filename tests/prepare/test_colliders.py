@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from closeness import surface_distance
+from seen_handles import FRAME, PLANE, block, knob, outside, ring_behind, seen, turned_knob
 
 from s2a.geometry.handles.bar import bar_depth, bar_profile
 from s2a.geometry.handles.bar_hulls import bar_hulls
@@ -18,22 +19,8 @@ from s2a.prepare.colliders.target import Handle, flatten
 from s2a.scene import Mesh
 from s2a.synth.handles import cup, edge
 
-FRAME = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""Grasp frame of a level handle on a front at x = 0 that looks along +x: x along +y, y up, z into the furniture."""
-PLANE = (np.array([1.0, 0.0, 0.0]), 0.0)
 GAP = 0.026
 """[m] Between front and bar."""
-
-
-def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
-    """Return a box, in triangles of a few millimetres."""
-    solid = trimesh.creation.box(bounds=[low, high]).subdivide_to_size(0.006)
-    return Mesh(solid.vertices, solid.faces)
-
-
-def seen(mesh: Mesh) -> Mesh:
-    """Return what a scanner in the room sees of a surface: nothing that looks at the front."""
-    return keep(mesh, normals(mesh)[:, 0] > -0.5)
 
 
 def bar(*posts: float) -> Mesh:
@@ -121,16 +108,6 @@ def test_a_levers_neck_stands_on_its_plate_as_thick_as_it_is_seen_from_one_side(
     assert fraction_inside(pieces, beside) == fraction_inside(pieces, beside * [1, 1, -1]) == 0.0
 
 
-def knob(sides: int = 64) -> Mesh:
-    """Return a knob, 30 mm wide at its head, on a stalk of 14 mm, 28 mm high, as seen."""
-    turned = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
-    solids = []
-    for radius, low, high in ((0.007, 0.0, 0.014), (0.015, 0.014, 0.028)):
-        solid = trimesh.creation.cylinder(radius, segment=[[0, 0, low], [0, 0, high]], sections=sides)
-        solids.append(solid.apply_transform(turned).subdivide_to_size(0.004))
-    return seen(merge([Mesh(solid.vertices, solid.faces) for solid in solids]))
-
-
 def test_a_knob_lies_within_half_a_millimetre_of_its_pieces_with_a_free_neck() -> None:
     pieces = knob_hulls(knob(), FRAME, 0.0)
     assert pieces is not None and len(pieces) <= 8
@@ -151,22 +128,6 @@ def test_a_skirt_on_one_side_of_a_knob_is_no_knob() -> None:
     assert fraction_inside(pieces, below) < 0.01
 
 
-def turned_knob(profile: list[tuple[float, float]]) -> Mesh:
-    """Return a round handle with a profile of (radius, height above the front) [m], as seen."""
-    solid = trimesh.creation.revolve([(0, profile[0][1]), *profile, (0, profile[-1][1])], sections=64)
-    solid = solid.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])).subdivide_to_size(
-        0.002
-    )
-    return seen(Mesh(solid.vertices, solid.faces))
-
-
-def ring_behind(inner: float, outer: float, depth: float) -> np.ndarray:
-    """Return points behind a head, between two radii, from the front to a depth [m]."""
-    random = np.random.default_rng(0)
-    turn, radius = random.uniform(0, 2 * np.pi, 4000), np.sqrt(random.uniform(inner**2, outer**2, 4000))
-    return np.stack([random.uniform(0, depth, 4000), radius * np.cos(turn), radius * np.sin(turn)], axis=1)
-
-
 def test_a_fillet_behind_a_knobs_head_is_fusions_and_its_stalk_runs_up_to_the_head() -> None:
     pieces = knob_hulls(turned_knob([(0.007, 0.0), (0.007, 0.009), (0.015, 0.014), (0.015, 0.028)]), FRAME, 0.0)
     assert pieces is not None
@@ -183,13 +144,6 @@ def test_a_cone_stays_a_cone() -> None:
 
 def test_a_square_handle_is_no_knob() -> None:
     assert knob_hulls(seen(block((0, -0.04, -0.01), (0.028, 0.04, 0.01))), FRAME, 0.0) is None
-
-
-def outside(piece: object) -> Mesh:
-    """Return what is seen of a sheet from the room, above it."""
-    solid = trimesh.Trimesh(piece.surface.vertices, piece.surface.faces).subdivide_to_size(0.004)  # type: ignore[attr-defined]
-    mesh = Mesh(solid.vertices, solid.faces)
-    return keep(mesh, normals(mesh) @ [0.8, 0.0, 0.6] > 0.05)
 
 
 def test_a_cup_is_a_sheet_that_is_open_below_and_empty_inside() -> None:

@@ -20,6 +20,8 @@ SAMPLES = 40000
 """Points by which a bar is asked."""
 HEAD = 0.006
 """[m] Depth from the outermost point within which a scan shows a bar as it is."""
+FLANK = 0.009
+"""[m] Depth within which its sides are as far apart as they are."""
 SHALLOWEST = 0.008
 """[m] Least depth of a bar; scans may show its outer face alone."""
 GAP = 0.021
@@ -87,17 +89,18 @@ def bar_profile(region: Mesh, frame: np.ndarray, slices: int) -> Profile | None:
     heads = [_head(points[(points[:, 0] >= a) & (points[:, 0] < b)]) for a, b in zip(edges, edges[1:], strict=False)]
     if any(len(head) < MIN_POINTS for head in heads):
         return None
-    edges[0], edges[-1] = np.quantile(heads[0][:, 0], 0.005), np.quantile(heads[-1][:, 0], 0.995)
+    ends = [head[head[:, 2] < head[:, 2].min() + HEAD, 0] for head in (heads[0], heads[-1])]
+    edges[0], edges[-1] = np.quantile(ends[0], 0.005), np.quantile(ends[1], 0.995)
     found = np.array([_section_bounds(head) for head in heads]).T
     profile = Profile(edges, *(_straight(values) for values in median_filter(found, size=(1, 3), mode="nearest")))
     return profile if profile.length > 2.5 * profile.thickness else None
 
 
 def _head(points: np.ndarray) -> np.ndarray:
-    """Return the points of a slice that lie within HEAD of its outermost, shape [point 3]; none where too few are there."""
+    """Return the points of a slice that lie within FLANK of its outermost, shape [point 3]; none where too few are there."""
     if len(points) < MIN_POINTS:
         return points[:0]
-    return points[points[:, 2] < np.quantile(points[:, 2], 0.02) + HEAD]
+    return points[points[:, 2] < np.quantile(points[:, 2], 0.02) + FLANK]
 
 
 def _section_bounds(head: np.ndarray) -> tuple[float, float, float]:

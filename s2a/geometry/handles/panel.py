@@ -61,12 +61,20 @@ def slab(mesh: Mesh, outwards: np.ndarray, thickness: float) -> Mesh | None:
     return box(center, axes, np.array([*(high - low), thickness]))
 
 
-def patch(handle: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float], thickness: float) -> Mesh:
-    """Return a solid piece [m] of the front behind a handle, where the scanner often saw nothing."""
+def patch(handle: Mesh, front: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float], thickness: float) -> Mesh:
+    """Return a solid piece [m] of the front behind a handle, where the scanner often saw nothing.
+
+    It reaches STRAY beyond the handle where the front goes on, and ends with it where it is at the front's border.
+    """
+    frame = facing_frame(frame, plane[0])
     low, high = np.quantile(handle.vertices @ frame[:, :2], [0.01, 0.99], axis=0)
-    depth = front_coordinate(plane, frame, frame[:, :2] @ ((low + high) / 2)) + thickness / 2
-    center = frame @ np.array([*(low + high) / 2, depth])
-    return box(center, frame, np.array([*(high - low + 2 * STRAY), thickness]))
+    beside = centroids(front)
+    beside = beside[(np.abs(beside @ plane[0] - plane[1]) < STRAY) & near_region(beside, handle, frame, SEARCH_RADIUS)]
+    across = beside @ frame[:, :2]
+    low = low - STRAY * (across < low - STRAY).any(axis=0)
+    high = high + STRAY * (across > high + STRAY).any(axis=0)
+    center = frame @ np.array([*(low + high) / 2, thickness / 2 - plane[1]])
+    return box(center, frame, np.array([*(high - low), thickness]))
 
 
 def _facing(mesh: Mesh, outwards: np.ndarray) -> np.ndarray:
@@ -91,6 +99,17 @@ def front_coordinate(plane: tuple[np.ndarray, float], frame: np.ndarray, point: 
     normal, offset = plane
     z = frame[:, 2]
     return float((offset - normal @ (point - z * (point @ z))) / (normal @ z))
+
+
+def facing_frame(frame: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Return a frame [3 3] turned so that its z axis looks into a front of this outward normal [3], its x axis along as before.
+
+    A hinged part moves at its handle aslant to its front, by as much as the handle stands out; handles stand square on fronts.
+    """
+    z = -normal / np.linalg.norm(normal)
+    x = frame[:, 0] - z * (z @ frame[:, 0])
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
 
 
 def near_region(points: np.ndarray, region: Mesh, frame: np.ndarray, distance: float) -> np.ndarray:

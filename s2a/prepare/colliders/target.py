@@ -14,8 +14,9 @@ from s2a.geometry.handles.bar import bar_profile
 from s2a.geometry.handles.bar_hulls import bar_hulls
 from s2a.geometry.handles.finger_gap import FingerSpace, finger_space
 from s2a.geometry.handles.knob import knob_hulls
-from s2a.geometry.handles.panel import front_behind, front_coordinate, patch, reassign_border, slab
+from s2a.geometry.handles.panel import facing_frame, front_behind, front_coordinate, patch, reassign_border, slab
 from s2a.geometry.handles.sheet import before_wall, hidden_wall, sheet_hulls, sheet_opening
+from s2a.geometry.handles.straight_sheet import straight_sheet
 from s2a.prepare.target import Target
 from s2a.ranges import AtLeast, Count, CountFromZero, Positive
 from s2a.scene import Mesh
@@ -112,7 +113,7 @@ def _front_panel_hulls(mesh: Mesh, handle: Handle, config: ColliderConfig) -> li
     whole = slab(mesh, -handle.frame[:, 2], config.thickness)
     if whole is not None:
         return [whole]
-    hidden = [] if handle.plane is None else [patch(handle.region, handle.frame, handle.plane, config.thickness)]
+    hidden = [] if handle.plane is None else [patch(handle.region, mesh, handle.frame, handle.plane, config.thickness)]
     inwards = config.thickness * handle.frame[:, 2]
     solid = [hull(np.concatenate([p.vertices, p.vertices + inwards])) for p in _rough_hulls(mesh, config)]
     return [*(piece for piece in solid if piece is not None), *hidden]
@@ -123,29 +124,46 @@ def _plate(handle: Handle, base: Mesh | None) -> tuple[np.ndarray, float] | None
     return None if base is None else front_behind(base, handle.region, handle.frame)
 
 
-def _ground(handle: Handle, plate: tuple[np.ndarray, float] | None) -> float:
-    """Return the coordinate on z of what the posts of a handle stand on [m]: of the front, or of a base plate before it."""
-    if plate is None:
-        return handle.front
-    return min(handle.front, front_coordinate(plate, handle.frame, handle.region.vertices.mean(axis=0)))
+def _ground(handle: Handle, plate: tuple[np.ndarray, float] | None) -> float | None:
+    """Return the depth below the front's plane's origin, against its normal, of what a handle's posts stand on [m].
+
+    That is a base plate before the front; None: the front.
+    """
+    if plate is None or handle.plane is None:
+        return None
+    frame = facing_frame(handle.frame, handle.plane[0])
+    return min(-handle.plane[1], front_coordinate(plate, frame, handle.region.vertices.mean(axis=0)))
 
 
-def _handle_hulls(handle: Handle, front: Mesh | None, ground: float, config: ColliderConfig) -> list[Mesh]:
+def _handle_hulls(handle: Handle, front: Mesh | None, ground: float | None, config: ColliderConfig) -> list[Mesh]:
     """Return a sheet in patches, a bar in slices (which end where fingers need space), a knob in frusta, else hulls."""
     if handle.plane is not None:
-        opening = None if front is None else sheet_opening(handle.region, handle.frame, handle.plane, front)
+        frame, deep = facing_frame(handle.frame, handle.plane[0]), -handle.plane[1]
+        opening = None if front is None else sheet_opening(handle.region, frame, handle.plane, front)
         if opening is not None:
-            wall = hidden_wall(handle.region, handle.frame, opening, handle.front)
-            sheet = sheet_hulls(handle.region, handle.frame, opening, config.handle_hulls, config.max_vertices)
-            return sheet if wall is None else [*before_wall(sheet, wall, opening), wall]
-        profile = bar_profile(handle.region, handle.frame, config.bar_slices)
+            return _sheet_hulls(handle, frame, opening, config)
+        profile = bar_profile(handle.region, frame, config.bar_slices)
         if profile is not None:
-            hulls = bar_hulls(handle.region, handle.frame, profile, handle.front, ground)
+            hulls = bar_hulls(handle.region, frame, profile, deep, ground)
         else:
-            hulls = knob_hulls(handle.region, handle.frame, handle.front)
+            hulls = knob_hulls(handle.region, frame, deep)
         if hulls is not None:
             return hulls
     return vhacd(handle.region, config.handle_hulls, config.resolution, config.max_vertices)
+
+
+def _sheet_hulls(handle: Handle, frame: np.ndarray, opening: np.ndarray, config: ColliderConfig) -> list[Mesh]:
+    """Return a sheet in a frame square on the front: as lip and wall where it is straight, else in patches."""
+    assert handle.plane is not None
+    front = -handle.plane[1]
+    wall = hidden_wall(handle.region, frame, opening, front)
+    if opening.any():
+        border = None if wall is None else float((wall.vertices @ opening).min())
+        pieces = straight_sheet(handle.region, frame, opening, front, border)
+        if pieces is not None:
+            return pieces
+    patches = sheet_hulls(handle.region, frame, opening, config.handle_hulls, config.max_vertices)
+    return patches if wall is None else [*before_wall(patches, wall, opening), wall]
 
 
 def _rough_hulls(mesh: Mesh, config: ColliderConfig) -> list[Mesh]:

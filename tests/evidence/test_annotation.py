@@ -33,7 +33,14 @@ def doubted(scene: Scene) -> set[tuple[str, str]]:
 def test_a_right_annotation_raises_no_alarm_and_every_question_is_answered() -> None:
     found = annotation.check(room(), BOUNDS)
     assert [str(f) for f in found if f.verdict != "pass"] == []
-    assert {f.check for f in found} >= {"opens_outward", "slide_axis", "hinge_edge", "swept_path", "up_axis", "units"}
+    assert {f.check for f in found} >= {
+        "opens_outward",
+        "slide_axis",
+        "hinge_edge",
+        "swept_path",
+        "up_axis",
+        "scan_units",
+    }
 
 
 def test_the_front_of_a_drawer_is_the_side_seen_from_the_room_whatever_the_order_of_its_corners() -> None:
@@ -181,7 +188,7 @@ def test_up_is_told_by_the_labelled_floor_and_without_one_by_what_is_level() -> 
 
 @pytest.mark.parametrize(("unit", "factor"), [("feet", 1 / 0.3048), ("cm", 100.0), ("km", 0.001)])
 def test_a_scan_in_another_unit_is_named(unit: str, factor: float) -> None:
-    found = findings(moved(room(), factor * np.eye(3)))["units"]
+    found = findings(moved(room(), factor * np.eye(3)))["scan_units"]
     assert found.verdict == "fail" and found.value == pytest.approx(2.5 * factor, rel=1e-3)
 
 

@@ -83,9 +83,9 @@ def _right(wrong: Wrong, part: str, known: dict[tuple[str, str, bool], set[str]]
 def _failed(scene: Scene, part: str, *, physics: bool = True) -> set[str]:
     """Prepare a scene for a part and certify it, with physics if asked for; return the checks that fail."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "room.usd")
+        path, settings = Path(folder, "room.usd"), _prepare()
         try:
-            sim_stage.write(prepare(scene, part, _prepare()), path)
+            sim_stage.write(prepare(scene, part, settings), path)
         except InputError:
             return {"prepare"}
         return set(named_by(path, part, _settings(), physics=physics))

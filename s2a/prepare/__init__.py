@@ -24,7 +24,7 @@ from s2a.prepare.part import PartConfig, PartResult
 from s2a.prepare.selection import ALL, selected_parts
 from s2a.prepare.target import bodies, parent_body
 from s2a.progress import track
-from s2a.ranges import NotNegative, Positive
+from s2a.ranges import NotNegative
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, Grasp, SimBody, SimRoom

@@ -110,7 +110,7 @@ def _underside(points: np.ndarray, facing: np.ndarray, bounds: Bounds) -> Findin
 def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Finding:
     """Judge the unit by three sizes that no room's style changes much.
 
-    The height of the room, of the surfaces that things stand on, and the thickness of handles, as far as there are any. One
+    The height of the room, of the surfaces that objects stand on, and the thickness of handles, as far as there are any. One
     of them may be odd (a hall, a gallery, a wheel as a handle), two are not by chance.
 
     Args:
@@ -121,7 +121,7 @@ def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Fin
     height, handles = _height(surface), _handle_sizes(surface, fronts)
     sizes = [
         (height, bounds.heights, f"the room is {height:.3g} m high"),
-        (raised := _raised(surface), bounds.surfaces, f"things stand {raised:.3g} m over its floor"),
+        (raised := _raised(surface), bounds.surfaces, f"objects stand {raised:.3g} m over its floor"),
         (thick := _median(handles), bounds.handles, f"its handles are {1000 * thick:.3g} mm thick"),
     ]
     known = [(low <= size <= high, text) for size, (low, high), text in sizes if not np.isnan(size)]

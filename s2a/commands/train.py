@@ -69,7 +69,7 @@ def run(config: Config) -> str:
     try:
         if lead:
             config.out.mkdir(parents=True, exist_ok=True)
-            run_folder.keep_settings(asdict(config), config.out, _without_effect(sim.stage))
+            run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(sim.stage))
             starts = run_folder.keep_start(config.out, first, config.stage, provenance(sim.device))
             write_world(config.sim, config.task, config.out)
         metrics = ppo.train(env, config.ppo, config.out, checkpoint)
@@ -101,7 +101,7 @@ def _start_of(config: Config) -> Path | None:
                 f"out {str(config.out)!r} holds files; a run is never overwritten: choose another, delete it, "
                 "or go on with resume=true"
             )
-        run_folder.keep_settings(asdict(config), config.out, _without_effect(config.read_stage()))
+        run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(config.read_stage()))
     checkpoint = run_folder.latest(config.out) if config.resume else None
     done = run_folder.iteration(checkpoint) + 1 if checkpoint else 0
     if done >= config.ppo.iterations and (config.out / METRICS).is_file():

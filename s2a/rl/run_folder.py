@@ -8,7 +8,7 @@ import logging
 import math
 import shutil
 import zipfile
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +35,13 @@ _log = logging.getLogger(__name__)
 logging.getLogger("tensorboard").setLevel(logging.ERROR)  # it warns of every iteration that `cut` made it forget
 
 
-def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Collection[str] = ()) -> None:
+def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Callable[[], Collection[str]] = tuple) -> None:
     """Write the nested settings of a run into its folder; if it has some already, they must be the same, save FREE ones.
 
     Args:
         values: the settings.
         out: the folder.
-        without_effect: dotted keys that may change too, as they change nothing in this run.
+        without_effect: returns dotted keys that may change too, as they change nothing in this run; asked only if one differs.
 
     Raises:
         InputError: naming the first key that differs, with both values.
@@ -56,8 +56,8 @@ def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Collecti
         then = {aliases.current(key, given) or key: value for key, value in then.items()}
         then |= {key: value for key, value in ADDED.items() if key in given and key not in then}
         for key in given | then:  # what is no longer there counts too: a reward term that is not listed weighs nothing
-            same = given.get(key) == then.get(key) or key in without_effect
-            if not same and not _may_change(key, given.get(key), then.get(key)):
+            same = given.get(key) == then.get(key) or _may_change(key, given.get(key), then.get(key))
+            if not same and key not in without_effect():
                 raise InputError(
                     f"key {key!r} is {given.get(key)!r}, but {out} was begun with {then.get(key)!r}; "
                     "resume with the same settings, or train into another folder"

@@ -76,7 +76,7 @@ def test_an_older_run_goes_on_with_the_spring_that_it_had(out: Path) -> None:
     now = VALUES | {"sim": {"joint": {"spring": "grasp"}}}
     with pytest.raises(InputError, match="'sim.joint.spring' is 'grasp', but .* was begun with 'joint'"):
         run_folder.keep_settings(now, out)
-    run_folder.keep_settings(now, out, ("sim.joint.spring",))  # a slide, which has one spring only
+    run_folder.keep_settings(now, out, lambda: ("sim.joint.spring",))  # a slide, which has one spring only
     run_folder.keep_settings(now, out)
 
 

@@ -16,11 +16,12 @@ def in_pybullet(folder: Path, pull: Pull) -> tuple[np.ndarray, np.ndarray]:
     pybullet.connect(pybullet.DIRECT)
     try:
         room, joints = _load_in_pybullet(folder, pull)
-        joint, stiffness = joints[pull.stage.target], pull.config.joint.stiffness
+        joint, parts = joints[pull.stage.target], pull.stage.room.articulations
+        springs = {index: pull.config.joint.joint_stiffness(parts[name]) for name, index in joints.items()}
         handle = pull.stage.grasp[:3] - np.array(_link_pose(room, joint)[0])
         found, places = [], []
         for step in range(pull.steps):
-            for spring in joints.values():  # which URDF cannot hold
+            for spring, stiffness in springs.items():  # which URDF cannot hold
                 back = -stiffness * pybullet.getJointState(room, spring)[0]
                 pybullet.setJointMotorControl2(room, spring, pybullet.TORQUE_CONTROL, force=back)
             place = _link_point(room, joint, handle)

@@ -56,8 +56,8 @@ def seeded(source: Path, folder: Path, name: str, part: str) -> Path:
     return folder / "edited.usd"
 
 
-def named_by(path: Path, part: str, settings: CertifyConfig) -> list[str]:
-    """Return the checks that fail on a part of a stage; physics is asked only if no other does."""
+def named_by(path: Path, part: str, settings: CertifyConfig, *, physics: bool = True) -> list[str]:
+    """Return the checks that fail on a part of a stage; physics is asked only if no other does, and if it is asked at all."""
     held = contents.about(contents.read(path), part)
     rules = [rule(held) for rule in (*static.ROOM_RULES, *portability.ROOM_RULES, *static.PART_RULES)]
     rules += [rule(held, settings.shapes) for rule in (*shapes.ROOM_RULES, *shapes.PART_RULES)]
@@ -68,7 +68,7 @@ def named_by(path: Path, part: str, settings: CertifyConfig) -> list[str]:
         failed = [c.name for c in Evidence(path).checks(part, settings.evidence) if c.status == "fail"]
     except InputError:
         return ["scan_evidence"]
-    return failed or [c.name for c in certify(path, settings, part)[0].failed]
+    return failed or ([c.name for c in certify(path, settings, part)[0].failed] if physics else [])
 
 
 def main() -> None:

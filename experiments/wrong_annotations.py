@@ -108,13 +108,7 @@ def case(path: Path, bounds: Bounds) -> Case:
     surface = ScanSurface(scan.read(path))
     fronts = {part: front(surface, part) for part in surface.scene.movable}
     right = {part: list(annotation.moving_part(surface, part, found, bounds)) for part, found in fronts.items()}
-    return Case(path.name, surface, fronts, right | {"": room_findings(surface, fronts, bounds)})
-
-
-def room_findings(surface: ScanSurface, fronts: Mapping[str, Front | None], bounds: Bounds) -> list[Finding]:
-    """Return what is found of the whole room."""
-    known = {part: found for part, found in fronts.items() if found is not None}
-    return [*room.up_axis(surface, bounds), room.units(surface, known, bounds)]
+    return Case(path.name, surface, fronts, right | {"": room.findings(surface, fronts, bounds)})
 
 
 def flagged(findings: list[Finding]) -> set[str]:
@@ -174,7 +168,7 @@ def checked(wrong: Wrong, bounds: Bounds) -> dict[str, Any]:
         findings = list(annotation.moving_part(case.surface.with_scene(wrong.scene), part, case.fronts[part], bounds))
     else:
         surface = ScanSurface(wrong.scene)
-        findings = room_findings(surface, {p: front(surface, p) for p in wrong.scene.movable[:8]}, bounds)
+        findings = room.findings(surface, {p: front(surface, p) for p in wrong.scene.movable[:8]}, bounds)
     return row(wrong, flagged(findings) - flagged(case.right[part]))
 
 

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,8 @@ from s2a.certify.robot_base import BaseCheckConfig, robot_base
 from s2a.evidence.annotation import moving_part
 from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding
-from s2a.evidence.front import front
-from s2a.evidence.room import up_axis
+from s2a.evidence.front import Front, front
+from s2a.evidence.room import findings as room_findings
 from s2a.evidence.surface import ScanSurface
 from s2a.geometry.mesh_ops import keep
 from s2a.scene import Joint, Mesh, Part, Scene
@@ -57,15 +58,14 @@ class Evidence:
         """Read a stage whose structure is sound, with its visuals; InputError for any other."""
         self.room = sim_stage.read(path)
         self._surface = ScanSurface(as_scene(self.room))
+        self._whole: dict[Bounds, list[Finding]] = {}
 
     def checks(self, part: str, config: EvidenceConfig, only: str | None = None) -> list[Check]:
         """Return all checks of an articulated part against the scanned surface; `only` names the one robot that is asked for."""
-        found = front(self._surface, part)
-        findings = list(moving_part(self._surface, part, found, config.joints))
+        findings = [*self._of_room(config.joints), *moving_part(self._surface, part, self._fronts[part], config.joints)]
         articulation, path = self.room.articulations[part], f"{ROOT}/{part}"
         robots = {only} if only in articulation.bases else set(articulation.bases)
         widest = max(robot.load(name).gripper.max_opening for name in robots)
-        findings = [*up_axis(self._surface, config.joints), *findings]
         checks = [_check(finding) for finding in findings if finding.verdict != "unknown" and finding.check != OWN]
         checks += collider_fidelity(self.room, part, config.fidelity)
         checks += grasp_frame(path, articulation.grasp, scanned(self.room, part), config.joints.grasp_gap, widest)
@@ -74,6 +74,17 @@ class Evidence:
             base, spec = articulation.bases[name], robot.load(name)
             checks += robot_base(f"{path}/bases/{name}", base, point, self._surface.tree, spec, config.base)
         return checks
+
+    @cached_property
+    def _fronts(self) -> dict[str, Front | None]:
+        """The fronts of all articulated parts by id."""
+        return {part: front(self._surface, part) for part in self.room.articulations}
+
+    def _of_room(self, bounds: Bounds) -> list[Finding]:
+        """Return what the surface says about the whole room, asked once for all its parts."""
+        if bounds not in self._whole:
+            self._whole[bounds] = room_findings(self._surface, self._fronts, bounds)
+        return self._whole[bounds]
 
 
 def as_scene(room: SimRoom) -> Scene:

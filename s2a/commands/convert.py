@@ -64,8 +64,11 @@ def _lost(config: Config, linked: LinkedRoom) -> list[str]:
     """Return a line about what URDF cannot hold."""
     if config.to != "urdf":
         return []
-    spring = config.sim.joint.stiffness
+    joint = config.sim.joint
+    unit = "N/m at the grasp point" if joint.spring == "grasp" else "N/m or N m/rad"
     lines = [f"  {urdf.PAIRS}: {len(linked.filtered())} pairs of links that do not collide"]
-    if spring:
-        lines.append(f"  without the spring of {spring:g} N/m or N m/rad that closes each part, which URDF cannot hold")
+    if joint.stiffness:
+        lines.append(
+            f"  without the spring of {joint.stiffness:g} {unit} that closes each part, which URDF cannot hold"
+        )
     return lines

@@ -24,6 +24,7 @@ from s2a.rl.config import PpoConfig
 from s2a.rl.export import export
 from s2a.rl.run_world import write_world
 from s2a.sim.simulation import Simulation, device_of
+from s2a.sim.world import SimStage
 from s2a.tasks import RewardWeights, make_env, task
 
 METRICS = "metrics.json"
@@ -68,7 +69,7 @@ def run(config: Config) -> str:
     try:
         if lead:
             config.out.mkdir(parents=True, exist_ok=True)
-            run_folder.keep_settings(asdict(config), config.out)
+            run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(sim.stage))
             starts = run_folder.keep_start(config.out, first, config.stage, provenance(sim.device))
             write_world(config.sim, config.task, config.out)
         metrics = ppo.train(env, config.ppo, config.out, checkpoint)
@@ -100,12 +101,18 @@ def _start_of(config: Config) -> Path | None:
                 f"out {str(config.out)!r} holds files; a run is never overwritten: choose another, delete it, "
                 "or go on with resume=true"
             )
-        run_folder.keep_settings(asdict(config), config.out)
+        run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(config.read_stage()))
     checkpoint = run_folder.latest(config.out) if config.resume else None
     done = run_folder.iteration(checkpoint) + 1 if checkpoint else 0
     if done >= config.ppo.iterations and (config.out / METRICS).is_file():
         raise InputError(f"{config.out} has done its {done} iterations; to go on, give ppo.iterations more of them")
     return checkpoint
+
+
+def _without_effect(stage: SimStage) -> tuple[str, ...]:
+    """Return the keys that change nothing of this stage: for slides, to what the spring's stiffness refers."""
+    moving = [part.joint for name, part in stage.room.articulations.items() if name in stage.active]
+    return ("sim.joint.spring",) if all(joint.kind == "prismatic" for joint in moving) else ()
 
 
 def _report(config: Config, env: VecEnv, metrics: dict[str, Any]) -> str:

@@ -92,7 +92,8 @@ def read_links(path: Path, parts: str | Sequence[str], config: SimConfig) -> Lin
     add_room(builder, room, open_physics(path), active, load_sites=True)
     for part in (i for i in active if i in room.articulations):
         dof = builder.joint_qd_start[joint_index(builder, part)]
-        builder.joint_stiffness[dof], builder.joint_damping[dof] = config.joint.stiffness, config.joint.damping
+        builder.joint_stiffness[dof] = config.joint.joint_stiffness(room.articulations[part])
+        builder.joint_damping[dof] = config.joint.damping
         stiffen(builder, dof, config.dt)
     names = [_name(label) for label in builder.shape_label]
     links = {i: Link() for i in (*kept, STATIC)}

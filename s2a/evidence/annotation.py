@@ -29,8 +29,7 @@ def check(scene: Scene, bounds: Bounds, overlaps: Sequence[Overlap] = ()) -> lis
     """
     surface = ScanSurface(scene)
     fronts = {part: front(surface, part) for part in scene.movable}
-    known = {part: found for part, found in fronts.items() if found is not None}
-    findings = [*room.up_axis(surface, bounds), room.units(surface, known, bounds), *contact.floating(surface, bounds)]
+    findings = [*room.findings(surface, fronts, bounds), *contact.floating(surface, bounds)]
     findings += contact.shared_faces(overlaps, bounds)
     for part, found in fronts.items():
         findings += moving_part(surface, part, found, bounds)

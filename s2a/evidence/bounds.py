@@ -31,6 +31,7 @@ class Bounds:
         underside: min excess of surfaces between floor and ceiling that look up over those that look down, of their sum.
         slope: max angle between a slide and a horizontal plane, and the mean floor and a horizontal plane [deg].
         heights: min and max height of a room [m].
+        surfaces: min and max height over the floor of what objects stand on, median of the room [m].
         handles: min and max thickness of a grasp region, median of the file [m].
     """
 
@@ -53,4 +54,5 @@ class Bounds:
     underside: Fraction
     slope: Positive
     heights: tuple[Positive, Positive]
+    surfaces: tuple[Positive, Positive]
     handles: tuple[Positive, Positive]

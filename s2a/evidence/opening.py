@@ -59,14 +59,26 @@ def normal_angle(axis: np.ndarray, front: Front) -> float:
 
 
 def edge_angle(axis: np.ndarray, front: Front) -> float:
-    """Return the angle between an axis and the nearer side of a front's rectangle [deg]; for a round front, its plane.
+    """Return the angle between an axis and the nearer side of a front's rectangle [deg].
 
-    A rectangle around a disc has no direction; a front counts as round whose outline fills less of it than 0.87 (a disc
-    fills pi / 4, a rectangle with ragged corners 0.92).
+    A rectangle around a disc has no direction. Gravity gives a round front one, unless it lies level: its hinge is plumb or
+    level, or it would swing by itself. Of a round lid only its plane counts.
     """
-    if front.fill < ROUND:
+    if front.fill >= ROUND:
+        return _angle(axis, front.axes)
+    if abs(front.normal @ UP) > UPRIGHT:
         return 90.0 - normal_angle(axis, front)
-    return float(np.degrees(np.arccos(np.clip(np.abs(axis @ front.axes).max(), 0.0, 1.0))))
+    level = np.cross(UP, front.normal) / np.linalg.norm(np.cross(UP, front.normal))
+    return _angle(axis, np.stack([level, np.cross(front.normal, level)], axis=1))
+
+
+def _angle(axis: np.ndarray, directions: np.ndarray) -> float:
+    """Return the angle between an axis and the nearest of some unit directions, shape [3 direction], either way [deg]."""
+    return float(np.degrees(np.arccos(np.clip(np.abs(axis @ directions).max(), 0.0, 1.0))))
 
 
 ROUND = 0.87
+"""A front counts as round whose outline fills less of its rectangle (a disc fills pi / 4, one with ragged corners 0.92)."""
+UP = np.array([0.0, 0.0, 1.0])
+UPRIGHT = 0.7
+"""Cosine between a front's normal and the vertical up to which the front stands rather than lies."""

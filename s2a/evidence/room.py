@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -20,8 +21,15 @@ SAMPLES = 20_000
 """Points that stand for the surface."""
 BORDER = 0.15
 """[m] Surfaces this near to the lowest or the highest ones are floor or ceiling."""
+UNITS = "scan_units"
 FLOOR = re.compile(r"^\s*floor\s*$", re.IGNORECASE)
 REMEDY = "possible: z up; turn mesh and joints together (x, y, z) -> (x, -z, y) for a scan with y up"
+
+
+def findings(surface: ScanSurface, fronts: Mapping[str, Front | None], bounds: Bounds) -> list[Finding]:
+    """Return what the surface says about the whole room; `fronts` are those of its moving parts by id."""
+    known = {part: front for part, front in fronts.items() if front is not None}
+    return [*up_axis(surface, bounds), units(surface, known, bounds)]
 
 
 def up_axis(surface: ScanSurface, bounds: Bounds) -> list[Finding]:
@@ -100,32 +108,59 @@ def _underside(points: np.ndarray, facing: np.ndarray, bounds: Bounds) -> Findin
 
 
 def units(surface: ScanSurface, fronts: dict[str, Front], bounds: Bounds) -> Finding:
-    """Judge the unit by the room's height and by the thickness of handles, as far as it has any.
+    """Judge the unit by three sizes that no room's style changes much.
+
+    The height of the room, of the surfaces that objects stand on, and the thickness of handles, as far as there are any. One
+    of them may be odd (a hall, a gallery, a wheel as a handle), two are not by chance.
 
     Args:
         surface: the room.
         fronts: fronts of its moving parts by id.
-        bounds: `heights` and `handles`.
+        bounds: `heights`, `surfaces` and `handles`.
     """
-    low, high = np.quantile(surface.mesh.vertices[:, 2], [0.005, 0.995]) if len(surface.mesh.vertices) else (0.0, 0.0)
-    height = float(high - low)
+    height, handles = _height(surface), _handle_sizes(surface, fronts)
     sizes = [
-        np.sort(grasp.size(grasp.region(surface.scene, part), front))[1]
-        for part, front in fronts.items()
-        if grasp.has_handle(surface.scene, part)
+        (height, bounds.heights, f"the room is {height:.3g} m high"),
+        (raised := _raised(surface), bounds.surfaces, f"objects stand {raised:.3g} m over its floor"),
+        (thick := _median(handles), bounds.handles, f"its handles are {1000 * thick:.3g} mm thick"),
     ]
-    room = bounds.heights[0] <= height <= bounds.heights[1]
-    message = f"the room is {height:.3g} m high"
-    handles = True
-    if sizes:
-        middle = float(np.median(sizes))
-        handles = bounds.handles[0] <= middle <= bounds.handles[1]
-        message += f", its handles are {1000 * middle:.3g} mm thick"
+    known = [(low <= size <= high, text) for size, (low, high), text in sizes if not np.isnan(size)]
+    odd = sum(not fits for fits, _ in known)
+    message = ", ".join(text for _, text in known)
+    if not odd:
+        return Finding(UNITS, "", "pass", height, bounds.heights[1], "m", message)
     remedy = (
-        f"possible: {bounds.heights[0]:g} to {bounds.heights[1]:g} m, {1000 * bounds.handles[0]:g} to "
-        f"{1000 * bounds.handles[1]:g} mm; scale mesh and joints to metres (feet x 0.3048, inches x 0.0254, cm x 0.01)"
+        f"possible: {bounds.heights[0]:g} to {bounds.heights[1]:g} m, {bounds.surfaces[0]:g} to {bounds.surfaces[1]:g} m, "
+        f"{1000 * bounds.handles[0]:g} to {1000 * bounds.handles[1]:g} mm; scale mesh and joints to metres (feet x 0.3048, "
+        "inches x 0.0254, cm x 0.01)"
     )
-    if room and handles:
-        return Finding("units", "", "pass", height, bounds.heights[1], "m", message)
-    verdict: Verdict = "fail" if not room and (not handles or not sizes) else "warn"
-    return Finding("units", "", verdict, height, bounds.heights[1], "m", message, remedy)
+    verdict: Verdict = "fail" if odd >= min(2, len(known)) else "warn"
+    return Finding(UNITS, "", verdict, height, bounds.heights[1], "m", message, remedy)
+
+
+def _height(surface: ScanSurface) -> float:
+    """Return the height of a room [m], without stray points."""
+    points = surface.mesh.vertices
+    return float(np.subtract(*np.quantile(points[:, 2], [0.995, 0.005]))) if len(points) else 0.0
+
+
+def _raised(surface: ScanSurface) -> float:
+    """Return the median height over the floor of the surfaces between floor and ceiling that look up [m]; NaN without any."""
+    points, facing = samples(surface.mesh)
+    if not len(points):
+        return float("nan")
+    low, high = np.quantile(points[:, 2], [0.005, 0.995])
+    height = points[surface.winding * facing[:, 2] > LEVEL, 2] - low
+    height = height[(height > BORDER) & (height < high - low - BORDER)]
+    return float(np.median(height)) if len(height) > 0.01 * len(points) else float("nan")
+
+
+def _handle_sizes(surface: ScanSurface, fronts: dict[str, Front]) -> list[float]:
+    """Return the thickness of each handle across its length in its front's plane [m]."""
+    scene = surface.scene
+    held = {part: front for part, front in fronts.items() if grasp.has_handle(scene, part)}
+    return [float(np.sort(grasp.size(grasp.region(scene, part), front))[1]) for part, front in held.items()]
+
+
+def _median(values: list[float]) -> float:
+    return float(np.median(values)) if values else float("nan")

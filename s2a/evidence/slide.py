@@ -10,12 +10,11 @@ from s2a.articulation import open_limit
 from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding, bounded_above, unknown
 from s2a.evidence.front import Front
-from s2a.evidence.opening import edge_angle, normal_angle
+from s2a.evidence.opening import UP, edge_angle, normal_angle
 from s2a.evidence.surface import REACH, ScanSurface
 from s2a.evidence.sweep import moved_parts
 from s2a.scene import Joint
 
-UP = np.array([0.0, 0.0, 1.0])
 LIFTS = re.compile(r"\b(sash|garage|roller|roll|shutter|blinds?|hatch)\b")
 """Names of what slides up and down."""
 DEEP = 0.15

@@ -24,7 +24,7 @@ from s2a.prepare.part import PartConfig, PartResult
 from s2a.prepare.selection import ALL, selected_parts
 from s2a.prepare.static_room import StaticRoom
 from s2a.prepare.target import bodies, parent_body
-from s2a.ranges import NotNegative, Positive
+from s2a.ranges import NotNegative
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
 from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Grasp, SimBody, SimRoom
@@ -45,7 +45,6 @@ class PrepareConfig:
         friction: min dry friction of an articulated part's joint as a force at the grasp point [N]; holds a drawer whose
             annotated axis is not quite horizontal.
         friction_coefficient: the same as a fraction of its weight, where that is more.
-        max_friction: but not more than this [N].
         interior: Enable the open box behind a drawer's front, and the back and sides of its furniture, where a scan cannot
             show them.
         base: where the robot may stand.
@@ -59,7 +58,6 @@ class PrepareConfig:
 
     friction: NotNegative
     friction_coefficient: NotNegative
-    max_friction: Positive
     interior: bool
     base: BaseConfig
     decimate: DecimateConfig
@@ -220,4 +218,4 @@ def _articulation(
 
 def _friction(mass: float, config: PrepareConfig) -> float:
     """Return the dry friction of a joint that carries a mass [kg], as a force at the grasp point [N]."""
-    return max(config.friction, min(config.friction_coefficient * GRAVITY * mass, config.max_friction))
+    return max(config.friction, config.friction_coefficient * GRAVITY * mass)

@@ -8,7 +8,7 @@ import logging
 import math
 import shutil
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +28,20 @@ BEST = "model_best.pt"
 FREE = ("resume", "device", "export", "out", "ppo.iterations", "ppo.save_interval")
 """Keys that may change when a run goes on."""
 
+ADDED = {"sim.joint.spring": "joint"}
+"""Keys that older runs did not have -> the value by which they ran."""
+
 _log = logging.getLogger(__name__)
 logging.getLogger("tensorboard").setLevel(logging.ERROR)  # it warns of every iteration that `cut` made it forget
 
 
-def keep_settings(values: Mapping[str, Any], out: Path) -> None:
+def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Callable[[], Collection[str]] = tuple) -> None:
     """Write the nested settings of a run into its folder; if it has some already, they must be the same, save FREE ones.
+
+    Args:
+        values: the settings.
+        out: the folder.
+        without_effect: returns dotted keys that may change too, as they change nothing in this run; asked only if one differs.
 
     Raises:
         InputError: naming the first key that differs, with both values.
@@ -46,8 +54,10 @@ def keep_settings(values: Mapping[str, Any], out: Path) -> None:
             raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error
         given = dict(leaves(now))
         then = {aliases.current(key, given) or key: value for key, value in then.items()}
+        then |= {key: value for key, value in ADDED.items() if key in given and key not in then}
         for key in given | then:  # what is no longer there counts too: a reward term that is not listed weighs nothing
-            if given.get(key) != then.get(key) and not _may_change(key, given.get(key), then.get(key)):
+            same = given.get(key) == then.get(key) or _may_change(key, given.get(key), then.get(key))
+            if not same and key not in without_effect():
                 raise InputError(
                     f"key {key!r} is {given.get(key)!r}, but {out} was begun with {then.get(key)!r}; "
                     "resume with the same settings, or train into another folder"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import newton
 import newton_usd_schemas  # noqa: F401  registers Newton's USD schemas, which must precede the registry's first use
@@ -20,7 +21,7 @@ from s2a.scene import Joint, Mesh
 from s2a.sim.freezing import kept_bodies
 from s2a.sim.room import add_pedestal, add_room, open_physics, pedestal, workspace
 from s2a.usd import sim_stage
-from s2a.usd.sim_scene import DEFAULT_ROBOT, SimRoom
+from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,24 @@ class JointConfig:
     """How the target's joint resists, beside the dry friction that the stage gives it.
 
     Attributes:
-        stiffness: of the spring that draws the part to its scanned pose [N/m] or [N m/rad].
+        stiffness: of the spring that draws the part to its scanned pose [N/m]; of `spring` "joint" [N/m] or [N m/rad].
         damping: [N s/m] or [N m s/rad].
+        spring: "grasp": the spring's force grows with the path of the grasp point, on every lever arm alike; "joint": with
+            the joint's coordinate, as before there was a choice.
     """
 
     stiffness: NotNegative
     damping: NotNegative
+    spring: Literal["grasp", "joint"] = "joint"
+
+    def joint_stiffness(self, part: Articulation) -> float:
+        """Return the spring of a part's joint, per unit of its coordinate [N/m] or [N m/rad].
+
+        A force of k s at the grasp point, s = L q along its path, turns a hinge of lever arm L by the moment k L^2 q. For a
+        slide L is 1.
+        """
+        arm = lever_arm(part.joint, np.array(part.grasp.point)) if self.spring == "grasp" else 1.0
+        return self.stiffness * arm**2
 
 
 @dataclass(frozen=True)
@@ -154,7 +167,7 @@ def build_world(
         if part in stage.room.articulations:
             dof = builder.joint_qd_start[joint_index(builder, part)]
             builder.joint_target_mode[dof] = newton.JointTargetMode.POSITION
-            builder.joint_target_ke[dof] = joint.stiffness
+            builder.joint_target_ke[dof] = joint.joint_stiffness(stage.room.articulations[part])
             builder.joint_target_kd[dof] = joint.damping
             stiffen(builder, dof, dt)
     return builder

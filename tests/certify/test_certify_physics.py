@@ -125,6 +125,19 @@ def test_what_has_to_be_lifted_is_no_jam_and_its_weight_is_told(stage: Path) -> 
     )  # five times the force of the sweep
 
 
+@pytest.mark.parametrize(
+    ("mass", "friction"), [(5.32, 6.0), (20.0, 0.028 * 20.0 * 9.81), (5.32, 9.0), (60.0, 0.028 * 60.0 * 9.81)]
+)
+def test_dry_friction_below_the_force_is_no_jam(stage: Path, mass: float, friction: float) -> None:
+    def heavy(edited: Usd.Stage) -> None:
+        attribute(edited, f"{TARGET}.physics:mass", mass)
+        attribute(edited, f"{JOINT}.newton:friction", friction)
+
+    edit(stage, heavy)
+    sweep = physics_motion.joint_sweep(World(stage, CONFIG.physics), CONFIG.motion)
+    assert sweep.status == "pass", (sweep.value, sweep.message)
+
+
 def test_dry_friction_that_holds_a_part_lets_it_not_creep(stage: Path) -> None:
     def sticky_slope(edited: Usd.Stage) -> None:
         slope(edited)

@@ -12,12 +12,14 @@ from defects_of_files import EDITS
 from defects_of_rooms import CHANGES
 from pxr import Usd
 from settings import load
+from wrong_annotations import transformed
 
 from s2a.certify import contents, portability
 from s2a.certify.check_suite import CertifyConfig
 from s2a.certify.fidelity import excess, shift, uncovered
 from s2a.certify.robot_base import obstacle
-from s2a.certify.scan_evidence import Evidence, EvidenceConfig, without
+from s2a.certify.scan_evidence import Evidence, EvidenceConfig, as_scene, without
+from s2a.evidence.surface import ScanSurface
 from s2a.geometry.mesh_ops import keep, merge, normals, sample
 from s2a.geometry.mesh_query import ray_mesh
 from s2a.scene import Mesh
@@ -61,8 +63,15 @@ def test_a_clean_stage_has_the_surface_on_its_side(stage: Path) -> None:
     assert failures(stage) == {}
     checks = Evidence(stage).checks("drawer_2", CONFIG)
     assert len({check.name for check in checks}) == len(checks) >= 15
-    assert "up_axis" in {check.name for check in checks}
+    assert {"up_axis", "scan_units"} <= {check.name for check in checks}
     assert [rule(contents.read(stage)).status for rule in portability.ROOM_RULES] == ["pass"] * 6
+
+
+def test_a_room_in_decimetres_is_named(stage: Path) -> None:
+    found = Evidence(stage)
+    found._surface = ScanSurface(transformed(as_scene(found.room), 10.0 * np.eye(3), labelled=True))
+    check = next(check for check in found.checks("drawer_2", CONFIG) if check.name == "scan_units")
+    assert check.status == "fail" and check.remedy and check.value == pytest.approx(20.2, abs=0.1)
 
 
 @pytest.mark.parametrize("defect", NAMED)

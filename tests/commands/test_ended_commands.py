@@ -32,7 +32,7 @@ COMMANDS = {
     ],
     "prepare": ["stage={inputs}/room.usd", "targets=drawer_6", "out={out}/sim.usd"],
     "convert": ["stage={inputs}/sim.usda", "out={out}/mjcf"],
-    "certify": ["stage={inputs}/sim.usda", "out={out}/validation", "stamp=false"],
+    "certify": ["stage={inputs}/sim.usda", "out={out}/validation", "stamp=false", "certify.motion.poses=4{n}"],
     "evaluate": ["stage={inputs}/sim.usda", "num_envs=2", "seed={n}", "out={out}/planner.json", "images={out}"],
     "train": [
         "stage={inputs}/sim.usda", "num_envs=8", "ppo.num_steps_per_env=8", "ppo.iterations=4", "ppo.save_interval=1",
@@ -40,7 +40,7 @@ COMMANDS = {
     ],
     "view": ["path={inputs}/room.usd", "image={out}/view.png"],
 }  # fmt: skip
-"""Keys of each command; {n} differs from run to run."""
+"""Keys of each command; {n} differs from run to run, so that certify does not keep the earlier report."""
 TIMED = {"planner.json", "report.json", "report.html", "insert.json"}
 """Files that hold how long it took."""
 

@@ -33,7 +33,14 @@ def doubted(scene: Scene) -> set[tuple[str, str]]:
 def test_a_right_annotation_raises_no_alarm_and_every_question_is_answered() -> None:
     found = annotation.check(room(), BOUNDS)
     assert [str(f) for f in found if f.verdict != "pass"] == []
-    assert {f.check for f in found} >= {"opens_outward", "slide_axis", "hinge_edge", "swept_path", "up_axis", "units"}
+    assert {f.check for f in found} >= {
+        "opens_outward",
+        "slide_axis",
+        "hinge_edge",
+        "swept_path",
+        "up_axis",
+        "scan_units",
+    }
 
 
 def test_the_front_of_a_drawer_is_the_side_seen_from_the_room_whatever_the_order_of_its_corners() -> None:
@@ -181,8 +188,37 @@ def test_up_is_told_by_the_labelled_floor_and_without_one_by_what_is_level() -> 
 
 @pytest.mark.parametrize(("unit", "factor"), [("feet", 1 / 0.3048), ("cm", 100.0), ("km", 0.001)])
 def test_a_scan_in_another_unit_is_named(unit: str, factor: float) -> None:
-    found = findings(moved(room(), factor * np.eye(3)))["units"]
+    found = findings(moved(room(), factor * np.eye(3)))["scan_units"]
     assert found.verdict == "fail" and found.value == pytest.approx(2.5 * factor, rel=1e-3)
+
+
+def test_a_high_hall_is_doubtful_and_a_room_without_handles_in_feet_is_wrong() -> None:
+    parts = {}
+    for name, part in room().parts.items():
+        points = part.mesh.vertices.copy()
+        points[points[:, 2] > 2.49, 2] = 8.0
+        parts[name] = replace(part, mesh=Mesh(points, part.mesh.faces))
+    hall = findings(Scene("hall", parts))["scan_units"]
+    assert (hall.verdict, hall.value) == ("warn", pytest.approx(8.0, abs=1e-3))
+    # Without handles, the room's height and the table at 0.7 / 0.3048 = 2.3 m tell.
+    bare = Scene("bare", {name: part for name, part in room().parts.items() if part.label != "handle"})
+    assert findings(bare)["scan_units"].verdict == "pass"
+    assert findings(moved(bare, np.eye(3) / 0.3048))["scan_units"].verdict == "fail"
+
+
+@pytest.mark.parametrize("normal", [(1.0, 0.0, 0.0), (0.98, 0.0, 0.199)])
+def test_a_round_door_hangs_plumb_or_level_and_a_round_lid_any_way(normal: tuple[float, float, float]) -> None:
+    leaf = front(ScanSurface(room()), "door_8")
+    assert leaf is not None
+    out = np.array(normal) / np.linalg.norm(normal)
+    disc = replace(leaf, normal=out, fill=np.pi / 4)
+    up = np.cross(out, [0.0, 1.0, 0.0])
+    for angle in (0.0, 15.0, 40.0, 75.0, 90.0):
+        axis = np.cos(np.radians(angle)) * up + np.sin(np.radians(angle)) * np.array([0.0, 1.0, 0.0])
+        assert opening.edge_angle(axis, disc) == pytest.approx(min(angle, 90.0 - angle), abs=1e-4)
+    lid = replace(disc, normal=np.array([0.0, 0.0, 1.0]))
+    assert opening.edge_angle(np.array([0.8, 0.6, 0.0]), lid) == pytest.approx(0.0, abs=1e-6)
+    assert opening.edge_angle(np.array([0.8, 0.0, 0.6]), lid) == pytest.approx(np.degrees(np.arcsin(0.6)))
 
 
 def test_a_ring_shaped_region_has_its_grasp_point_in_the_air() -> None:

@@ -14,7 +14,6 @@ from wrong_annotations import (
     far_hinge,
     other_edge,
     other_kind,
-    room_findings,
     table,
     tilted,
     transformed,
@@ -22,6 +21,7 @@ from wrong_annotations import (
 
 from s2a.evidence import annotation
 from s2a.evidence.front import Front, front
+from s2a.evidence.room import findings as whole_room
 from s2a.evidence.surface import ScanSurface
 
 
@@ -56,7 +56,7 @@ def test_every_class_is_drawn_and_caught_in_a_room_of_flat_sheets() -> None:
     surface, limits, random = ScanSurface(room()), bounds(), np.random.default_rng(0)
     fronts = {part: front(surface, part) for part in surface.scene.movable}
     right = {part: list(annotation.moving_part(surface, part, found, limits)) for part, found in fronts.items()}
-    case = Case("box", surface, fronts, right | {"": room_findings(surface, fronts, limits)})
+    case = Case("box", surface, fronts, right | {"": whole_room(surface, fronts, limits)})
     rows = [checked(pick([case], random), limits) for pick in CLASSES.values()]
     assert [row["how"] for row in rows if not row["caught"]] == []
 

@@ -72,6 +72,18 @@ def test_what_would_learn_something_else_is_refused_by_name(out: Path, values: d
         run_folder.keep_settings(values, out)
 
 
+def test_an_older_run_goes_on_with_the_spring_that_it_had(out: Path) -> None:
+    now = VALUES | {"sim": {"joint": {"spring": "grasp"}}}
+    with pytest.raises(InputError, match="'sim.joint.spring' is 'grasp', but .* was begun with 'joint'"):
+        run_folder.keep_settings(now, out)
+    run_folder.keep_settings(now, out, lambda: ("sim.joint.spring",))  # a slide, which has one spring only
+    run_folder.keep_settings(now, out)
+
+
+def test_an_older_run_of_a_hinge_goes_on_with_the_older_spring(out: Path) -> None:
+    run_folder.keep_settings(VALUES | {"sim": {"joint": {"spring": "joint"}}}, out)
+
+
 @pytest.mark.parametrize("text", ["{", "[]", ""])
 def test_a_damaged_folder_is_one_line(out: Path, text: str) -> None:
     stage = out / "sim.usd"

@@ -68,18 +68,19 @@ def main() -> None:
     args = parser.parse_args()
     rows = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
     for path in args.merge:
-        rows = write(args.out, rows, json.loads(path.read_text())["rows"])
+        measured = json.loads(path.read_text())
+        rows = write(args.out, rows, measured["rows"], {key: measured[key] for key in provenance("cpu")})
     for folder in args.scans:
-        rows = write(args.out, rows, measure_scan(folder, args.methods, args.styles, args.each))
+        rows = write(args.out, rows, measure_scan(folder, args.methods, args.styles, args.each), provenance("cpu"))
     print("\n".join(summary(table(rows))))
 
 
-def write(path: Path, rows: list[dict], new: list[dict]) -> list[dict]:
-    """Write rows with new ones in place of those of the same scan, part and method, and return all."""
+def write(path: Path, rows: list[dict], new: list[dict], measured: dict[str, object]) -> list[dict]:
+    """Write rows with new ones in place of those of the same scan, part and method, and return all; `measured`: how, where."""
     replaced = {_key(row) for row in new}
     rows = [row for row in rows if _key(row) not in replaced] + new
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({**provenance("cpu"), "table": table(rows), "rows": rows}, indent=1) + "\n")
+    path.write_text(json.dumps({**measured, "table": table(rows), "rows": rows}, indent=1) + "\n")
     return rows
 
 

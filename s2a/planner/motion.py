@@ -146,7 +146,7 @@ def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, config: Planne
 
 def _trajectory(sim: Simulation, path: ToolPath, arm: np.ndarray, config: PlannerConfig) -> Trajectory:
     """Return a joint path [pose arm] in time: approach, close, pull."""
-    spec, limits, rate = sim.robot, sim.arm_limits, _rate(sim)
+    spec, limits, rate = sim.robot, sim.plan_limits, _rate(sim)
     approach = timed(arm[: path.grasp + 1], config.approach_time, limits, rate)
     # A finger target of zero presses the pads on the handle; where they stop is the handle's thickness.
     fingers = closing(spec.gripper, config.close_time, rate)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from typing import Annotated
 
@@ -118,6 +119,17 @@ class MotionLimits:
         """Return what the controller of an arm with these limits lets anyone ask for."""
         velocity = tuple(self.velocity * each for each in arm.velocity)
         return JointLimits(velocity, tuple(self.acceleration * each for each in arm.acceleration), arm.torque)
+
+    def sustained(self, arm: JointLimits, gains: Gains) -> JointLimits:
+        """Return what an arm keeps up: a joint at speed v is behind its target, and that may not be a window ahead.
+
+        A position controller of stiffness k and damping d needs a lag of v d / k to overcome its damping; the target brakes at
+        a when it is v^2 / (2 a) short of the window. So v d / k + v^2 / (2 a) = window.
+        """
+        asked, lag = self.of(arm), gains.arm_damping / gains.arm_stiffness
+        fastest = [a * (math.sqrt(lag**2 + 2.0 * self.window / a) - lag) for a in asked.acceleration]
+        velocity = tuple(min(v, most) for v, most in zip(asked.velocity, fastest, strict=True))
+        return JointLimits(velocity, asked.acceleration, arm.torque)
 
 
 @dataclass(frozen=True)

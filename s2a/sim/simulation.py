@@ -23,7 +23,8 @@ class Simulation:
         stages: what is simulated; `stage` is the first.
         stage_of_env: index of each world's stage, shape [world].
         robot: the robot that the stages were prepared for.
-        arm_limits: what its controller lets an action or a plan ask for.
+        arm_limits: what its controller lets an action ask for.
+        plan_limits: what the arm keeps up, for a plan.
         world: builder of the first stage's world.
         layout: which body and coordinate of a world is what.
         model: the Newton model of all worlds.
@@ -62,7 +63,9 @@ class Simulation:
         self.stage_of_env = np.arange(num_envs) % len(self.stages)
         _check_alike(self.stages)
         self.robot = robot.load(self.stage.robot)
-        self.arm_limits = config.limits.of(self.robot.limits) if config.limits else self.robot.limits
+        limits, gains = self.robot.limits, config.gains or self.robot.gains
+        self.arm_limits = config.limits.of(limits) if config.limits else limits
+        self.plan_limits = config.limits.sustained(limits, gains) if config.limits else limits
         with wp.ScopedDevice(device):
             worlds = [self._world(stage, with_robot) for stage in self.stages]
             self.world = worlds[0]

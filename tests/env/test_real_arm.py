@@ -116,7 +116,7 @@ def test_without_drives_the_arm_is_the_planners(stage: SimStage) -> None:
 def test_the_planner_takes_the_time_that_the_controller_leaves_it(
     stage: SimStage, caplog: pytest.LogCaptureFixture
 ) -> None:
-    env = make_env(stage, sim="sim/real", episode_steps=600)
+    env = make_env(stage, sim="sim/real", episode_steps=1000)
     planner, use = Planner(env, load(PlannerConfig, "planner/default")), LimitUse(env.sim)
     result = evaluate(env, planner, lambda: use.watch(env.episode_step == 0))
     assert result["grasp_success"]["rate"] == 1.0

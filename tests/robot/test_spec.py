@@ -9,6 +9,7 @@ import pytest
 
 from s2a import robot
 from s2a.errors import InputError
+from s2a.robot.spec import MotionLimits
 
 
 @pytest.mark.parametrize("name", robot.names())
@@ -42,3 +43,14 @@ def test_a_robot_that_a_command_changed_is_refused() -> None:
     robot.check_unchanged(panda)
     with pytest.raises(InputError, match=r"differs from conf/robot/panda.yaml"):
         robot.check_unchanged(replace(panda, urdf="other.urdf"))
+
+
+def test_what_an_arm_keeps_up_leaves_its_joints_a_window_behind() -> None:
+    spec = robot.load("panda")
+    arm = replace(spec.limits, velocity=(10.0,) * 6 + (0.1,), acceleration=(15.0,) * 7)
+    gains = replace(spec.gains, arm_stiffness=400.0, arm_damping=80.0)
+    limits = MotionLimits(velocity=1.0, acceleration=0.5, window=0.05, drives=True)
+    found = limits.sustained(arm, gains)
+    # By hand: a lag of 0.2 s and 7.5 rad/s^2; 0.2 v + v^2 / 15 = 0.05 for v = 0.2320 rad/s.
+    assert found.velocity == pytest.approx((0.2320,) * 6 + (0.1,), abs=1e-4)
+    assert found.acceleration == (7.5,) * 7

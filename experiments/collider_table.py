@@ -47,7 +47,8 @@ from s2a.usd import geometric
 RESULTS = Path(__file__).parent / "results/colliders.json"
 POINTS = 1500
 MARGINS = np.array([[-MARGIN], [MARGIN]])
-STYLES = ("bar", "bar upright", "knob", "cup", "edge", "lever")
+STYLES = ("bar", "bar upright", "knob", "cup", "edge", "lever", "bow", "rail", "recess", "square", "strap", "t")
+"""Of classic rooms, and families that varied rooms have besides."""
 MEASURES = (
     *("scan_mm", "bias_mm", "fit_mm", "symmetric_mm", "true_mm", "hull_mm"),
     *("gap_pct", "behind_pct", "web_pct", "hulls", "vertices", "seconds"),
@@ -103,8 +104,9 @@ def measure_scan(folder: Path, methods: list[str], styles: list[str], each: int)
 
 
 def style_of(true: Scene, target: str, facts: dict) -> str | None:
-    """Return the style of a part's handle, or None if it has none; bars are classified by their orientation."""
-    style = facts["parts"][true.grasp_parts(target)[0]]["style"]
+    """Return the style or family of a part's handle, or None if it has none; bars are classified by their orientation."""
+    held = facts["parts"][true.grasp_parts(target)[0]]
+    style = held.get("facts", {}).get("family", held["style"])
     if style != "bar":
         return style or None
     along = Rotation.from_quat(find_grasp(true, target).orientation).as_matrix()[:, 0]

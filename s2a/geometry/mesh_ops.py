@@ -30,7 +30,7 @@ def keep(mesh: Mesh, faces: np.ndarray) -> Mesh:
     chosen = mesh.faces[faces]
     used = np.zeros(len(mesh.vertices), bool)
     used[chosen] = True
-    number = np.cumsum(used, dtype=np.int32) - 1  # without sorting, a tenth of the time of np.unique
+    number = np.cumsum(used) - 1  # without sorting, a tenth of the time of np.unique
     colors = None if mesh.colors is None else mesh.colors[used]
     return Mesh(mesh.vertices[used], number[chosen], colors)
 

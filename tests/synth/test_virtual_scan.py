@@ -91,8 +91,13 @@ def test_the_same_seed_gives_the_same_bytes(coarse: Path, tmp_path: Path) -> Non
     assert filecmp.cmpfiles(coarse, again, names, shallow=False) == (names, [], [])
 
 
+SINE = np.lib.introspect.opt_func_info(func_name="^sin$", signature="float64")["sin"]["dd"]["current"]
+"""Instructions by which NumPy computes a sine; the last digits depend on them, and with them which noisy ray hits what."""
+
+
+@pytest.mark.skipif(SINE not in ("X86_V4", "AVX512_SKX"), reason=f"the bytes are of AVX-512, NumPy has {SINE} here")
 def test_the_classic_office_is_the_same_byte_for_byte(coarse: Path) -> None:
-    """Published figures are of these very files."""
+    """Published figures are of these very files, made with AVX-512; to the micrometre the solids are the same everywhere."""
     files = [path for path in coarse.rglob("*") if path.is_file()]
     found = {str(f.relative_to(coarse)): hashlib.sha256(f.read_bytes()).hexdigest()[:16] for f in files}
     assert found == EARLIER

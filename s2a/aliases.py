@@ -127,6 +127,21 @@ def settings(values: Mapping[str, Any], group: str) -> dict[str, Any]:
     return {RENAMED.get(f"{group}.{key}", key): value for key, value in values.items()}
 
 
+ADDED = {"sim.joint.spring": "joint", "sim.limits.drives": False}
+"""Dotted key that older runs did not have -> the value by which they ran."""
+
+
+def complete(values: dict[str, Any]) -> None:
+    """Give the nested settings of an old run what has been added to their groups since."""
+    for key, value in ADDED.items():
+        *groups, name = key.split(".")
+        group: Any = values
+        for each in groups:
+            group = group.get(each) if isinstance(group, dict) else None
+        if isinstance(group, dict):
+            group.setdefault(name, value)
+
+
 OPTIONS = {("reward", "led"): "grasped"}
 """Group and old name of an option, conf/<group>/<name>.yaml -> its present name."""
 METRICS = {

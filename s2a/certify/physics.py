@@ -76,7 +76,7 @@ class World:
         gripper = self.robot.gripper
         with temporary_folder() as folder, wp.ScopedDevice("cpu"):
             # Neither a spring nor damping: what stays, stays by the dry friction that the stage itself has.
-            builder = build_world(self.stage, JointConfig(0.0, 0.0), config.dt)
+            builder = build_world(self.stage, JointConfig(0.0, 0.0, "grasp"), config.dt)
             add_gripper(builder, self.robot, wp.transform(wp.vec3(0.0, 0.0, PARKED), wp.quat_identity()))
             for i, label in enumerate(builder.joint_label):
                 if label.split("/")[-1] in gripper.joints:

@@ -28,9 +28,6 @@ BEST = "model_best.pt"
 FREE = ("resume", "device", "export", "out", "ppo.iterations", "ppo.save_interval")
 """Keys that may change when a run goes on."""
 
-ADDED = {"sim.joint.spring": "joint"}
-"""Keys that older runs did not have -> the value by which they ran."""
-
 _log = logging.getLogger(__name__)
 logging.getLogger("tensorboard").setLevel(logging.ERROR)  # it warns of every iteration that `cut` made it forget
 
@@ -49,12 +46,13 @@ def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Callable
     file, now = out / SETTINGS, json.loads(json.dumps(values, default=str))
     if file.is_file() or latest(out):
         try:
-            then = dict(leaves(json.loads(file.read_text())))
+            begun = json.loads(file.read_text())
+            aliases.complete(begun)
+            then = dict(leaves(begun))
         except (OSError, ValueError, AttributeError) as error:
             raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error
         given = dict(leaves(now))
         then = {aliases.current(key, given) or key: value for key, value in then.items()}
-        then |= {key: value for key, value in ADDED.items() if key in given and key not in then}
         for key in given | then:  # what is no longer there counts too: a reward term that is not listed weighs nothing
             same = given.get(key) == then.get(key) or _may_change(key, given.get(key), then.get(key))
             if not same and key not in without_effect():

@@ -33,9 +33,8 @@ def read_world(checkpoint: Path) -> tuple[SimConfig, MdpConfig] | None:
         return None
     try:
         values = json.loads(file.read_text())
+        aliases.complete(values)
         sim, task = (aliases.settings(values[group], group) for group in ("sim", "task"))
-        if sim.get("limits"):  # until November 2026 no run simulated drives
-            sim["limits"] = {"drives": False, **sim["limits"]}
         return load(SimConfig, sim), load(tasks.of(values).Config, task)
     except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
         raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error

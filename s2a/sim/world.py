@@ -37,7 +37,7 @@ class JointConfig:
 
     stiffness: NotNegative
     damping: NotNegative
-    spring: Literal["grasp", "joint"] = "joint"
+    spring: Literal["grasp", "joint"]
 
     def joint_stiffness(self, part: Articulation) -> float:
         """Return the spring of a part's joint, per unit of its coordinate [N/m] or [N m/rad].

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from s2a.cores import in_parallel
-from s2a.geometry.panorama import pixel_direction, pixel_tangents
+from s2a.synth.panorama import pixel_direction, pixel_tangents
 
 
 @dataclass
@@ -21,7 +21,7 @@ class View:
 
     Attributes:
         scanner: where it was taken [m].
-        tangents: of the pixel centres along a cube-map face (see `s2a.geometry.panorama.pixel_tangents`).
+        tangents: of the pixel centres along a cube-map face (see `s2a.synth.panorama.pixel_tangents`).
         ranges: of its pixels [m], 0 where nothing returned, shape [pixel].
         planes: unit normal towards the scanner, and its product with points of the plane seen from the scanner [m],
             shape [pixel].
@@ -78,7 +78,7 @@ def measure(panoramas: list[np.ndarray], scanners: np.ndarray, spacing: float) -
     """Return panoramas with the planes that their pixels measured.
 
     Args:
-        panoramas: ranges [m] of each panorama (see `s2a.geometry.panorama.cast_panorama`), shape [pixel] each.
+        panoramas: ranges [m] of each panorama (see `s2a.synth.panorama.cast_panorama`), shape [pixel] each.
         scanners: where each was taken [m], shape [panorama 3].
         spacing: angle between the rays [rad].
     """

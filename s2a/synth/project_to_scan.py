@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from s2a.cores import chunks, in_parallel
-from s2a.geometry.panorama import direction_pixel
+from s2a.synth.panorama import direction_pixel
 from s2a.synth.pixel_planes import View
 from s2a.synth.surface_nets import Net
 

@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 import numpy as np
 
 from s2a.geometry.mesh_query import RayMesh
-from s2a.geometry.panorama import NoiseConfig, cast_panorama
 from s2a.progress import track
 from s2a.ranges import AtLeast, CountFromZero, Fraction, Positive
 from s2a.synth.handheld import DriftConfig, drifts, smoothed
+from s2a.synth.panorama import NoiseConfig, cast_panorama
 from s2a.synth.pixel_planes import measure
 from s2a.synth.project_to_scan import project_to_scan
 from s2a.synth.solids import rotation, translation

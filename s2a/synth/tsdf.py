@@ -15,9 +15,9 @@ import numpy as np
 import warp as wp
 
 from s2a.cores import chunks, in_parallel
-from s2a.geometry.panorama import direction_pixel, pixel_direction
 from s2a.progress import track
 from s2a.ranges import NotNegative, Positive
+from s2a.synth.panorama import direction_pixel, pixel_direction
 from s2a.synth.pixel_planes import View
 
 UNKNOWN = 1.0e9

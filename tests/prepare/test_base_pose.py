@@ -238,7 +238,7 @@ def test_what_the_robot_stands_on_ends_just_below_its_base(high_up: SimRoom, tmp
     assert stand.bounds[0, 2] == pytest.approx(0.0, abs=1e-6)  # the floor
     assert 0.001 < foot[2] - stand.bounds[1, 2] < 0.003
     assert stand.bounds.mean(axis=0)[:2] == pytest.approx(foot[:2], abs=1e-3)
-    builder = build_world(stage, JointConfig(0.0, 0.0), 0.01)
+    builder = build_world(stage, JointConfig(0.0, 0.0, "grasp"), 0.01)
     assert builder.shape_body[builder.shape_label.index(PEDESTAL)] == -1
 
 

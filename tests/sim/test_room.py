@@ -24,7 +24,7 @@ from s2a.sim.world import JointConfig, build_world, read_stage
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import Base
 
-FREE = JointConfig(0.0, 0.0)
+FREE = JointConfig(0.0, 0.0, "grasp")
 PARTS = ("drawer_7", "drawer_8", "door_5", "door_6", INNER, LONE)
 
 

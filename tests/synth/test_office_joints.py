@@ -36,7 +36,7 @@ def simulate(scene: Scene, part_id: str, folder: Path) -> Simulation:
     sim_stage.write(prepare(scene, part_id, load(PrepareConfig, "prepare")), path)
     assert problems(path) == []
     # The task's spring would hold a door against the push.
-    config = replace(load(SimConfig, "sim/paper"), joint=JointConfig(stiffness=0.0, damping=1.0))
+    config = replace(load(SimConfig, "sim/paper"), joint=JointConfig(stiffness=0.0, damping=1.0, spring="grasp"))
     return Simulation(read_stage(path), config, 1, with_robot=False)
 
 

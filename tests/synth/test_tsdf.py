@@ -10,8 +10,8 @@ import warp as wp
 
 from s2a.geometry.mesh_ops import normals, sample_with_faces
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
-from s2a.geometry.panorama import NoiseConfig, cast_panorama, pixel_tangents
 from s2a.scene import Mesh
+from s2a.synth.panorama import NoiseConfig, cast_panorama, pixel_tangents
 from s2a.synth.pixel_planes import View, measure
 from s2a.synth.project_to_scan import project_to_scan
 from s2a.synth.solids import box, join, rotation, translation

@@ -129,7 +129,13 @@ def find_base(
         config: where the robot may stand.
         robot: the robot.
     """
-    search = _Search(scene, target, grasp, moving, swept, config, robot)
+    joint, point = scene.joint(target), np.array(grasp.point)
+    opening = opening_coordinate(joint, point, config.opening)
+    held = np.array([*grasp.point, *grasp.orientation])
+    poses = part_path(joint, held, config.approach, opening).poses
+    near = Obstacles(scene, moving, point, config.query_radius)
+    ground = Ground(scene, target, point, near, swept, config.floor, robot)
+    search = _Search(poses, near, ground, config, robot)
     return search.first_free() or search.nearest()
 
 
@@ -141,21 +147,10 @@ class _Search:
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        target: str,
-        grasp: Grasp,
-        moving: Sequence[str],
-        swept: Sequence[Mesh],
-        config: BaseConfig,
-        robot: RobotSpec,
+        self, poses: np.ndarray, near: Obstacles, ground: Ground, config: BaseConfig, robot: RobotSpec
     ) -> None:
-        joint, point = scene.joint(target), np.array(grasp.point)
-        opening = opening_coordinate(joint, point, config.opening)
-        held = np.array([*grasp.point, *grasp.orientation])
-        self._poses = part_path(joint, held, config.approach, opening).poses
-        self._near = Obstacles(scene, moving, point, config.query_radius)
-        self._ground = Ground(scene, target, point, self._near, swept, config.floor, robot)
+        """Take the tool frame's poses on the path of the handle [pose 4 4], what is near it, and the floor before it."""
+        self._poses, self._near, self._ground = poses, near, ground
         self._config, self._robot, self._shape = config, robot, robot_shape(robot)
         places = candidates(robot.base.distances, config.sides, config.pedestals)
         self._places = places if config.search else places[:1]

@@ -21,7 +21,7 @@ from s2a.tasks.close_part import ClosePartConfig, ClosePartMetrics
 def make_env(tmp_path: Path, num_envs: int = 2, **task: object) -> VecEnv:
     """Return worlds of a hand-made cabinet whose drawer stands open."""
     # Without the spring of the reference's cabinet, which would close the drawer by itself.
-    settings = load(SimConfig, "sim/planner", joint={"stiffness": 0.0, "damping": 1.0})
+    settings = load(SimConfig, "sim/planner", joint={"stiffness": 0.0, "damping": 1.0, "spring": "grasp"})
     sim = Simulation(read_stage(write_cabinet(tmp_path / "sim.usda")), settings, num_envs)
     config, metrics = load(ClosePartConfig, "task/close_part", **task), load(ClosePartMetrics, "metrics/close_part")
     return tasks.make_env(sim, config, metrics, load(dict, "reward/close_part"), 0)

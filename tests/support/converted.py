@@ -50,5 +50,7 @@ def inertia(mass: Mass) -> np.ndarray:
 
 def settings(stiffness: float = 0.0, damping: float = 0.0) -> SimConfig:
     """Return the settings of conf/sim/planner with another spring and damping."""
-    found: SimConfig = load(SimConfig, "sim/planner", joint={"stiffness": stiffness, "damping": damping, "spring": "grasp"})
+    found: SimConfig = load(
+        SimConfig, "sim/planner", joint={"stiffness": stiffness, "damping": damping, "spring": "grasp"}
+    )
     return found

@@ -11,11 +11,12 @@ from typing import Any
 import torch
 
 from s2a.commands.worlds import WorldsConfig
+from s2a.env.starts import DemoStarts
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
 from s2a.outputs import atomic_write, full_disk
-from s2a.planner.motion import grasping_motion
+from s2a.planner.motion import demonstration
 from s2a.provenance import provenance
 from s2a.ranges import Fraction
 from s2a.rl import ppo, processes, run_folder
@@ -42,6 +43,8 @@ class Config(WorldsConfig):
         ppo: rsl-rl's settings.
         demo_reset_fraction: fraction of the episodes that start on the planner's motion to the handle or in its grasp; evaluation
             has none.
+        demo_moved_fraction: of these, the fraction that starts with the part in the grip and already moved; such an episode is
+            not counted.
     """
 
     out: Path
@@ -50,6 +53,7 @@ class Config(WorldsConfig):
     reward: RewardWeights
     ppo: PpoConfig
     demo_reset_fraction: Fraction
+    demo_moved_fraction: Fraction
 
 
 def run(config: Config) -> str:
@@ -64,7 +68,8 @@ def run(config: Config) -> str:
     demo = None
     if config.demo_reset_fraction > 0.0:
         skill = partial(task(config.task.name).tool_path, config=config.task)
-        demo = ([grasping_motion(sim, config.planner, skill)], config.demo_reset_fraction)
+        motion = demonstration(sim, config.planner, skill)
+        demo = DemoStarts([motion], config.demo_reset_fraction, config.demo_moved_fraction)
     env = make_env(sim, config.task, config.metrics, config.reward, seed, demo=demo)
     try:
         if lead:

@@ -1,4 +1,4 @@
-"""What every task shares: acting, the reward's sum, the end of an episode and its count, the robot's reset."""
+"""What every task shares: acting, the reward's sum, the end of an episode and its count."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 from collections.abc import Sequence
@@ -29,10 +29,15 @@ class Motion:
         dt: physics time step [s].
         home: joint positions at the start [rad, m], shape [joint].
         noise: half range of the uniform noise on it [rad, m].
-        scanned: coordinates of everything else at the start, shape [world coord].
-        demo: joint targets of a motion that ends in a closed grasp, shape [stage step joint].
+        start: coordinates of everything else at the start, shape [world coord].
+        part_coord: index of the part's coordinate.
         stage: index of each world's stage, shape [world].
-        demo_fraction: fraction of the episodes that start on that motion.
+        demo_targets: joint targets of a demonstration, shape [stage step joint].
+        demo_positions: where the joints and, last, the part then are, shape [stage step joint + 1].
+        demo_grasped: steps of each until the gripper has closed, shape [stage].
+        demo_steps: all its steps, shape [stage].
+        demo_fraction: fraction of the episodes that start on it.
+        moved_fraction: of these, the fraction that starts where the part is already moved.
     """
 
     step: float
@@ -44,10 +49,15 @@ class Motion:
     dt: float
     home: wp.array(dtype=float)
     noise: float
-    scanned: wp.array2d(dtype=float)
-    demo: wp.array3d(dtype=float)
+    start: wp.array2d(dtype=float)
+    part_coord: int
     stage: wp.array(dtype=int)
+    demo_targets: wp.array3d(dtype=float)
+    demo_positions: wp.array3d(dtype=float)
+    demo_grasped: wp.array(dtype=int)
+    demo_steps: wp.array(dtype=int)
     demo_fraction: float
+    moved_fraction: float
 
 
 @wp.kernel
@@ -191,45 +201,3 @@ def count(s: State):
             if counted or i >= columns - 3:
                 wp.atomic_add(s.counts, i + 1, s.result[world, i])
         s.uncounted[world] = 0
-
-
-@wp.kernel
-def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_mask: wp.array2d(dtype=bool)):
-    """Put the worlds whose episode ended back to the start, the robot with noise; mark them in both masks.
-
-    Everything else takes the coordinates that it was scanned with. A fraction of the worlds starts on a demonstration: half
-    of these on the straight path in joint space from home to its first targets, the noise fading, a quarter at any of its
-    steps, a quarter at the last, where the fingers close; they stand open at first. Targets start at the sampled positions.
-    (The reference leaves them where the last episode ended, which pulls the arm away in the first step.)
-    """
-    world = wp.tid()
-    ended = s.done[world] == 1
-    world_mask[world] = ended
-    for i in range(articulation_mask.shape[1]):
-        articulation_mask[world, i] = ended
-    if ended:
-        rng = s.rng[world]
-        for i in range(s.joint_q.shape[1]):
-            s.joint_q[world, i] = m.scanned[world, i]
-        for i in range(s.joint_qd.shape[1]):
-            s.joint_qd[world, i] = 0.0
-        near = float(0.0)
-        at, stage = int(0), m.stage[world]
-        if m.demo_fraction > 0.0:  # the stream of random numbers stays as it is where nothing starts on a demonstration
-            if wp.randf(rng) < m.demo_fraction:
-                near = wp.min(2.0 * wp.randf(rng), 1.0)
-                steps = m.demo.shape[1]
-                at = wp.where(near < 1.0, 0, wp.min(wp.randi(rng, 0, 2 * steps), steps - 1))
-        for i in range(s.joints):
-            noise = (1.0 - near) * wp.randf(rng, -m.noise, m.noise)
-            target = wp.clamp(m.home[i] + near * (m.demo[stage, at, i] - m.home[i]) + noise, s.lower[i], s.upper[i])
-            if m.limited == 1 and i > s.arm:  # one motor: the fingers stand alike
-                target = s.target_q[world, s.arm]
-            s.target_q[world, i] = target
-            s.target_qd[world, i] = 0.0
-            s.joint_q[world, i] = wp.where(near < 1.0 or i < s.arm, target, s.upper[i])
-        s.rng[world] = rng
-        s.step[world] = 0
-        s.terminated[world] = 0
-        s.dropped[world, 0] = 0
-        s.dropped[world, 1] = 0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 import warp as wp
 
 from s2a.env.state import State
@@ -83,6 +84,10 @@ class Task:
     def __init__(self, sim: Simulation, config: Any, metrics: Any) -> None:
         """Bind the task to worlds."""
         raise NotImplementedError
+
+    def start(self, coords: np.ndarray) -> np.ndarray:
+        """Return the coordinates with which episodes start, shape [world coord], of those that were scanned."""
+        return coords
 
     def reset(self, state: State) -> None:
         """Start a new episode where `state.done` is 1; the environment has put robot and room back."""

@@ -13,9 +13,9 @@ import newton
 import numpy as np
 import torch
 import warp as wp
-from numpy.typing import ArrayLike
 
 from s2a.env import kernels
+from s2a.env.starts import Demonstration, DemoStarts, padded, reset
 from s2a.env.state import allocate
 from s2a.env.task import Task, weights_of
 from s2a.errors import InputError
@@ -52,7 +52,7 @@ class VecEnv:
         weights: Mapping[str, float],
         seed: int,
         graph: bool = True,
-        demo: tuple[ArrayLike, float] | None = None,
+        demo: DemoStarts | None = None,
         final_observation: bool = False,
     ) -> None:
         """Allocate, reset all worlds, and capture the step on a GPU.
@@ -63,8 +63,7 @@ class VecEnv:
             weights: of the task's reward terms by name; a term that is not given weighs 0.
             seed: of the start noise.
             graph: capture the step where there is a GPU.
-            demo: joint targets [stage step joint] of motions that end in a closed grasp, and the fraction of the episodes
-                that start on them; None: none does.
+            demo: episodes that start on a demonstration; None: none does.
             final_observation: keep the last observation of every episode.
         """
         self.sim, self.task, self.columns = sim, task, (*task.METRICS, *kernels.ERRORS)
@@ -97,13 +96,13 @@ class VecEnv:
     def reset_all(self, seed: int | None = None) -> None:
         """Start a new episode in every world, of new random streams where there is a seed; counts begin at zero."""
         self.done.fill_(1)
+        self.uncounted.zero_()
         with wp.ScopedDevice(self.sim.device):
             if seed is not None:
                 self._launch(kernels.seed_envs, seed, self.state.rng)
             self._reset_and_observe()
         self.done.zero_()
         self.counts.zero_()
-        self.uncounted.zero_()
 
     def state_dict(self) -> dict[str, torch.Tensor]:
         """Return copies of all that differs between control steps, to go on from exactly here; see `load_state_dict`."""
@@ -177,7 +176,7 @@ class VecEnv:
     def _reset_and_observe(self) -> None:
         """Reset the worlds that are done, then write every world's observation."""
         sim = self.sim
-        self._launch(kernels.reset, self.state, self._motion, self._world_mask, self._articulation_mask)
+        self._launch(reset, self.state, self._motion, self._world_mask, self._articulation_mask)
         self.task.reset(self.state)
         # Clears warm starts and forces; the coordinates were just written (flags=0 leaves them alone).
         sim.solver.reset(sim.state, world_mask=self._world_mask, flags=0)
@@ -198,7 +197,7 @@ class VecEnv:
         self.episode_step, self.uncounted = map(wp.to_torch, (s.step, s.uncounted))
 
 
-def _motion(sim: Simulation, task: Task, demo: tuple[ArrayLike, float] | None) -> kernels.Motion:
+def _motion(sim: Simulation, task: Task, demo: DemoStarts | None) -> kernels.Motion:
     """Return how actions move the targets and where episodes start."""
     m, config, limits = kernels.Motion(), task.config, sim.config.limits
     m.dt = sim.config.dt
@@ -210,11 +209,27 @@ def _motion(sim: Simulation, task: Task, demo: tuple[ArrayLike, float] | None) -
         m.acceleration = wp.array([*arm.acceleration, *(each / FINGER_TIME for each in fingers)], dtype=float)
         m.window = limits.window
     m.home, m.noise = wp.array(sim.layout.home, dtype=float), config.start_noise
-    m.scanned = wp.clone(sim.model.joint_q).reshape((sim.num_envs, -1))
-    targets, m.demo_fraction = demo or ([[sim.layout.home]], 0.0)
-    m.demo = wp.array(np.asarray(targets, dtype=np.float32), dtype=float)
+    coords = sim.model.joint_q.numpy().reshape((sim.num_envs, -1))
+    m.start, m.part_coord = wp.array(task.start(coords), dtype=float), sim.layout.part_coord
     m.stage = wp.array(sim.stage_of_env if demo else np.zeros(sim.num_envs), dtype=int)
+    _demonstrate(m, demo or DemoStarts([_nothing(sim)], 0.0, 0.0))
     return m
+
+
+def _nothing(sim: Simulation) -> Demonstration:
+    """Return a demonstration in which nobody moves."""
+    home = np.array([sim.layout.home])
+    return Demonstration(home, np.append(home, [[0.0]], axis=1), 1)
+
+
+def _demonstrate(m: kernels.Motion, demo: DemoStarts) -> None:
+    """Set the demonstrations on which episodes start."""
+    each = demo.demonstrations
+    m.demo_targets = wp.array(padded([d.targets for d in each]), dtype=float)
+    m.demo_positions = wp.array(padded([d.positions for d in each]), dtype=float)
+    m.demo_grasped = wp.array([d.grasped for d in each], dtype=int)
+    m.demo_steps = wp.array([len(d.targets) for d in each], dtype=int)
+    m.demo_fraction, m.moved_fraction = demo.fraction, demo.moved_fraction
 
 
 def _action_step(m: kernels.Motion, sim: Simulation) -> torch.Tensor:

@@ -13,14 +13,16 @@ from functools import partial
 import numpy as np
 import torch
 
+from s2a.env.starts import Demonstration
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.planner.collision import most_clear
-from s2a.planner.trajectory import Trajectory, closing, eased, reach_steps, timed
+from s2a.planner.trajectory import Trajectory, closing, eased, reach_steps, sampled, timed
 from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.tool_path import PathSettings, ToolPath, matrices
+from s2a.robot.urdf import position_limits
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 
@@ -58,6 +60,8 @@ class PlannerConfig:
     seed: CountFromZero
 
 
+MARGIN = 0.002
+"""[m] Between a finger and the handle, whose hull may bulge by so much, where an episode starts in the grip."""
 BEHIND = 3.0
 """Steps at full velocity that a joint target may be behind the trajectory before this waits for it."""
 
@@ -102,14 +106,20 @@ class Planner:
         return action
 
 
-def grasping_motion(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> np.ndarray:
-    """Return joint targets [step joint] that bring the open gripper straight to the grasp and close it.
+def demonstration(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Demonstration:
+    """Return the planned motion as one on which episodes start.
+
+    The fingers stand open until the part moves, then MARGIN off what they hold, on which they close at once.
 
     Raises:
         InputError: the arm cannot reach along the whole path.
     """
-    trajectory = plan(sim, config, tool_path)
-    return trajectory.targets[: trajectory.closed]
+    trajectory, arm = plan(sim, config, tool_path), len(sim.robot.arm_joints)
+    positions = np.concatenate([trajectory.targets, trajectory.part[:, None]], axis=1)
+    opened, held = position_limits(sim.robot)[1][arm:], sim.stage.grasp_size[1] / 2 + MARGIN
+    positions[: trajectory.closed, arm:-1] = opened
+    positions[trajectory.closed :, arm:-1] = np.minimum(held, opened)
+    return Demonstration(trajectory.targets, positions, trajectory.closed)
 
 
 def plan(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Trajectory:
@@ -155,4 +165,5 @@ def _trajectory(sim: Simulation, path: ToolPath, arm: np.ndarray, config: Planne
     before = np.full(1 + len(approach), spec.gripper.finger_joint_open)
     both = np.concatenate([before, fingers, np.zeros(len(pull))])[:, None]
     reach = reach_steps(np.array(spec.home), arm[0], config.start_noise, config.reach_time, limits, rate)
-    return Trajectory(np.concatenate([arms, both, both], axis=1), reach, len(before) + len(fingers))
+    part = np.append(np.full(len(arms) - len(pull), path.q[path.grasp]), sampled(path.q[path.grasp :, None], len(pull)))
+    return Trajectory(np.concatenate([arms, both, both], axis=1), part, reach, len(before) + len(fingers))

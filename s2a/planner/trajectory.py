@@ -24,11 +24,13 @@ class Trajectory:
 
     Attributes:
         targets: arm and fingers, from the point of approach to the end, shape [step joint].
+        part: coordinate of the part at each [m or rad], shape [step].
         reach_steps: control steps from the start of an episode to `targets[0]`.
         closed: index of the first target with the gripper closed.
     """
 
     targets: np.ndarray
+    part: np.ndarray
     reach_steps: int
     closed: int
 
@@ -53,7 +55,7 @@ def timed(path: np.ndarray, duration: float, limits: JointLimits, rate: float) -
     """
     steps = max(2, math.ceil(duration * rate))
     for _ in range(3):
-        targets = _sampled(path, steps)
+        targets = sampled(path, steps)
         used = limit_use(np.concatenate([path[:1], targets, path[-1:]]), limits, rate)
         if used <= 1.0:
             break
@@ -98,7 +100,7 @@ def closing(gripper: GripperSpec, duration: float, rate: float) -> np.ndarray:
     return gripper.finger_joint_open * (1.0 - progress)
 
 
-def _sampled(path: np.ndarray, steps: int) -> np.ndarray:
-    """Return a joint path in eased steps, without its first pose."""
+def sampled(path: np.ndarray, steps: int) -> np.ndarray:
+    """Return a path [pose column] in eased steps, without its first pose."""
     spline = CubicSpline(np.arange(len(path)), path)
     return spline((len(path) - 1) * eased(np.arange(1, steps + 1) / steps))

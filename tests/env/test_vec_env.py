@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from cabinet import free_cube, write_cabinet
@@ -11,6 +12,7 @@ from lift_task import LiftTask
 from part_worlds import counts
 from settings import load
 
+from s2a.env.starts import Demonstration, DemoStarts
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
@@ -187,8 +189,11 @@ def test_a_fraction_of_the_episodes_starts_on_the_demonstration(stage: SimStage)
     first, last = start.clone(), start.clone()
     first[0], last[0] = start[0] - 1.0, start[0] - 1.5
     last[7:] = 0.0
-    motion = torch.stack([first, first, first, last])[None].tolist()
-    env = VecEnv(sim, LiftTask(sim, start_noise=0.0), {}, 0, demo=(motion, 0.5))
+    targets = torch.stack([first, first, first, last]).numpy()
+    positions = np.append(targets, np.zeros((4, 1)), axis=1)
+    positions[:, 7:9] = 0.04
+    demo = DemoStarts([Demonstration(targets, positions, 4)], 0.5, 0.0)
+    env = VecEnv(sim, LiftTask(sim, start_noise=0.0), {}, 0, demo=demo)
     q, target = env.sim.joint_q[:, :9], env.sim.joint_target_q[:, :9]
     moved = (start - q)[:, 0]
     groups = [(moved.abs() < 1e-6), (moved > 1e-6) & (moved < 1.0 - 1e-6), moved > 1.4]
@@ -198,3 +203,25 @@ def test_a_fraction_of_the_episodes_starts_on_the_demonstration(stage: SimStage)
     closing = groups[2]
     assert torch.allclose(q[closing][:, 7:], torch.tensor(0.04)) and torch.all(target[closing][:, 7:] == 0.0)
     assert torch.equal(q[~closing & (moved < 0.99)], target[~closing & (moved < 0.99)])
+
+
+def test_a_fraction_of_these_starts_where_the_part_is_moved_and_is_not_counted(stage: SimStage) -> None:
+    sim = Simulation(stage, load(SimConfig, "sim/paper"), 256)
+    targets = np.tile(np.array(sim.robot.start, np.float32), (5, 1))
+    targets[:, 0] -= 1.0 + 0.1 * np.arange(5)
+    positions = np.append(targets, [[0.0], [0.0], [0.1], [0.2], [0.3]], axis=1)
+    positions[:, 7:9] = 0.01
+    env = VecEnv(
+        sim, LiftTask(sim, start_noise=0.0), {}, 0, demo=DemoStarts([Demonstration(targets, positions, 2)], 1.0, 0.25)
+    )
+    part, q = env.sim.joint_q[:, env.sim.layout.part_coord], env.sim.joint_q
+    moved = part > 0.05
+    assert int(moved.sum()) == pytest.approx(64, abs=28)  # 4 standard deviations
+    for opening in (0.1, 0.2, 0.3):
+        there = (part - opening).abs() < 1e-6
+        assert int(there.sum()) == pytest.approx(21, abs=18)
+        arm = float(targets[round(opening * 10) + 1, 0])
+        assert torch.allclose(q[there][:, 0], torch.tensor(arm)) and torch.allclose(
+            q[there][:, 7:9], torch.tensor(0.01)
+        )
+    assert torch.equal(env.uncounted, moved.int()) and not part[~moved].any()

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from cabinet import box, write_cabinet
-from part_worlds import make_env
+from part_worlds import make_env, metric_settings, task_settings
 from settings import load
 
+from s2a import tasks
+from s2a.env.starts import DemoStarts
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
 from s2a.planner.collision import most_clear
-from s2a.planner.motion import Planner, PlannerConfig, joint_paths
+from s2a.planner.motion import Planner, PlannerConfig, demonstration, joint_paths
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
 from s2a.sim.simulation import SimConfig, Simulation
@@ -53,6 +57,24 @@ def test_the_arm_takes_a_path_on_which_nothing_is_in_its_way(tmp_path: Path) -> 
     assert not np.array_equal(first, other)
     both = np.stack([first, other])
     assert (most_clear(plain, both), most_clear(blocked, both), most_clear(blocked, both[::-1])) == (0, 1, 0)
+
+
+@pytest.mark.parametrize("sim", ["planner", "real"])
+def test_a_moved_part_is_in_the_grip_of_who_starts_there(tmp_path: Path, sim: str) -> None:
+    sims = Simulation(read_stage(write_cabinet(tmp_path / "sim.usda")), load(SimConfig, f"sim/{sim}"), 16)
+    task, metrics = task_settings(start_noise=0.0), metric_settings()
+    motion = demonstration(sims, load(PlannerConfig, "planner/default"), partial(tool_path, config=task))
+    env = tasks.make_env(sims, task, metrics, load(dict, "reward/grasped"), 0, demo=DemoStarts([motion], 1.0, 1.0))
+    openings = sims.joint_q[:, sims.layout.part_coord]
+    first = openings.clone()
+    assert 0.0 < float(first.min()) < 0.1 and 0.2 < float(first.max()) <= 0.3
+    paid = [term.key for term in env.task.REWARDS].index("grasped_opening")
+    for _ in range(30):
+        env.step(torch.zeros(16, env.num_actions))
+    # The joint's spring, 3 N at 0.3 m, gives way to an arm of some 700 N/m.
+    assert torch.allclose(openings, first, atol=0.006)
+    assert torch.allclose(env.terms[:, paid], openings, atol=0.006), "what the demonstration opened was grasped"
+    assert float(env.task.handles.p.region_force.numpy().min()) > 5.0
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
 
 from s2a.robot.tool_path import PathSettings, ToolPath, opening_coordinate, part_path
@@ -23,16 +24,21 @@ class ClosePartTask(part.PartTask):
 
     def __init__(self, sim: Simulation, config: ClosePartConfig, metrics: ClosePartMetrics) -> None:
         """Bind the task to worlds."""
-        self.config, self.error_fraction = config, metrics.error_fraction
+        self.sim, self.config, self.error_fraction = sim, config, metrics.error_fraction
         self.thresholds = {"closed": metrics.closed_opening}
         with wp.ScopedDevice(sim.device):
             h = self.handles = mdp.ClosePart()
             h.p = part_handles.bind(sim, ContactSensor(sim, config.contact_distance), config)
-            starts = [opening_coordinate(s.joint, s.grasp[:3], config.start_opening) for s in sim.stages]
-            h.start = wp.array([starts[i] for i in sim.stage_of_env], dtype=float)
             h.closed = wp.zeros(sim.num_envs, dtype=float)
             h.closed_opening = metrics.closed_opening
         self.observations = part.observations(sim)
+
+    def start(self, coords: np.ndarray) -> np.ndarray:
+        """Return the coordinates with the part open."""
+        starts = [opening_coordinate(s.joint, s.grasp[:3], self.config.start_opening) for s in self.sim.stages]
+        coords = coords.copy()
+        coords[:, self.sim.layout.part_coord] = [starts[i] for i in self.sim.stage_of_env]
+        return coords
 
     @staticmethod
     def tool_path(stage: SimStage, motion: PathSettings, config: ClosePartConfig) -> ToolPath:

@@ -16,10 +16,9 @@ Result = columns(METRICS)
 
 @wp.struct
 class ClosePart:
-    """Handles of the task: `start`, the coordinate at the start [m or rad], and `closed`, 1 once it was closed, shape [world]."""
+    """Handles of the task: `closed`, 1 once the part was closed, shape [world], at `closed_opening` [m] or less."""
 
     p: PartHandles
-    start: wp.array(dtype=float)
     closed: wp.array(dtype=float)
     closed_opening: float
 
@@ -48,10 +47,9 @@ REWARDS = (distance, opening, action)
 
 @wp.kernel
 def reset(s: State, h: ClosePart):
-    """Open the part."""
+    """Forget that the part was closed."""
     world = wp.tid()
     if s.done[world] == 1:
-        s.joint_q[world, h.p.bodies.coord] = h.start[world]
         h.closed[world] = 0.0
 
 

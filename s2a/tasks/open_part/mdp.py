@@ -210,10 +210,11 @@ def update(s: State, h: OpenPart):
 
 @wp.kernel
 def reset(s: State, h: OpenPart):
-    """Clear the last episode's progress."""
+    """Clear the last episode's progress; a part that a demonstration has opened was grasped."""
     world = wp.tid()
     if s.done[world] == 1:
-        h.grasped[world, 0] = 0.0
-        h.grasped[world, 1] = 0.0
+        now = opening_of(s, h.p, world)
+        h.grasped[world, 0] = now
+        h.grasped[world, 1] = now
         for i in range(h.progress.shape[1]):
             h.progress[world, i] = 0.0

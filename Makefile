@@ -27,7 +27,7 @@ demo: $(INSTALLED)
 	@echo "read them with: $(BIN)/s2a view path=$(DEMO)/room.usd text=true; and tensorboard --logdir $(DEMO)/ppo"
 
 test: $(INSTALLED)
-	$(BIN)/pytest -q -m "not slow and not gpu"
+	$(BIN)/pytest -q -n auto --maxprocesses 4 --dist loadfile -m "not slow and not gpu"
 
 check: $(INSTALLED)
 	$(BIN)/ruff format --check

@@ -93,7 +93,7 @@ def read_links(path: Path, parts: str | Sequence[str], config: SimConfig) -> Lin
     for part in (i for i in active if i in room.articulations):
         dof = builder.joint_qd_start[joint_index(builder, part)]
         builder.joint_stiffness[dof] = config.joint.joint_stiffness(room.articulations[part])
-        builder.joint_damping[dof] = config.joint.damping
+        builder.joint_damping[dof] = config.joint.joint_damping(room.articulations[part])
         stiffen(builder, dof, config.dt)
     names = [_name(label) for label in builder.shape_label]
     links = {i: Link() for i in (*kept, STATIC)}

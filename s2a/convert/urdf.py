@@ -53,7 +53,7 @@ def write(linked: LinkedRoom, config: SimConfig, folder: Path) -> None:
         parent = carrier_of(room, body, linked.kept) or WORLD
         joint = _add_joint(robot, body, parent, origin - _origin(linked, parent))
         if body in room.articulations:
-            _articulate(joint, room.articulations[body], config.joint.damping)
+            _articulate(joint, room.articulations[body], config.joint.joint_damping(room.articulations[body]))
     _save(robot, folder / FILE)
     _save(_pairs(linked), folder / PAIRS)
 

@@ -26,7 +26,7 @@ from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
 
 @dataclass(frozen=True)
 class JointConfig:
-    """How the target's joint resists, beside the dry friction that the stage gives it.
+    """How the target's joint resists, beside the dry friction that the stage gives it, unless a stage has what was identified.
 
     Attributes:
         stiffness: of the spring that draws the part to its scanned pose [N/m]; of `spring` "joint" [N/m] or [N m/rad].
@@ -40,13 +40,19 @@ class JointConfig:
     spring: Literal["grasp", "joint"]
 
     def joint_stiffness(self, part: Articulation) -> float:
-        """Return the spring of a part's joint, per unit of its coordinate [N/m] or [N m/rad].
+        """Return the spring of a part's joint, per unit of its coordinate [N/m] or [N m/rad]: the stage's, if it has one.
 
         A force of k s at the grasp point, s = L q along its path, turns a hinge of lever arm L by the moment k L^2 q. For a
         slide L is 1.
         """
+        if part.resistance is not None:
+            return part.resistance.stiffness
         arm = lever_arm(part.joint, np.array(part.grasp.point)) if self.spring == "grasp" else 1.0
         return self.stiffness * arm**2
+
+    def joint_damping(self, part: Articulation) -> float:
+        """Return the damping of a part's joint [N s/m] or [N m s/rad]: the stage's, if it has one."""
+        return self.damping if part.resistance is None else part.resistance.damping
 
 
 @dataclass(frozen=True)
@@ -168,7 +174,7 @@ def build_world(
             dof = builder.joint_qd_start[joint_index(builder, part)]
             builder.joint_target_mode[dof] = newton.JointTargetMode.POSITION
             builder.joint_target_ke[dof] = joint.joint_stiffness(stage.room.articulations[part])
-            builder.joint_target_kd[dof] = joint.damping
+            builder.joint_target_kd[dof] = joint.joint_damping(stage.room.articulations[part])
             stiffen(builder, dof, dt)
     return builder
 

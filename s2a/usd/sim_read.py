@@ -20,6 +20,7 @@ from s2a.usd.sim_scene import (
     Mass,
     Quat,
     Reduction,
+    Resistance,
     SimBody,
     SimRoom,
 )
@@ -125,7 +126,13 @@ def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
         friction=joint.GetAttribute("newton:friction").Get() or 0.0,
         filtered=tuple(path.name for path in pairs.GetTargets()) if pairs else (),
         notes=_strings(prim, "notes"),
+        resistance=_resistance(joint),
     )
+
+
+def _resistance(joint: Usd.Prim) -> Resistance | None:
+    found = [read_attribute(joint, name, float) for name in ("damping", "stiffness")]
+    return None if None in found else Resistance(*found)
 
 
 def _grasp(prim: Usd.Prim) -> Grasp:

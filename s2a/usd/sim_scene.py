@@ -121,6 +121,19 @@ class Base:
 
 
 @dataclass(frozen=True)
+class Resistance:
+    """What was identified of a joint beside its dry friction, per unit of its coordinate.
+
+    Attributes:
+        damping: [N s/m] or [N m s/rad].
+        stiffness: of the spring that draws the part to its scanned pose [N/m] or [N m/rad].
+    """
+
+    damping: float
+    stiffness: float
+
+
+@dataclass(frozen=True)
 class Articulation:
     """How one body moves against another, and how a robot takes hold of it.
 
@@ -132,6 +145,7 @@ class Articulation:
         friction: dry friction of the joint [N] or [N m], rounded to float32.
         filtered: ids of the bodies with which it does not collide, because their colliders overlap somewhere on its path.
         notes: what was changed beyond what was scanned, in sentences.
+        resistance: what else resists, if it was identified; None: what the simulation's settings say.
     """
 
     joint: Joint
@@ -141,6 +155,7 @@ class Articulation:
     friction: float = 0.0
     filtered: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    resistance: Resistance | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "friction", single(self.friction))

@@ -31,6 +31,7 @@ COMMANDS = {
         "image={out}/insert.png", "placement.ransac.seed={n}",
     ],
     "prepare": ["stage={inputs}/room.usd", "targets=drawer_6", "out={out}/sim.usd"],
+    "identify": ["stage={inputs}/sim.usda", "pulls=[{inputs}/pull.csv]", "noise.force=0.{n}", "out={out}/identified.usda"],
     "convert": ["stage={inputs}/sim.usda", "out={out}/mjcf"],
     "certify": ["stage={inputs}/sim.usda", "out={out}/validation", "stamp=false", "certify.motion.poses=4{n}"],
     "evaluate": ["stage={inputs}/sim.usda", "num_envs=2", "seed={n}", "out={out}/planner.json", "images={out}"],
@@ -51,6 +52,8 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tiny_scan.write(folder / "scan")
     geometric.write(box_room.room(), folder / "room.usd")
     write_cabinet(folder / "sim.usda")
+    rows = "\n".join(f"{i / 30},{0.01 * i},5" for i in range(20))
+    (folder / "pull.csv").write_text(f"time,opening,force\n{rows}\n")
     assert cli.main(["zoo", f"out={folder / 'zoo'}"]) == 0
     return folder
 

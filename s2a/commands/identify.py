@@ -1,0 +1,96 @@
+"""sim.usd and recordings of a part that was pulled -> the dynamics of its joint."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from s2a.diff.identify import Dynamics, identify
+from s2a.diff.joint_worlds import PARAMETERS, Moving, moving
+from s2a.diff.pull import Noise, read
+from s2a.errors import InputError
+from s2a.outputs import atomic_write
+from s2a.provenance import provenance
+from s2a.ranges import Positive
+from s2a.sim.simulation import device_of
+from s2a.usd import dynamics, sim_stage
+from s2a.usd.sim_check import refuse_unphysical
+from s2a.usd.sim_scene import Resistance
+
+UNITS = {"mass": "of the stage's mass", "damping": "N s/m", "friction": "N", "breakaway": "N more", "spring": "N/m"}
+
+
+@dataclass(frozen=True)
+class NoiseConfig:
+    """Standard deviations of a recording's samples.
+
+    Attributes:
+        opening: [m].
+        force: [N].
+    """
+
+    opening: Positive
+    force: Positive
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a identify`.
+
+    Attributes:
+        stage: the sim.usd.
+        part: id of the articulated part; null: the only one of the stage.
+        pulls: recordings, CSV files with the columns time [s], opening [m] (path of the grasp point) and force [N] (along it).
+        out: the layer to write over the stage, *.usda, which every command takes in its place.
+        record: a JSON file for the numbers too, or null.
+        noise: how far the recordings' samples are off.
+        device: cpu, cuda:0, or auto: a GPU where there is one.
+    """
+
+    stage: Path
+    part: str | None
+    pulls: tuple[Path, ...]
+    out: Path
+    record: Path | None
+    noise: NoiseConfig
+    device: str
+
+
+def run(config: Config) -> str:
+    """Identify a joint, write it as a layer over its stage, and return it in words."""
+    if not config.pulls:
+        raise InputError("key 'pulls' is empty; give one recording or more: pulls=[a.csv,b.csv]")
+    recordings = [read(path) for path in config.pulls]
+    refuse_unphysical(config.stage)
+    room = sim_stage.read(config.stage, visuals=False)
+    part = room.part(config.part)
+    body = moving(room, part)
+    (found,) = identify([body], [recordings], Noise(**asdict(config.noise)), device_of(config.device))
+    with atomic_write(config.out) as out:
+        write_layer(config.stage, config.out, out, part, found, body)
+    if config.record:
+        with atomic_write(config.record) as out:
+            out.write_text(json.dumps(_record(config, part, found), indent=1))
+    lines = [f"  {name:10}{value:9.3g} +- {dev:.2g} {UNITS[name]}" for name, value, dev in _rows(found)]
+    lines.append(f"  misfit {found.misfit:.2f}; 1 where the recordings are as noisy as given, and explained")
+    return "\n".join([f"{config.out}: joint of {part}, at its grasp point", *lines])
+
+
+def write_layer(stage: Path, out: Path, file: Path, part: str, found: Dynamics, body: Moving) -> None:
+    """Write what was found as a layer over a stage: to `file`, which will stand at `out`. Breakaway has no place in it."""
+    value, lever = dict(zip(PARAMETERS, found.values.tolist(), strict=True)), abs(body.lever)
+    below = os.path.relpath(stage.absolute(), out.absolute().parent)
+    resistance = Resistance(value["damping"] * lever**2, value["spring"] * lever**2)
+    dynamics.write(below, part, dynamics.scaled(body.mass, value["mass"]), value["friction"] * lever, resistance, file)
+
+
+def _rows(found: Dynamics) -> list[tuple[str, float, float]]:
+    return list(zip(PARAMETERS, found.values.tolist(), found.deviations.tolist(), strict=True))
+
+
+def _record(config: Config, part: str, found: Dynamics) -> dict[str, object]:
+    rows = {name: {"value": value, "deviation": dev, "unit": UNITS[name]} for name, value, dev in _rows(found)}
+    about = {"stage": config.stage.name, "part": part, "pulls": [path.name for path in config.pulls]}
+    return {**about, "dynamics": rows, "misfit": found.misfit, **provenance(device_of(config.device))}

@@ -1,0 +1,61 @@
+"""What was identified of a joint, as a small layer over its room: the room stays as it is, and without the layer nothing was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from pxr import Gf, Sdf, Usd, UsdPhysics
+
+from s2a.errors import InputError
+from s2a.usd.sim_scene import Mass, Resistance
+from s2a.usd.stage import ROOT, write_attribute
+
+
+def scaled(mass: Mass, factor: float) -> Mass:
+    """Return a mass of another size and the same shape."""
+    inertia = mass.inertia
+    return replace(
+        mass,
+        mass=mass.mass * factor,
+        inertia=(inertia[0] * factor, inertia[1] * factor, inertia[2] * factor),
+        source="identified",
+    )
+
+
+def write_resistance(joint: Usd.Prim, resistance: Resistance) -> None:
+    """Write what resists beside dry friction on a joint."""
+    write_attribute(joint, "damping", Sdf.ValueTypeNames.Double, resistance.damping)
+    write_attribute(joint, "stiffness", Sdf.ValueTypeNames.Double, resistance.stiffness)
+
+
+def write(below: str, part: str, mass: Mass, friction: float, resistance: Resistance, path: Path) -> None:
+    """Write a layer over a room in which a part's body and joint have other dynamics.
+
+    Args:
+        below: path of the simulation-ready file, or of another such layer, relative to the folder of the layer.
+        part: id of the articulated part.
+        mass: of its body.
+        friction: dry friction of its joint [N] or [N m].
+        resistance: what else resists.
+        path: ends in .usda.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    if path.suffix != ".usda":
+        raise InputError(f"{path}: a layer of dynamics ends in .usda")
+    stage = Usd.Stage.CreateInMemory()
+    stage.SetDefaultPrim(stage.OverridePrim(ROOT))
+    body, joint = stage.OverridePrim(f"{ROOT}/{part}"), stage.OverridePrim(f"{ROOT}/joints/{part}")
+    api = UsdPhysics.MassAPI(body)
+    api.CreateMassAttr(mass.mass)
+    api.CreateDiagonalInertiaAttr(Gf.Vec3f(*mass.inertia))
+    write_attribute(body, "massSource", Sdf.ValueTypeNames.String, mass.source)
+    joint.CreateAttribute("newton:friction", Sdf.ValueTypeNames.Float).Set(friction)
+    write_resistance(joint, resistance)
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(stage.GetRootLayer())  # a layer alone opens nothing that it names
+    layer.subLayerPaths.append(below)
+    if not layer.Export(str(path)):
+        raise InputError(f"{path}: cannot be written; its folder must exist")

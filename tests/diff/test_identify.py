@@ -1,0 +1,118 @@
+"""A joint's dynamics from recordings: found, written over the stage, simulated; bad recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cabinet import write_cabinet
+from recorded_pulls import Truth, record
+from settings import load
+
+from s2a import cli
+from s2a.diff.identify import identify
+from s2a.diff.joint_worlds import PARAMETERS, moving
+from s2a.diff.pull import Noise, Pull, read
+from s2a.diff.together import minimize_together
+from s2a.errors import InputError
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.world import read_stage
+from s2a.usd import sim_stage
+
+NOISE = Noise(0.001, 0.5)
+TRUTH = Truth(mass=0.7, damping=8.0, friction=3.0, spring=5.0)
+
+
+def write_csv(pull: Pull, path: Path) -> Path:
+    """Write a recording as a user has it."""
+    rows = np.column_stack([np.arange(len(pull.opening)) * pull.step, pull.opening, pull.force])
+    np.savetxt(path, rows, delimiter=",", header="time,opening,force", comments="")
+    return path
+
+
+def test_minima_are_found_together_and_those_left_out_stay() -> None:
+    centers = np.array([[1.0, -2.0], [0.5, 3.0], [9.0, 9.0]])
+
+    def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        away = (x - centers) * [1.0, 10.0]
+        return (away**2).sum(axis=1) / 2, away * [1.0, 10.0]
+
+    low, high = np.array([-5.0, -1.0]), np.array([5.0, 5.0])
+    found = minimize_together(evaluate, np.zeros((3, 2)), low, high, 50, np.array([True, True, False]))
+    assert found.points == pytest.approx(np.array([[1.0, -1.0], [0.5, 3.0], [0.0, 0.0]]), abs=1e-4)
+    assert np.isinf(found.values[2]) and found.rounds < 20
+
+
+def test_a_drawer_is_identified_and_simulated_as_identified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stage = write_cabinet(tmp_path / "room.usda")
+    body = moving(sim_stage.read(stage), "drawer_2")
+    files = [write_csv(record(body, TRUTH, NOISE, seed, 2.0), tmp_path / f"{seed}.csv") for seed in range(2)]
+    layer, record_file = tmp_path / "out" / "identified.usda", tmp_path / "found.json"
+    given = [f"stage={stage}", f"pulls=[{files[0]},{files[1]}]", f"out={layer}", f"record={record_file}", "device=cpu"]
+    assert cli.main(["identify", *given]) == 0
+    assert "joint of drawer_2" in capsys.readouterr().out and '"friction"' in record_file.read_text()
+    before, after = (sim_stage.read(path) for path in (stage, layer))
+    assert after.bodies["drawer_2"].mass.mass == pytest.approx(0.7 * before.bodies["drawer_2"].mass.mass, rel=0.03)
+    assert np.array(after.bodies["drawer_2"].mass.inertia) == pytest.approx(
+        np.array(before.bodies["drawer_2"].mass.inertia) * after.bodies["drawer_2"].mass.mass / 5.32, rel=1e-5
+    )
+    found = after.articulations["drawer_2"]
+    assert found.friction == pytest.approx(3.0, abs=0.4) and found.resistance is not None
+    assert found.resistance.damping == pytest.approx(8.0, abs=1.5)
+    sim = Simulation(read_stage(layer), load(SimConfig, "sim/planner"), 1)
+    dof = sim.layout.part_dof
+    assert float(sim.model.joint_target_kd.numpy()[dof]) == pytest.approx(found.resistance.damping, rel=1e-5)
+    assert float(sim.model.joint_target_ke.numpy()[dof]) == pytest.approx(found.resistance.stiffness, rel=1e-5)
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_of_drawers_doors_and_lids() -> None:
+    from test_joint_worlds import DOOR, DRAWER, LID  # their bodies
+
+    rng = np.random.default_rng(5)
+    bodies = [DRAWER, DOOR, LID] * 4
+    truths = [Truth(*np.exp(rng.uniform(np.log([0.5, 1, 0.5, 1]), np.log([2, 15, 5, 20])))) for _ in bodies]
+    pulls = [
+        [record(b, t, NOISE, 10 * i + k) for k in range(4)] for i, (b, t) in enumerate(zip(bodies, truths, strict=True))
+    ]
+    found = identify(bodies, pulls, NOISE)
+    for name in ("mass", "damping", "friction", "spring"):
+        i = PARAMETERS.index(name)
+        truth = np.array([getattr(t, name) for t in truths])
+        value, deviation = (np.array([getattr(each, key)[i] for each in found]) for key in ("values", "deviations"))
+        assert np.median(np.abs(value / truth - 1.0)) < 0.06, name
+        assert (np.abs(value - truth) < 4.0 * deviation).all(), name
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("time,opening\n" + "0,0\n" * 20, "no column 'force' among time, opening"),
+        ("time,opening,force\n" + "0,0,1\n" * 20, "samples 0 to 0 s apart"),
+        ("time,opening,force\n" + "\n".join(f"{i},0,x" for i in range(20)), "one that is no number"),
+        ("time,opening,force\n0,0,0\n1,0,0\n", "2 samples"),
+        ("", "give the columns time, opening, force"),
+    ],
+)
+def test_a_recording_that_is_none_is_refused(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "pull.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=told.replace("(", r"\(")):
+        read(path)
+
+
+def test_bad_keys_are_one_line_and_leave_the_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stage, out = write_cabinet(tmp_path / "room.usda"), tmp_path / "identified.usda"
+    out.write_text("earlier")
+    pull = write_csv(Pull(np.linspace(0, 0.1, 20), np.ones(20), 0.01), tmp_path / "pull.csv")
+    slower = write_csv(Pull(np.linspace(0, 0.1, 20), np.ones(20), 0.05), tmp_path / "slower.csv")
+    for pulls, told in (
+        ("[]", "'pulls' is empty"),
+        (f"[{tmp_path / 'none.csv'}]", "no recording"),
+        (f"[{pull},{slower}]", "resample them at one rate"),
+    ):
+        assert cli.main(["identify", f"stage={stage}", f"pulls={pulls}", f"out={out}", "device=cpu"]) == 2
+        error = capsys.readouterr().err
+        assert told in error and error.count("\n") == 1
+    assert out.read_text() == "earlier"

@@ -1,0 +1,85 @@
+"""Pulled joints: the gradient of the loss, and what a recording of known dynamics costs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recorded_pulls import Truth, record
+
+from s2a.diff.joint_worlds import JointWorlds, Moving, kalman
+from s2a.diff.pull import Noise, Pull
+from s2a.scene import Joint
+from s2a.usd.sim_scene import Mass
+
+NOISE = Noise(0.001, 0.5)
+TRUTH = Truth(mass=1.4, damping=6.0, friction=2.0, spring=12.0)
+DRAWER = Moving(
+    Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4)),
+    Mass(6.0, (0.2, 0.0, 0.5), (0.1, 0.1, 0.1)),
+    np.array([0.3, 0.0, 0.5]),
+)
+DOOR = Moving(
+    Joint("revolute", (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (-1.6, 0.0)),
+    Mass(4.0, (0.2, 0.0, 0.5), (0.1, 0.1, 0.1)),
+    np.array([0.4, 0.0, 0.5]),
+)
+LID = Moving(
+    Joint("revolute", (0.0, 1.0, 0.0), (0.0, 0.0, 0.0), (-1.2, 0.0)),
+    Mass(3.0, (0.2, 0.0, 0.02), (0.05, 0.05, 0.05)),
+    np.array([0.4, 0.0, 0.0]),
+)
+
+
+def test_what_resists_at_the_handle_follows_from_the_body() -> None:
+    assert DRAWER.inertia == pytest.approx(6.0)
+    assert DOOR.inertia == pytest.approx((0.1 + 4.0 * 0.2**2) / 0.4**2) and DOOR.lever == pytest.approx(-0.4)
+    # Half way between hinge and handle, the weight needs half its force at the handle, and none where the lid stands upright.
+    cosine, sine = LID.gravity
+    assert cosine == pytest.approx(-3.0 * 9.81 * 0.5) and sine == pytest.approx(3.0 * 9.81 * 0.02 / 0.4)
+
+
+def test_a_filter_trusts_what_is_exact() -> None:
+    of_force, of_opening = kalman(5.0, 1 / 60, Noise(1e-3, 1e-6)), kalman(5.0, 1 / 60, Noise(1e-6, 10.0))
+    assert of_force[0] < 0.01 and of_opening[0] > 0.99
+
+
+@pytest.mark.parametrize("body", [DRAWER, DOOR, LID], ids=["drawer", "door", "lid"])
+def test_gradients_are_those_of_central_differences(body: Moving) -> None:
+    pulls = [record(body, TRUTH, NOISE, seed, seconds=0.8) for seed in range(2)]
+    worlds = JointWorlds([body], [pulls], pulls[0].step, NOISE)
+    at = np.array([[1.2, 4.0, 2.5, 0.5, 15.0]])
+    found = worlds.loss(at)[1][0]
+    expected = np.zeros(5)
+    for k, step in enumerate((0.004, 0.2, 0.05, 0.05, 0.5)):
+        ahead, behind = at.copy(), at.copy()
+        ahead[0, k] += step
+        behind[0, k] -= step
+        expected[k] = (worlds.loss(ahead)[0][0] - worlds.loss(behind)[0][0]) / (2 * step)
+    assert found @ expected / np.linalg.norm(found) / np.linalg.norm(expected) > 0.999
+    assert found == pytest.approx(expected, rel=0.03), "the loss has kinks where a part begins to slip"
+
+
+def test_innovations_of_the_truth_are_as_large_as_expected() -> None:
+    """MuJoCo's recording, whose friction is a constraint, is explained by this model; a wrong one is not."""
+    bodies = [DRAWER, DOOR, LID]
+    pulls = [[record(body, TRUTH, NOISE, seed) for seed in range(2)] for body in bodies]
+    worlds = JointWorlds(bodies, pulls, pulls[0][0].step, NOISE)
+    truth = np.tile([TRUTH.mass, TRUTH.damping, TRUTH.friction, 0.0, TRUTH.spring], (3, 1))
+    expected = sum(len(pull.opening) - 1 for pull in pulls[0]) / 2
+    right = worlds.loss(truth)[0]
+    assert (np.abs(right / expected - 1.0) < 4.0 / np.sqrt(expected)).all()
+    for k in range(5):
+        wrong = truth.copy()
+        wrong[:, k] = truth[:, k] * 1.5 + (k == 3) * 3.0
+        assert (worlds.loss(wrong)[0] > right + 4.0).all(), k
+
+
+def test_recordings_of_different_lengths_share_a_batch() -> None:
+    long = record(DRAWER, TRUTH, NOISE, 0, seconds=1.0)
+    short = Pull(long.opening[:30], long.force[:30], long.step)
+    at = np.array([[1.4, 6.0, 2.0, 0.1, 12.0]])
+    alone = [JointWorlds([DRAWER], [[pull]], pull.step, NOISE).loss(at) for pull in (long, short)]
+    both = JointWorlds([DRAWER, DRAWER], [[long], [short]], long.step, NOISE).loss(np.repeat(at, 2, axis=0))
+    for i, (loss, gradient) in enumerate(alone):
+        assert both[0][i] == pytest.approx(loss[0], rel=1e-4)
+        assert both[1][i] == pytest.approx(gradient[0], rel=1e-3, abs=1e-2)

@@ -109,24 +109,26 @@ class Record:
 
 
 @wp.func
-def resisted(v: float, inverse: float, damping: float, friction: float, breakaway: float):
+def resisted(before: float, free: float, inverse: float, damping: float, friction: float, breakaway: float):
     """Return the mean force [N] of damping and dry friction in a step, against a motion at the grasp point.
 
-    Implicit, so that a light body is not unstable: damping as c v' with v' = v - inverse c v'; then dry friction, which stops the
-    body at most: u f / (u^n + f^n)^(1/n), u being the force that stops it.
+    Damping acts on the mean of the speeds before and after: a light body stays stable, and a damped one does not seem to have
+    another mass; then dry friction, which stops the body at most: u f / (u^n + f^n)^(1/n), u being the force that stops it.
 
     Args:
-        v: speed that the body would have after the step without it [m/s].
+        before: speed before the step [m/s].
+        free: speed after it without damping and friction [m/s].
         inverse: length of the step over the mass [s/kg].
         damping: [N s/m].
         friction: in motion [N].
         breakaway: how much more at rest [N].
     """
-    slower = 1.0 / (1.0 + inverse * damping)
-    u, slow = v / inverse, v * slower / STRIBECK
+    half = 0.5 * inverse * damping
+    damped = (free - half * before) / (1.0 + half)
+    u, slow = damped * (1.0 + half) / inverse, damped / STRIBECK
     most = friction + breakaway * wp.exp(-slow * slow) + 1.0e-4
     both = wp.pow(wp.pow(wp.abs(u), SHARPNESS) + wp.pow(most, SHARPNESS), 1.0 / SHARPNESS)
-    return damping * v * slower + slower * u * most / both
+    return (free - damped) / inverse + u * most / both / (1.0 + half)
 
 
 @wp.kernel
@@ -153,9 +155,8 @@ def drive(
     inverse = dt / (parameters[joint, 0] * r.inertia[world])
     turn, g = r.turns[world] * joint_q[world], r.gravity[world]
     weight = parameters[joint, 0] * (g[0] * wp.cos(turn) + g[1] * wp.sin(turn))  # the solver adds it by itself
-    force -= resisted(
-        v + inverse * (force + weight), inverse, parameters[joint, 1], parameters[joint, 2], parameters[joint, 3]
-    )
+    free = v + inverse * (force + weight)
+    force -= resisted(v, free, inverse, parameters[joint, 1], parameters[joint, 2], parameters[joint, 3])
     joint_f[world] = force * lever / parameters[joint, 0]
 
 

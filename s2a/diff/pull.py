@@ -53,9 +53,11 @@ def read(path: Path) -> Pull:
     """
     if not path.is_file():
         raise InputError(f"no recording {str(path)!r}; give a CSV file with the columns {', '.join(COLUMNS)}")
+    if not path.stat().st_size:
+        raise InputError(f"{path}: empty; give the columns {', '.join(COLUMNS)}")
     try:
         table = np.genfromtxt(path, delimiter=",", names=True, dtype=float, encoding="utf-8")
-    except ValueError as error:
+    except (ValueError, IndexError) as error:
         raise InputError(f"{path}: no table ({error}); give the columns {', '.join(COLUMNS)}") from error
     names = table.dtype.names or ()
     missing = [name for name in COLUMNS if name not in names]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from pxr import Gf, Sdf, Usd, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from s2a.errors import InputError
 from s2a.usd.sim_scene import Mass, Resistance
@@ -46,6 +46,8 @@ def write(below: str, part: str, mass: Mass, friction: float, resistance: Resist
     if path.suffix != ".usda":
         raise InputError(f"{path}: a layer of dynamics ends in .usda")
     stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)  # of a stage the top layer alone says so
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     stage.SetDefaultPrim(stage.OverridePrim(ROOT))
     body, joint = stage.OverridePrim(f"{ROOT}/{part}"), stage.OverridePrim(f"{ROOT}/joints/{part}")
     api = UsdPhysics.MassAPI(body)

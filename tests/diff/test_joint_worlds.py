@@ -33,9 +33,11 @@ LID = Moving(
 def test_what_resists_at_the_handle_follows_from_the_body() -> None:
     assert DRAWER.inertia == pytest.approx(6.0)
     assert DOOR.inertia == pytest.approx((0.1 + 4.0 * 0.2**2) / 0.4**2) and DOOR.lever == pytest.approx(-0.4)
-    # Half way between hinge and handle, the weight needs half its force at the handle, and none where the lid stands upright.
+    # Half way between hinge and handle, the weight is half its force at the handle; none where its centre is above the hinge.
     cosine, sine = LID.gravity
-    assert cosine == pytest.approx(-3.0 * 9.81 * 0.5) and sine == pytest.approx(3.0 * 9.81 * 0.02 / 0.4)
+    upright = -np.arctan2(0.2, 0.02)
+    assert cosine == pytest.approx(-3.0 * 9.81 * 0.5)
+    assert cosine * np.cos(upright) + sine * np.sin(upright) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_filter_trusts_what_is_exact() -> None:
@@ -50,13 +52,14 @@ def test_gradients_are_those_of_central_differences(body: Moving) -> None:
     at = np.array([[1.2, 4.0, 2.5, 0.5, 15.0]])
     found = worlds.loss(at)[1][0]
     expected = np.zeros(5)
-    for k, step in enumerate((0.004, 0.2, 0.05, 0.05, 0.5)):
+    for k, step in enumerate((0.0004, 0.02, 0.005, 0.05, 0.05)):
         ahead, behind = at.copy(), at.copy()
         ahead[0, k] += step
         behind[0, k] -= step
         expected[k] = (worlds.loss(ahead)[0][0] - worlds.loss(behind)[0][0]) / (2 * step)
     assert found @ expected / np.linalg.norm(found) / np.linalg.norm(expected) > 0.999
-    assert found == pytest.approx(expected, rel=0.03), "the loss has kinks where a part begins to slip"
+    # Float32 leaves the differences some 0.02; over longer steps the loss bends where a part begins to slip.
+    assert found == pytest.approx(expected, rel=0.01, abs=0.05)
 
 
 def test_innovations_of_the_truth_are_as_large_as_expected() -> None:

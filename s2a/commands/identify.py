@@ -23,7 +23,7 @@ UNITS = {"mass": "of the stage's mass", "damping": "N s/m", "friction": "N", "br
 
 
 @dataclass(frozen=True)
-class NoiseConfig:
+class PullNoise:
     """Standard deviations of a recording's samples.
 
     Attributes:
@@ -54,7 +54,7 @@ class Config:
     pulls: tuple[Path, ...]
     out: Path
     record: Path | None
-    noise: NoiseConfig
+    noise: PullNoise
     device: str
 
 

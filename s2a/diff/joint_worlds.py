@@ -83,7 +83,7 @@ def moving(room: SimRoom, part: str) -> Moving:
 
 
 @wp.struct
-class Record:
+class Recordings:
     """Recorded pulls, a world each.
 
     Attributes:
@@ -133,7 +133,7 @@ def resisted(before: float, free: float, inverse: float, damping: float, frictio
 
 @wp.kernel
 def drive(
-    r: Record,
+    r: Recordings,
     parameters: wp.array2d(dtype=float),
     sample: int,
     later: float,
@@ -162,7 +162,7 @@ def drive(
 
 @wp.kernel
 def correct(
-    r: Record,
+    r: Recordings,
     sample: int,
     joint_q: wp.array(dtype=float),
     joint_qd: wp.array(dtype=float),
@@ -268,14 +268,16 @@ def _inertia(mass: Mass) -> np.ndarray:
     return axes @ np.diag(mass.inertia) @ axes.T
 
 
-def _record(bodies: Sequence[Moving], pulls: Sequence[Pull], owner: Sequence[int], step: float, noise: Noise) -> Record:
+def _record(
+    bodies: Sequence[Moving], pulls: Sequence[Pull], owner: Sequence[int], step: float, noise: Noise
+) -> Recordings:
     """Return recordings as arrays, with the filter of each."""
     longest = max(len(pull.opening) for pull in pulls)
     opening, force = np.full((2, longest, len(pulls)), np.nan, np.float32)
     for i, pull in enumerate(pulls):
         opening[: len(pull.opening), i], force[: len(pull.force), i] = pull.opening, pull.force
     filters = np.array([kalman(bodies[i].inertia, step, noise) for i in owner])
-    r = Record()
+    r = Recordings()
     r.opening, r.force = wp.array(opening, dtype=float), wp.array(force, dtype=float)
     r.joint = wp.array(owner, dtype=int)
     r.lever = wp.array([bodies[i].lever for i in owner], dtype=float)

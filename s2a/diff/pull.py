@@ -58,7 +58,7 @@ def read(path: Path) -> Pull:
     try:
         table = np.genfromtxt(path, delimiter=",", names=True, dtype=float, encoding="utf-8")
     except (ValueError, IndexError) as error:
-        raise InputError(f"{path}: no table ({error}); give the columns {', '.join(COLUMNS)}") from error
+        raise InputError(f"{path}: not a table ({error}); give the columns {', '.join(COLUMNS)}") from error
     names = table.dtype.names or ()
     missing = [name for name in COLUMNS if name not in names]
     if missing:
@@ -68,7 +68,7 @@ def read(path: Path) -> Pull:
     time, opening, force = (np.atleast_1d(table[name]) for name in COLUMNS)
     if len(time) < 10 or not all(np.isfinite(each).all() for each in (time, opening, force)):
         raise InputError(
-            f"{path}: {len(time)} samples, or one that is no number; record 10 or more numbers in each column"
+            f"{path}: {len(time)} samples, or one that is not a number; record 10 or more numbers in each column"
         )
     gaps = np.diff(time)
     if gaps.min() <= 0.0 or np.abs(gaps - gaps.mean()).max() > JITTER * gaps.mean():

@@ -126,7 +126,7 @@ def test_intervals_hold_the_truth_of_drawers_doors_and_lids() -> None:
     [
         ("time,opening\n" + "0,0\n" * 20, "no column 'force' among time, opening"),
         ("time,opening,force\n" + "0,0,1\n" * 20, "samples 0 to 0 s apart"),
-        ("time,opening,force\n" + "\n".join(f"{i},0,x" for i in range(20)), "one that is no number"),
+        ("time,opening,force\n" + "\n".join(f"{i},0,x" for i in range(20)), "one that is not a number"),
         ("time,opening,force\n0,0,0\n1,0,0\n", "2 samples"),
         ("", "empty; give the columns time, opening, force"),
         ("\n\n", "give the columns time, opening, force"),

@@ -1,0 +1,121 @@
+"""Least squares over a joint: its axis, origin and coordinate, by point-to-plane residuals of both scans with a robust loss.
+
+A joint has as many unknowns as can be seen: a hinge five (two of its direction, two of its place across it, its angle), a slide
+three (two of its direction, its length). The Jacobian is analytic up to the joint's own transform, whose derivative by each
+unknown is a central difference of `articulation.transform`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2a.articulation import transform
+from s2a.diff.register_rooms import turned
+from s2a.diff.register_surface import Cloud, Surface, match
+from s2a.scene import Joint
+
+ALIKE = 0.75
+"""Cosine between normals from which a match counts."""
+REACHES = (0.025, 0.015, 0.01, 0.006, 0.006)
+"""[m] Distances beyond which a match counts nothing, from coarse to fine."""
+STEPS = 10
+"""Gauss-Newton steps at each of them."""
+SMALL = 1e-6
+"""[m] or [rad] Step of the central difference."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A joint as the scans show it.
+
+    Attributes:
+        joint: its limits from 0 to the coordinate of the open scan.
+        information: J^T W J at the end, by `unknowns`, for residuals in metres, shape [unknown unknown].
+        count: number of residuals in use.
+        rms: of them [m].
+    """
+
+    joint: Joint
+    information: np.ndarray
+    count: int
+    rms: float
+
+
+def changed_joint(joint: Joint, x: np.ndarray) -> Joint:
+    """Return a joint after a step of its unknowns: two angles of the axis [rad], (two shifts [m],) the coordinate's change."""
+    u, v = across(np.array(joint.axis))
+    axis = turned(x[0] * u + x[1] * v) @ np.array(joint.axis)
+    origin = np.array(joint.origin) + (x[2] * u + x[3] * v if joint.kind == "revolute" else 0.0)
+    return Joint(joint.kind, tuple(axis / np.linalg.norm(axis)), tuple(origin), (0.0, joint.limits[1] + x[-1]))
+
+
+def across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return two unit vectors across an axis and each other, shape [3] each."""
+    u = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    u /= np.linalg.norm(u)
+    return u, np.cross(axis, u)
+
+
+def unknowns(joint: Joint) -> int:
+    """Return the number of unknowns."""
+    return 5 if joint.kind == "revolute" else 3
+
+
+def twists(joint: Joint) -> np.ndarray:
+    """Return the derivative of the part's open pose by the unknowns, as small motions (turn, shift), shape [6 unknown]."""
+    count = unknowns(joint)
+    inverse = np.linalg.inv(transform(joint, joint.limits[1]))
+    columns = np.empty((6, count))
+    for i in range(count):
+        ahead, back = (changed_joint(joint, s * SMALL * np.eye(count)[i]) for s in (1, -1))
+        rate = (transform(ahead, ahead.limits[1]) - transform(back, back.limits[1])) @ inverse / (2 * SMALL)
+        columns[:, i] = rate[2, 1], rate[0, 2], rate[1, 0], *rate[:3, 3]
+    return columns
+
+
+def fit(joint: Joint, part: Cloud, closed: Surface, moved: Cloud, opened: Surface) -> Fit:
+    """Return the joint by least squares from a start.
+
+    Args:
+        joint: the start, its origin near the part.
+        part: samples of the part in the closed scan.
+        closed: the closed scan.
+        moved: samples of the part in the open scan.
+        opened: the open scan, in the closed one's frame.
+    """
+    for reach in REACHES:
+        for _ in range(STEPS):
+            rows, residuals, weights = _system(joint, part, closed, moved, opened, reach)
+            information = rows.T @ (rows * weights[:, None])
+            step = np.linalg.solve(
+                information + 1e-6 * np.diag(np.diag(information)) + 1e-9 * np.eye(len(information)),
+                -rows.T @ (weights * residuals),
+            )
+            joint = changed_joint(joint, np.clip(step, -0.03, 0.03))
+            if np.abs(step).max() < 1e-6:
+                break
+    used = weights > 0
+    rms = float(np.sqrt(np.average(residuals[used] ** 2, weights=weights[used]))) if used.any() else np.inf
+    return Fit(joint, information, int(used.sum()), rms)
+
+
+def _system(
+    joint: Joint, part: Cloud, closed: Surface, moved: Cloud, opened: Surface, reach: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the Jacobian [residual unknown], the residuals [m] and their weights."""
+    motion = transform(joint, joint.limits[1])
+    there = part.moved(motion)
+    ahead = match(there, opened, reach)
+    back = match(moved.moved(np.linalg.inv(motion)), closed, reach)
+    back_normal = back.normal @ motion[:3, :3].T
+    points = np.concatenate([there.points, moved.points])
+    normals = np.concatenate([ahead.normal, -back_normal])
+    residuals = np.concatenate([ahead.offset, back.offset])
+    gaps = np.concatenate([ahead.gap, back.gap])
+    good = np.concatenate([(m.alike > ALIKE) & m.inner for m in (ahead, back)])
+    weights = np.where(good, (1 - np.clip(gaps / reach, 0, 1) ** 2) ** 2, 0.0)
+    # Around a point of the part, so that turns and shifts are of one size.
+    rows = np.concatenate([np.cross(points, normals), normals], axis=1) @ twists(joint)
+    return rows, np.where(good, residuals, 0.0), weights

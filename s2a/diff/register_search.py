@@ -1,0 +1,188 @@
+"""From many joints that could be to those that are: each is fitted roughly, and the one that explains most surface comes first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from s2a.articulation import transform
+from s2a.diff.register_change import SPACING, Patch
+from s2a.diff.register_check import held, outwards
+from s2a.diff.register_fit import Fit, across, fit
+from s2a.diff.register_start import Start
+from s2a.diff.register_surface import Cloud, Surface, match
+from s2a.scene import Joint
+
+MIN_OUTWARDS = 0.5
+"""Mean cosine between the front's normal and its first motion, at least: parts open towards whoever stands before them."""
+MIN_HELD = (0.4, 0.6)
+"""Fraction of a front's border, and of a hinge, that has something near that stands still."""
+ROOM = 0.1
+"""[m] What belongs to a part lies so near to its front: handles."""
+TIGHT = 0.008
+"""[m] Surface that is explained lies so near."""
+ALIKE = 0.75
+"""Cosine between normals, at least."""
+SHIFTS = np.arange(-0.04, 0.0401, 0.005)
+"""[m] Shifts of a hinge's axis towards and from the front that are tried, since planes alone do not fix it."""
+LATERAL = np.arange(-0.015, 0.0151, 0.005)
+"""[m] Sideways errors of a slide's end that are tried."""
+FEW, MANY = 1200, 12000
+"""Samples for a rough and for a fine fit."""
+MIN_NEW = 0.5
+"""Fraction of what a joint explains that no better one has explained."""
+MIN_EXPLAINED = 0.45
+"""Fraction of the changed surface around a front that its joint explains."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scans:
+    """Both scans in the closed one's frame, and what changed.
+
+    Attributes:
+        closed: surface that only the closed scan shows.
+        opened: surface that only the open scan shows.
+        still: what both show.
+        before: samples of `closed`.
+        after: samples of `opened`.
+    """
+
+    closed: Surface
+    opened: Surface
+    still: Surface
+    before: Cloud
+    after: Cloud
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A joint with what it explains.
+
+    Attributes:
+        fit: the joint.
+        patch: index of its front among the closed patches.
+        before: indices of the samples before that it explains.
+        after: indices of the samples after that it explains.
+        fraction: of the changed surface around its front that it explains.
+    """
+
+    fit: Fit
+    patch: int
+    before: np.ndarray
+    after: np.ndarray
+    fraction: float
+
+    @property
+    def area(self) -> float:
+        """Explained surface of both scans [m^2]."""
+        return (len(self.before) + len(self.after)) * SPACING**2
+
+
+def candidates(found: list[Start], patches: list[Patch], scans: Scans) -> list[Candidate]:
+    """Return the joints that open outwards, are held by what stands still, and fit, the most surface first."""
+    kept = []
+    for start in found:
+        patch = patches[start.patch]
+        around, hinge = held(start.joint, patch, scans.still)
+        if outwards(start.joint, patch) < MIN_OUTWARDS or around < MIN_HELD[0] or hinge < MIN_HELD[1]:
+            continue
+        candidate = measured(rough(start, patch, scans), start.patch, patch, scans)
+        opens = outwards(candidate.fit.joint, patch) > MIN_OUTWARDS and candidate.fit.joint.limits[1] > 0.03
+        if opens and candidate.fraction > MIN_EXPLAINED:
+            kept.append(candidate)
+    return sorted(kept, key=lambda candidate: -candidate.area)
+
+
+def chosen(found: list[Candidate]) -> list[Candidate]:
+    """Return the candidates that explain what no better one does."""
+    before: set[int] = set()
+    after: set[int] = set()
+    kept = []
+    for candidate in found:
+        new = len(set(candidate.before) - before) / max(1, len(candidate.before))
+        new_after = len(set(candidate.after) - after) / max(1, len(candidate.after))
+        if min(new, new_after) >= MIN_NEW:
+            kept.append(candidate)
+            before |= set(candidate.before)
+            after |= set(candidate.after)
+    return kept
+
+
+def around(points: np.ndarray, patch: Patch, room: float = ROOM) -> np.ndarray:
+    """Return a mask of points [point 3] in the box around a patch in its own axes, and so much more on all sides [m]."""
+    axes = np.linalg.svd(patch.normal[None])[2]
+    flat = (patch.cloud.points - patch.centre) @ axes.T
+    local = (points - patch.centre) @ axes.T
+    return ((local > flat.min(axis=0) - room) & (local < flat.max(axis=0) + room)).all(axis=1)
+
+
+def thinned(cloud: Cloud, count: int) -> Cloud:
+    """Return at most so many samples, evenly."""
+    if len(cloud) <= count:
+        return cloud
+    return cloud[np.linspace(0, len(cloud) - 1, count).astype(int)]
+
+
+def region(joint: Joint, patch: Patch, scans: Scans) -> tuple[np.ndarray, np.ndarray]:
+    """Return the indices of the samples before around a patch, and of those after around where a joint moves it."""
+    back = np.linalg.inv(transform(joint, joint.limits[1]))
+    returned = scans.after.points @ back[:3, :3].T + back[:3, 3]
+    return np.flatnonzero(around(scans.before.points, patch)), np.flatnonzero(around(returned, patch))
+
+
+def rough(start: Start, patch: Patch, scans: Scans) -> Fit:
+    """Return a fit with few samples, from the best of some shifts along what planes do not fix."""
+    indices, after = region(start.joint, patch, scans)
+    before, after_cloud = thinned(scans.before[indices], FEW), thinned(scans.after[after], FEW)
+    best, most = start.joint, -1.0
+    for joint in _shifted(start.joint, patch):
+        worth = _worth(joint, before, scans.opened, 0.02).mean() + _worth_back(joint, after_cloud, scans, 0.02).mean()
+        if worth > most:
+            best, most = joint, worth
+    return fit(best, before, scans.closed, after_cloud, scans.opened)
+
+
+def _shifted(joint: Joint, patch: Patch) -> list[Joint]:
+    """Return a joint with its axis shifted along the bisector of its front's two planes, or its end shifted sideways."""
+    axis, q = np.array(joint.axis), joint.limits[1]
+    if joint.kind == "prismatic":
+        u, v = across(axis)
+        ends = [q * axis + a * u + b * v for a in LATERAL for b in LATERAL]
+        lengths = [float(np.linalg.norm(end)) for end in ends]
+        found = zip(ends, lengths, strict=True)
+        return [replace(joint, axis=tuple(end / length), limits=(0.0, length)) for end, length in found]
+    bisector = patch.normal + transform(joint, q)[:3, :3] @ patch.normal
+    bisector /= max(float(np.linalg.norm(bisector)), 1e-9)
+    return [replace(joint, origin=tuple(np.array(joint.origin) + shift * bisector)) for shift in SHIFTS]
+
+
+def _worth(joint: Joint, before: Cloud, opened: Surface, reach: float) -> np.ndarray:
+    """Return how well each sample is explained, 0 to 1, shape [sample]."""
+    found = match(before.moved(transform(joint, joint.limits[1])), opened, reach)
+    return np.where(found.alike > ALIKE, 1.0 - (np.minimum(found.gap, reach) / reach) ** 2, 0.0)
+
+
+def _worth_back(joint: Joint, after: Cloud, scans: Scans, reach: float) -> np.ndarray:
+    found = match(after.moved(np.linalg.inv(transform(joint, joint.limits[1]))), scans.closed, reach)
+    return np.where(found.alike > ALIKE, 1.0 - (np.minimum(found.gap, reach) / reach) ** 2, 0.0)
+
+
+def measured(found: Fit, index: int, patch: Patch, scans: Scans) -> Candidate:
+    """Return a fit with what it explains."""
+    before, after = region(found.joint, patch, scans)
+    explained = _worth(found.joint, scans.before[before], scans.opened, TIGHT) > 0
+    returned = _worth_back(found.joint, scans.after[after], scans, TIGHT) > 0
+    members = np.isin(before, np.flatnonzero(around(scans.before.points, patch, 0.005)))
+    fraction = float(explained[members].mean()) if members.any() else 0.0
+    return Candidate(found, index, before[explained], after[returned], fraction)
+
+
+def fine(candidate: Candidate, scans: Scans) -> Fit:
+    """Return the fit to all that a candidate explains."""
+    before, after = (thinned(cloud[some], MANY) for cloud, some in _explained(candidate, scans))
+    return fit(candidate.fit.joint, before, scans.closed, after, scans.opened)
+
+
+def _explained(candidate: Candidate, scans: Scans) -> list[tuple[Cloud, np.ndarray]]:
+    return [(scans.before, candidate.before), (scans.after, candidate.after)]

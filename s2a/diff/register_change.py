@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from s2a.diff.register_surface import Cloud, Surface, match
+from s2a.diff.register_surface import Cloud, Surface
 
 CHANGED = 0.012
 """[m] Surface that lies farther from the other scan than this has changed; noise of both is 2 to 3 mm each."""
@@ -45,10 +45,9 @@ class Patch:
     area: float
 
 
-def changed(surface: Surface, other: Surface) -> Cloud:
-    """Return samples of what the other scan does not show, SPACING apart."""
-    gap = match(Cloud(surface.centroids, surface.normals, np.arange(len(surface.faces))), other, REACH).gap
-    faces = np.flatnonzero(gap > CHANGED)
+def changed(surface: Surface, mask: np.ndarray) -> Cloud:
+    """Return samples of the faces that the other scan does not show, by a mask [face], SPACING apart."""
+    faces = np.flatnonzero(mask)
     area = float(surface.areas[faces].sum())
     if area < MIN_AREA:
         return Cloud(np.empty((0, 3)), np.empty((0, 3)), np.empty(0, int))

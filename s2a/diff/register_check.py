@@ -7,6 +7,7 @@ import numpy as np
 from s2a.articulation import opening_direction
 from s2a.diff.register_change import Patch
 from s2a.diff.register_surface import Cloud, Surface, match
+from s2a.geometry.line_of_sight import visible_distance
 from s2a.scene import Joint
 
 HELD = 0.06
@@ -15,6 +16,14 @@ STEP = 0.02
 """[m] Distance of the places on the border that are asked."""
 QUANTILE = 0.01
 """Points of a patch beyond its border."""
+CONE = np.radians(60.0)
+"""[rad] Lines of sight farther from a front's normal than this are not asked."""
+FREE = 0.4
+"""[m] A line of sight that meets nothing for so long comes from the room."""
+RAYS, POINTS = 40, 60
+"""Directions and places that are asked."""
+THICK = 0.06
+"""[m] Largest thickness of a front: how much nearer its back may be than its front."""
 
 
 def outwards(joint: Joint, patch: Patch) -> float:
@@ -72,3 +81,35 @@ def held(joint: Joint, patch: Patch, still: Surface) -> tuple[float, float]:
 
 def _near(points: np.ndarray, surface: Surface) -> np.ndarray:
     return match(Cloud(points, points, np.zeros(len(points), int)), surface, HELD).face >= 0
+
+
+def gone(patch: Patch, opened: Surface) -> float:
+    """Return the fraction of lines of sight to the places of a patch that are free in the open scan.
+
+    What was hidden, by a door that opened before it, is seen from nowhere: every line to it meets the back of a surface.
+    """
+    points = patch.cloud.points[np.linspace(0, len(patch.cloud) - 1, POINTS).astype(int)]
+    rays = _cone(patch.normal)
+    starts, ways = np.repeat(points + 0.005 * patch.normal, len(rays), axis=0), np.tile(rays, (len(points), 1))
+    distance, behind = visible_distance(opened.tree, starts, ways, FREE)
+    return float(np.mean((distance >= FREE) | ~behind))
+
+
+def _cone(normal: np.ndarray) -> np.ndarray:
+    """Return unit directions spread evenly around a normal, shape [ray 3], by the golden angle."""
+    height = 1.0 - (np.arange(RAYS) + 0.5) / RAYS * (1.0 - np.cos(CONE))
+    angle = np.pi * (1 + 5**0.5) * np.arange(RAYS)
+    u, v = np.linalg.svd(normal[None])[2][1:]
+    flat = np.sqrt(1 - height**2)[:, None]
+    return height[:, None] * normal + flat * (np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * v)
+
+
+def reaches(joint: Joint, patch: Patch, opened: Surface) -> float:
+    """Return the fraction of a slide's front that is the first surface before its old place; 1 for a hinge."""
+    if joint.kind == "revolute":
+        return 1.0
+    axis, q = np.array(joint.axis), joint.limits[1]
+    points = patch.cloud.points[np.linspace(0, len(patch.cloud) - 1, POINTS).astype(int)]
+    distance = visible_distance(opened.tree, points + 0.005 * patch.normal, axis, q + 0.05)[0]
+    met = distance < q + 0.04
+    return float(np.mean(distance[met] > q - THICK)) if met.any() else 0.0

@@ -21,8 +21,11 @@ CELL = 0.006
 """[m] Width of the cells in which the outline of the front is filled."""
 GAP = 4
 """Cells that are bridged there."""
-BEFORE, BEHIND = 0.09, 0.02
-"""[m] How far what belongs to the part stands before its front, or lies behind it."""
+NEXT = 0.02
+"""[m] Sides of a front are not farther from its outline."""
+BEFORE, SUNK, BEHIND = 0.09, 0.04, 0.07
+"""[m] How far what belongs to the part stands before its front; lies behind it within its outline, such as the panes of a window;
+and behind it on its sides."""
 
 
 def moving_faces(joint: Joint, patch: Patch, closed: Surface, opened: Surface) -> np.ndarray:
@@ -40,17 +43,19 @@ def moving_faces(joint: Joint, patch: Patch, closed: Surface, opened: Surface) -
     moves = match(cloud.moved(transform(joint, joint.limits[1])), opened, NEAR)
     explained = (moves.alike > ALIKE) & ((stays.gap > STILL) | (stays.alike < 0.3)) & (moves.gap < stays.gap)
     height = (cloud.points - patch.centre) @ patch.normal
+    layer = (height > -SUNK) & (height < BEFORE)
     flat = (np.abs(height) < 2 * CELL) & (cloud.normals @ patch.normal > 0.7)
     across = np.linalg.svd(patch.normal[None])[2][1:]
     cells = np.floor((cloud.points - patch.centre) @ across.T / CELL).astype(int)
     cells -= cells.min(axis=0) - GAP - 1
-    outline = _outline(cells, explained & flat, patch, closed, across)
-    inside = outline[tuple(cells.T)]
-    fronts = inside & (height > -BEHIND) & (height < BEFORE)
-    return near[fronts & (explained | flat | (stays.gap > STILL))]
+    inside = _outline(cells, explained & layer)[tuple(cells.T)] & layer
+    # Sides of a thick door lie beyond its outline; what both scans show of them has moved for certain.
+    deep = (height > -BEHIND) & (height < BEFORE)
+    sides = explained & deep & (stays.gap >= CHANGED) & around(cloud.points, patch, NEXT)
+    return near[(inside & (explained | flat | (stays.gap > STILL))) | sides]
 
 
-def _outline(cells: np.ndarray, marked: np.ndarray, patch: Patch, closed: Surface, across: np.ndarray) -> np.ndarray:
+def _outline(cells: np.ndarray, marked: np.ndarray) -> np.ndarray:
     """Return the filled outline of marked points on a grid, its largest connected piece."""
     grid = np.zeros(cells.max(axis=0) + GAP + 2, bool)
     grid[tuple(cells[marked].T)] = True

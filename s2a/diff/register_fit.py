@@ -24,6 +24,13 @@ STEPS = 10
 """Gauss-Newton steps at each of them."""
 SMALL = 1e-6
 """[m] or [rad] Step of the central difference."""
+NOISE = 0.002
+"""[m] Standard deviation of the distance between two scans of one surface, as they lie in one frame."""
+CORRELATION = 0.05
+"""[m] Within which the errors of a scan are one: neighbouring samples tell nothing new."""
+SQUARE = 0.0025
+"""[rad] Standard deviation of the angle between a slide and the normal of its front: even gaps, 1 mm over 0.4 m. Without it
+the shift of a plain front within its plane, and with it the slide's direction, is hardly seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +39,7 @@ class Fit:
 
     Attributes:
         joint: its limits from 0 to the coordinate of the open scan.
-        information: J^T W J at the end, by `unknowns`, for residuals in metres, shape [unknown unknown].
+        information: inverse covariance of the unknowns, J^T W J with what is known before, shape [unknown unknown].
         count: number of residuals in use.
         rms: of them [m].
     """
@@ -41,6 +48,11 @@ class Fit:
     information: np.ndarray
     count: int
     rms: float
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """Standard deviations of the unknowns [rad], [m]: see `changed_joint`, shape [unknown]."""
+        return np.sqrt(np.diag(np.linalg.inv(self.information + 1e-6 * np.eye(len(self.information)))))
 
 
 def changed_joint(joint: Joint, x: np.ndarray) -> Joint:
@@ -75,7 +87,15 @@ def twists(joint: Joint) -> np.ndarray:
     return columns
 
 
-def fit(joint: Joint, part: Cloud, closed: Surface, moved: Cloud, opened: Surface) -> Fit:
+def fit(
+    joint: Joint,
+    part: Cloud,
+    closed: Surface,
+    moved: Cloud,
+    opened: Surface,
+    spacing: tuple[float, float],
+    square: np.ndarray | None = None,
+) -> Fit:
     """Return the joint by least squares from a start.
 
     Args:
@@ -84,15 +104,21 @@ def fit(joint: Joint, part: Cloud, closed: Surface, moved: Cloud, opened: Surfac
         closed: the closed scan.
         moved: samples of the part in the open scan.
         opened: the open scan, in the closed one's frame.
+        spacing: mean distance of the samples of each [m].
+        square: normal of a slide's front, if its direction is known to be near it, shape [3].
     """
+    scale = np.repeat([min(1.0, (s / CORRELATION) ** 2) / NOISE**2 for s in spacing], [len(part), len(moved)])
     for reach in REACHES:
         for _ in range(STEPS):
             rows, residuals, weights = _system(joint, part, closed, moved, opened, reach)
-            information = rows.T @ (rows * weights[:, None])
-            step = np.linalg.solve(
-                information + 1e-6 * np.diag(np.diag(information)) + 1e-9 * np.eye(len(information)),
-                -rows.T @ (weights * residuals),
-            )
+            information = rows.T @ (rows * (scale * weights)[:, None])
+            gradient = rows.T @ (scale * weights * residuals)
+            if square is not None and joint.kind == "prismatic":
+                expected = np.array(across(np.array(joint.axis))) @ square
+                information[:2, :2] += np.eye(2) / SQUARE**2
+                # A turn about u tilts the axis towards -v, a turn about v towards u.
+                gradient[:2] += np.array([expected[1], -expected[0]]) / SQUARE**2
+            step = np.linalg.solve(information + 1e-6 * np.eye(len(information)), -gradient)
             joint = changed_joint(joint, np.clip(step, -0.03, 0.03))
             if np.abs(step).max() < 1e-6:
                 break

@@ -8,9 +8,9 @@ import numpy as np
 
 from s2a.articulation import transform
 from s2a.diff.register_change import SPACING, Patch
-from s2a.diff.register_check import held, outwards
+from s2a.diff.register_check import gone, held, outwards, reaches
 from s2a.diff.register_fit import Fit, across, fit
-from s2a.diff.register_start import Start
+from s2a.diff.register_start import MAX_SLIDE, MAX_TURN, MIN_SLIDE, Start
 from s2a.diff.register_surface import Cloud, Surface, match
 from s2a.scene import Joint
 
@@ -18,6 +18,14 @@ MIN_OUTWARDS = 0.5
 """Mean cosine between the front's normal and its first motion, at least: parts open towards whoever stands before them."""
 MIN_HELD = (0.4, 0.6)
 """Fraction of a front's border, and of a hinge, that has something near that stands still."""
+MIN_GONE = 0.4
+"""Fraction of the lines of sight to a front's old place that are free in the open scan, at least; hidden walls have 0 to 0.35."""
+MIN_REACHES = 0.5
+"""Fraction of a slide's front before whose old place nothing is nearer than where it slid to."""
+MIN_FRONT = 0.02
+"""[m^2] Smallest front."""
+MAX_TILT = 0.02
+"""[rad] Standard deviation of an axis' direction beyond which nothing is proposed."""
 ROOM = 0.1
 """[m] What belongs to a part lies so near to its front: handles."""
 TIGHT = 0.008
@@ -28,6 +36,10 @@ SHIFTS = np.arange(-0.04, 0.0401, 0.005)
 """[m] Shifts of a hinge's axis towards and from the front that are tried, since planes alone do not fix it."""
 LATERAL = np.arange(-0.015, 0.0151, 0.005)
 """[m] Sideways errors of a slide's end that are tried."""
+NEXT = 0.15
+"""[m] Patches of one part are not farther from each other."""
+MIN_MEMBER = 0.5
+"""Fraction of a patch that a joint explains if it belongs to the part."""
 FEW, MANY = 1200, 12000
 """Samples for a rough and for a fine fit."""
 MIN_NEW = 0.5
@@ -44,6 +56,7 @@ class Scans:
         closed: surface that only the closed scan shows.
         opened: surface that only the open scan shows.
         still: what both show.
+        room: the whole open scan.
         before: samples of `closed`.
         after: samples of `opened`.
     """
@@ -51,6 +64,7 @@ class Scans:
     closed: Surface
     opened: Surface
     still: Surface
+    room: Surface
     before: Cloud
     after: Cloud
 
@@ -82,16 +96,26 @@ class Candidate:
 def candidates(found: list[Start], patches: list[Patch], scans: Scans) -> list[Candidate]:
     """Return the joints that open outwards, are held by what stands still, and fit, the most surface first."""
     kept = []
+    left = {index: gone(patches[index], scans.room) > MIN_GONE for index in {start.patch for start in found}}
     for start in found:
         patch = patches[start.patch]
-        around, hinge = held(start.joint, patch, scans.still)
-        if outwards(start.joint, patch) < MIN_OUTWARDS or around < MIN_HELD[0] or hinge < MIN_HELD[1]:
+        if not left[start.patch] or not possible(start.joint, patch, scans):
             continue
         candidate = measured(rough(start, patch, scans), start.patch, patch, scans)
-        opens = outwards(candidate.fit.joint, patch) > MIN_OUTWARDS and candidate.fit.joint.limits[1] > 0.03
-        if opens and candidate.fraction > MIN_EXPLAINED:
+        if candidate.fraction > MIN_EXPLAINED and possible(candidate.fit.joint, patch, scans):
             kept.append(candidate)
     return sorted(kept, key=lambda candidate: -candidate.area)
+
+
+def possible(joint: Joint, patch: Patch, scans: Scans) -> bool:
+    """Return whether a front could open by a joint: outwards, held by what stands still, nothing in its way."""
+    longest = MAX_SLIDE if joint.kind == "prismatic" else MAX_TURN
+    if not MIN_SLIDE < joint.limits[1] < longest or outwards(joint, patch) < MIN_OUTWARDS:
+        return False
+    around_it, hinge = held(joint, patch, scans.still)
+    if around_it < MIN_HELD[0] or hinge < MIN_HELD[1]:
+        return False
+    return reaches(joint, patch, scans.room) > MIN_REACHES
 
 
 def chosen(found: list[Candidate]) -> list[Candidate]:
@@ -102,7 +126,8 @@ def chosen(found: list[Candidate]) -> list[Candidate]:
     for candidate in found:
         new = len(set(candidate.before) - before) / max(1, len(candidate.before))
         new_after = len(set(candidate.after) - after) / max(1, len(candidate.after))
-        if min(new, new_after) >= MIN_NEW:
+        tilt = float(np.linalg.norm(candidate.fit.deviations[:2]))
+        if min(new, new_after) >= MIN_NEW and tilt < MAX_TILT and len(candidate.before) * SPACING**2 > MIN_FRONT / 2:
             kept.append(candidate)
             before |= set(candidate.before)
             after |= set(candidate.after)
@@ -124,6 +149,11 @@ def thinned(cloud: Cloud, count: int) -> Cloud:
     return cloud[np.linspace(0, len(cloud) - 1, count).astype(int)]
 
 
+def spacing(cloud: Cloud, count: int) -> float:
+    """Return the mean distance of samples after `thinned` [m]."""
+    return SPACING * max(1.0, len(cloud) / count) ** 0.5
+
+
 def region(joint: Joint, patch: Patch, scans: Scans) -> tuple[np.ndarray, np.ndarray]:
     """Return the indices of the samples before around a patch, and of those after around where a joint moves it."""
     back = np.linalg.inv(transform(joint, joint.limits[1]))
@@ -140,7 +170,15 @@ def rough(start: Start, patch: Patch, scans: Scans) -> Fit:
         worth = _worth(joint, before, scans.opened, 0.02).mean() + _worth_back(joint, after_cloud, scans, 0.02).mean()
         if worth > most:
             best, most = joint, worth
-    return fit(best, before, scans.closed, after_cloud, scans.opened)
+    return fitted(best, patch, scans, indices, after, FEW)
+
+
+def fitted(joint: Joint, patch: Patch, scans: Scans, before: np.ndarray, after: np.ndarray, count: int) -> Fit:
+    """Return the fit to some samples before and after, by their indices, at most so many of each."""
+    clouds = scans.before[before], scans.after[after]
+    spacings = spacing(clouds[0], count), spacing(clouds[1], count)
+    part, moved = (thinned(cloud, count) for cloud in clouds)
+    return fit(joint, part, scans.closed, moved, scans.opened, spacings, patch.normal)
 
 
 def _shifted(joint: Joint, patch: Patch) -> list[Joint]:
@@ -178,11 +216,22 @@ def measured(found: Fit, index: int, patch: Patch, scans: Scans) -> Candidate:
     return Candidate(found, index, before[explained], after[returned], fraction)
 
 
-def fine(candidate: Candidate, scans: Scans) -> Fit:
-    """Return the fit to all that a candidate explains."""
-    before, after = (thinned(cloud[some], MANY) for cloud, some in _explained(candidate, scans))
-    return fit(candidate.fit.joint, before, scans.closed, after, scans.opened)
-
-
-def _explained(candidate: Candidate, scans: Scans) -> list[tuple[Cloud, np.ndarray]]:
-    return [(scans.before, candidate.before), (scans.after, candidate.after)]
+def grown(candidate: Candidate, patches: list[Patch], scans: Scans) -> tuple[Candidate, Patch]:
+    """Return a candidate fitted finely to all patches near its front that its joint explains, and those as one patch."""
+    patch = patches[candidate.patch]
+    found = candidate.fit
+    for _ in range(2):
+        members = [patch]
+        for other in patches:
+            near = other is not patch and around(other.cloud.points, patch, NEXT).mean() > 0.5
+            if near and (_worth(found.joint, thinned(other.cloud, FEW), scans.opened, TIGHT) > 0).mean() > MIN_MEMBER:
+                members.append(other)
+        clouds = [member.cloud for member in members]
+        points, normals, faces = (
+            np.concatenate([getattr(c, n) for c in clouds]) for n in ("points", "normals", "faces")
+        )
+        whole = Patch(Cloud(points, normals, faces), patch.normal, patch.centre, sum(m.area for m in members))
+        now = measured(found, candidate.patch, whole, scans)
+        found = fitted(found.joint, patch, scans, now.before, now.after, MANY)
+        patch = whole
+    return measured(found, candidate.patch, whole, scans), whole

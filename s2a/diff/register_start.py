@@ -14,10 +14,14 @@ from s2a.scene import Joint
 
 PARALLEL = np.radians(4.0)
 """[rad] Patches at a smaller angle are parallel: what is between them is a slide."""
-MIN_SLIDE = 0.02
+MIN_SLIDE = 0.04
 """[m] A slide is longer."""
 MAX_SLIDE = 1.2
 """[m] And shorter."""
+MAX_TURN = 2.6
+"""[rad] A hinge turns less."""
+UPRIGHT = 0.9
+"""Cosine to the vertical beyond which nothing slides: what seems to is a floor below something that opened over it."""
 NEAR_AXIS = 0.12
 """[m] A hinge is not farther from the patch that it turns."""
 SETBACKS = np.arange(-0.06, 0.0601, 0.01)
@@ -89,7 +93,7 @@ def _joints(patch: Patch, other: Patch) -> Iterator[Joint]:
     sine, cosine = float(np.linalg.norm(axis)), float(patch.normal @ other.normal)
     if np.arctan2(sine, cosine) < PARALLEL:
         way = float((other.centre - patch.centre) @ patch.normal)
-        if MIN_SLIDE < abs(way) < MAX_SLIDE:
+        if MIN_SLIDE < abs(way) < MAX_SLIDE and abs(patch.normal[2]) < UPRIGHT:
             direction = np.sign(way) * patch.normal
             yield _slide(direction, patch.centre, abs(way))
         return
@@ -97,7 +101,7 @@ def _joints(patch: Patch, other: Patch) -> Iterator[Joint]:
     angle = float(np.arctan2(sine, cosine))
     bisector = patch.normal + other.normal
     length = float(np.linalg.norm(bisector))
-    if length < 0.1:
+    if angle > MAX_TURN:
         return
     planes = np.stack([patch.normal, other.normal, axis])
     offsets = np.array([patch.normal @ patch.centre, other.normal @ other.centre, axis @ patch.centre])

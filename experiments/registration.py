@@ -1,10 +1,13 @@
-"""How well `s2a register` finds joints: pairs of virtual scans of one home, one with parts open, clutter moved, other scanner poses.
+"""How well `s2a register` finds joints: pairs of virtual scans of a home, parts opened and clutter moved between them.
 
     python experiments/registration.py [--rooms varied:kitchen:100 ...] [--detail full] [--parts 5] [--name registration]
 
-Each room is scanned twice (`registration_pairs`); pairs in the work folder and rows in experiments/results/NAME.json are kept. A
-part counts as found where a proposal of its kind has an IoU of 0.2 or more with its faces; parts without one are missed, proposals
-without a part are false. IoU is by area. The origin's error is the distance of both axes beside the part's middle.
+Each room is scanned twice, from other scanner poses (`registration_pairs`); pairs in the work folder and rows in
+experiments/results/NAME.json are kept. A part counts as found where a proposal of its kind has an IoU of 0.2 or more with its
+faces; parts without one are missed, proposals without a part are false. IoU is by area. The origin's error is the distance of
+both axes beside the part's middle. axis_z and the like are errors in the deviations that the proposal states.
+
+    python experiments/registration.py --rooms classic:office:0 --detail demo --name registration_demo    # a minute or two
 """
 
 from __future__ import annotations

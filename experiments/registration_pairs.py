@@ -81,7 +81,7 @@ def choose(first: SampleConfig, count: int) -> dict[str, float]:
     tops = {entry.number: _top(entry, entries) for entry in entries}
     found: dict[str, float] = {}
     clouds: list[np.ndarray] = []
-    for again in (False, True):  # then a second part of the objects
+    for _ in range(2):  # one of each object, then a second part of the objects
         used: set[int] = set()
         for entry in shuffled:
             fits = entry.part_id not in found and tops[entry.number] not in used and _opens(entry, entries)

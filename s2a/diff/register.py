@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.diff.register_change import CHANGED, REACH, SPACING, changed, patches
+from s2a.diff.register_change import CHANGED, REACH, changed, patches
 from s2a.diff.register_faces import moving_faces
 from s2a.diff.register_rooms import Alignment, align
 from s2a.diff.register_search import Scans, candidates, chosen, grown
@@ -103,8 +103,14 @@ def difference(closed: Surface, room: Surface) -> Scans:
     gaps = [match(faces_cloud(one), other, REACH).gap for one, other in ((closed, room), (room, closed))]
     moved = [gap > CHANGED for gap in gaps]
     before, after = (changed(one, mask) for one, mask in zip((closed, room), moved, strict=True))
-    only = [part(one, mask) for one, mask in zip((closed, room), moved, strict=True)]
-    return Scans(*only, part(closed, ~moved[0]), room, before, after)
+    return Scans(
+        closed=part(closed, moved[0]),
+        opened=part(room, moved[1]),
+        still=part(closed, ~moved[0]),
+        room=room,
+        before=before,
+        after=after,
+    )
 
 
 def part(surface: Surface, mask: np.ndarray) -> Surface:

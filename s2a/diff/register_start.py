@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from s2a.articulation import transform
-from s2a.diff.register_change import SPACING, Patch
+from s2a.diff.register_change import Patch
 from s2a.diff.register_surface import Cloud, Surface, match
 from s2a.scene import Joint
 

@@ -4,7 +4,7 @@
 
 Each room is scanned twice, from other scanner poses (`registration_pairs`); pairs in the work folder and rows in
 experiments/results/NAME.json are kept. A part counts as found where a proposal of its kind has an IoU of 0.2 or more with its
-faces; parts without one are missed, proposals without a part are false. IoU is by area. The origin's error is the distance of
+faces; parts without one are missed, proposals without a part are false. IoU is by area; seen_open is the fraction of the part's surface that the open scan shows too. The origin's error is the distance of
 both axes beside the part's middle. axis_z and the like are errors in the deviations that the proposal states.
 
     python experiments/registration.py --rooms classic:office:0 --detail demo --name registration_demo    # a minute or two
@@ -22,8 +22,9 @@ import numpy as np
 import warp as wp
 from registration_pairs import joint_of, make
 
+from s2a.articulation import transform
 from s2a.diff.register import Proposal, Registration, register
-from s2a.diff.register_surface import Surface
+from s2a.diff.register_surface import Surface, match
 from s2a.outputs import atomic_write
 from s2a.provenance import provenance
 
@@ -44,6 +45,10 @@ ROOMS = ["classic:office:0"] + [
 ]
 FOUND = 0.2
 """Least IoU of a proposal's faces with those of the part that it is."""
+SEEN = 0.01
+"""[m] What the open scan shows lies so near to it."""
+MIN_SEEN = 0.35
+"""Parts of which the open scan shows less are counted, but not as seen."""
 Row = dict[str, Any]
 
 
@@ -112,6 +117,13 @@ def measured(pair: dict[str, Any]) -> Row:
     }
 
 
+def seen(part: dict[str, Any], mine: np.ndarray, closed: Surface, opened: Surface, motion: np.ndarray) -> float:
+    """Return the fraction of a part's scanned surface that the open scan shows too, as it truly lies."""
+    true = joint_of(part)
+    cloud = closed.sample(2000, 0, np.flatnonzero(mine)).moved(motion @ transform(true, part["open"]))
+    return float((match(cloud, opened, SEEN).alike > 0.5).mean())
+
+
 def frame_errors(found: Registration, truth: dict[str, Any], closed: Surface) -> Row:
     """Return how far off the alignment of the rooms is: mean over the closed scan [mm], and its overlap."""
     off = found.alignment.motion @ np.array(truth["open_from_closed"]) - np.eye(4)
@@ -162,6 +174,7 @@ def summary(rows: dict[str, Row]) -> Row:
         "found": len(found),
         "wrong_kind": sum("wrong_kind" in part for part in parts),
         "missed": sum("iou" not in part for part in parts),
+        "missed_though_seen": sum("iou" not in part and part["seen_open"] >= MIN_SEEN for part in parts),
         "false": sum(len(row["false"]) for row in rows.values()),
     }
     for key in ("axis_deg", "origin_mm", "range_percent", "iou"):

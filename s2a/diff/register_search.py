@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a.articulation import transform
-from s2a.diff.register_change import SPACING, Patch
+from s2a.diff.register_change import FLAT, SPACING, TILT, Patch, plane
 from s2a.diff.register_check import gone, held, outwards, reaches
 from s2a.diff.register_fit import Fit, across, fit
 from s2a.diff.register_start import MAX_SLIDE, MAX_TURN, MIN_SLIDE, Start
@@ -40,7 +40,7 @@ NEXT = 0.15
 """[m] Patches of one part are not farther from each other."""
 MIN_MEMBER = 0.5
 """Fraction of a patch that a joint explains if it belongs to the part."""
-FEW, MANY = 1200, 12000
+FEW, MANY = 800, 8000
 """Samples for a rough and for a fine fit."""
 MIN_NEW = 0.5
 """Fraction of what a joint explains that no better one has explained."""
@@ -232,6 +232,18 @@ def grown(candidate: Candidate, patches: list[Patch], scans: Scans) -> tuple[Can
         )
         whole = Patch(Cloud(points, normals, faces), patch.normal, patch.centre, sum(m.area for m in members))
         now = measured(found, candidate.patch, whole, scans)
+        patch = replace(whole, normal=front_normal(found.joint, now, patch, scans))
         found = fitted(found.joint, patch, scans, now.before, now.after, MANY)
-        patch = whole
-    return measured(found, candidate.patch, whole, scans), whole
+    return measured(found, candidate.patch, patch, scans), patch
+
+
+def front_normal(joint: Joint, candidate: Candidate, patch: Patch, scans: Scans) -> np.ndarray:
+    """Return the normal of a front in the closed scan's frame as both scans show it, shape [3]."""
+    back = np.linalg.inv(transform(joint, joint.limits[1]))
+    total = np.zeros(3)
+    for cloud in (scans.before[candidate.before], scans.after[candidate.after].moved(back)):
+        flat = (np.abs((cloud.points - patch.centre) @ patch.normal) < FLAT) & (cloud.normals @ patch.normal > TILT)
+        if flat.sum() > MIN_FRONT / SPACING**2 / 4:
+            total += plane(cloud.points[flat], cloud.normals[flat])[0]
+    length = float(np.linalg.norm(total))
+    return total / length if length > 0 else patch.normal

@@ -4,8 +4,9 @@
 
 Each room is scanned twice, from other scanner poses (`registration_pairs`); pairs in the work folder and rows in
 experiments/results/NAME.json are kept. A part counts as found where a proposal of its kind has an IoU of 0.2 or more with its
-faces; parts without one are missed, proposals without a part are false. IoU is by area; seen_open is the fraction of the part's surface that the open scan shows too. The origin's error is the distance of
-both axes beside the part's middle. axis_z and the like are errors in the deviations that the proposal states.
+faces; parts without one are missed, proposals without a part are false. IoU is by area; seen_open is the fraction of the part's
+surface that the open scan shows too. The origin's error is the distance of both axes beside the part's middle. axis_z and the
+like are errors in the deviations that the proposal states.
 
     python experiments/registration.py --rooms classic:office:0 --detail demo --name registration_demo    # a minute or two
 """

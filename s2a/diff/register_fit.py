@@ -26,14 +26,14 @@ SMALL = 1e-6
 """[m] or [rad] Step of the central difference."""
 NOISE, SIDE_NOISE = 0.002, 0.005
 """[m] Standard deviation of the distance between two scans of one surface, as they lie in one frame: of a front, and of what stands
-across it, handles and edges, which each scan shows from other sides, fused over 5 mm: 1 to 2.5 mm off, all of a handle alike."""
+across it, handles and edges, which each scan shows from other sides: 1 to 2.5 mm off, all of a handle alike."""
 FLAT = 0.9
 """Cosine to the front's normal from which surface is of the front."""
 CORRELATION = 0.05
 """[m] Within which the errors of a scan are one: neighbouring samples tell nothing new."""
 SQUARE = 0.0025
-"""[rad] Standard deviation of the angle between a slide and the normal of its front: even gaps, 1 mm over 0.4 m. Without it
-the shift of a plain front within its plane, and with it the slide's direction, is hardly seen."""
+"""[rad] Standard deviation of the angle by which a front stands askew to its slide, or its hinge to the front: even gaps, 1 mm over
+0.4 m. The shift and the turn of a plain front within its own plane are hardly seen, and with them the axis' direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,11 +117,9 @@ def fit(
             scale = share / np.where(flat, NOISE, SIDE_NOISE) ** 2
             information = rows.T @ (rows * (scale * weights)[:, None])
             gradient = rows.T @ (scale * weights * residuals)
-            if joint.kind == "prismatic":
-                expected = np.array(across(np.array(joint.axis))) @ front
-                information[:2, :2] += np.eye(2) / SQUARE**2
-                # A turn about u tilts the axis towards -v, a turn about v towards u.
-                gradient[:2] += np.array([expected[1], -expected[0]]) / SQUARE**2
+            known, error = square(joint, front)
+            information[:2, :2] += known.T @ known / SQUARE**2
+            gradient[:2] += known.T @ error / SQUARE**2
             step = np.linalg.solve(information + 1e-6 * np.eye(len(information)), -gradient)
             joint = changed_joint(joint, np.clip(step, -0.03, 0.03))
             if np.abs(step).max() < 1e-5:
@@ -129,6 +127,17 @@ def fit(
     used = weights > 0
     rms = float(np.sqrt(np.average(residuals[used] ** 2, weights=weights[used]))) if used.any() else np.inf
     return Fit(joint, information, int(used.sum()), rms)
+
+
+def square(joint: Joint, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return by how much an axis is askew to a front, and the derivative by its two angles, shape [error 2] and [error].
+
+    A slide goes along the front's normal [3]: two errors. A hinge is parallel to the front: one.
+    """
+    u, v = across(np.array(joint.axis))
+    if joint.kind == "prismatic":  # a turn about u takes the axis towards -v, one about v towards u
+        return np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([-(u @ front), -(v @ front)])
+    return np.array([[-(v @ front), u @ front]]), np.array([np.array(joint.axis) @ front])
 
 
 def _system(

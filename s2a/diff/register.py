@@ -16,7 +16,7 @@ from s2a.diff.register_faces import moving_faces
 from s2a.diff.register_rooms import Alignment, align
 from s2a.diff.register_search import Scans, candidates, chosen, grown
 from s2a.diff.register_start import starts
-from s2a.diff.register_surface import Cloud, Surface, match
+from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.scene import Joint
 
 MIN_OVERLAP = 0.6
@@ -64,7 +64,7 @@ class Registration:
         return self.alignment.overlap >= MIN_OVERLAP
 
 
-def register(closed: Surface, opened: Surface) -> Registration:
+def register(closed: OrientedMesh, opened: OrientedMesh) -> Registration:
     """Return the parts that stand open in one scan of a room and not in the other; none where they show two rooms.
 
     Args:
@@ -98,7 +98,7 @@ def register(closed: Surface, opened: Surface) -> Registration:
     return Registration(alignment, proposals)
 
 
-def difference(closed: Surface, room: Surface) -> Scans:
+def difference(closed: OrientedMesh, room: OrientedMesh) -> Scans:
     """Return what changed between two scans in one frame, as surfaces and as samples SPACING apart."""
     gaps = [match(faces_cloud(one), other, REACH).gap for one, other in ((closed, room), (room, closed))]
     moved = [gap > CHANGED for gap in gaps]
@@ -113,11 +113,11 @@ def difference(closed: Surface, room: Surface) -> Scans:
     )
 
 
-def part(surface: Surface, mask: np.ndarray) -> Surface:
+def part(surface: OrientedMesh, mask: np.ndarray) -> OrientedMesh:
     """Return some faces of a surface, by a mask [face]; its vertices stay."""
-    return Surface(surface.vertices, surface.faces[mask])
+    return OrientedMesh(surface.vertices, surface.faces[mask])
 
 
-def faces_cloud(surface: Surface) -> Cloud:
+def faces_cloud(surface: OrientedMesh) -> Cloud:
     """Return the middles of all faces."""
     return Cloud(surface.centroids, surface.normals, np.arange(len(surface.faces)))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from s2a.diff.register_surface import Cloud, Surface
+from s2a.diff.register_surface import Cloud, OrientedMesh
 
 CHANGED = 0.012
 """[m] Surface that lies farther from the other scan than this has changed; noise of both is 2 to 3 mm each."""
@@ -45,7 +45,7 @@ class Patch:
     area: float
 
 
-def changed(surface: Surface, mask: np.ndarray) -> Cloud:
+def changed(surface: OrientedMesh, mask: np.ndarray) -> Cloud:
     """Return samples of the faces that the other scan does not show, by a mask [face], SPACING apart."""
     faces = np.flatnonzero(mask)
     area = float(surface.areas[faces].sum())

@@ -6,7 +6,7 @@ import numpy as np
 
 from s2a.articulation import opening_direction
 from s2a.diff.register_change import Patch
-from s2a.diff.register_surface import Cloud, Surface, match
+from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.geometry.line_of_sight import visible_distance
 from s2a.scene import Joint
 
@@ -60,7 +60,7 @@ def _rectangle(local: np.ndarray, normal: np.ndarray) -> np.ndarray:
     return found
 
 
-def held(joint: Joint, patch: Patch, still: Surface) -> tuple[float, float]:
+def held(joint: Joint, patch: Patch, still: OrientedMesh) -> tuple[float, float]:
     """Return the fraction of a patch's border that has something near that stands still, and that of its hinge, or 1.
 
     Args:
@@ -79,11 +79,11 @@ def held(joint: Joint, patch: Patch, still: Surface) -> tuple[float, float]:
     return float(around), float(_near(line, still).mean())
 
 
-def _near(points: np.ndarray, surface: Surface) -> np.ndarray:
+def _near(points: np.ndarray, surface: OrientedMesh) -> np.ndarray:
     return match(Cloud(points, points, np.zeros(len(points), int)), surface, HELD).face >= 0
 
 
-def gone(patch: Patch, opened: Surface) -> float:
+def gone(patch: Patch, opened: OrientedMesh) -> float:
     """Return the fraction of lines of sight to the places of a patch that are free in the open scan.
 
     What was hidden, by a door that opened before it, is seen from nowhere: every line to it meets the back of a surface.
@@ -104,7 +104,7 @@ def _cone(normal: np.ndarray) -> np.ndarray:
     return height[:, None] * normal + flat * (np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * v)
 
 
-def reaches(joint: Joint, patch: Patch, opened: Surface) -> float:
+def reaches(joint: Joint, patch: Patch, opened: OrientedMesh) -> float:
     """Return the fraction of a slide's front that is the first surface before its old place; 1 for a hinge."""
     if joint.kind == "revolute":
         return 1.0

@@ -8,7 +8,7 @@ from scipy import ndimage
 from s2a.articulation import transform
 from s2a.diff.register_change import CHANGED, Patch
 from s2a.diff.register_search import ROOM, around
-from s2a.diff.register_surface import Cloud, Surface, match
+from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.scene import Joint
 
 NEAR = 0.007
@@ -28,7 +28,7 @@ BEFORE, SUNK, BEHIND = 0.09, 0.04, 0.07
 and behind it on its sides."""
 
 
-def moving_faces(joint: Joint, patch: Patch, closed: Surface, opened: Surface) -> np.ndarray:
+def moving_faces(joint: Joint, patch: Patch, closed: OrientedMesh, opened: OrientedMesh) -> np.ndarray:
     """Return the indices of the closed scan's faces that move with a part, ascending.
 
     Args:

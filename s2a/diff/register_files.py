@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from s2a.diff.register import Proposal, Registration
-from s2a.diff.register_surface import Surface
+from s2a.diff.register_surface import OrientedMesh
 from s2a.errors import InputError
 from s2a.scan import folder, ply
 from s2a.scan.ply import ScanMesh
@@ -35,9 +35,9 @@ def read(path: Path) -> ScanMesh:
     return ply.read(folder.find_bare(path).mesh)
 
 
-def surface(mesh: ScanMesh) -> Surface:
+def surface(mesh: ScanMesh) -> OrientedMesh:
     """Return a scan's mesh as registration takes it."""
-    return Surface(mesh.vertices, mesh.faces)
+    return OrientedMesh(mesh.vertices, mesh.faces)
 
 
 def label(index: int, proposal: Proposal) -> str:

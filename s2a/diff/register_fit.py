@@ -13,7 +13,7 @@ import numpy as np
 
 from s2a.articulation import transform
 from s2a.diff.register_rooms import turned
-from s2a.diff.register_surface import Cloud, Surface, match
+from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.scene import Joint
 
 ALIKE = 0.75
@@ -25,15 +25,15 @@ STEPS = 6
 SMALL = 1e-6
 """[m] or [rad] Step of the central difference."""
 NOISE, SIDE_NOISE = 0.002, 0.005
-"""[m] Standard deviation of the distance between two scans of one surface, as they lie in one frame: of a front, and of what stands
-across it, handles and edges, which each scan shows from other sides: 1 to 2.5 mm off, all of a handle alike."""
+"""[m] Standard deviation of the distance between two scans of one surface, as they lie in one frame: of a front, and of what
+stands across it, handles and edges, which each scan shows from other sides: 1 to 2.5 mm off, all of a handle alike."""
 FLAT = 0.9
 """Cosine to the front's normal from which surface is of the front."""
 CORRELATION = 0.05
 """[m] Within which the errors of a scan are one: neighbouring samples tell nothing new."""
 SQUARE = 0.0025
-"""[rad] Standard deviation of the angle by which a front stands askew to its slide, or its hinge to the front: even gaps, 1 mm over
-0.4 m. The shift and the turn of a plain front within its own plane are hardly seen, and with them the axis' direction."""
+"""[rad] Standard deviation of the angle by which a front stands askew to its slide, or its hinge to the front: even gaps, 1 mm
+over 0.4 m. The shift and the turn of a plain front within its own plane are hardly seen, and with them the axis' direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +93,9 @@ def twists(joint: Joint) -> np.ndarray:
 def fit(
     joint: Joint,
     part: Cloud,
-    closed: Surface,
+    closed: OrientedMesh,
     moved: Cloud,
-    opened: Surface,
+    opened: OrientedMesh,
     spacing: tuple[float, float],
     front: np.ndarray,
 ) -> Fit:
@@ -141,7 +141,7 @@ def square(joint: Joint, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _system(
-    joint: Joint, part: Cloud, closed: Surface, moved: Cloud, opened: Surface, reach: float, front: np.ndarray
+    joint: Joint, part: Cloud, closed: OrientedMesh, moved: Cloud, opened: OrientedMesh, reach: float, front: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return the Jacobian [residual unknown], the residuals [m], their weights, and which are of the front."""
     motion = transform(joint, joint.limits[1])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.diff.register_surface import Surface, match
+from s2a.diff.register_surface import OrientedMesh, match
 
 SAMPLES = 15000
 """Points that are matched in each step."""
@@ -35,7 +35,7 @@ class Alignment:
     rms: float
 
 
-def align(first: Surface, other: Surface) -> Alignment:
+def align(first: OrientedMesh, other: OrientedMesh) -> Alignment:
     """Return the rigid motion that brings another scan of a room onto the first, whatever moved in it."""
     middle = np.append((other.vertices.min(axis=0) + other.vertices.max(axis=0)) / 2, 1.0)
     found: list[Alignment] = []
@@ -49,7 +49,7 @@ def align(first: Surface, other: Surface) -> Alignment:
     return max(found, key=lambda alignment: alignment.overlap)
 
 
-def _icp(first: Surface, other: Surface, motion: np.ndarray) -> Alignment:
+def _icp(first: OrientedMesh, other: OrientedMesh, motion: np.ndarray) -> Alignment:
     """Return the alignment that is found from a start, shape [4 4]."""
     cloud = other.sample(SAMPLES)
     for reach in REACHES:

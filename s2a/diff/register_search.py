@@ -11,7 +11,7 @@ from s2a.diff.register_change import FLAT, SPACING, TILT, Patch, plane
 from s2a.diff.register_check import gone, held, outwards, reaches
 from s2a.diff.register_fit import Fit, across, fit
 from s2a.diff.register_start import MAX_SLIDE, MAX_TURN, MIN_SLIDE, Start
-from s2a.diff.register_surface import Cloud, Surface, match
+from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.scene import Joint
 
 MIN_OUTWARDS = 0.5
@@ -61,16 +61,16 @@ class Scans:
         after: samples of `opened`.
     """
 
-    closed: Surface
-    opened: Surface
-    still: Surface
-    room: Surface
+    closed: OrientedMesh
+    opened: OrientedMesh
+    still: OrientedMesh
+    room: OrientedMesh
     before: Cloud
     after: Cloud
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class FittedPart:
     """A joint with what it explains.
 
     Attributes:
@@ -93,7 +93,7 @@ class Candidate:
         return (len(self.before) + len(self.after)) * SPACING**2
 
 
-def candidates(found: list[Start], patches: list[Patch], scans: Scans) -> list[Candidate]:
+def candidates(found: list[Start], patches: list[Patch], scans: Scans) -> list[FittedPart]:
     """Return the joints that open outwards, are held by what stands still, and fit, the most surface first."""
     kept = []
     left = {index: gone(patches[index], scans.room) > MIN_GONE for index in {start.patch for start in found}}
@@ -118,7 +118,7 @@ def possible(joint: Joint, patch: Patch, scans: Scans) -> bool:
     return reaches(joint, patch, scans.room) > MIN_REACHES
 
 
-def chosen(found: list[Candidate]) -> list[Candidate]:
+def chosen(found: list[FittedPart]) -> list[FittedPart]:
     """Return the candidates that explain what no better one does."""
     before: set[int] = set()
     after: set[int] = set()
@@ -195,7 +195,7 @@ def _shifted(joint: Joint, patch: Patch) -> list[Joint]:
     return [replace(joint, origin=tuple(np.array(joint.origin) + shift * bisector)) for shift in SHIFTS]
 
 
-def _worth(joint: Joint, before: Cloud, opened: Surface, reach: float) -> np.ndarray:
+def _worth(joint: Joint, before: Cloud, opened: OrientedMesh, reach: float) -> np.ndarray:
     """Return how well each sample is explained, 0 to 1, shape [sample]."""
     found = match(before.moved(transform(joint, joint.limits[1])), opened, reach)
     return np.where(found.alike > ALIKE, 1.0 - (np.minimum(found.gap, reach) / reach) ** 2, 0.0)
@@ -206,17 +206,17 @@ def _worth_back(joint: Joint, after: Cloud, scans: Scans, reach: float) -> np.nd
     return np.where(found.alike > ALIKE, 1.0 - (np.minimum(found.gap, reach) / reach) ** 2, 0.0)
 
 
-def measured(found: Fit, index: int, patch: Patch, scans: Scans) -> Candidate:
+def measured(found: Fit, index: int, patch: Patch, scans: Scans) -> FittedPart:
     """Return a fit with what it explains."""
     before, after = region(found.joint, patch, scans)
     explained = _worth(found.joint, scans.before[before], scans.opened, TIGHT) > 0
     returned = _worth_back(found.joint, scans.after[after], scans, TIGHT) > 0
     members = np.isin(before, np.flatnonzero(around(scans.before.points, patch, 0.005)))
     fraction = float(explained[members].mean()) if members.any() else 0.0
-    return Candidate(found, index, before[explained], after[returned], fraction)
+    return FittedPart(found, index, before[explained], after[returned], fraction)
 
 
-def grown(candidate: Candidate, patches: list[Patch], scans: Scans) -> tuple[Candidate, Patch]:
+def grown(candidate: FittedPart, patches: list[Patch], scans: Scans) -> tuple[FittedPart, Patch]:
     """Return a candidate fitted finely to all patches near its front that its joint explains, and those as one patch."""
     patch = patches[candidate.patch]
     found = candidate.fit
@@ -237,7 +237,7 @@ def grown(candidate: Candidate, patches: list[Patch], scans: Scans) -> tuple[Can
     return measured(found, candidate.patch, patch, scans), patch
 
 
-def front_normal(joint: Joint, candidate: Candidate, patch: Patch, scans: Scans) -> np.ndarray:
+def front_normal(joint: Joint, candidate: FittedPart, patch: Patch, scans: Scans) -> np.ndarray:
     """Return the normal of a front in the closed scan's frame as both scans show it, shape [3]."""
     back = np.linalg.inv(transform(joint, joint.limits[1]))
     total = np.zeros(3)

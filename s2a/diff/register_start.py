@@ -9,7 +9,7 @@ import numpy as np
 
 from s2a.articulation import transform
 from s2a.diff.register_change import Patch
-from s2a.diff.register_surface import Cloud, Surface, match
+from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.scene import Joint
 
 PARALLEL = np.radians(4.0)
@@ -58,7 +58,7 @@ class Start:
         return self.joint.limits[1]
 
 
-def starts(closed: list[Patch], opened: list[Patch], surface: Surface) -> list[Start]:
+def starts(closed: list[Patch], opened: list[Patch], surface: OrientedMesh) -> list[Start]:
     """Return the joints that explain enough of a patch, the most surface first.
 
     Args:
@@ -80,7 +80,7 @@ def starts(closed: list[Patch], opened: list[Patch], surface: Surface) -> list[S
     return sorted(found, key=lambda start: -start.area)
 
 
-def explained(cloud: Cloud, surface: Surface, joint: Joint) -> float:
+def explained(cloud: Cloud, surface: OrientedMesh, joint: Joint) -> float:
     """Return how well moved points lie on a surface: 1 if all do exactly, 0 if none is within REACH."""
     found = match(cloud.moved(transform(joint, joint.limits[1])), surface, REACH)
     worth = np.where(found.alike > ALIKE, 1.0 - (np.minimum(found.gap, REACH) / REACH) ** 2, 0.0)

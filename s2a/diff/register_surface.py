@@ -11,7 +11,7 @@ from s2a.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class OrientedMesh:
     """A triangle mesh with normals towards free space.
 
     Attributes:
@@ -47,9 +47,9 @@ class Surface:
         """Unit normal of each face, shape [face 3]; zero for a face without area."""
         return self._cross / np.maximum(2.0 * self.areas, 1e-15)[:, None]
 
-    def moved(self, motion: np.ndarray) -> Surface:
+    def moved(self, motion: np.ndarray) -> OrientedMesh:
         """Return the surface after a rigid motion, shape [4 4]."""
-        return Surface(self.vertices @ motion[:3, :3].T + motion[:3, 3], self.faces)
+        return OrientedMesh(self.vertices @ motion[:3, :3].T + motion[:3, 3], self.faces)
 
     def sample(self, count: int, seed: int = 0, among: np.ndarray | None = None) -> Cloud:
         """Return random points, evenly spread over the area.
@@ -119,7 +119,7 @@ class Matches:
         return (self.face >= 0) & (self.gap**2 - self.offset**2 < 0.003**2 + 0.1 * self.gap**2)
 
 
-def match(cloud: Cloud, surface: Surface, reach: float) -> Matches:
+def match(cloud: Cloud, surface: OrientedMesh, reach: float) -> Matches:
     """Return the faces of a surface that are nearest to points, within reach [m]."""
     face, gap = nearest_faces(surface.tree, cloud.points, reach)
     normal, centre = surface.normals[face], surface.centroids[face]

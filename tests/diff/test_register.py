@@ -14,7 +14,7 @@ from s2a.articulation import displace, transform
 from s2a.diff.register import Proposal, Registration, register
 from s2a.diff.register_fit import changed_joint, square, twists, unknowns
 from s2a.diff.register_rooms import align, turned
-from s2a.diff.register_surface import Surface
+from s2a.diff.register_surface import OrientedMesh
 from s2a.mesh import Mesh
 from s2a.scene import Joint
 from s2a.synth.files import write_ply
@@ -54,8 +54,8 @@ def scan(
     return Mesh(shaken, whole.faces), np.array(numbers)
 
 
-def surface(mesh: Mesh, frame: np.ndarray | None = None) -> Surface:
-    found = Surface(mesh.vertices.astype(np.float64), mesh.faces)
+def surface(mesh: Mesh, frame: np.ndarray | None = None) -> OrientedMesh:
+    found = OrientedMesh(mesh.vertices.astype(np.float64), mesh.faces)
     return found if frame is None else found.moved(frame)
 
 

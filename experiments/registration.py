@@ -90,6 +90,7 @@ def measured(pair: dict[str, Any]) -> Row:
             "open": part["open"],
             "scanned_area": round(float(closed.areas[mine].sum()), 4),
         }
+        row["seen_open"] = round(seen(part, mine, closed, opened, np.array(truth["open_from_closed"])), 3)
         if best >= 0 and overlap[best] > FOUND:
             used.add(best)
             row |= {"iou": round(overlap[best], 4)} | errors(

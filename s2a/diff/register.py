@@ -14,13 +14,16 @@ import numpy as np
 from s2a.diff.register_change import CHANGED, REACH, changed, patches
 from s2a.diff.register_faces import moving_faces
 from s2a.diff.register_rooms import Alignment, align
-from s2a.diff.register_search import Scans, candidates, chosen, grown
+from s2a.diff.register_search import FittedPart, Scans, candidates, chosen, grown
 from s2a.diff.register_start import starts
 from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.scene import Joint
 
 MIN_OVERLAP = 0.6
 """Fraction of the open scan that lies on the closed one if both are of one room; 0.90 to 0.95 among virtual pairs."""
+
+OFFSET = 0.001
+"""[m] Standard deviation of a whole front's distance between two scans: registration of the panoramas, alignment of the rooms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,20 +85,25 @@ def register(closed: OrientedMesh, opened: OrientedMesh) -> Registration:
     proposals = []
     for candidate in picked:
         best, whole = grown(candidate, fronts, scans)
-        turn = best.fit.deviations
-        hinge = best.fit.joint.kind == "revolute"
-        proposals.append(
-            Proposal(
-                joint=best.fit.joint,
-                axis_deviation=float(np.linalg.norm(turn[:2])),
-                origin_deviation=float(np.linalg.norm(turn[2:4])) if hinge else 0.0,
-                open_deviation=float(turn[-1]),
-                faces=moving_faces(best.fit.joint, whole, closed, room),
-                explained=best.area,
-                rms=best.fit.rms,
-            )
-        )
+        faces = moving_faces(best.fit.joint, whole, closed, room)
+        proposals.append(proposed(best, whole, faces))
     return Registration(alignment, proposals)
+
+
+def proposed(found: FittedPart, front: Patch, faces: np.ndarray) -> Proposal:
+    """Return a proposal with its standard deviations: those of the fit, and of OFFSET, which no number of samples lessens."""
+    joint, deviations = found.fit.joint, found.fit.deviations
+    hinge = joint.kind == "revolute"
+    reach = max(lever_arm(joint, point) for point in front.cloud.points[:: max(1, len(front.cloud) // 200)])
+    return Proposal(
+        joint=joint,
+        axis_deviation=float(np.linalg.norm(deviations[:2])),
+        origin_deviation=float(np.hypot(np.linalg.norm(deviations[2:4]), OFFSET)) if hinge else 0.0,
+        open_deviation=float(np.hypot(deviations[-1], OFFSET / reach)),
+        faces=faces,
+        explained=found.area,
+        rms=found.fit.rms,
+    )
 
 
 def difference(closed: OrientedMesh, room: OrientedMesh) -> Scans:

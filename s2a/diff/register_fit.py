@@ -29,8 +29,8 @@ NOISE, SIDE_NOISE = 0.002, 0.005
 stands across it, handles and edges, which each scan shows from other sides: 1 to 2.5 mm off, all of a handle alike."""
 FLAT = 0.9
 """Cosine to the front's normal from which surface is of the front."""
-CORRELATION = 0.05
-"""[m] Within which the errors of a scan are one: neighbouring samples tell nothing new."""
+CORRELATION, SIDE_CORRELATION = 0.05, 0.15
+"""[m] Within which the errors of a scan are one, of fronts and of what stands across them: samples so near tell nothing new."""
 SQUARE = 0.0025
 """[rad] Standard deviation of the angle by which a front stands askew to its slide, or its hinge to the front: even gaps, 1 mm
 over 0.4 m. The shift and the turn of a plain front within its own plane are hardly seen, and with them the axis' direction."""
@@ -110,11 +110,12 @@ def fit(
         spacing: mean distance of the samples of each [m].
         front: normal of the part's front in the closed scan, shape [3]; a slide's direction is near it.
     """
-    share = np.repeat([min(1.0, (s / CORRELATION) ** 2) for s in spacing], [len(part), len(moved)])
+    every = np.repeat(np.array(spacing), [len(part), len(moved)])
     for reach in REACHES:
         for _ in range(STEPS):
             rows, residuals, weights, flat = _system(joint, part, closed, moved, opened, reach, front)
-            scale = share / np.where(flat, NOISE, SIDE_NOISE) ** 2
+            noise = np.where(flat, NOISE * CORRELATION, SIDE_NOISE * SIDE_CORRELATION)
+            scale = (every / noise) ** 2  # an inverse variance for as many samples as lie within a correlation length
             information = rows.T @ (rows * (scale * weights)[:, None])
             gradient = rows.T @ (scale * weights * residuals)
             known, error = square(joint, front)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.diff.register_change import CHANGED, REACH, changed, patches
+from s2a.articulation import lever_arm
+from s2a.diff.register_change import CHANGED, REACH, Patch, changed, patches
 from s2a.diff.register_faces import moving_faces
 from s2a.diff.register_rooms import Alignment, align
 from s2a.diff.register_search import FittedPart, Scans, candidates, chosen, grown

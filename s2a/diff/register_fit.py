@@ -27,7 +27,7 @@ SMALL = 1e-6
 NOISE, SIDE_NOISE = 0.002, 0.005
 """[m] Standard deviation of the distance between two scans of one surface, as they lie in one frame: of a front, and of what
 stands across it, handles and edges, which each scan shows from other sides: 1 to 2.5 mm off, all of a handle alike."""
-FLAT = 0.9
+FLAT = 0.95
 """Cosine to the front's normal from which surface is of the front."""
 CORRELATION, SIDE_CORRELATION = 0.05, 0.15
 """[m] Within which the errors of a scan are one, of fronts and of what stands across them: samples so near tell nothing new."""
@@ -156,7 +156,9 @@ def _system(
     gaps = np.concatenate([ahead.gap, back.gap])
     good = np.concatenate([(m.alike > ALIKE) & m.inner for m in (ahead, back)])
     weights = np.where(good, (1 - np.clip(gaps / reach, 0, 1) ** 2) ** 2, 0.0)
-    # Around a point of the part, so that turns and shifts are of one size.
+    # A front has one normal: those of its noisy triangles would seem to know its shift within its own plane.
+    facing = normals @ (motion[:3, :3] @ front)
+    flat = np.abs(facing) > FLAT
+    normals = np.where(flat[:, None], np.sign(facing)[:, None] * (motion[:3, :3] @ front), normals)
     rows = np.concatenate([np.cross(points, normals), normals], axis=1) @ twists(joint)
-    flat = np.abs(normals @ (motion[:3, :3] @ front)) > FLAT
     return rows, np.where(good, residuals, 0.0), weights, flat

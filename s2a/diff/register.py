@@ -116,6 +116,7 @@ def difference(closed: OrientedMesh, room: OrientedMesh) -> Scans:
         closed=part(closed, moved[0]),
         opened=part(room, moved[1]),
         still=part(closed, ~moved[0]),
+        first=closed,
         room=room,
         before=before,
         after=after,

@@ -64,7 +64,7 @@ def patches(cloud: Cloud) -> list[Patch]:
         members = _best_plane(rest, rng)
         if len(members) < smallest:
             break
-        found += [patch for patch in _pieces(rest[members], smallest)]
+        found += [patch for patch in connected(rest[members], smallest)]
         keep = np.ones(len(rest), bool)
         keep[members] = False
         rest = rest[keep]
@@ -102,7 +102,7 @@ def plane(points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return normal * (1.0 if normal @ normals.mean(axis=0) > 0 else -1.0), centre
 
 
-def _pieces(cloud: Cloud, smallest: int) -> list[Patch]:
+def connected(cloud: Cloud, smallest: int) -> list[Patch]:
     """Return the connected pieces of points on one plane that are large enough."""
     normal, centre = plane(cloud.points, cloud.normals)
     across = np.linalg.svd(normal[None])[2][1:]

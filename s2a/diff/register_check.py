@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.articulation import opening_direction
+from s2a.articulation import opening_direction, transform
 from s2a.diff.register_change import Patch
 from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.geometry.line_of_sight import visible_distance
@@ -20,6 +20,8 @@ CONE = np.radians(60.0)
 """[rad] Lines of sight farther from a front's normal than this are not asked."""
 FREE = 0.4
 """[m] A line of sight that meets nothing for so long comes from the room."""
+FAR = 15.0
+"""[m] Longest line of sight through a room."""
 RAYS, POINTS = 40, 60
 """Directions and places that are asked."""
 THICK = 0.06
@@ -113,3 +115,16 @@ def reaches(joint: Joint, patch: Patch, opened: OrientedMesh) -> float:
     distance = visible_distance(opened.tree, points + 0.005 * patch.normal, axis, q + 0.05)[0]
     met = distance < q + 0.04
     return float(np.mean(distance[met] > q - THICK)) if met.any() else 0.0
+
+
+def before_room(joint: Joint, patch: Patch, closed: OrientedMesh) -> float:
+    """Return the fraction of a front, where it stands open, behind which the closed scan has room: the front of a surface.
+
+    Behind a wall, or the side of a cabinet, that the closed scan does not show are backs of surfaces or nothing.
+    """
+    motion = transform(joint, joint.limits[1])
+    points = patch.cloud.points[np.linspace(0, len(patch.cloud) - 1, POINTS).astype(int)]
+    normal = motion[:3, :3] @ patch.normal
+    there = points @ motion[:3, :3].T + motion[:3, 3] - 0.03 * normal
+    distance, behind = visible_distance(closed.tree, there, -normal, FAR)
+    return float(np.mean((distance < FAR) & ~behind))

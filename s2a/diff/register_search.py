@@ -8,9 +8,9 @@ import numpy as np
 
 from s2a.articulation import transform
 from s2a.diff.register_change import FLAT, SPACING, TILT, Patch, plane
-from s2a.diff.register_check import gone, held, outwards, reaches
+from s2a.diff.register_check import before_room, gone, held, outwards, reaches
 from s2a.diff.register_fit import Fit, across, fit
-from s2a.diff.register_start import MAX_SLIDE, MAX_TURN, MIN_SLIDE, Start
+from s2a.diff.register_start import MAX_SLIDE, MAX_TURN, MIN_FRONT, MIN_SLIDE, Start, front_of
 from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.scene import Joint
 
@@ -21,10 +21,8 @@ MIN_HELD = (0.4, 0.6)
 MIN_GONE = 0.4
 """Fraction of the lines of sight to a front's old place that are free in the open scan, at least; hidden walls have 0 to 0.35."""
 MIN_REACHES = 0.5
-"""Fraction of a slide's front before whose old place nothing is nearer than where it slid to."""
-MIN_FRONT = 0.02
-"""[m^2] Smallest front."""
-MAX_TILT = 0.02
+"""Fraction of a slide's front before whose old place nothing is nearer than where it slid to; of a front that has room behind."""
+MAX_TILT = 0.01
 """[rad] Standard deviation of an axis' direction beyond which nothing is proposed."""
 ROOM = 0.1
 """[m] What belongs to a part lies so near to its front: handles."""
@@ -56,6 +54,7 @@ class Scans:
         closed: surface that only the closed scan shows.
         opened: surface that only the open scan shows.
         still: what both show.
+        first: the whole closed scan.
         room: the whole open scan.
         before: samples of `closed`.
         after: samples of `opened`.
@@ -64,6 +63,7 @@ class Scans:
     closed: OrientedMesh
     opened: OrientedMesh
     still: OrientedMesh
+    first: OrientedMesh
     room: OrientedMesh
     before: Cloud
     after: Cloud
@@ -75,14 +75,14 @@ class FittedPart:
 
     Attributes:
         fit: the joint.
-        patch: index of its front among the closed patches.
+        front: its front.
         before: indices of the samples before that it explains.
         after: indices of the samples after that it explains.
         fraction: of the changed surface around its front that it explains.
     """
 
     fit: Fit
-    patch: int
+    front: Patch
     before: np.ndarray
     after: np.ndarray
     fraction: float
@@ -98,10 +98,10 @@ def candidates(found: list[Start], patches: list[Patch], scans: Scans) -> list[F
     kept = []
     left = {index: gone(patches[index], scans.room) > MIN_GONE for index in {start.patch for start in found}}
     for start in found:
-        patch = patches[start.patch]
+        patch = front_of(start, patches[start.patch], scans.opened)
         if not left[start.patch] or not possible(start.joint, patch, scans):
             continue
-        candidate = measured(rough(start, patch, scans), start.patch, patch, scans)
+        candidate = measured(rough(start, patch, scans), patch, scans)
         if candidate.fraction > MIN_EXPLAINED and possible(candidate.fit.joint, patch, scans):
             kept.append(candidate)
     return sorted(kept, key=lambda candidate: -candidate.area)
@@ -115,7 +115,7 @@ def possible(joint: Joint, patch: Patch, scans: Scans) -> bool:
     around_it, hinge = held(joint, patch, scans.still)
     if around_it < MIN_HELD[0] or hinge < MIN_HELD[1]:
         return False
-    return reaches(joint, patch, scans.room) > MIN_REACHES
+    return min(reaches(joint, patch, scans.room), before_room(joint, patch, scans.first)) > MIN_REACHES
 
 
 def chosen(found: list[FittedPart]) -> list[FittedPart]:
@@ -206,19 +206,19 @@ def _worth_back(joint: Joint, after: Cloud, scans: Scans, reach: float) -> np.nd
     return np.where(found.alike > ALIKE, 1.0 - (np.minimum(found.gap, reach) / reach) ** 2, 0.0)
 
 
-def measured(found: Fit, index: int, patch: Patch, scans: Scans) -> FittedPart:
+def measured(found: Fit, patch: Patch, scans: Scans) -> FittedPart:
     """Return a fit with what it explains."""
     before, after = region(found.joint, patch, scans)
     explained = _worth(found.joint, scans.before[before], scans.opened, TIGHT) > 0
     returned = _worth_back(found.joint, scans.after[after], scans, TIGHT) > 0
     members = np.isin(before, np.flatnonzero(around(scans.before.points, patch, 0.005)))
     fraction = float(explained[members].mean()) if members.any() else 0.0
-    return FittedPart(found, index, before[explained], after[returned], fraction)
+    return FittedPart(found, patch, before[explained], after[returned], fraction)
 
 
 def grown(candidate: FittedPart, patches: list[Patch], scans: Scans) -> tuple[FittedPart, Patch]:
     """Return a candidate fitted finely to all patches near its front that its joint explains, and those as one patch."""
-    patch = patches[candidate.patch]
+    patch = candidate.front
     found = candidate.fit
     for _ in range(2):
         members = [patch]
@@ -231,10 +231,10 @@ def grown(candidate: FittedPart, patches: list[Patch], scans: Scans) -> tuple[Fi
             np.concatenate([getattr(c, n) for c in clouds]) for n in ("points", "normals", "faces")
         )
         whole = Patch(Cloud(points, normals, faces), patch.normal, patch.centre, sum(m.area for m in members))
-        now = measured(found, candidate.patch, whole, scans)
+        now = measured(found, whole, scans)
         patch = replace(whole, normal=front_normal(found.joint, now, patch, scans))
         found = fitted(found.joint, patch, scans, now.before, now.after, MANY)
-    return measured(found, candidate.patch, patch, scans), patch
+    return measured(found, patch, scans), patch
 
 
 def front_normal(joint: Joint, candidate: FittedPart, patch: Patch, scans: Scans) -> np.ndarray:

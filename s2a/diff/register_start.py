@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.articulation import transform
-from s2a.diff.register_change import Patch
+from s2a.diff.register_change import SPACING, Patch, connected
 from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.scene import Joint
 
@@ -32,8 +32,10 @@ ALIKE = 0.8
 """Cosine between normals from which it does."""
 POINTS = 400
 """Points of a patch that are tried."""
-MIN_FRACTION = 0.35
+MIN_FRACTION = 0.2
 """Fraction of a patch that a joint has to explain."""
+MIN_FRONT = 0.02
+"""[m^2] Smallest front."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +80,13 @@ def starts(closed: list[Patch], opened: list[Patch], surface: OrientedMesh) -> l
             if best is not None:
                 found.append(best)
     return sorted(found, key=lambda start: -start.area)
+
+
+def front_of(start: Start, patch: Patch, surface: OrientedMesh) -> Patch:
+    """Return what a joint explains of a patch, its largest connected piece: fronts beside each other in a plane come as one."""
+    found = match(patch.cloud.moved(transform(start.joint, start.q)), surface, REACH)
+    pieces = connected(patch.cloud[found.alike > ALIKE], int(MIN_FRONT / SPACING**2))
+    return max(pieces, key=lambda piece: piece.area) if pieces else patch
 
 
 def explained(cloud: Cloud, surface: OrientedMesh, joint: Joint) -> float:

@@ -31,6 +31,7 @@ from s2a.progress import StdoutFilter
 COMMANDS = {
     "sample": "furnish a virtual room and scan it: writes an annotated scan",
     "check": "compare an annotated scan with its own surface; exit with 1 if they contradict each other",
+    "register": "find the parts that stand open in a second scan of a room, and their joints",
     "export": "turn an annotated scan into two flavours of USD, descriptive and geometric",
     "insert": "insert objects into a room where they belong, as a layer over its stage",
     "prepare": "turn a geometric stage into a simulation-ready one",

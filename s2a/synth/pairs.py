@@ -1,4 +1,4 @@
-"""The same home once more: parts opened, free objects moved; the truth follows."""
+"""The same home once more: parts opened, free objects moved, the scanner put up elsewhere; the truth follows."""
 
 from __future__ import annotations
 
@@ -30,6 +30,15 @@ SAMPLES = 1500
 """Points on an object whose surroundings are asked for: one every centimetre or so."""
 SCANNER_AIR = 0.15
 """[m] A scanner position with less air than this, as before a door that is now open, is left out."""
+
+STEP = (0.3, 0.8)
+"""[m] How far from its first place the scanner is put up at another visit."""
+RISE = 0.15
+"""[m] How much higher or lower."""
+HEAD_AIR = 0.25
+"""[m] Least distance of a scanner from everything."""
+MAX_TURN = 0.05
+"""[rad] Largest turn of the scene's frame about z between two visits."""
 
 
 def again(
@@ -163,3 +172,21 @@ def _free_scanners(room: Room) -> np.ndarray:
     surface = join(*(entry.piece.surface for entry in entries))
     air = nearest_faces(ray_mesh(surface.vertices, surface.faces), room.scanners)[1]
     return room.scanners[air > SCANNER_AIR]
+
+
+def revisited(room: Room, rng: np.random.Generator) -> Room:
+    """Return a room whose scanner is put up elsewhere: STEP from each first place, in free air, in sight of it."""
+    surface = join(*(entry.piece.surface for entry in catalog(room.pieces)))
+    mesh = ray_mesh(surface.vertices, surface.faces)
+    return replace(room, scanners=np.array([_beside(mesh, place, rng) for place in room.scanners]))
+
+
+def _beside(mesh: RayMesh, place: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return a free place near a scanner's [m], shape [3]; its own where there is none."""
+    far, angle = rng.uniform(*STEP, MAX_ATTEMPTS), rng.uniform(0.0, 2 * np.pi, MAX_ATTEMPTS)
+    rise = rng.uniform(-RISE, RISE, MAX_ATTEMPTS)
+    steps = np.stack([far * np.cos(angle), far * np.sin(angle), rise], axis=1)
+    length = np.linalg.norm(steps, axis=1)
+    seen = first_hits(mesh, np.tile(place, (MAX_ATTEMPTS, 1)), steps / length[:, None]) > length
+    free = np.flatnonzero(seen & (nearest_faces(mesh, place + steps)[1] > HEAD_AIR))
+    return place + steps[free[0]] if len(free) else place

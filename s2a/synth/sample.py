@@ -18,7 +18,7 @@ from s2a.synth.annotate import AnnotationConfig, annotated_joints, overlooked, r
 from s2a.synth.capture import Capture
 from s2a.synth.catalog import Entry, cad, catalog, clean_scene
 from s2a.synth.homes import furnish, stream
-from s2a.synth.pairs import again
+from s2a.synth.pairs import MAX_TURN, again, revisited
 from s2a.synth.room import Room
 from s2a.synth.rooms import ROOMS
 from s2a.synth.scanner import ScannerConfig
@@ -37,6 +37,8 @@ class SampleConfig:
         annotator: whose errors the annotation has.
         open: coordinates of parts that stand open [m] or [rad], by their ids: the same home scanned again; None: all closed.
         moved: number of free objects that stand elsewhere than without it.
+        visit: 0: the scanner stands where it always does; n: the n-th later visit to the same home, with scanner positions,
+            errors and a scene frame of its own.
         out: folder that is written.
         scanner: the scanners by detail.
         annotators: the annotators' errors by their names.
@@ -60,6 +62,7 @@ class SampleConfig:
     annotator: Literal["careful", "hasty", "wrong"]
     open: dict[str, float] | None
     moved: CountFromZero
+    visit: CountFromZero
     out: Path
     scanner: dict[str, ScannerConfig]
     annotators: dict[str, AnnotationConfig]
@@ -111,7 +114,12 @@ def scan_room(config: SampleConfig) -> Scan:
     motions: dict[str, np.ndarray] = {}
     if config.open or config.moved:
         room, motions = again(room, config.open or {}, config.moved, mover)
-    room = room.turned(float(furniture.uniform(0.0, 2 * np.pi)))
+    yaw = float(furniture.uniform(0.0, 2 * np.pi))
+    if config.visit:
+        visitor = streams(config, config.visit)[-1]
+        room, errors = revisited(room, visitor), visitor.spawn(1)[0]
+        yaw += float(visitor.uniform(-MAX_TURN, MAX_TURN))
+    room = room.turned(yaw)
     entries = catalog(room.pieces)
     surface, owners = cad(entries)
     capture = Capture(surface, room, config.scanner[config.detail], paint)
@@ -130,10 +138,10 @@ def ids_of(entries: list[Entry], numbers: set[int]) -> list[str]:
     return [entry.part_id for entry in entries if entry.number in numbers]
 
 
-def streams(config: SampleConfig) -> list[np.random.Generator]:
-    """Return the random streams of the furniture, the scanner's errors, the colours, the annotator and what is moved."""
+def streams(config: SampleConfig, visits: int = 0) -> list[np.random.Generator]:
+    """Return the random streams of the furniture, the scanner's errors, the colours, the annotator, what is moved, and visits."""
     classic = config.virtual == "classic"
-    return (np.random.default_rng(config.seed) if classic else stream(config.room, config.seed)).spawn(5)
+    return (np.random.default_rng(config.seed) if classic else stream(config.room, config.seed)).spawn(5 + visits)
 
 
 def furnished(config: SampleConfig, rng: np.random.Generator) -> Room:
@@ -156,6 +164,7 @@ def scan_name(config: SampleConfig) -> str:
     words += [config.room, str(config.seed)]
     if config.open or config.moved:
         words += [json.dumps(config.open or {}, sort_keys=True), str(config.moved)]
+    words += [f"visit {config.visit}"] if config.visit else []
     return hashlib.sha256(" ".join(words).encode()).hexdigest()[:10]
 
 
@@ -198,6 +207,8 @@ def truth_record(scan: Scan, config: SampleConfig) -> dict[str, Any]:
         record["annotator"] = {"name": config.annotator, **scan.mistakes}
     if config.open or config.moved:
         record["again"] = {"open": config.open or {}, "moved": {i: m.tolist() for i, m in in_scene(scan).items()}}
+    if config.visit:
+        record["visit"] = config.visit
     return record
 
 

@@ -15,6 +15,7 @@ from solid_sweep import overlaps
 from s2a import config, scan
 from s2a.articulation import displace
 from s2a.errors import InputError
+from s2a.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scan import ply
 from s2a.synth import SampleConfig, glb, sample
 from s2a.synth.annotate import AnnotationConfig, annotated_joints, overlooked, reversed_joints, without
@@ -22,7 +23,8 @@ from s2a.synth.capture import swallowed
 from s2a.synth.catalog import catalog
 from s2a.synth.handheld import DriftConfig, drifts, smoothed
 from s2a.synth.homes import home
-from s2a.synth.pairs import again
+from s2a.synth.pairs import HEAD_AIR, MAX_TURN, STEP, again, revisited
+from s2a.synth.sample import scan_room, truth_record
 from s2a.synth.solids import box, join
 from s2a.synth.surface_nets import Net
 from s2a.usd import geometric
@@ -161,6 +163,25 @@ def test_moved_objects_stand_free_on_the_same_level() -> None:
         assert np.linalg.norm(motion[:3, 3]) > 0 and np.isclose(motion[2, 3], 0.0)
         assert np.allclose(after[part_id].pose, motion @ before[part_id].pose)
     assert set(overlaps(changed, 0.002)) <= set(overlaps(room, 0.002))
+
+
+def test_at_another_visit_the_scanner_stands_elsewhere_in_free_air() -> None:
+    room = home("office", 3)
+    other = revisited(room, np.random.default_rng(0))
+    far = np.linalg.norm(other.scanners - room.scanners, axis=1)
+    assert other.pieces == room.pieces and (far > 0.9 * STEP[0]).all() and (far < 1.1 * STEP[1]).all()
+    surface = join(*(entry.piece.surface for entry in catalog(room.pieces)))
+    assert nearest_faces(ray_mesh(surface.vertices, surface.faces), other.scanners)[1].min() > HEAD_AIR
+
+
+def test_a_visit_has_its_own_frame_errors_and_name_and_says_so_in_the_truth() -> None:
+    keys = ["room=hallway", "virtual=varied", "scanner.demo.fusion.voxel=0.05", "scanner.demo.spacing=0.02", "out=none"]
+    configs = [config.load(SampleConfig, config.compose("sample", [*keys, f"visit={n}"])) for n in (0, 1, 2)]
+    scans = [scan_room(c) for c in configs]
+    assert len({s.name for s in scans}) == 3 and len({s.room.yaw for s in scans}) == 3
+    assert all(abs(s.room.yaw - scans[0].room.yaw) <= MAX_TURN for s in scans)
+    assert [truth_record(s, c).get("visit") for s, c in zip(scans, configs, strict=True)] == [None, 1, 2]
+    assert len({s.mesh.vertices.tobytes() for s in scans}) == 3
 
 
 def test_what_cannot_be_opened_is_refused() -> None:

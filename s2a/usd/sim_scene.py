@@ -9,6 +9,7 @@ import numpy as np
 
 from s2a.errors import InputError
 from s2a.scene import Joint, Mesh, Vec3
+from s2a.usd.refinement import Refinement
 
 Quat = tuple[float, float, float, float]
 DEFAULT_ROBOT = "panda"
@@ -132,6 +133,7 @@ class Articulation:
         friction: dry friction of the joint [N] or [N m], rounded to float32.
         filtered: ids of the bodies with which it does not collide, because their colliders overlap somewhere on its path.
         notes: what was changed beyond what was scanned, in sentences.
+        refinement: how far the joint is from its annotation; None: it is as annotated.
     """
 
     joint: Joint
@@ -141,6 +143,7 @@ class Articulation:
     friction: float = 0.0
     filtered: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    refinement: Refinement | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "friction", single(self.friction))

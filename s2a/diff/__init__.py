@@ -1,0 +1,1 @@
+"""What is found by gradient: joint dynamics, axes."""

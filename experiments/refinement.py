@@ -2,10 +2,10 @@
 
     python experiments/refinement.py SCAN ... [--jobs 1] [--out FILE]
 
-SCAN is a folder that `s2a sample ... annotator=careful|hasty` wrote. Every joint is compared before and after with the one that the
-room was built with: angle between the axes, and for hinges the distance of the true origin from the line. The checks are those
-that `s2a check` and `s2a certify` ask of a joint; refining does not see them. Writes experiments/results/refinement.json and
-prints a table.
+SCAN is a folder that `s2a sample ... annotator=careful|hasty` wrote. Every joint is compared before and after with the one that
+the room was built with: angle between the axes, and for hinges the distance of the true origin from the line. The checks are
+those that `s2a check` and `s2a certify` ask of a joint; refining does not see them. Writes
+experiments/results/refinement.json and prints a table.
 """
 
 from __future__ import annotations

@@ -36,6 +36,7 @@ class Seen:
         tilt: covariance of the normal's directions in the plane [rad^2], shape [3 3], of rank 2.
         height: standard deviation of the plane's place [m].
         sides: the four sides; empty for a round front.
+        thickness: of the part behind the plane, as far as it is seen [m].
     """
 
     normal: np.ndarray
@@ -43,6 +44,7 @@ class Seen:
     tilt: np.ndarray
     height: float
     sides: tuple[Side, ...]
+    thickness: float
 
     def sigma(self, direction: np.ndarray) -> float:
         """Return the standard deviation of the angle between the normal and a unit direction in the plane [3] [rad]."""
@@ -69,7 +71,7 @@ def look(faces: Faces, part: str, front: Front) -> Seen | None:
     sides: tuple[Side, ...] = ()
     if front.fill > RECTANGLE:
         sides = find_sides(faces, part, normal, center, axes, float(np.linalg.norm(front.size)))
-    return Seen(normal, center, tilt, float(np.sqrt(covariance[0, 0])), sides)
+    return Seen(normal, center, tilt, float(np.sqrt(covariance[0, 0])), sides, front.thickness)
 
 
 def _upright(axes: np.ndarray, normal: np.ndarray) -> np.ndarray:

@@ -19,6 +19,8 @@ from s2a.scene import Joint
 
 ALIKE = np.cos(np.radians(10.0))
 """Directions nearer than this are meant to be the same; an axis that errs by more is not refined but wrong (`s2a check`)."""
+LEAF = 0.022
+"""[m] A leaf of furniture is no thicker (16 to 22 mm); about which edge of a thicker lid it turns, nobody can see."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -61,7 +63,10 @@ def joint_terms(number: int, joint: Joint, seen: Seen | None, config: RefineConf
             terms.append(Term(AXIS, number, sigma, direction=across / np.linalg.norm(across), cut=config.cut))
     if joint.kind == "revolute" and (edge := hinge_side(joint, seen)) is not None:
         outward = edge.outward / np.linalg.norm(edge.outward)
-        sigma, depth = np.hypot(edge.sigma, config.edge), np.hypot(seen.height, config.depth)
+        sigma, depth = (
+            np.hypot(edge.sigma, config.edge),
+            np.linalg.norm([seen.height, config.depth, max(0.0, seen.thickness - LEAF)]),
+        )
         place = float(edge.middle @ outward) - config.inset
         terms.append(
             Term(LINE, number, float(sigma), direction=outward, point=edge.middle, expected=place, cut=config.cut)

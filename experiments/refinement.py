@@ -31,7 +31,7 @@ from s2a.evidence.bounds import Bounds
 from s2a.evidence.front import front
 from s2a.evidence.surface import ScanSurface
 from s2a.provenance import provenance
-from s2a.scene import Joint
+from s2a.scene import Joint, Scene
 from s2a.usd import geometric
 
 RESULTS = Path(__file__).parent / "results/refinement.json"
@@ -49,15 +49,15 @@ def main() -> None:
     args = parser.parse_args()
     start, origin = time.perf_counter(), provenance("cpu")  # the commit that is measured, whatever happens meanwhile
     rows: list[Row] = []
+    args.out.parent.mkdir(exist_ok=True)
     with ProcessPoolExecutor(args.jobs) as pool:
         for found in pool.map(measured, args.scans):
             rows += found
             print(_line(found[0]["scan"], found), flush=True)
-    groups = {name: summary(some) for name, some in grouped(rows).items()}
-    seconds = round(time.perf_counter() - start, 1)
-    result = {"groups": groups, "seconds": seconds, "jobs": args.jobs, **origin, "joints": rows}
-    args.out.parent.mkdir(exist_ok=True)
-    args.out.write_text(text(result))
+            groups = {name: summary(some) for name, some in grouped(rows).items()}
+            seconds = round(time.perf_counter() - start, 1)
+            result = {"groups": groups, "seconds": seconds, "jobs": args.jobs, **origin, "joints": rows}
+            args.out.write_text(text(result))  # after each scan: what is there holds if the rest is cut off
     print(table(groups))
 
 
@@ -69,7 +69,7 @@ def measured(path: Path) -> list[Row]:
     start = time.perf_counter()
     refined = refine(scene, settings())
     seconds = (time.perf_counter() - start) / len(refined)
-    before, after = checks(scene), checks(with_joints(scene, refined))
+    before, after = checks(scene, with_joints(scene, refined))
     who = {
         "scan": f"{facts.get('virtual', 'classic')} {facts['room']} {facts['seed']}",
         "annotator": facts.get("annotator", {"name": "careful"})["name"],
@@ -100,12 +100,15 @@ def _bounds() -> Bounds:
     return config.load(Bounds, config.file("evidence/default"))
 
 
-def checks(scene: Any) -> dict[str, list[str]]:
-    """Return the checks that flag each joint of a scene."""
-    surface, found = ScanSurface(scene), {}
-    for part in scene.movable:
-        findings = moving_part(surface, part, front(surface, part), _bounds())
-        found[part] = [finding.check for finding in findings if finding.verdict in ("warn", "fail")]
+def checks(*scenes: Scene) -> list[dict[str, list[str]]]:
+    """Return the checks that flag each joint, for each of some annotations of the same scan."""
+    surface = ScanSurface(scenes[0])
+    fronts = {part: front(surface, part) for part in scenes[0].movable}
+    found = []
+    for scene in scenes:
+        seen = surface.with_scene(scene)
+        findings = {part: moving_part(seen, part, one, _bounds()) for part, one in fronts.items()}
+        found.append({i: [f.check for f in some if f.verdict in ("warn", "fail")] for i, some in findings.items()})
     return found
 
 

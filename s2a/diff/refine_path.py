@@ -17,8 +17,8 @@ AROUND = 0.06
 """[m] The grid reaches this far beyond the front: what is hit there tells of the joint, what lies farther of the room."""
 REACH = 0.03
 """[m] Farther behind a surface there may be another object's back."""
-POINTS = 200
-"""Points of a front that are followed, most of them along its borders."""
+POINTS = 100
+"""Points of a front that are followed."""
 STEPS = (0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Fractions of the range at which they are looked at."""
 SLACK = 0.004

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +18,12 @@ from s2a.evidence.front import front
 from s2a.evidence.surface import ScanSurface
 from s2a.scene import Joint, Scene
 
-STEPS = 300
-"""Most steps of the optimiser; preconditioned, it needs 20 to 60."""
+ROUNDS = 8
+"""Most rounds of the optimiser, each in units of the Hessian where it begins; two or three do."""
+LIMITS = {"maxiter": 30}
+"""Of one round."""
+LEAST = 100.0
+"""[1/rad^2], [1/m^2] Smallest curvature that counts: the information of the widest prior."""
 
 
 @dataclass(frozen=True)
@@ -140,23 +144,35 @@ def fit(room: Room, axis: float, free: np.ndarray, config: RefineConfig) -> Fit:
     def curved(full: np.ndarray) -> np.ndarray:
         return _positive(loss.hessian(full, room.frame)[np.ix_(mask, mask)])
 
-    # In units in which the loss curves alike in all directions the optimiser needs a tenth of the steps.
-    unit = np.linalg.inv(np.linalg.cholesky(curved(np.zeros(loss.size)))).T
-
-    def whole(y: np.ndarray) -> np.ndarray:
-        full = np.zeros(loss.size)
-        full[mask] = unit @ y
-        return full
-
-    def scaled(y: np.ndarray) -> tuple[float, np.ndarray]:
-        value, gradient = loss(whole(y))
-        return value, unit.T @ gradient[mask]
-
-    found = minimize(scaled, np.zeros(int(mask.sum())), jac=True, method="L-BFGS-B", options={"maxiter": STEPS})
-    full, spread = whole(found.x), np.zeros(loss.size)
+    full = np.zeros(loss.size)
+    for _ in range(ROUNDS):
+        # In units in which the loss curves alike in all directions; robust losses curve otherwise at the next place.
+        start, unit = full, np.linalg.inv(np.linalg.cholesky(curved(full))).T
+        found = minimize(
+            _scaled(loss, start, mask, unit), np.zeros(len(unit)), jac=True, method="L-BFGS-B", options=LIMITS
+        )
+        full = start.copy()
+        full[mask] += unit @ found.x
+        if found.success:
+            break
+    spread = np.zeros(loss.size)
     spread[mask] = np.sqrt(np.diag(np.linalg.inv(curved(full))))
     values, sigma = (every[: free.size].reshape(-1, COUNT) for every in (full, spread))
     return Fit(values, sigma, full[free.size :].reshape(-1, 3))
+
+
+def _scaled(
+    loss: Loss, start: np.ndarray, mask: np.ndarray, unit: np.ndarray
+) -> Callable[[np.ndarray], tuple[float, np.ndarray]]:
+    """Return a loss and its gradient as a function of steps from `start`, in units [free step] of the free parameters."""
+
+    def scaled(step: np.ndarray) -> tuple[float, np.ndarray]:
+        full = start.copy()
+        full[mask] += unit @ step
+        value, gradient = loss(full)
+        return value, unit.T @ gradient[mask]
+
+    return scaled
 
 
 def loss_of(room: Room, number: int, values: np.ndarray, turns: np.ndarray, terms: list[Term]) -> float:
@@ -177,4 +193,4 @@ def loss_of(room: Room, number: int, values: np.ndarray, turns: np.ndarray, term
 def _positive(hessian: np.ndarray) -> np.ndarray:
     """Return a Hessian without the negative curvature that robust losses have beyond their cut."""
     values, vectors = np.linalg.eigh(hessian)
-    return (vectors * np.maximum(values, 1.0)) @ vectors.T
+    return (vectors * np.maximum(values, LEAST)) @ vectors.T

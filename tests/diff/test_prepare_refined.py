@@ -7,6 +7,7 @@ import pytest
 from flat_cabinet import DRAWER, cabinet, tilted
 
 import s2a
+from s2a import config
 from s2a.usd import geometric, sim_stage
 
 WRONG = tilted(DRAWER, 2.0, (0.0, 0.6, 0.8))
@@ -14,19 +15,14 @@ FAST = ["prepare.base.search=false", "prepare.colliders.method=one_hull", "prepa
 
 
 @pytest.fixture(scope="module")
-def prepared(tmp_path_factory) -> dict[str, Path]:
+def prepared(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("refined")
     geometric.write(cabinet({"drawer_2": WRONG}), folder / "geometric.usd")
-    return {
-        name: s2a.prepare(
-            folder / "geometric.usd", "drawer_2", folder / f"{name}.usd", [*FAST, f"refine_joints={value}"]
-        )
-        for name, value in (("annotated", "false"), ("refined", "true"))
-    }
+    return s2a.prepare(folder / "geometric.usd", "drawer_2", folder / "room.usd", [*FAST, "refine_joints=true"])
 
 
 def test_the_refined_joint_is_the_files(prepared) -> None:
-    found = sim_stage.read(prepared["refined"]).articulations["drawer_2"]
+    found = sim_stage.read(prepared).articulations["drawer_2"]
     assert np.degrees(np.arccos(np.dot(found.joint.axis, DRAWER.axis))) < 0.3
     assert found.refinement.annotated == WRONG
     assert np.degrees(found.refinement.angle) == pytest.approx(2.0, abs=0.3)
@@ -34,17 +30,12 @@ def test_the_refined_joint_is_the_files(prepared) -> None:
     assert any("joint of drawer_2 refined" in note for note in found.notes)
 
 
-def test_without_the_key_the_joint_is_the_annotations(prepared) -> None:
-    found = sim_stage.read(prepared["annotated"]).articulations["drawer_2"]
-    assert found.joint == WRONG
-    assert found.refinement is None
-    assert not any("refined" in note for note in found.notes)
+def test_it_happens_only_if_asked_for() -> None:
+    assert config.compose("prepare")["refine_joints"] is False
 
 
 def test_a_rewritten_file_keeps_the_refinement(prepared, tmp_path) -> None:
-    room = sim_stage.read(prepared["refined"])
+    room = sim_stage.read(prepared)
     sim_stage.write(room, tmp_path / "again.usd")
-    assert (
-        sim_stage.read(tmp_path / "again.usd").articulations["drawer_2"].refinement
-        == room.articulations["drawer_2"].refinement
-    )
+    again = sim_stage.read(tmp_path / "again.usd").articulations["drawer_2"]
+    assert again.refinement == room.articulations["drawer_2"].refinement

@@ -7,10 +7,11 @@ import pytest
 from flat_cabinet import DRAWER, FRONT, LEFT, RIGHT, TRUE, cabinet, tilted, with_part
 
 from s2a import config
-from s2a.diff.refine import refine, with_joints
+from s2a.diff.refine import HASTY, refine, with_joints
 from s2a.diff.refine_config import RefineConfig
 from s2a.diff.refine_loss import Loss, Path, Term
 from s2a.diff.refine_report import sentence
+from s2a.diff.refine_room import fit, look_at, priors
 from s2a.scene import Joint, Mesh, Part
 
 SETTINGS = config.load(RefineConfig, config.file("refine/default"))
@@ -56,6 +57,14 @@ def test_no_joint_is_worse_by_its_own_loss(refined) -> None:
 def test_the_truth_lies_within_three_standard_deviations(refined) -> None:
     for part, found in refined.items():
         assert angle(found.joint, TRUE[part]) < 3.0 * np.sqrt(2.0) * np.degrees(found.change.angle_sigma)
+
+
+def test_a_fit_is_a_minimum() -> None:
+    room = look_at(cabinet(WRONG), SETTINGS)
+    found = fit(room, HASTY, room.free, SETTINGS)
+    loss = room.loss.of([*room.terms, *priors(room, HASTY, SETTINGS)], room.paths)
+    gradient = loss(np.concatenate([found.values.ravel(), found.turns.ravel()]))[1][: found.values.size]
+    assert np.abs(gradient * found.sigma.ravel())[room.free.ravel()].max() < 0.01
 
 
 def test_right_joints_hardly_move() -> None:

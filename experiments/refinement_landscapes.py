@@ -23,7 +23,7 @@ from refinement import settings
 from s2a import scan
 from s2a.diff.refine import HASTY, annotator
 from s2a.diff.refine_loss import ZERO
-from s2a.diff.refine_room import Fit, Room, fit, look_at, loss_of, priors
+from s2a.diff.refine_room import Fit, JointedRoom, fit, joints_of, loss_of, priors
 from s2a.scene import Joint
 from s2a.usd import geometric
 
@@ -47,7 +47,7 @@ def main() -> None:
     args = parser.parse_args()
     wp.config.log_level = wp.LOG_WARNING
     scene, truth = scan.read(args.scan), geometric.read(args.scan / "truth/truth.usda")
-    room = look_at(scene, settings())
+    room = joints_of(scene, settings())
     free = room.free
     free[:, ZERO] = False
     axis = annotator(fit(room, HASTY, free, settings()), free, settings())
@@ -66,7 +66,9 @@ def main() -> None:
     plt.savefig(args.out, dpi=70)
 
 
-def _draw(plot: plt.Axes, room: Room, found: Fit, axis: float, number: int, pair: tuple[int, int], true: Joint) -> None:
+def _draw(
+    plot: plt.Axes, room: JointedRoom, found: Fit, axis: float, number: int, pair: tuple[int, int], true: Joint
+) -> None:
     """Draw the loss of one joint over two of its parameters."""
     terms, scale, reach = priors(room, axis, settings()), _scale(pair), ANGLE if pair == (0, 1) else LENGTH
     at, values = np.linspace(-reach, reach, STEPS), found.values.copy()
@@ -86,7 +88,7 @@ def _scale(pair: tuple[int, int]) -> float:
     return 180.0 / np.pi if pair == (0, 1) else 1e3
 
 
-def parameters(room: Room, number: int, joint: Joint) -> np.ndarray:
+def parameters(room: JointedRoom, number: int, joint: Joint) -> np.ndarray:
     """Return the parameters of another joint than the annotated one, shape [5]."""
     old, axis = room.joints[number], np.array(joint.axis)
     sides, start = np.stack([room.loss.first[number], room.loss.second[number]]), np.array(old.axis)

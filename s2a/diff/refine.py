@@ -15,7 +15,7 @@ import numpy as np
 from s2a.articulation import opening_sign
 from s2a.diff.refine_config import RefineConfig
 from s2a.diff.refine_loss import TILT, ZERO
-from s2a.diff.refine_room import Fit, Room, fit, look_at, loss_of, prior_sigma, priors
+from s2a.diff.refine_room import Fit, JointedRoom, fit, joints_of, loss_of, prior_sigma, priors
 from s2a.diff.refine_terms import closed
 from s2a.scene import Joint, Scene
 from s2a.usd.refinement import Refinement
@@ -56,7 +56,7 @@ def refine(scene: Scene, config: RefineConfig) -> dict[str, Refined]:
     """
     if not scene.movable:
         return {}
-    room = look_at(scene, config)
+    room = joints_of(scene, config)
     wide = room.free
     wide[:, ZERO] = False
     axis = annotator(fit(room, HASTY, wide, config), wide, config)
@@ -89,7 +89,7 @@ def annotator(found: Fit, free: np.ndarray, config: RefineConfig) -> float:
     return float(np.clip(math.sqrt(max(0.0, typical)), CAREFUL, HASTY))
 
 
-def _results(room: Room, found: Fit, known: np.ndarray, axis: float, config: RefineConfig) -> dict[str, Refined]:
+def _results(room: JointedRoom, found: Fit, known: np.ndarray, axis: float, config: RefineConfig) -> dict[str, Refined]:
     """Return the refined joints; one that came out worse by its own loss is as annotated."""
     terms, prior = priors(room, axis, config), prior_sigma(room, axis, config)
     results = {}
@@ -108,7 +108,7 @@ def _results(room: Room, found: Fit, known: np.ndarray, axis: float, config: Ref
     return results
 
 
-def _moved(room: Room, number: int, values: np.ndarray, ajar: bool) -> Joint:
+def _moved(room: JointedRoom, number: int, values: np.ndarray, ajar: bool) -> Joint:
     """Return a joint with other parameters [5]; the same object where all are 0."""
     joint, first, second = room.joints[number], room.loss.first[number], room.loss.second[number]
     if not values.any():
@@ -120,7 +120,7 @@ def _moved(room: Room, number: int, values: np.ndarray, ajar: bool) -> Joint:
 
 
 def _change(
-    room: Room, number: int, joint: Joint, values: np.ndarray, known: np.ndarray, sigma: np.ndarray
+    room: JointedRoom, number: int, joint: Joint, values: np.ndarray, known: np.ndarray, sigma: np.ndarray
 ) -> Refinement:
     """Return how far a joint was moved, and what the scan does not tell of it."""
     old = room.joints[number]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.diff.refine_sides import Faces, Side, find_sides
+from s2a.diff.refine_sides import Faces, FrontSide, find_sides
 from s2a.evidence.front import FLAT, Front, panel
 from s2a.geometry.mesh_ops import centroids, normals
 
@@ -20,7 +20,7 @@ SHARED = 0.1
 """[m] Cells this wide have noise of their own: twice the length over which the scanners' noise is shared."""
 NEAR = 0.015
 """[m] Faces farther from the plane are no part of it: panels in a frame, mouldings, handles."""
-LEAST = 0.0004
+MIN_SCATTER = 0.0004
 """[m] A cell's height is not known better, however well the cells of a small front agree."""
 RECTANGLE = 0.9
 """Fill of its rectangle from which a front has straight sides; an ellipse fills 0.79."""
@@ -43,7 +43,7 @@ class Seen:
     center: np.ndarray
     tilt: np.ndarray
     height: float
-    sides: tuple[Side, ...]
+    sides: tuple[FrontSide, ...]
     thickness: float
 
     def sigma(self, direction: np.ndarray) -> float:
@@ -51,7 +51,7 @@ class Seen:
         return float(np.sqrt(direction @ self.tilt @ direction))
 
 
-def look(faces: Faces, part: str, front: Front) -> Seen | None:
+def seen_front(faces: Faces, part: str, front: Front) -> Seen | None:
     """Return what the scan tells of the front of a moving part, or None where it is too small to tell anything."""
     mesh = panel(faces.surface.scene, part)
     points, facing, areas = centroids(mesh), normals(mesh), mesh.face_areas.astype(float)
@@ -68,7 +68,7 @@ def look(faces: Faces, part: str, front: Front) -> Seen | None:
         normal /= np.linalg.norm(normal)
         axes = _upright(axes, normal)
     tilt = axes @ covariance[1:, 1:] @ axes.T
-    sides: tuple[Side, ...] = ()
+    sides: tuple[FrontSide, ...] = ()
     if front.fill > RECTANGLE:
         sides = find_sides(faces, part, normal, center, axes, float(np.linalg.norm(front.size)))
     return Seen(normal, center, tilt, float(np.sqrt(covariance[0, 0])), sides, front.thickness)
@@ -124,7 +124,7 @@ def _plane(flat: np.ndarray, height: np.ndarray, areas: np.ndarray) -> tuple[np.
     for _ in range(10):
         solution = np.linalg.lstsq(design * np.sqrt(weight)[:, None], target * np.sqrt(weight), rcond=None)[0]
         residual = target - design @ solution
-        scatter = max(LEAST, 1.4826 * float(np.median(np.abs(residual))))
+        scatter = max(MIN_SCATTER, 1.4826 * float(np.median(np.abs(residual))))
         weight = filled / (1.0 + (residual / (2.0 * scatter)) ** 2)
     # Smaller cells share their noise with neighbours.
     factor = (SHARED / cell) ** 2

@@ -51,7 +51,7 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Path:
+class PartPath:
     """Points of a part on its way, and the distance to what is around it.
 
     Attributes:
@@ -96,7 +96,7 @@ class Loss:
         """Number of parameters."""
         return COUNT * len(self.joints) + 3 * self._turns
 
-    def of(self, terms: Sequence[Term], paths: Sequence[Path] = ()) -> Loss:
+    def of(self, terms: Sequence[Term], paths: Sequence[PartPath] = ()) -> Loss:
         """Take what is added up, and return itself."""
         self._launches = [(kernels.sum_terms, len(terms), [self._kernel_joints, self._frames, _terms(terms)])]
         if paths:
@@ -183,7 +183,7 @@ def _terms(terms: Sequence[Term]) -> kernels.Terms:
     return table
 
 
-def _paths(paths: Sequence[Path]) -> kernels.Paths:
+def _paths(paths: Sequence[PartPath]) -> kernels.Paths:
     """Return a table with a row for each point and step of each path."""
     table, counts = kernels.Paths(), [len(path.points) * len(path.coordinates) for path in paths]
     number = np.repeat(np.arange(len(paths)), counts)

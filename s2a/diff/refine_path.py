@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from s2a.articulation import open_limit
-from s2a.diff.refine_loss import Path
+from s2a.diff.refine_loss import PartPath
 from s2a.diff.refine_sides import Faces
 from s2a.geometry.mesh_ops import centroids, keep, normals, sample
 from s2a.geometry.mesh_query import nearest_faces, ray_mesh
@@ -27,7 +27,7 @@ MOST = 400_000
 """Cells of a grid; larger parts get wider cells."""
 
 
-def path(faces: Faces, part: str, number: int, weight: float) -> Path | None:
+def path(faces: Faces, part: str, number: int, weight: float) -> PartPath | None:
     """Return the path of a part, or None where nothing lies around it.
 
     Args:
@@ -52,7 +52,7 @@ def path(faces: Faces, part: str, number: int, weight: float) -> Path | None:
     distance = _distance(rest, surface.winding, places).reshape(counts)
     points = sample(own, POINTS, 0)
     slack = SLACK + np.maximum(0.0, -_distance(rest, surface.winding, points))
-    return Path(number, points, slack, open_limit(joint) * np.array(STEPS), low, cell, distance, weight)
+    return PartPath(number, points, slack, open_limit(joint) * np.array(STEPS), low, cell, distance, weight)
 
 
 def _distance(rest: Mesh, winding: float, places: np.ndarray) -> np.ndarray:

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from s2a.diff.refine_config import RefineConfig
-from s2a.diff.refine_front import Seen, look
-from s2a.diff.refine_loss import COUNT, FLUSH, LEVEL, SHIFT, ZERO, Loss, Path, Term
+from s2a.diff.refine_front import Seen, seen_front
+from s2a.diff.refine_loss import COUNT, FLUSH, LEVEL, SHIFT, ZERO, Loss, PartPath, Term
 from s2a.diff.refine_path import path
 from s2a.diff.refine_sides import Faces
 from s2a.diff.refine_terms import flush_terms, frame_of, frame_terms, joint_terms, level_terms, prior_terms
@@ -22,12 +22,12 @@ ROUNDS = 8
 """Most rounds of the optimiser, each in units of the Hessian where it begins; two or three do."""
 LIMITS = {"maxiter": 30}
 """Of one round."""
-LEAST = 100.0
+MIN_CURVATURE = 100.0
 """[1/rad^2], [1/m^2] Smallest curvature that counts: the information of the widest prior."""
 
 
 @dataclass(frozen=True)
-class Room:
+class JointedRoom:
     """The joints of a room, and what its scan tells of them.
 
     Attributes:
@@ -43,7 +43,7 @@ class Room:
     joints: tuple[Joint, ...]
     frame: tuple[int, ...]
     terms: tuple[Term, ...]
-    paths: tuple[Path, ...]
+    paths: tuple[PartPath, ...]
     loss: Loss
 
     @property
@@ -71,7 +71,7 @@ class Fit:
     turns: np.ndarray
 
 
-def look_at(scene: Scene, config: RefineConfig) -> Room:
+def joints_of(scene: Scene, config: RefineConfig) -> JointedRoom:
     """Return what a scan tells of all joints of a scene."""
     parts, faces = scene.movable, Faces(ScanSurface(scene))
     joints = tuple(scene.joint(part) for part in parts)
@@ -93,7 +93,7 @@ def look_at(scene: Scene, config: RefineConfig) -> Room:
     paths = [path(faces, part, numbers[part], weight) for part in seen]
     normals = [seen[part].normal if part in seen else np.array([0.0, 0.0, 1.0]) for part in parts]
     loss = Loss(joints, normals, frames)
-    return Room(parts, joints, frame, tuple(terms), tuple(found for found in paths if found is not None), loss)
+    return JointedRoom(parts, joints, frame, tuple(terms), tuple(found for found in paths if found is not None), loss)
 
 
 def _fronts(faces: Faces, parts: tuple[str, ...]) -> dict[str, Seen]:
@@ -101,7 +101,7 @@ def _fronts(faces: Faces, parts: tuple[str, ...]) -> dict[str, Seen]:
     seen = {}
     for part in parts:
         found = front(faces.surface, part)
-        shown = None if found is None else look(faces, part, found)
+        shown = None if found is None else seen_front(faces, part, found)
         if shown is not None:
             seen[part] = shown
     return seen
@@ -113,14 +113,14 @@ def _frame(scene: Scene, parts: list[str], seen: Mapping[str, Seen]) -> np.ndarr
     return frame_of([one.normal for one in shown], [np.array(scene.joint(part).axis) for part in parts])
 
 
-def priors(room: Room, axis: float, config: RefineConfig) -> list[Term]:
+def priors(room: JointedRoom, axis: float, config: RefineConfig) -> list[Term]:
     """Return that joints are as annotated, by an annotator whose axes have this standard deviation [rad]."""
     origin = axis * config.arm
     found = (prior_terms(i, axis, origin, config, joint.kind) for i, joint in enumerate(room.joints))
     return [term for terms in found for term in terms]
 
 
-def prior_sigma(room: Room, axis: float, config: RefineConfig) -> np.ndarray:
+def prior_sigma(room: JointedRoom, axis: float, config: RefineConfig) -> np.ndarray:
     """Return the standard deviations of the priors, shape [joint 5]."""
     found = np.empty((len(room.parts), COUNT))
     for term in priors(room, axis, config):
@@ -128,7 +128,7 @@ def prior_sigma(room: Room, axis: float, config: RefineConfig) -> np.ndarray:
     return found
 
 
-def fit(room: Room, axis: float, free: np.ndarray, config: RefineConfig) -> Fit:
+def fit(room: JointedRoom, axis: float, free: np.ndarray, config: RefineConfig) -> Fit:
     """Return the parameters with the least loss, from the annotation on.
 
     Args:
@@ -175,7 +175,7 @@ def _scaled(
     return scaled
 
 
-def loss_of(room: Room, number: int, values: np.ndarray, turns: np.ndarray, terms: list[Term]) -> float:
+def loss_of(room: JointedRoom, number: int, values: np.ndarray, turns: np.ndarray, terms: list[Term]) -> float:
     """Return one joint's share of the loss.
 
     Args:
@@ -193,4 +193,4 @@ def loss_of(room: Room, number: int, values: np.ndarray, turns: np.ndarray, term
 def _positive(hessian: np.ndarray) -> np.ndarray:
     """Return a Hessian without the negative curvature that robust losses have beyond their cut."""
     values, vectors = np.linalg.eigh(hessian)
-    return (vectors * np.maximum(values, LEAST)) @ vectors.T
+    return (vectors * np.maximum(values, MIN_CURVATURE)) @ vectors.T

@@ -63,7 +63,7 @@ class Faces:
 
 
 @dataclass(frozen=True)
-class Side:
+class FrontSide:
     """A straight side of a front.
 
     Attributes:
@@ -83,7 +83,7 @@ class Side:
 
 def find_sides(
     faces: Faces, part: str, normal: np.ndarray, center: np.ndarray, axes: np.ndarray, extent: float
-) -> tuple[Side, ...]:
+) -> tuple[FrontSide, ...]:
     """Return the four sides of a front that is a rectangle; none where too few faces are its own.
 
     Args:
@@ -98,7 +98,7 @@ def find_sides(
     near = faces.near(center - reach, center + reach)
     near = near[np.abs((faces.middles[near] - center) @ normal) < BAND]
     place, mine, weights = (faces.middles[near] - center) @ axes, faces.own(part, near), faces.areas[near]
-    found: list[Side] = []
+    found: list[FrontSide] = []
     if mine.sum() < FEW:
         return ()
     for k in (0, 1):
@@ -112,7 +112,7 @@ def find_sides(
             point = center + axes[:, k] * (border + sign * offset)
             # Where the border runs outwards by `slope` per metre along.
             found.append(
-                Side(
+                FrontSide(
                     outward - slope * along,
                     along + slope * outward,
                     point,

@@ -14,7 +14,7 @@ from s2a.articulation import opening_sign
 from s2a.diff.refine_config import RefineConfig
 from s2a.diff.refine_front import Seen
 from s2a.diff.refine_loss import ALONG_FRAME, AXIS, FACE, FLUSH, LEVEL, LINE, PRIOR, SHIFT, TILT, ZERO, Term
-from s2a.diff.refine_sides import Side
+from s2a.diff.refine_sides import FrontSide
 from s2a.scene import Joint
 
 ALIKE = np.cos(np.radians(10.0))
@@ -78,14 +78,14 @@ def joint_terms(number: int, joint: Joint, seen: Seen | None, config: RefineConf
     return terms
 
 
-def hinge_side(joint: Joint, seen: Seen) -> Side | None:
+def hinge_side(joint: Joint, seen: Seen) -> FrontSide | None:
     """Return the side of a front along which a hinge turns, or None if it turns about none."""
     axis, origin = np.array(joint.axis), np.array(joint.origin)
     sides = [side for side in seen.sides if abs(axis @ side.along) > ALIKE]
     if not sides:
         return None
 
-    def away(side: Side) -> float:
+    def away(side: FrontSide) -> float:
         near = origin + axis * float((side.middle - origin) @ axis)
         return abs(float((near - side.middle) @ side.outward))
 
@@ -170,6 +170,9 @@ def _far(joint: Joint, seen: Seen) -> np.ndarray:
     axis, origin = np.array(joint.axis), np.array(joint.origin)
     arm = seen.center - origin
     arm -= (arm @ axis) * axis
+    arm -= (
+        arm @ seen.normal
+    ) * seen.normal  # a line that was annotated beside the front's plane moves no point out of it
     return seen.center + 0.9 * arm
 
 

@@ -9,9 +9,9 @@ from flat_cabinet import DRAWER, FRONT, LEFT, RIGHT, TRUE, cabinet, tilted, with
 from s2a import config
 from s2a.diff.refine import HASTY, refine, with_joints
 from s2a.diff.refine_config import RefineConfig
-from s2a.diff.refine_loss import Loss, Path, Term
+from s2a.diff.refine_loss import Loss, PartPath, Term
 from s2a.diff.refine_report import sentence
-from s2a.diff.refine_room import fit, look_at, priors
+from s2a.diff.refine_room import fit, joints_of, priors
 from s2a.scene import Joint, Mesh, Part
 
 SETTINGS = config.load(RefineConfig, config.file("refine/default"))
@@ -60,7 +60,7 @@ def test_the_truth_lies_within_three_standard_deviations(refined) -> None:
 
 
 def test_a_fit_is_a_minimum() -> None:
-    room = look_at(cabinet(WRONG), SETTINGS)
+    room = joints_of(cabinet(WRONG), SETTINGS)
     found = fit(room, HASTY, room.free, SETTINGS)
     loss = room.loss.of([*room.terms, *priors(room, HASTY, SETTINGS)], room.paths)
     gradient = loss(np.concatenate([found.values.ravel(), found.turns.ravel()]))[1][: found.values.size]
@@ -131,7 +131,7 @@ def test_gradients_of_paths_are_central_differences(joint) -> None:
     grid = rng.normal(0.0, 0.02, (12, 11, 10))
     points, steps = rng.uniform(-0.2, 0.9, (60, 3)) + (FRONT, 0.0, 0.0), np.array([0.0, 0.1, 0.3])
     low = np.array([-0.3, -0.5, -0.3])
-    agree(loss.of([], [Path(0, points, np.full(60, 0.001), steps, low, 0.15, grid, 1e4)]), rng)
+    agree(loss.of([], [PartPath(0, points, np.full(60, 0.001), steps, low, 0.15, grid, 1e4)]), rng)
 
 
 def agree(loss: Loss, rng: np.random.Generator) -> None:

@@ -144,7 +144,9 @@ def flush_terms(
         planes = [float((other.center - reach) @ other.normal) for other in others]
         middle = int(np.argsort(planes)[len(planes) // 2])
         step, other = -planes[middle], others[middle]
-        if 0.0 < step < config.ajar:
+        hinge = 2.0 * own.center - reach
+        proud = joint.kind == "revolute" and (hinge - other.center) @ other.normal > step / 2
+        if 0.0 < step < config.ajar and not proud:  # an open door stands out at its far edge alone
             sigma = float(np.linalg.norm([config.flush, *(_blur(one, reach, config) for one in (own, other))]))
             place = float(reach @ other.normal) - step
             terms.append(Term(FLUSH, numbers[part], sigma, direction=other.normal, point=reach, expected=place))

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from s2a.diff.refine import Refined, refine, with_joints
+from s2a.diff.refine_config import RefineConfig
+from s2a.diff.refine_report import sentence
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
 from s2a.prepare import ALL, PrepareConfig, prepare
@@ -25,6 +29,8 @@ class Config:
         out: the sim.usd to write; its visuals are written beside it.
         robot: the robot that is to move them.
         prepare: how the scene is prepared.
+        refine_joints: Correct annotated joints by what the scan shows of their parts and furniture (docs/refinement.md).
+        refine: how far furniture and annotations are trusted then.
     """
 
     stage: Path
@@ -33,6 +39,8 @@ class Config:
     out: Path
     robot: RobotSpec
     prepare: PrepareConfig
+    refine_joints: bool
+    refine: RefineConfig
 
 
 def run(config: Config) -> str:
@@ -46,13 +54,30 @@ def run(config: Config) -> str:
             f"key 'targets' names no part; give targets={ALL}, targets=drawer_7 or targets=[drawer_6,drawer_7]"
         )
     start = time.perf_counter()
-    room = prepare(geometric.read(config.stage), config.targets, config.prepare, config.free, config.robot)
+    scene = geometric.read(config.stage)
+    refined = refine(scene, config.refine) if config.refine_joints else {}
+    room = prepare(with_joints(scene, refined), config.targets, config.prepare, config.free, config.robot)
+    room = _noted(room, refined)
     visuals = sim_stage.visuals_file(config.out)
     with atomic_write(visuals) as beside, atomic_write(config.out) as out:
         sim_stage.write(room, out, beside)
     sizes = " and ".join(f"{path.stat().st_size / 1e6:.2f} MB" for path in (config.out, visuals))
     head = f"{config.out}, {visuals.name}: {_count(room)}; {sizes}, {time.perf_counter() - start:.1f} s"
     return "\n".join([head, *map(_said, room.reductions), *(f"  {note}" for note in room.notes), *_lines(room)])
+
+
+def _noted(room: SimRoom, refined: Mapping[str, Refined]) -> SimRoom:
+    """Return a room that says of its refined joints how far they were moved."""
+    noted = {
+        part: replace(
+            articulation,
+            refinement=refined[part].change,
+            notes=(*articulation.notes, sentence(part, refined[part].change)),
+        )
+        for part, articulation in room.articulations.items()
+        if part in refined
+    }
+    return replace(room, articulations=room.articulations | noted)
 
 
 def _count(room: SimRoom) -> str:

@@ -10,6 +10,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from s2a.errors import InputError
 from s2a.scene import Mesh, Vec3
+from s2a.usd import refinement
 from s2a.usd.joints import KINDS, read_joint
 from s2a.usd.sim_scene import (
     PREPARE_AGAIN,
@@ -118,8 +119,9 @@ def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
     pairs = (
         UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel() if prim.HasAPI(UsdPhysics.FilteredPairsAPI) else None
     )
+    moved = read_joint(joint)
     return Articulation(
-        joint=read_joint(joint),
+        joint=moved,
         parent=parents[0].name,
         grasp=_grasp(prim),
         bases=dict(_base(child) for child in _children(prim, "bases")),
@@ -127,6 +129,7 @@ def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
         filtered=tuple(path.name for path in pairs.GetTargets()) if pairs else (),
         notes=_strings(prim, "notes"),
         resistance=_resistance(joint),
+        refinement=refinement.read(prim, moved),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from s2a.errors import InputError
 from s2a.scene import Joint, Mesh, Vec3
+from s2a.usd.refinement import Refinement
 
 Quat = tuple[float, float, float, float]
 DEFAULT_ROBOT = "panda"
@@ -146,6 +147,7 @@ class Articulation:
         filtered: ids of the bodies with which it does not collide, because their colliders overlap somewhere on its path.
         notes: what was changed beyond what was scanned, in sentences.
         resistance: what else resists, if it was identified; None: what the simulation's settings say.
+        refinement: how far the joint is from its annotation; None: it is as annotated.
     """
 
     joint: Joint
@@ -156,6 +158,7 @@ class Articulation:
     filtered: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     resistance: Resistance | None = None
+    refinement: Refinement | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "friction", single(self.friction))

@@ -23,7 +23,7 @@ from refinement import settings
 from s2a import scan
 from s2a.diff.refine import HASTY, annotator
 from s2a.diff.refine_loss import ZERO
-from s2a.diff.refine_room import Fit, JointedRoom, fit, joints_of, loss_of, priors
+from s2a.diff.refine_room import JointedRoom, RoomFit, fit, joints_of, loss_of, priors
 from s2a.scene import Joint
 from s2a.usd import geometric
 
@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def _draw(
-    plot: plt.Axes, room: JointedRoom, found: Fit, axis: float, number: int, pair: tuple[int, int], true: Joint
+    plot: plt.Axes, room: JointedRoom, found: RoomFit, axis: float, number: int, pair: tuple[int, int], true: Joint
 ) -> None:
     """Draw the loss of one joint over two of its parameters."""
     terms, scale, reach = priors(room, axis, settings()), _scale(pair), ANGLE if pair == (0, 1) else LENGTH

@@ -53,7 +53,7 @@ def read(path: Path) -> Pull:
     """
     if not path.is_file():
         raise InputError(f"no recording {str(path)!r}; give a CSV file with the columns {', '.join(COLUMNS)}")
-    if not path.stat().st_size:
+    if not path.read_bytes().strip():
         raise InputError(f"{path}: empty; give the columns {', '.join(COLUMNS)}")
     try:
         table = np.genfromtxt(path, delimiter=",", names=True, dtype=float, encoding="utf-8")

@@ -15,7 +15,7 @@ import numpy as np
 from s2a.articulation import opening_sign
 from s2a.diff.refine_config import RefineConfig
 from s2a.diff.refine_loss import TILT, ZERO
-from s2a.diff.refine_room import Fit, JointedRoom, fit, joints_of, loss_of, prior_sigma, priors
+from s2a.diff.refine_room import JointedRoom, RoomFit, fit, joints_of, loss_of, prior_sigma, priors
 from s2a.diff.refine_terms import closed
 from s2a.scene import Joint, Scene
 from s2a.usd.refinement import Refinement
@@ -73,7 +73,7 @@ def with_joints(scene: Scene, refined: Mapping[str, Refined]) -> Scene:
     return replace(scene, parts=parts)
 
 
-def annotator(found: Fit, free: np.ndarray, config: RefineConfig) -> float:
+def annotator(found: RoomFit, free: np.ndarray, config: RefineConfig) -> float:
     """Return an annotator's standard deviation of axes [rad], from how far known directions lie from the annotation.
 
     Args:
@@ -89,7 +89,9 @@ def annotator(found: Fit, free: np.ndarray, config: RefineConfig) -> float:
     return float(np.clip(math.sqrt(max(0.0, typical)), CAREFUL, HASTY))
 
 
-def _results(room: JointedRoom, found: Fit, known: np.ndarray, axis: float, config: RefineConfig) -> dict[str, Refined]:
+def _results(
+    room: JointedRoom, found: RoomFit, known: np.ndarray, axis: float, config: RefineConfig
+) -> dict[str, Refined]:
     """Return the refined joints; one that came out worse by its own loss is as annotated."""
     terms, prior = priors(room, axis, config), prior_sigma(room, axis, config)
     results = {}

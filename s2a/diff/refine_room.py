@@ -57,7 +57,7 @@ class JointedRoom:
 
 
 @dataclass(frozen=True)
-class Fit:
+class RoomFit:
     """The best parameters of a room.
 
     Attributes:
@@ -128,7 +128,7 @@ def prior_sigma(room: JointedRoom, axis: float, config: RefineConfig) -> np.ndar
     return found
 
 
-def fit(room: JointedRoom, axis: float, free: np.ndarray, config: RefineConfig) -> Fit:
+def fit(room: JointedRoom, axis: float, free: np.ndarray, config: RefineConfig) -> RoomFit:
     """Return the parameters with the least loss, from the annotation on.
 
     Args:
@@ -158,7 +158,7 @@ def fit(room: JointedRoom, axis: float, free: np.ndarray, config: RefineConfig) 
     spread = np.zeros(loss.size)
     spread[mask] = np.sqrt(np.diag(np.linalg.inv(curved(full))))
     values, sigma = (every[: free.size].reshape(-1, COUNT) for every in (full, spread))
-    return Fit(values, sigma, full[free.size :].reshape(-1, 3))
+    return RoomFit(values, sigma, full[free.size :].reshape(-1, 3))
 
 
 def _scaled(

@@ -58,13 +58,13 @@ def patches(cloud: Cloud) -> list[Patch]:
     """Return the flat patches of samples, the largest planes first."""
     found: list[Patch] = []
     rng = np.random.default_rng(SEED)
-    smallest = int(MIN_AREA / SPACING**2)
+    min_samples = int(MIN_AREA / SPACING**2)
     rest = cloud
-    while len(rest) >= smallest:
+    while len(rest) >= min_samples:
         members = _best_plane(rest, rng)
-        if len(members) < smallest:
+        if len(members) < min_samples:
             break
-        found += [patch for patch in connected(rest[members], smallest)]
+        found += [patch for patch in connected(rest[members], min_samples)]
         keep = np.ones(len(rest), bool)
         keep[members] = False
         rest = rest[keep]
@@ -102,7 +102,7 @@ def plane(points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return normal * (1.0 if normal @ normals.mean(axis=0) > 0 else -1.0), centre
 
 
-def connected(cloud: Cloud, smallest: int) -> list[Patch]:
+def connected(cloud: Cloud, min_samples: int) -> list[Patch]:
     """Return the connected pieces of points on one plane that are large enough."""
     normal, centre = plane(cloud.points, cloud.normals)
     across = np.linalg.svd(normal[None])[2][1:]
@@ -114,7 +114,7 @@ def connected(cloud: Cloud, smallest: int) -> list[Patch]:
     found = []
     for number in range(1, labels.max() + 1):
         some = cloud[labels == number]
-        if len(some) >= smallest:
+        if len(some) >= min_samples:
             normal, centre = plane(some.points, some.normals)
             found.append(Patch(some, normal, centre, len(some) * SPACING**2))
     return found

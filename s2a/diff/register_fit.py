@@ -37,7 +37,7 @@ over 0.4 m. The shift and the turn of a plain front within its own plane are har
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class JointFit:
     """A joint as the scans show it.
 
     Attributes:
@@ -98,7 +98,7 @@ def fit(
     opened: OrientedMesh,
     spacing: tuple[float, float],
     front: np.ndarray,
-) -> Fit:
+) -> JointFit:
     """Return the joint by least squares from a start.
 
     Args:
@@ -127,7 +127,7 @@ def fit(
                 break
     used = weights > 0
     rms = float(np.sqrt(np.average(residuals[used] ** 2, weights=weights[used]))) if used.any() else np.inf
-    return Fit(joint, information, int(used.sum()), rms)
+    return JointFit(joint, information, int(used.sum()), rms)
 
 
 def square(joint: Joint, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

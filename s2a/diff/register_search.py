@@ -9,7 +9,7 @@ import numpy as np
 from s2a.articulation import transform
 from s2a.diff.register_change import FLAT, SPACING, TILT, Patch, plane
 from s2a.diff.register_check import before_room, gone, held, outwards, reaches
-from s2a.diff.register_fit import Fit, across, fit
+from s2a.diff.register_fit import JointFit, across, fit
 from s2a.diff.register_start import MAX_SLIDE, MAX_TURN, MIN_FRONT, MIN_SLIDE, Start, front_of
 from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.scene import Joint
@@ -81,7 +81,7 @@ class FittedPart:
         fraction: of the changed surface around its front that it explains.
     """
 
-    fit: Fit
+    fit: JointFit
     front: Patch
     before: np.ndarray
     after: np.ndarray
@@ -161,7 +161,7 @@ def region(joint: Joint, patch: Patch, scans: Scans) -> tuple[np.ndarray, np.nda
     return np.flatnonzero(around(scans.before.points, patch)), np.flatnonzero(around(returned, patch))
 
 
-def rough(start: Start, patch: Patch, scans: Scans) -> Fit:
+def rough(start: Start, patch: Patch, scans: Scans) -> JointFit:
     """Return a fit with few samples, from the best of some shifts along what planes do not fix."""
     indices, after = region(start.joint, patch, scans)
     before, after_cloud = thinned(scans.before[indices], FEW), thinned(scans.after[after], FEW)
@@ -173,7 +173,7 @@ def rough(start: Start, patch: Patch, scans: Scans) -> Fit:
     return fitted(best, patch, scans, indices, after, FEW)
 
 
-def fitted(joint: Joint, patch: Patch, scans: Scans, before: np.ndarray, after: np.ndarray, count: int) -> Fit:
+def fitted(joint: Joint, patch: Patch, scans: Scans, before: np.ndarray, after: np.ndarray, count: int) -> JointFit:
     """Return the fit to some samples before and after, by their indices, at most so many of each."""
     clouds = scans.before[before], scans.after[after]
     spacings = spacing(clouds[0], count), spacing(clouds[1], count)
@@ -206,7 +206,7 @@ def _worth_back(joint: Joint, after: Cloud, scans: Scans, reach: float) -> np.nd
     return np.where(found.alike > ALIKE, 1.0 - (np.minimum(found.gap, reach) / reach) ** 2, 0.0)
 
 
-def measured(found: Fit, patch: Patch, scans: Scans) -> FittedPart:
+def measured(found: JointFit, patch: Patch, scans: Scans) -> FittedPart:
     """Return a fit with what it explains."""
     before, after = region(found.joint, patch, scans)
     explained = _worth(found.joint, scans.before[before], scans.opened, TIGHT) > 0

@@ -129,7 +129,7 @@ def test_intervals_hold_the_truth_of_drawers_doors_and_lids() -> None:
         ("time,opening,force\n" + "\n".join(f"{i},0,x" for i in range(20)), "one that is not a number"),
         ("time,opening,force\n0,0,0\n1,0,0\n", "2 samples"),
         ("", "empty; give the columns time, opening, force"),
-        ("\n\n", "give the columns time, opening, force"),
+        ("\n\n", "empty; give the columns time, opening, force"),
         ("\x00\xff", "time, opening, force"),
     ],
 )

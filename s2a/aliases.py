@@ -127,7 +127,7 @@ def settings(values: Mapping[str, Any], group: str) -> dict[str, Any]:
     return {RENAMED.get(f"{group}.{key}", key): value for key, value in values.items()}
 
 
-ADDED = {"sim.joint.spring": "joint", "sim.limits.drives": False, "demo_moved_fraction": 0.0}
+ADDED = {"sim.joint.spring": "joint", "sim.limits.drives": False}
 """Dotted key that older runs did not have -> the value by which they ran."""
 
 

@@ -65,8 +65,11 @@ def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Callable
 
 
 def _may_change(key: str, now: object, then: object) -> bool:
-    """Return whether a key may differ from the run's: FREE ones, what is reported alone, terms and lists without effect."""
-    if now == [] and then is None:  # a list that older runs did not have
+    """Return whether a key may differ from the run's: FREE ones, what is reported alone, what has no effect."""
+    if then is None and now in (
+        [],
+        0.0,
+    ):  # a list or a fraction that older runs did not have, and this one does not use
         return True
     return key in FREE or key.startswith("metrics.") or (key.startswith("reward.") and not now and not then)
 

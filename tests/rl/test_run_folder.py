@@ -42,8 +42,9 @@ def out(tmp_path: Path) -> Path:
         changed("metrics", wide_opening=0.3),
         changed("metrics", success_opening=0.1),
         changed("metrics", success_opening=None),
+        VALUES | {"demo_moved_fraction": 0.0},
     ],
-    ids=["longer", "a term that weighs nothing", "a threshold more", "another threshold", "a threshold less"],
+    ids=["longer", "a term that weighs nothing", "a threshold more", "another threshold", "a threshold less", "unused"],
 )
 def test_what_changes_nothing_that_is_learned_may_change(out: Path, values: dict[str, Any]) -> None:
     run_folder.keep_settings(values, out)

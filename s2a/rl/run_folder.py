@@ -66,10 +66,8 @@ def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Callable
 
 def _may_change(key: str, now: object, then: object) -> bool:
     """Return whether a key may differ from the run's: FREE ones, what is reported alone, what has no effect."""
-    if then is None and now in (
-        [],
-        0.0,
-    ):  # a list or a fraction that older runs did not have, and this one does not use
+    # A list or a fraction that one version does not have, and that neither run uses.
+    if None in (now, then) and not now and not then:
         return True
     return key in FREE or key.startswith("metrics.") or (key.startswith("reward.") and not now and not then)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cabinet import HANDLE, write_cabinet
+from pulled_bodies import DOOR, DRAWER, LID
 from recorded_pulls import Truth, record
 from settings import load
 
@@ -104,8 +105,6 @@ def test_a_drawer_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 @pytest.mark.slow
 def test_intervals_hold_the_truth_of_drawers_doors_and_lids() -> None:
-    from test_joint_worlds import DOOR, DRAWER, LID  # their bodies
-
     rng = np.random.default_rng(5)
     bodies = [DRAWER, DOOR, LID] * 4
     truths = [Truth(*np.exp(rng.uniform(np.log([0.5, 1, 0.5, 1]), np.log([2, 15, 5, 20])))) for _ in bodies]

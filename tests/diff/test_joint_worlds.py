@@ -4,30 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pulled_bodies import DOOR, DRAWER, LID
 from recorded_pulls import Truth, record
 
 from s2a.diff.joint_worlds import JointWorlds, Moving, kalman
 from s2a.diff.pull import Noise, Pull
-from s2a.scene import Joint
-from s2a.usd.sim_scene import Mass
 
 NOISE = Noise(0.001, 0.5)
 TRUTH = Truth(mass=1.4, damping=6.0, friction=2.0, spring=12.0)
-DRAWER = Moving(
-    Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4)),
-    Mass(6.0, (0.2, 0.0, 0.5), (0.1, 0.1, 0.1)),
-    np.array([0.3, 0.0, 0.5]),
-)
-DOOR = Moving(
-    Joint("revolute", (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (-1.6, 0.0)),
-    Mass(4.0, (0.2, 0.0, 0.5), (0.1, 0.1, 0.1)),
-    np.array([0.4, 0.0, 0.5]),
-)
-LID = Moving(
-    Joint("revolute", (0.0, 1.0, 0.0), (0.0, 0.0, 0.0), (-1.2, 0.0)),
-    Mass(3.0, (0.2, 0.0, 0.02), (0.05, 0.05, 0.05)),
-    np.array([0.4, 0.0, 0.0]),
-)
 
 
 def test_what_resists_at_the_handle_follows_from_the_body() -> None:

@@ -20,7 +20,8 @@ import numpy as np
 from recorded_pulls import Truth, record
 
 from s2a.diff.identify import identify
-from s2a.diff.joint_worlds import PARAMETERS, Moving, moving
+from s2a.diff.joint_kernels import PARAMETERS
+from s2a.diff.moving_body import Moving, moving
 from s2a.diff.pull import Noise
 from s2a.outputs import atomic_write
 from s2a.provenance import provenance

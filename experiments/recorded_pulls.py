@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from s2a.diff.joint_worlds import Moving
+from s2a.diff.moving_body import Moving
 from s2a.diff.pull import Noise, Pull
 
 STEP = 1.0 / 2000.0

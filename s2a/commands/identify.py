@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from s2a.diff.identify import Dynamics, identify
-from s2a.diff.joint_worlds import PARAMETERS, Moving, moving
+from s2a.diff.joint_kernels import PARAMETERS
+from s2a.diff.moving_body import Moving, moving
 from s2a.diff.pull import Noise, read
 from s2a.errors import InputError
 from s2a.outputs import atomic_write

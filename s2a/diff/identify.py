@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.diff.joint_worlds import PARAMETERS, JointWorlds, Moving
+from s2a.diff.joint_kernels import PARAMETERS
+from s2a.diff.joint_worlds import JointWorlds
+from s2a.diff.moving_body import Moving
 from s2a.diff.pull import Noise, Pull, same_step
 from s2a.diff.together import Evaluate, minimize_together
 

@@ -15,7 +15,8 @@ from settings import load
 from s2a import cli
 from s2a.commands.identify import write_layer
 from s2a.diff.identify import Dynamics, identify
-from s2a.diff.joint_worlds import PARAMETERS, moving
+from s2a.diff.joint_kernels import PARAMETERS
+from s2a.diff.moving_body import moving
 from s2a.diff.pull import Noise, Pull, read
 from s2a.diff.together import minimize_together
 from s2a.errors import InputError

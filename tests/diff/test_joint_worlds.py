@@ -7,7 +7,8 @@ import pytest
 from pulled_bodies import DOOR, DRAWER, LID
 from recorded_pulls import Truth, record
 
-from s2a.diff.joint_worlds import JointWorlds, Moving, kalman
+from s2a.diff.joint_worlds import JointWorlds, kalman
+from s2a.diff.moving_body import Moving
 from s2a.diff.pull import Noise, Pull
 
 NOISE = Noise(0.001, 0.5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.diff.joint_worlds import Moving
+from s2a.diff.moving_body import Moving
 from s2a.scene import Joint
 from s2a.usd.sim_scene import Mass
 

@@ -9,7 +9,7 @@ import numpy as np
 from s2a.articulation import transform
 from s2a.diff.register_change import FLAT, SPACING, TILT, Patch, plane
 from s2a.diff.register_check import before_room, gone, held, outwards, reaches
-from s2a.diff.register_fit import JointFit, across, fit
+from s2a.diff.register_fit import ALIKE, JointFit, across, fit
 from s2a.diff.register_start import MAX_SLIDE, MAX_TURN, MIN_FRONT, MIN_SLIDE, Start, front_of
 from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.scene import Joint
@@ -28,8 +28,6 @@ ROOM = 0.1
 """[m] What belongs to a part lies so near to its front: handles."""
 TIGHT = 0.008
 """[m] Surface that is explained lies so near."""
-ALIKE = 0.75
-"""Cosine between normals, at least."""
 SHIFTS = np.arange(-0.04, 0.0401, 0.005)
 """[m] Shifts of a hinge's axis towards and from the front that are tried, since planes alone do not fix it."""
 LATERAL = np.arange(-0.015, 0.0151, 0.005)

@@ -6,9 +6,8 @@ from pathlib import Path
 
 from pxr import Sdf, UsdGeom
 
-from s2a.errors import InputError
 from s2a.scene import Mesh
-from s2a.usd.stage import ROOT, new_stage, save, write_mesh
+from s2a.usd.stage import ROOT, new_stage, save, save_layer, write_mesh
 
 OBJECT = "/object"
 """Default prim of an object's file."""
@@ -49,5 +48,4 @@ def write(added: Sdf.Layer, below: str, path: Path) -> None:
     root.specifier, root.typeName = Sdf.SpecifierOver, ""
     for prim in added.GetPrimAtPath(ROOT).nameChildren:
         Sdf.CopySpec(added, prim.path, layer, prim.path)
-    if path.suffix != ".usda" or not layer.Export(str(path)):
-        raise InputError(f"{path}: cannot be written; an overlay ends in .usda, and its folder must exist")
+    save_layer(layer, path)

@@ -7,9 +7,8 @@ from pathlib import Path
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
-from s2a.errors import InputError
 from s2a.usd.sim_scene import Mass, Resistance
-from s2a.usd.stage import ROOT, write_attribute
+from s2a.usd.stage import ROOT, save_layer, write_attribute
 
 
 def scaled(mass: Mass, factor: float) -> Mass:
@@ -43,8 +42,6 @@ def write(below: str, part: str, mass: Mass, friction: float, resistance: Resist
     Raises:
         InputError: the file cannot be written.
     """
-    if path.suffix != ".usda":
-        raise InputError(f"{path}: a layer of dynamics ends in .usda")
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)  # of a stage the top layer alone says so
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -59,5 +56,4 @@ def write(below: str, part: str, mass: Mass, friction: float, resistance: Resist
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.TransferContent(stage.GetRootLayer())  # a layer alone opens nothing that it names
     layer.subLayerPaths.append(below)
-    if not layer.Export(str(path)):
-        raise InputError(f"{path}: cannot be written; its folder must exist")
+    save_layer(layer, path)

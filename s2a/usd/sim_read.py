@@ -56,6 +56,8 @@ def read(path: Path, *, visuals: bool = True) -> SimRoom:
     prims = {prim.GetName(): prim for prim in root.GetChildren() if prim.HasAPI(UsdPhysics.RigidBodyAPI)}
     bodies = {name: _body(prim) for name, prim in prims.items()}
     visual = static.GetChild("visual")
+    for part in (i for i in prims if _moves(joints.get(i))):
+        _refuse_loose(part, joints, path)
     return SimRoom(
         name=read_attribute(root, "name", str, ""),
         bodies={name: body for name, body in bodies.items() if name in joints},
@@ -111,18 +113,32 @@ def _body(prim: Usd.Prim) -> SimBody:
     )
 
 
-def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
-    """Read how a body moves and how it is grasped."""
+def _refuse_loose(part: str, joints: dict[str, Usd.Prim], path: Path) -> None:
+    """Raise an InputError where no chain of joints holds an articulated part to the world."""
+    carriers = [part]
+    while _moves(joints.get(carriers[-1])):
+        carriers.append(_parent(joints[carriers[-1]]))
+        if carriers[-1] in carriers[:-1] or carriers[-1] not in joints:
+            raise InputError(f"{path}: {part!r} hangs on {carriers[-1]!r}, which nothing fixes; {PREPARE_AGAIN}")
+
+
+def _parent(joint: Usd.Prim) -> str:
+    """Return the id of the body that a joint hangs on."""
     parents = UsdPhysics.Joint(joint).GetBody0Rel().GetTargets()
     if len(parents) != 1:
         raise InputError(f"{where(joint)} hangs on {len(parents)} bodies, not on one; {PREPARE_AGAIN}")
+    return parents[0].name
+
+
+def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
+    """Read how a body moves and how it is grasped."""
     pairs = (
         UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel() if prim.HasAPI(UsdPhysics.FilteredPairsAPI) else None
     )
     moved = read_joint(joint)
     return Articulation(
         joint=moved,
-        parent=parents[0].name,
+        parent=_parent(joint),
         grasp=_grasp(prim),
         bases=dict(_base(child) for child in _children(prim, "bases")),
         friction=joint.GetAttribute("newton:friction").Get() or 0.0,

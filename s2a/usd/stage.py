@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -41,10 +41,19 @@ def save(stage: Usd.Stage, path: Path) -> None:
     Raises:
         InputError: the ending is not USD's, or the file cannot be written.
     """
-    if path.suffix not in ENCODINGS:
-        raise InputError(f"{path}: {path.suffix or 'no'} ending; a USD file ends in {', '.join(ENCODINGS)}")
+    save_layer(stage.GetRootLayer(), path, ENCODINGS)
+
+
+def save_layer(layer: Sdf.Layer, path: Path, endings: Collection[str] = (".usda",)) -> None:
+    """Write one layer, which may name others that are not there yet, to exactly this path.
+
+    Raises:
+        InputError: another ending, or the file cannot be written.
+    """
+    if path.suffix not in endings:
+        raise InputError(f"{path}: {path.suffix or 'no'} ending; such a file ends in {', '.join(endings)}")
     try:
-        written = stage.GetRootLayer().Export(str(path))
+        written = layer.Export(str(path))
     except Tf.ErrorException:
         written = False
     if not written:

@@ -12,7 +12,7 @@ from pxr import Sdf
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
 from s2a.usd.layer_files import files
-from s2a.usd.stage import reading
+from s2a.usd.stage import reading, save_layer
 
 KEY = "s2a:validation"
 """In the root layer's customLayerData."""
@@ -54,7 +54,7 @@ def write_stamp(path: Path, parts: Mapping[str, bool]) -> None:
         layer = _copy(path)
         verdicts = {part: bool(passed) for part, passed in {**kept, **parts}.items()}
         layer.customLayerData = {**layer.customLayerData, KEY: {"sha256": digest, "parts": verdicts}}
-        layer.Export(str(out))
+        save_layer(layer, out, (path.suffix,))
 
 
 def read_stamp(path: Path) -> Stamp | None:

@@ -31,7 +31,7 @@ COMMANDS = {
         "image={out}/insert.png", "placement.ransac.seed={n}",
     ],
     "prepare": ["stage={inputs}/room.usd", "targets=drawer_6", "out={out}/sim.usd"],
-    "identify": ["stage={inputs}/sim.usda", "pulls=[{inputs}/pull.csv]", "noise.force=0.{n}", "out={out}/identified.usda"],
+    "identify": ["stage={inputs}/sim.usda", "pulls=[{inputs}/pull.csv]", "noise.force=0.{n}5", "out={out}/identified.usda"],
     "convert": ["stage={inputs}/sim.usda", "out={out}/mjcf"],
     "certify": ["stage={inputs}/sim.usda", "out={out}/validation", "stamp=false", "certify.motion.poses=4{n}"],
     "evaluate": ["stage={inputs}/sim.usda", "num_envs=2", "seed={n}", "out={out}/planner.json", "images={out}"],

@@ -10,6 +10,7 @@ import trimesh
 from pxr import Usd, UsdGeom, Vt
 
 from s2a.scene import Mesh
+from s2a.usd.stage import save
 
 UP_AXES = {"+y": UsdGeom.Tokens.y, "+z": UsdGeom.Tokens.z}
 """What USD can say of a stage; of a mesh with another up axis its file says y, as careless exporters do."""
@@ -56,7 +57,7 @@ def write_usda(path: Path, mesh: Mesh, unit: float, up: str) -> None:
     shape.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(mesh.bounds.astype(np.float32)))
     colors = Vt.Vec3fArray.FromNumpy(_colors(mesh).astype(np.float32) / np.float32(255.0))
     shape.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(colors)
-    stage.GetRootLayer().Export(str(path))
+    save(stage, path)
 
 
 WRITERS: dict[str, tuple[str, Callable[[Path, Mesh, float, str], None]]] = {

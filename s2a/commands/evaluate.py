@@ -21,6 +21,7 @@ from s2a.rl.export import export
 from s2a.rl.run_world import read_world
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse
+from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import Simulation, device_of
 from s2a.tasks import make_env
 
@@ -36,6 +37,7 @@ class Config(WorldsConfig):
             to four seconds); or null.
         export: write the checkpoint as TorchScript and ONNX too, beside it.
         images: folder for before.png and after.png (world 0 where its part moved farthest), or null.
+        recordings: folder for what the robot's sensors tell, a CSV file for each world, which `s2a identify` reads, or null.
         camera: how they are taken.
     """
 
@@ -44,6 +46,7 @@ class Config(WorldsConfig):
     agent: Agent | None
     export: bool
     images: Path | None
+    recordings: Path | None
     camera: CameraConfig
 
 
@@ -98,8 +101,9 @@ def _refuse_contradictions(config: Config) -> None:
         raise InputError(
             f"keys 'agent' ({config.agent}) and 'checkpoint' ({config.checkpoint}): only one can act; drop the other"
         )
-    if config.images and config.images.exists() and not config.images.is_dir():
-        raise InputError(f"key 'images' is {str(config.images)!r}, a file; give a folder")
+    for name, folder in (("images", config.images), ("recordings", config.recordings)):
+        if folder and folder.exists() and not folder.is_dir():
+            raise InputError(f"key {name!r} is {str(folder)!r}, a file; give a folder")
 
 
 def run(config: Config) -> str:
@@ -109,6 +113,7 @@ def run(config: Config) -> str:
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
         sim = Simulation(config.read_stage(), sim_config, config.num_envs, device_of(config.device))
+        recorder = Recorder(sim) if config.recordings else None
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env)
         album, use = Album(env), LimitUse(sim)
@@ -117,6 +122,8 @@ def run(config: Config) -> str:
             use.watch(env.episode_step == 0)
             if config.images:  # it waits for the device in every step
                 album.watch()
+            if recorder:
+                recorder.watch(env.done.bool())
 
         origin = {"stage": config.stage.name, "policy": _who(config), "seed": config.seed, **provenance(sim.device)}
         metrics = evaluate(env, policy, watch) | {"limit_use": use.fractions()} | origin
@@ -127,6 +134,9 @@ def run(config: Config) -> str:
     if config.images:
         config.images.mkdir(parents=True, exist_ok=True)
         album.save(Camera(sim.stage, config.camera), config.images)
+    if config.recordings and recorder:
+        config.recordings.mkdir(parents=True, exist_ok=True)
+        recorder.save(config.recordings)
     names = [name for name in env.task.METRICS if name not in env.task.VALUES]
     lines = [
         f"  {name:24}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name in names if (r := metrics[name])

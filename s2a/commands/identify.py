@@ -7,15 +7,19 @@ import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from s2a import robot
+from s2a.diff import robot_pull
 from s2a.diff.identify import Dynamics, identify
 from s2a.diff.joint_kernels import PARAMETERS
 from s2a.diff.moving_body import Moving, moving
-from s2a.diff.pull import Noise, read
+from s2a.diff.pull import Noise, Pull, header, read
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
 from s2a.provenance import provenance
 from s2a.ranges import Positive
+from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import device_of
+from s2a.sim.world import read_stage
 from s2a.usd import dynamics, sim_stage
 from s2a.usd.sim_check import refuse_unphysical
 from s2a.usd.sim_scene import Resistance
@@ -43,7 +47,10 @@ class Config:
     Attributes:
         stage: the sim.usd.
         part: id of the articulated part; null: the only one of the stage.
-        pulls: recordings, CSV files with the columns time [s], opening [m] (path of the grasp point) and force [N] (along it).
+        pulls: recordings, CSV files: of a hand with the columns time [s], opening [m] (path of the grasp point) and force [N]
+            (along it); or of the robot, with its joints and their torques, as `s2a evaluate recordings=...` writes them.
+        robot: the robot of its own recordings; it stood where the stage has its base.
+        torques_carry_weight: Whether the robot's torques carry its own weight too.
         out: the layer to write over the stage, *.usda, which every command takes in its place.
         record: a JSON file for the numbers too, or null.
         noise: how far the recordings' samples are off.
@@ -53,6 +60,8 @@ class Config:
     stage: Path
     part: str | None
     pulls: tuple[Path, ...]
+    robot: RobotSpec
+    torques_carry_weight: bool
     out: Path
     record: Path | None
     noise: PullNoise
@@ -63,11 +72,11 @@ def run(config: Config) -> str:
     """Identify a joint, write it as a layer over its stage, and return it in words."""
     if not config.pulls:
         raise InputError("key 'pulls' is empty; give one recording or more: pulls=[a.csv,b.csv]")
-    recordings = [read(path) for path in config.pulls]
     refuse_unphysical(config.stage)
     room = sim_stage.read(config.stage, visuals=False)
     part = room.part(config.part)
     body = moving(room, part)
+    recordings = [_pull(path, config, body, part) for path in config.pulls]
     (found,) = identify([body], [recordings], Noise(**asdict(config.noise)), device_of(config.device))
     with atomic_write(config.out) as out:
         write_layer(config.stage, config.out, out, part, found, body)
@@ -77,6 +86,16 @@ def run(config: Config) -> str:
     lines = [f"  {name:10}{value:9.3g} +- {dev:.2g} {UNITS[name]}" for name, value, dev in _rows(found)]
     lines.append(f"  misfit {found.misfit:.2f}; 1 where the recordings are as noisy as given, and explained")
     return "\n".join([f"{config.out}: joint of {part}, at its grasp point", *lines])
+
+
+def _pull(path: Path, config: Config, body: Moving, part: str) -> Pull:
+    """Return a recording of a hand, or of the robot where it has a column of one of its joints."""
+    spec = config.robot
+    if not path.is_file() or not {*spec.joints} & {*header(path)}:
+        return read(path)
+    robot.check_unchanged(spec)
+    recording, base = robot_pull.read(path, spec), read_stage(config.stage, part, robot=spec.name).base
+    return robot_pull.pull(recording, spec, base, body, config.torques_carry_weight)
 
 
 def write_layer(stage: Path, out: Path, file: Path, part: str, found: Dynamics, body: Moving) -> None:

@@ -46,34 +46,46 @@ class Noise:
 
 
 def read(path: Path) -> Pull:
-    """Read a recording: a CSV file with the columns COLUMNS.
+    """Read a recording: a CSV file with the columns COLUMNS; see `table`."""
+    rows, step = table(path, COLUMNS)
+    return Pull(rows[:, 1], rows[:, 2], step)
+
+
+def header(path: Path) -> tuple[str, ...]:
+    """Return the names of a CSV file's columns; none where it has no text."""
+    with path.open(errors="replace") as file:
+        return tuple(name.strip() for name in file.readline().split(","))
+
+
+def table(path: Path, columns: Sequence[str]) -> tuple[np.ndarray, float]:
+    """Return columns of a CSV file, shape [sample column], and the time between its samples [s]; the first is `time`.
 
     Raises:
         InputError: no such file; a column is missing; not numbers; times that do not rise evenly; fewer than 10 samples.
     """
     if not path.is_file():
-        raise InputError(f"no recording {str(path)!r}; give a CSV file with the columns {', '.join(COLUMNS)}")
+        raise InputError(f"no recording {str(path)!r}; give a CSV file with the columns {', '.join(columns)}")
     if not path.read_bytes().strip():
-        raise InputError(f"{path}: empty; give the columns {', '.join(COLUMNS)}")
+        raise InputError(f"{path}: empty; give the columns {', '.join(columns)}")
     try:
-        table = np.genfromtxt(path, delimiter=",", names=True, dtype=float, encoding="utf-8")
+        found = np.genfromtxt(path, delimiter=",", names=True, dtype=float, encoding="utf-8")
     except (ValueError, IndexError) as error:
-        raise InputError(f"{path}: not a table ({error}); give the columns {', '.join(COLUMNS)}") from error
-    names = table.dtype.names or ()
-    missing = [name for name in COLUMNS if name not in names]
+        raise InputError(f"{path}: not a table ({error}); give the columns {', '.join(columns)}") from error
+    names = found.dtype.names or ()
+    missing = [name for name in columns if name not in names]
     if missing:
         raise InputError(
-            f"{path}: no column {missing[0]!r} among {', '.join(names) or 'none'}; it needs {', '.join(COLUMNS)}"
+            f"{path}: no column {missing[0]!r} among {', '.join(names) or 'none'}; it needs {', '.join(columns)}"
         )
-    time, opening, force = (np.atleast_1d(table[name]) for name in COLUMNS)
-    if len(time) < 10 or not all(np.isfinite(each).all() for each in (time, opening, force)):
+    rows = np.stack([np.atleast_1d(found[name]) for name in columns], axis=1)
+    if len(rows) < 10 or not np.isfinite(rows).all():
         raise InputError(
-            f"{path}: {len(time)} samples, or one that is not a number; record 10 or more numbers in each column"
+            f"{path}: {len(rows)} samples, or one that is not a number; record 10 or more numbers in each column"
         )
-    gaps = np.diff(time)
+    gaps = np.diff(rows[:, 0])
     if gaps.min() <= 0.0 or np.abs(gaps - gaps.mean()).max() > JITTER * gaps.mean():
         raise InputError(f"{path}: samples {gaps.min():.4g} to {gaps.max():.4g} s apart; resample them at one rate")
-    return Pull(opening, force, float(gaps.mean()))
+    return rows, float(gaps.mean())
 
 
 def same_step(pulls: Sequence[Pull]) -> float:

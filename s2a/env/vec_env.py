@@ -83,8 +83,8 @@ class VecEnv:
         self._share_with_torch()
         self.action_step = _action_step(self._motion, sim)
         if self._motion.limited:
-            sim.before_substep = self._before_substep
-        sim.after_substep = self._after_substep
+            sim.before_substep.append(self._before_substep)
+        sim.after_substep.append(self._after_substep)
         self._whole_step = sim.capture(self._step) if graph else self._step
         self.reset_all()
 

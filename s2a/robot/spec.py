@@ -203,6 +203,11 @@ class RobotSpec:
         return (*self.arm_joints, *self.gripper.joints)
 
     @property
+    def recorded(self) -> tuple[str, ...]:
+        """Columns of a recording: time [s]; all joints [rad, m]; the arm's torques, on the side of the links [N m]."""
+        return ("time", *self.joints, *(f"{name}_torque" for name in self.arm_joints))
+
+    @property
     def start(self) -> tuple[float, ...]:
         """Coordinates of `joints` at the start of an episode [rad, m]."""
         return (*self.home, *2 * (self.gripper.finger_joint_home,))

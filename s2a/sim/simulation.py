@@ -36,8 +36,8 @@ class Simulation:
         joint_qd: joint velocities, torch view of state.joint_qd, shape [world dof].
         body_q: body poses (position, quaternion xyzw), torch view of state.body_q, shape [world body 7].
         joint_target_q: joint targets, torch view of the control's, shape [world dof].
-        before_substep: called before every physics step, and captured with it.
-        after_substep: called after every physics step, and captured with it: the solver forgets contacts and overflows in the
+        before_substep: what to call before every physics step; captured with it.
+        after_substep: what to call after every physics step; captured with it. The solver forgets contacts and overflows in the
             next.
     """
 
@@ -81,8 +81,8 @@ class Simulation:
         self.joint_qd = wp.to_torch(self.state.joint_qd).view(num_envs, -1)
         self.body_q = wp.to_torch(self.state.body_q).view(num_envs, -1, 7)
         self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(num_envs, -1)
-        self.before_substep: Callable[[], None] = lambda: None
-        self.after_substep: Callable[[], None] = lambda: None
+        self.before_substep: list[Callable[[], None]] = []
+        self.after_substep: list[Callable[[], None]] = []
 
     def body(self, name: str) -> int:
         """Return the index of a body within a world."""
@@ -104,10 +104,10 @@ class Simulation:
     def step(self) -> None:
         """Advance all worlds by one control step (`substeps` physics steps)."""
         for _ in range(self.config.substeps):
-            self.before_substep()
+            _call(self.before_substep)
             self.solver.step(self.state, self.before, self.control, None, self.config.dt)
             self.state, self.before = self.before, self.state
-            self.after_substep()
+            _call(self.after_substep)
 
     def capture(self, function: Callable[[], None]) -> Callable[[], None]:
         """Return `function` as one captured CUDA graph; on a CPU, as it is.
@@ -122,6 +122,11 @@ class Simulation:
         with wp.ScopedDevice(self.model.device), wp.ScopedCapture() as capture:
             function()
         return lambda: wp.capture_launch(capture.graph)
+
+
+def _call(functions: Sequence[Callable[[], None]]) -> None:
+    for function in functions:
+        function()
 
 
 def device_of(key: str) -> str:

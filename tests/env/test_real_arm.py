@@ -29,7 +29,8 @@ def without_physics(env: VecEnv) -> VecEnv:
 
     def step() -> None:
         for _ in range(env.sim.config.substeps):
-            env.sim.before_substep()
+            for move_targets in env.sim.before_substep:
+                move_targets()
 
     env.sim.step = step
     return env

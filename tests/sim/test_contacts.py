@@ -130,14 +130,13 @@ def test_a_grip_is_felt_on_the_region_and_pulls_the_drawer_as_mujoco_says(stage:
     assert term(env, "grip").tolist() == term(env, "pinch").tolist() == [1.0, 1.0] and grasped(env) == [1, 1]
     for _ in range(80):  # it is drawn open
         env.step(planner(env.observation.clone()))
-    pulls, kept, before = [], env.sim.after_substep, env.sim.joint_qd[:, 9].clone()
+    pulls, before = [], env.sim.joint_qd[:, 9].clone()
 
     def watch() -> None:
-        kept()
         pulls.append(opening_forces(env))
         assert torch.allclose(pulls[-1].sum(dim=1), push_of_the_robot(env), atol=1e-3)
 
-    env.sim.after_substep = watch
+    env.sim.after_substep.append(watch)
     env.step(planner(env.observation.clone()))
     pull = torch.stack(pulls).mean(dim=0)
     assert float(pull[:, 1].abs().max()) == 0.0
@@ -155,16 +154,15 @@ def test_a_grip_is_felt_on_the_region_and_pulls_the_drawer_as_mujoco_says(stage:
 
 def test_every_physics_step_is_felt_where_the_part_was_and_the_largest_force_is_kept(stage: SimStage) -> None:
     env = make_env(stage, sim="sim/planner")
-    planner, felt, kept = gripping(env), [], env.sim.after_substep
+    planner, felt = gripping(env), []
     touch = wp.to_torch(env.task.handles.p.region_force)
 
     def watch() -> None:
-        kept()
         felt.append((contacts(env)["on_region"].clone(), touch.clone()))
 
-    env.sim.after_substep = watch
+    env.sim.after_substep.append(watch)
     env.step(planner(env.observation.clone()))
-    env.sim.after_substep = kept
+    env.sim.after_substep.remove(watch)
     assert len(felt) == 4 and felt[0][1].min() > 0.0
     now = torch.stack([each for each, _ in felt])
     assert torch.equal(torch.stack([each for _, each in felt]), now.cummax(dim=0).values)

@@ -1,0 +1,78 @@
+"""What a robot's own sensors tell while it works: joint positions and torques."""
+
+# Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
+import csv
+from pathlib import Path
+
+import torch
+import warp as wp
+
+from s2a.sim.simulation import Simulation
+
+
+class Recorder:
+    """Positions of all joints and torques of the arm's, as means over every control step of each world's first episode.
+
+    A single physics step would not do: while a target stands still between control steps, the controller's torque saws.
+    A torque is that on the link's side, as sensors behind the gears measure it: the motor's less what turns its rotor. It lacks
+    what carries the robot's weight, where that is carried.
+    """
+
+    def __init__(self, sim: Simulation) -> None:
+        """Sum over the physics steps of a simulation; make it before the environment, whose steps may be captured as a graph."""
+        self._sim, spec = sim, sim.robot
+        self._joints, self._arm = len(spec.joints), len(spec.arm_joints)
+        self._sums = wp.zeros((sim.num_envs, self._joints + self._arm), dtype=float, device=sim.device)
+        self._samples: list[torch.Tensor] = []
+        self._alive: list[torch.Tensor] = []
+        model = sim.model
+        # The solver's integrator is implicit in the controller's damping: the motor brakes by the speed after the step.
+        brakes = model.joint_armature.numpy() / sim.config.dt + model.joint_target_kd.numpy()
+        self._brakes = wp.array(brakes.reshape(sim.num_envs, -1), dtype=float, device=sim.device)
+        sim.after_substep.append(self._add)
+
+    def watch(self, done: torch.Tensor) -> None:
+        """Take a sample after a control step; `done` [world] tells which worlds were reset in it."""
+        sums = wp.to_torch(self._sums)
+        self._samples.append(sums / self._sim.config.substeps)
+        sums.zero_()
+        before = self._alive[-1] if self._alive else torch.ones_like(done)
+        self._alive.append(before & ~done)
+
+    def save(self, folder: Path) -> None:
+        """Write a CSV file of `RobotSpec.recorded` for each world, pull_0.csv and so on."""
+        step = self._sim.config.dt * self._sim.config.substeps
+        alive, rows = torch.stack(self._alive).cpu(), torch.stack(self._samples).cpu()
+        for world in range(self._sim.num_envs):
+            with (folder / f"pull_{world}.csv").open("w", newline="") as file:
+                writer = csv.writer(file)
+                writer.writerow(self._sim.robot.recorded)
+                for i, row in enumerate(rows[alive[:, world], world].tolist()):
+                    writer.writerow([f"{i * step:.6g}", *(f"{x:.7g}" for x in row)])
+
+    def _add(self) -> None:
+        sim, data = self._sim, self._sim.solver.mjw_data
+        q = sim.state.joint_q.reshape((sim.num_envs, -1))
+        inputs = [q, data.qfrc_actuator, *self._speeds(), self._brakes, self._joints, self._sums]
+        wp.launch(_add, dim=(sim.num_envs, self._joints + self._arm), inputs=inputs, device=sim.device)
+
+    def _speeds(self) -> list[wp.array]:
+        return [each.joint_qd.reshape((self._sim.num_envs, -1)) for each in (self._sim.before, self._sim.state)]
+
+
+@wp.kernel
+def _add(
+    q: wp.array2d(dtype=float),
+    motor: wp.array2d(dtype=float),
+    before: wp.array2d(dtype=float),
+    after: wp.array2d(dtype=float),
+    brake: wp.array2d(dtype=float),
+    joints: int,
+    sums: wp.array2d(dtype=float),
+):
+    world, column = wp.tid()
+    if column < joints:
+        sums[world, column] += q[world, column]
+    else:
+        i = column - joints
+        sums[world, column] += motor[world, i] - brake[world, i] * (after[world, i] - before[world, i])

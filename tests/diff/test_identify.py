@@ -82,7 +82,6 @@ def test_at_the_grasp_point_of_a_door_the_lever_arm_counts(tmp_path: Path) -> No
     assert (part.resistance.damping, part.resistance.stiffness) == pytest.approx((8.0 * 0.16, 5.0 * 0.16))
 
 
-@pytest.mark.slow
 def test_a_drawer_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stage, layer, found = (
         write_cabinet(tmp_path / "room.usda"),
@@ -104,7 +103,6 @@ def test_a_drawer_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert mass.mass == pytest.approx(rows["mass"]["value"] * 5.32) and mass.source == "identified"
 
 
-@pytest.mark.slow
 def test_intervals_hold_the_truth_of_drawers_doors_and_lids() -> None:
     rng = np.random.default_rng(5)
     bodies = [DRAWER, DOOR, LID] * 4

@@ -55,14 +55,14 @@ class VecEnv:
         demo: DemoStarts | None = None,
         final_observation: bool = False,
     ) -> None:
-        """Allocate, reset all worlds, and capture the step on a GPU.
+        """Allocate, reset all worlds, and capture the step.
 
         Args:
             sim: the worlds.
             task: bound to them.
             weights: of the task's reward terms by name; a term that is not given weighs 0.
             seed: of the start noise.
-            graph: capture the step where there is a GPU.
+            graph: capture the step; without, every kernel is launched from Python, ten to a hundred times as slowly on a CPU.
             demo: episodes that start on a demonstration; None: none does.
             final_observation: keep the last observation of every episode.
         """

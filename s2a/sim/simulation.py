@@ -110,12 +110,10 @@ class Simulation:
             _call(self.after_substep)
 
     def capture(self, function: Callable[[], None]) -> Callable[[], None]:
-        """Return `function` as one captured CUDA graph; on a CPU, as it is.
+        """Return `function` as one captured graph: a CUDA graph, or on a CPU Warp's list of launches, replayed without Python.
 
         What the graph reads and writes must stay where it is, and a Python number is frozen at its value of now.
         """
-        if not self.model.device.is_cuda:
-            return function
         function()  # compiles and loads every kernel, which capture forbids
         # Torch works on the device's null stream, which cannot be captured; Warp's own stream waits for it and it for
         # Warp's, so both see each other's results in order.

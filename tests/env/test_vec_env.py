@@ -29,7 +29,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> SimStage:
 def make_env(stage: SimStage, num_envs: int = 2, seed: int = 0, weight: float = 2.0, **task: object) -> VecEnv:
     """Return worlds in which the arm shall raise its first joint."""
     sim = Simulation(stage, load(SimConfig, "sim/planner"), num_envs)
-    return VecEnv(sim, LiftTask(sim, **task), {"height": weight}, seed)
+    return VecEnv(sim, LiftTask(sim, **task), {"height": weight}, seed, graph=False)
 
 
 def still(env: VecEnv) -> VecEnv:

@@ -37,11 +37,14 @@ def metric_settings(**changes: Any) -> OpenPartMetrics:
 def make_env(
     stage: SimStage | Path, num_envs: int = 2, seed: int = 0, sim: str | Simulation = "sim/paper", **task: Any
 ) -> VecEnv:
-    """Return worlds of a stage with the reference's settings, some of the task's changed."""
+    """Return worlds of a stage with the reference's settings, some of the task's changed.
+
+    Their step is not captured: tests take parts of it away, and look into it.
+    """
     if isinstance(sim, str):
         stage = read_stage(stage) if isinstance(stage, Path) else stage
         sim = Simulation(stage, load(SimConfig, sim), num_envs)
-    return tasks.make_env(sim, task_settings(**task), metric_settings(), load(dict, "reward/paper"), seed)
+    return tasks.make_env(sim, task_settings(**task), metric_settings(), load(dict, "reward/paper"), seed, graph=False)
 
 
 def hold_still(env: VecEnv) -> VecEnv:

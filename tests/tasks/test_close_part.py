@@ -24,7 +24,7 @@ def make_env(tmp_path: Path, num_envs: int = 2, **task: object) -> VecEnv:
     settings = load(SimConfig, "sim/planner", joint={"stiffness": 0.0, "damping": 1.0, "spring": "grasp"})
     sim = Simulation(read_stage(write_cabinet(tmp_path / "sim.usda")), settings, num_envs)
     config, metrics = load(ClosePartConfig, "task/close_part", **task), load(ClosePartMetrics, "metrics/close_part")
-    return tasks.make_env(sim, config, metrics, load(dict, "reward/close_part"), 0)
+    return tasks.make_env(sim, config, metrics, load(dict, "reward/close_part"), 0, graph=False)
 
 
 def test_the_planner_closes_the_drawer(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from s2a.errors import InputError
 from s2a.robot.kinematics import kinematics
 from s2a.robot.spec import RobotSpec
 
-SMOOTHED = 0.25
+SMOOTHED = 0.12
 """[s] Length of the cubic by which positions are differentiated twice (Savitzky and Golay's filter)."""
 AT_REST = 0.002
 """[m] As long as the tool has moved less along the part's path, the pull has not begun."""
@@ -72,7 +72,7 @@ def pull(recording: Recording, spec: RobotSpec, base: np.ndarray, body: Moving, 
         savgol_filter(recording.q, window, 3, deriv=order, delta=recording.step, axis=0) for order in range(3)
     )
     turn = Rotation.from_quat(base[3:])
-    in_base = kinematics(spec).tool(q[:, : len(spec.arm_joints)])[:, :3, 3]
+    in_base = kinematics(spec).tool(recording.q[:, : len(spec.arm_joints)])[:, :3, 3]
     tool = turn.apply(in_base) + base[:3]
     opening, off = along(tool, body)
     held = slice(_first(opening, off, round(BEFORE / recording.step)), None)

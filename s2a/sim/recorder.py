@@ -52,27 +52,28 @@ class Recorder:
 
     def _add(self) -> None:
         sim, data = self._sim, self._sim.solver.mjw_data
-        q = sim.state.joint_q.reshape((sim.num_envs, -1))
-        inputs = [q, data.qfrc_actuator, *self._speeds(), self._brakes, self._joints, self._sums]
+        q, qd = (
+            [getattr(each, name).reshape((sim.num_envs, -1)) for each in (sim.before, sim.state)]
+            for name in ("joint_q", "joint_qd")
+        )
+        inputs = [*q, data.qfrc_actuator, *qd, self._brakes, self._joints, self._sums]
         wp.launch(_add, dim=(sim.num_envs, self._joints + self._arm), inputs=inputs, device=sim.device)
-
-    def _speeds(self) -> list[wp.array]:
-        return [each.joint_qd.reshape((self._sim.num_envs, -1)) for each in (self._sim.before, self._sim.state)]
 
 
 @wp.kernel
 def _add(
-    q: wp.array2d(dtype=float),
+    q_before: wp.array2d(dtype=float),
+    q_after: wp.array2d(dtype=float),
     motor: wp.array2d(dtype=float),
-    before: wp.array2d(dtype=float),
-    after: wp.array2d(dtype=float),
+    qd_before: wp.array2d(dtype=float),
+    qd_after: wp.array2d(dtype=float),
     brake: wp.array2d(dtype=float),
     joints: int,
     sums: wp.array2d(dtype=float),
 ):
     world, column = wp.tid()
     if column < joints:
-        sums[world, column] += q[world, column]
+        sums[world, column] += 0.5 * (q_before[world, column] + q_after[world, column])
     else:
         i = column - joints
-        sums[world, column] += motor[world, i] - brake[world, i] * (after[world, i] - before[world, i])
+        sums[world, column] += motor[world, i] - brake[world, i] * (qd_after[world, i] - qd_before[world, i])

@@ -26,6 +26,20 @@ RAYS, POINTS = 40, 60
 """Directions and places that are asked."""
 THICK = 0.06
 """[m] Largest thickness of a front: how much nearer its back may be than its front."""
+OWN = 0.02
+"""[m] A line of sight that ends so near to a part where it stands open is hidden by the part itself."""
+MIN_ASKED = 0.1
+"""Fraction of the lines of sight that the part itself does not hide, at least; fewer say nothing."""
+INSIDE = 0.02
+"""[m] What an opened front shows lies deeper behind it."""
+MIN_GONE = 0.4
+"""Fraction of the lines of sight to a front's old place that are free in the open scan, at least; hidden walls have 0 to 0.35."""
+MIN_INSIDE = 0.1
+"""Fraction of a front behind which the open scan shows room, at least, where the open part hides its old place."""
+LEVEL = 0.97
+"""Cosine to the vertical from which a surface is level."""
+FLOOR = 0.03
+"""[m] The floor is not higher above the height below which a tenth of the level surface lies."""
 
 
 def outwards(joint: Joint, patch: Patch) -> float:
@@ -85,16 +99,70 @@ def _near(points: np.ndarray, surface: OrientedMesh) -> np.ndarray:
     return match(Cloud(points, points, np.zeros(len(points), int)), surface, HELD).face >= 0
 
 
-def gone(patch: Patch, opened: OrientedMesh) -> float:
+def left(joint: Joint, patch: Patch, opened: OrientedMesh) -> bool:
+    """Return whether a front has left its old place: that is seen to be empty, or hidden by the open part alone and open behind.
+
+    Where a drawer or a narrow door hides its own old place, the open scan has to show something of what is inside.
+    """
+    if gone(patch, opened) > MIN_GONE:
+        return True
+    return gone(patch, opened, joint) > MIN_GONE and shows_inside(patch, opened) > MIN_INSIDE
+
+
+def gone(patch: Patch, opened: OrientedMesh, joint: Joint | None = None) -> float:
     """Return the fraction of lines of sight to the places of a patch that are free in the open scan.
 
     What was hidden, by a door that opened before it, is seen from nowhere: every line to it meets the back of a surface.
+
+    Args:
+        patch: of the closed scan.
+        opened: the open scan, all of it.
+        joint: of the patch, whose lines to itself where it stands open are left out; None: all lines count.
     """
-    points = patch.cloud.points[np.linspace(0, len(patch.cloud) - 1, POINTS).astype(int)]
+    points = _places(patch)
     rays = _cone(patch.normal)
     starts, ways = np.repeat(points + 0.005 * patch.normal, len(rays), axis=0), np.tile(rays, (len(points), 1))
     distance, behind = visible_distance(opened.tree, starts, ways, FREE)
-    return float(np.mean((distance >= FREE) | ~behind))
+    hidden = (distance < FREE) & behind
+    if joint is None:
+        return float(np.mean(~hidden))
+    back = np.linalg.inv(transform(joint, joint.limits[1]))
+    returned = (starts + distance[:, None] * ways) @ back[:3, :3].T + back[:3, 3]
+    asked = ~(hidden & near_box(returned, patch, OWN))
+    return float(np.mean(~hidden[asked])) if np.mean(asked) > MIN_ASKED else 0.0
+
+
+def shows_inside(patch: Patch, opened: OrientedMesh) -> float:
+    """Return the fraction of the places of a patch behind which the open scan shows room: the front of a surface.
+
+    Behind an opened front it shows what is inside; behind a wall that something hides, backs of surfaces or nothing.
+    """
+    distance, behind = visible_distance(opened.tree, _places(patch) - 0.005 * patch.normal, -patch.normal, FAR)
+    return float(np.mean((distance > INSIDE) & (distance < FAR) & ~behind))
+
+
+def on_floor(patch: Patch, room: OrientedMesh) -> bool:
+    """Return whether a patch is of the floor, which opens nowhere: it faces up at the height of the lowest level surface."""
+    if patch.normal[2] < LEVEL:
+        return False
+    level = room.normals[:, 2] > LEVEL
+    heights, areas = room.centroids[level, 2], room.areas[level]
+    order = np.argsort(heights)
+    lowest = heights[order][np.searchsorted(np.cumsum(areas[order]), 0.1 * areas.sum())]
+    return bool(patch.centre[2] < lowest + FLOOR)
+
+
+def _places(patch: Patch) -> np.ndarray:
+    """Return the places of a patch that are asked [m], shape [place 3]."""
+    return patch.cloud.points[np.linspace(0, len(patch.cloud) - 1, POINTS).astype(int)]
+
+
+def near_box(points: np.ndarray, patch: Patch, room: float) -> np.ndarray:
+    """Return a mask of points [point 3] in the box around a patch in its own axes, and so much more on all sides [m]."""
+    axes = np.linalg.svd(patch.normal[None])[2]
+    flat = (patch.cloud.points - patch.centre) @ axes.T
+    local = (points - patch.centre) @ axes.T
+    return ((local > flat.min(axis=0) - room) & (local < flat.max(axis=0) + room)).all(axis=1)
 
 
 def _cone(normal: np.ndarray) -> np.ndarray:
@@ -111,7 +179,7 @@ def reaches(joint: Joint, patch: Patch, opened: OrientedMesh) -> float:
     if joint.kind == "revolute":
         return 1.0
     axis, q = np.array(joint.axis), joint.limits[1]
-    points = patch.cloud.points[np.linspace(0, len(patch.cloud) - 1, POINTS).astype(int)]
+    points = _places(patch)
     distance = visible_distance(opened.tree, points + 0.005 * patch.normal, axis, q + 0.05)[0]
     met = distance < q + 0.04
     return float(np.mean(distance[met] > q - THICK)) if met.any() else 0.0
@@ -123,7 +191,7 @@ def before_room(joint: Joint, patch: Patch, closed: OrientedMesh) -> float:
     Behind a wall, or the side of a cabinet, that the closed scan does not show are backs of surfaces or nothing.
     """
     motion = transform(joint, joint.limits[1])
-    points = patch.cloud.points[np.linspace(0, len(patch.cloud) - 1, POINTS).astype(int)]
+    points = _places(patch)
     normal = motion[:3, :3] @ patch.normal
     there = points @ motion[:3, :3].T + motion[:3, 3] - 0.03 * normal
     distance, behind = visible_distance(closed.tree, there, -normal, FAR)

@@ -7,7 +7,8 @@ from scipy import ndimage
 
 from s2a.articulation import transform
 from s2a.diff.register_change import CHANGED, Patch
-from s2a.diff.register_search import ROOM, around
+from s2a.diff.register_check import near_box
+from s2a.diff.register_search import ROOM
 from s2a.diff.register_surface import Cloud, OrientedMesh, match
 from s2a.scene import Joint
 
@@ -37,7 +38,7 @@ def moving_faces(joint: Joint, patch: Patch, closed: OrientedMesh, opened: Orien
         closed: the closed scan, all of it.
         opened: the open scan in the closed one's frame, all of it.
     """
-    near = np.flatnonzero(around(closed.centroids, patch, ROOM))
+    near = np.flatnonzero(near_box(closed.centroids, patch, ROOM))
     cloud = Cloud(closed.centroids[near], closed.normals[near], near)
     stays = match(cloud, opened, CHANGED)
     moves = match(cloud.moved(transform(joint, joint.limits[1])), opened, NEAR)
@@ -51,7 +52,7 @@ def moving_faces(joint: Joint, patch: Patch, closed: OrientedMesh, opened: Orien
     inside = _outline(cells, explained & layer)[tuple(cells.T)] & layer
     # Sides of a thick door lie beyond its outline; what both scans show of them has moved for certain.
     deep = (height > -BEHIND) & (height < BEFORE)
-    sides = explained & deep & (stays.gap >= CHANGED) & around(cloud.points, patch, NEXT)
+    sides = explained & deep & (stays.gap >= CHANGED) & near_box(cloud.points, patch, NEXT)
     return near[(inside & (explained | flat | (stays.gap > STILL))) | sides]
 
 

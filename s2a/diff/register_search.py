@@ -8,7 +8,7 @@ import numpy as np
 
 from s2a.articulation import transform
 from s2a.diff.register_change import FLAT, SPACING, TILT, Patch, plane
-from s2a.diff.register_check import before_room, gone, held, outwards, reaches
+from s2a.diff.register_check import before_room, held, left, near_box, on_floor, outwards, reaches
 from s2a.diff.register_fit import ALIKE, JointFit, across, fit
 from s2a.diff.register_start import MAX_SLIDE, MAX_TURN, MIN_FRONT, MIN_SLIDE, Start, front_of
 from s2a.diff.register_surface import Cloud, OrientedMesh, match
@@ -18,8 +18,6 @@ MIN_OUTWARDS = 0.5
 """Mean cosine between the front's normal and its first motion, at least: parts open towards whoever stands before them."""
 MIN_HELD = (0.4, 0.6)
 """Fraction of a front's border, and of a hinge, that has something near that stands still."""
-MIN_GONE = 0.4
-"""Fraction of the lines of sight to a front's old place that are free in the open scan, at least; hidden walls have 0 to 0.35."""
 MIN_REACHES = 0.5
 """Fraction of a slide's front before whose old place nothing is nearer than where it slid to; of a front that has room behind."""
 MAX_TILT = 0.01
@@ -94,10 +92,12 @@ class FittedPart:
 def candidates(found: list[Start], patches: list[Patch], scans: Scans) -> list[FittedPart]:
     """Return the joints that open outwards, are held by what stands still, and fit, the most surface first."""
     kept = []
-    left = {index: gone(patches[index], scans.room) > MIN_GONE for index in {start.patch for start in found}}
+    floor = {index for index in {start.patch for start in found} if on_floor(patches[index], scans.still)}
     for start in found:
+        if start.patch in floor:
+            continue
         patch = front_of(start, patches[start.patch], scans.opened)
-        if not left[start.patch] or not possible(start.joint, patch, scans):
+        if not possible(start.joint, patch, scans) or not left(start.joint, patch, scans.room):
             continue
         candidate = measured(rough(start, patch, scans), patch, scans)
         if candidate.fraction > MIN_EXPLAINED and possible(candidate.fit.joint, patch, scans):
@@ -132,14 +132,6 @@ def chosen(found: list[FittedPart]) -> list[FittedPart]:
     return kept
 
 
-def around(points: np.ndarray, patch: Patch, room: float = ROOM) -> np.ndarray:
-    """Return a mask of points [point 3] in the box around a patch in its own axes, and so much more on all sides [m]."""
-    axes = np.linalg.svd(patch.normal[None])[2]
-    flat = (patch.cloud.points - patch.centre) @ axes.T
-    local = (points - patch.centre) @ axes.T
-    return ((local > flat.min(axis=0) - room) & (local < flat.max(axis=0) + room)).all(axis=1)
-
-
 def thinned(cloud: Cloud, count: int) -> Cloud:
     """Return at most so many samples, evenly."""
     if len(cloud) <= count:
@@ -156,7 +148,7 @@ def region(joint: Joint, patch: Patch, scans: Scans) -> tuple[np.ndarray, np.nda
     """Return the indices of the samples before around a patch, and of those after around where a joint moves it."""
     back = np.linalg.inv(transform(joint, joint.limits[1]))
     returned = scans.after.points @ back[:3, :3].T + back[:3, 3]
-    return np.flatnonzero(around(scans.before.points, patch)), np.flatnonzero(around(returned, patch))
+    return np.flatnonzero(near_box(scans.before.points, patch, ROOM)), np.flatnonzero(near_box(returned, patch, ROOM))
 
 
 def rough(start: Start, patch: Patch, scans: Scans) -> JointFit:
@@ -209,7 +201,7 @@ def measured(found: JointFit, patch: Patch, scans: Scans) -> FittedPart:
     before, after = region(found.joint, patch, scans)
     explained = _worth(found.joint, scans.before[before], scans.opened, TIGHT) > 0
     returned = _worth_back(found.joint, scans.after[after], scans, TIGHT) > 0
-    members = np.isin(before, np.flatnonzero(around(scans.before.points, patch, 0.005)))
+    members = np.isin(before, np.flatnonzero(near_box(scans.before.points, patch, 0.005)))
     fraction = float(explained[members].mean()) if members.any() else 0.0
     return FittedPart(found, patch, before[explained], after[returned], fraction)
 
@@ -221,7 +213,7 @@ def grown(candidate: FittedPart, patches: list[Patch], scans: Scans) -> tuple[Fi
     for _ in range(2):
         members = [patch]
         for other in patches:
-            near = other is not patch and around(other.cloud.points, patch, NEXT).mean() > 0.5
+            near = other is not patch and near_box(other.cloud.points, patch, NEXT).mean() > 0.5
             if near and (_worth(found.joint, thinned(other.cloud, FEW), scans.opened, TIGHT) > 0).mean() > MIN_MEMBER:
                 members.append(other)
         clouds = [member.cloud for member in members]

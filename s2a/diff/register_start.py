@@ -33,7 +33,7 @@ ALIKE = 0.8
 POINTS = 400
 """Points of a patch that are tried."""
 MIN_FRACTION = 0.2
-"""Fraction of a patch that a joint has to explain."""
+"""Fraction of a patch that a joint has to explain, or MIN_FRONT of it: a drawer's front beside a door's in one plane."""
 MIN_FRONT = 0.02
 """[m^2] Smallest front."""
 
@@ -75,7 +75,7 @@ def starts(closed: list[Patch], opened: list[Patch], surface: OrientedMesh) -> l
             best = None
             for joint in _joints(patch, other):
                 fraction = explained(cloud, surface, joint)
-                if fraction >= MIN_FRACTION and (best is None or fraction > best.fraction):
+                if fraction >= min(MIN_FRACTION, MIN_FRONT / patch.area) and (best is None or fraction > best.fraction):
                     best = Start(joint, index, fraction * patch.area, fraction)
             if best is not None:
                 found.append(best)

@@ -26,7 +26,6 @@ from recorded_pulls import Truth, record
 
 from s2a.diff.identify import Dynamics, identify
 from s2a.diff.joint_kernels import PARAMETERS
-from s2a.diff.joint_worlds import RATE
 from s2a.diff.moving_body import Moving, moving
 from s2a.diff.pull import Noise, Pull
 from s2a.outputs import atomic_write
@@ -49,7 +48,6 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=2)
     parser.add_argument("--by", choices=list(NOISES), default="hand")
     parser.add_argument("--jobs", type=int, default=2, help="pulls recorded at once")
-    parser.add_argument("--rate", type=float, default=RATE, help="of physics steps [Hz]")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--out", type=Path, default=RESULTS)
@@ -60,7 +58,7 @@ def main() -> None:
     done = [i for i, own in enumerate(pulls) if own]
     names, bodies, truths, pulls = ([each[i] for i in done] for each in (names, bodies, truths, pulls))
     began = time.monotonic()
-    found = identify(bodies, pulls, NOISES[given.by], given.device, given.rate)
+    found = identify(bodies, pulls, NOISES[given.by], given.device)
     seconds = time.monotonic() - began
     rows = [
         {

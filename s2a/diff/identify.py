@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.diff.joint_kernels import PARAMETERS
-from s2a.diff.joint_worlds import RATE, JointWorlds
+from s2a.diff.joint_worlds import JointWorlds
 from s2a.diff.moving_body import Moving
 from s2a.diff.pull import Noise, Pull, same_step
 from s2a.diff.together import Evaluate, minimize_together
@@ -50,7 +50,7 @@ class Dynamics:
 
 
 def identify(
-    bodies: Sequence[Moving], pulls: Sequence[Sequence[Pull]], noise: Noise, device: str = "cpu", rate: float = RATE
+    bodies: Sequence[Moving], pulls: Sequence[Sequence[Pull]], noise: Noise, device: str = "cpu"
 ) -> list[Dynamics]:
     """Return the dynamics of each body's joint that explain its recordings best.
 
@@ -59,9 +59,8 @@ def identify(
         pulls: one or more recordings of each, all at one rate.
         noise: of their samples.
         device: cpu or cuda:0.
-        rate: of physics steps, at least [Hz].
     """
-    worlds = JointWorlds(bodies, pulls, same_step([pull for own in pulls for pull in own]), noise, device, rate)
+    worlds = JointWorlds(bodies, pulls, same_step([pull for own in pulls for pull in own]), noise, device)
 
     def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         loss, gradient = worlds.loss(parameters(x))

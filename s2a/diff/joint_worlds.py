@@ -35,18 +35,12 @@ class JointWorlds:
     """
 
     def __init__(
-        self,
-        bodies: Sequence[Moving],
-        pulls: Sequence[Sequence[Pull]],
-        step: float,
-        noise: Noise,
-        device: str = "cpu",
-        rate: float = RATE,
+        self, bodies: Sequence[Moving], pulls: Sequence[Sequence[Pull]], step: float, noise: Noise, device: str = "cpu"
     ) -> None:
-        """Build a world for each pull of each body; `step` is the time between samples [s], `rate` the least of physics [Hz]."""
+        """Build a world for each pull of each body; `step` is the time between samples [s]."""
         self.joints, self.evaluations = len(bodies), 0
         owner = [i for i, own in enumerate(pulls) for _ in own]
-        self._substeps = max(1, int(np.ceil(step * rate - 1e-6)))
+        self._substeps = max(1, int(np.ceil(step * RATE - 1e-6)))
         self._dt = step / self._substeps
         with wp.ScopedDevice(device):
             self._model = _model([bodies[i] for i in owner], device)

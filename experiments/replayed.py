@@ -31,6 +31,7 @@ class Replay:
         opening: of the part [m], shape [step].
         speed: [m/s], shape [step].
         force: of the whole robot on the part, along its path [N]; mean over the control step, shape [step].
+        highest: of its physics steps [N], among which it ripples since targets move once a control step, shape [step].
         seconds: until the set-point stands.
         stretched: the robot's limits made that later than the law says.
     """
@@ -38,19 +39,23 @@ class Replay:
     opening: np.ndarray
     speed: np.ndarray
     force: np.ndarray
+    highest: np.ndarray
     seconds: float
     stretched: bool
 
 
 @wp.kernel
-def _add_force(h: PartHandles, steps: float, force: wp.array(dtype=float)):
+def _add_force(h: PartHandles, steps: float, force: wp.array2d(dtype=float)):
     world = wp.tid()
-    for i in range(2):
-        force[world] += opening_force(h.part[world], h.contacts.pull[world, i]) / steps
+    now = opening_force(h.part[world], h.contacts.pull[world, 0]) + opening_force(
+        h.part[world], h.contacts.pull[world, 1]
+    )
+    force[world, 0] += now / steps
+    force[world, 1] = wp.max(force[world, 1], now)
 
 
 def replay(stage: SimStage, settings: Config, laws: Sequence[PullLaw | float], hold: float, seed: int) -> list[Replay]:
-    """Return a pull of a stage's part for each law, or pull time [s] of the planner's own ease, and what follows for `hold` [s]."""
+    """Return a pull of a stage's part for each law, or time [s] of the planner's own ease, and what follows for `hold` [s]."""
     sim = Simulation(stage, settings.sim, len(laws))
     task = replace(settings.task, episode_steps=10**6, termination_opening=10.0)
     env = tasks.make_env(sim, task, settings.metrics, {}, seed)
@@ -64,7 +69,7 @@ def replay(stage: SimStage, settings: Config, laws: Sequence[PullLaw | float], h
         force.zero_()
         env.step(torch.stack([planner(env.observation)[i] for i, planner in enumerate(planners)]))
         moved = (sim.joint_q[:, coord], sim.joint_qd[:, dof])
-        seen.append([*(sign * lever * x.numpy() for x in moved), force.numpy().copy()])
+        seen.append([*(sign * lever * x.numpy() for x in moved), *force.numpy().T.copy()])
     rows = np.array(seen)
     return [
         _replay(rows[:, :, i], planner, law, rate, hold)
@@ -87,9 +92,9 @@ def _planner(config: PlannerConfig, law: PullLaw | float, folder: Path) -> Plann
 
 
 def _sum_forces(env: VecEnv) -> torch.Tensor:
-    """Let every physics step add to the forces on the parts [world] that are returned, as means over control steps."""
+    """Let every physics step add to the forces on the parts that are returned: mean and maximum, shape [world 2]."""
     task, kernels = env.task, env.task.after_substep
-    force = wp.zeros(env.num_envs, dtype=float)
+    force = wp.zeros((env.num_envs, 2), dtype=float)
 
     def after_substep(state: object) -> None:
         kernels(state)

@@ -18,8 +18,8 @@ class PullConfig:
         end: distance from the goal that costs 1, root mean square from the end on [m].
         end_speed: speed that costs 1, likewise [m/s].
         knots: coefficients of the set-point's cubic B-spline.
-        shortest: time of the set-point's motion, at least [s].
-        longest: at most [s]; the same as `shortest` for a time that is given.
+        min_seconds: time of the set-point's motion, at least [s].
+        max_seconds: at most [s]; the same as `min_seconds` for a time that is given.
         beyond: how far past the goal the set-point may go [m].
         hold: for how long after its motion the part shall stay at the goal [s].
         rate: set-points a second [1/s], each for a step of physics.
@@ -32,8 +32,8 @@ class PullConfig:
     end: Positive
     end_speed: Positive
     knots: Count
-    shortest: Positive
-    longest: Positive
+    min_seconds: Positive
+    max_seconds: Positive
     beyond: NotNegative
     hold: Positive
     rate: Positive

@@ -1,8 +1,8 @@
 """What a pull costs: time, work, the greatest force, and what it misses of arriving at rest.
 
-The variables of a pull, all from 0 to 1: its time between the shortest and the longest, then the free coefficients of its set-point's
-B-spline, of the goal and `beyond`. The first two coefficients are 0 and the last two alike, so that the set-point starts and
-ends at rest.
+The variables of a pull, all from 0 to 1: its time between `min_seconds` and `max_seconds`, then the free coefficients of its
+set-point's B-spline, of the goal and `beyond`. The first two coefficients are 0 and the last two alike, so that the set-point
+starts and ends at rest.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from scipy.interpolate import BSpline
 
-from s2a.diff.hand_worlds import HandWorlds
+from s2a.diff.arm_worlds import ArmWorlds
 from s2a.diff.pull_config import PullConfig
 from s2a.diff.pulled import Pulled
 from s2a.planner.pull_law import PullLaw
@@ -26,6 +26,8 @@ SOON = 0.02
 """[s] In which the end's cost sets in."""
 LIMIT = 1.0e3
 """Cost of a mean square of 1 by which the set-point exceeds the arm's speed and acceleration, in units of them."""
+ROOM = 0.9
+"""Fraction of them that is used: along a bent joint path there are further terms."""
 SAMPLES = 200
 """Of a spline, where it is looked up."""
 
@@ -56,15 +58,17 @@ class PullLoss:
             device: cpu or cuda:0.
         """
         self._config, self._copies, self.variables, self.evaluations = config, copies, config.knots - 2, 0
-        low, high = (np.full(len(pulled), x) if seconds is None else seconds for x in (config.shortest, config.longest))
+        bounds = (config.min_seconds, config.max_seconds)
+        low, high = (np.full(len(pulled), x) if seconds is None else seconds for x in bounds)
         goal = np.array([each.goal for each in pulled])
-        hands = [each.hand for each in pulled]
-        columns = (low, high, goal, [h.speed for h in hands], [h.acceleration for h in hands])
-        self._low, self._high, self._goal, self._speed, self._acceleration = (
+        arms = [each.arm for each in pulled]
+        end = goal - [each.offset for each in pulled]
+        columns = (low, high, goal, end, [arm.speed for arm in arms], [arm.acceleration for arm in arms])
+        self._low, self._high, self._goal, self._end, self._speed, self._acceleration = (
             torch.tensor(np.repeat(np.asarray(x, float), copies)) for x in columns
         )
         steps = int(np.ceil((high.max() + config.hold) * config.rate))
-        self._worlds = HandWorlds([each for each in pulled for _ in range(copies)], steps, 1.0 / config.rate, device)
+        self._worlds = ArmWorlds([each for each in pulled for _ in range(copies)], steps, 1.0 / config.rate, device)
         self._begun = torch.arange(1, steps + 1, dtype=torch.float64)[:, None] / config.rate
         self._splines = tuple(torch.tensor(_basis(config.knots, order)) for order in range(3))
 
@@ -77,7 +81,7 @@ class PullLoss:
         moved = tuple(torch.tensor(y, requires_grad=True) for y in self._worlds.roll(setpoint.detach().numpy()))
         cost = self._cost(seconds, path, *moved)
         cost.sum().backward(retain_graph=True)
-        by = self._worlds.back(*(np.nan_to_num(y.grad.numpy()) for y in moved))
+        by = self._worlds.back(*(y.grad.numpy() for y in moved))
         setpoint.backward(torch.tensor(by))
         return cost.detach().numpy(), given.grad.numpy()
 
@@ -138,13 +142,13 @@ class PullLoss:
         """Return the costs, shape [point], of motions [step point]."""
         c, dt = self._config, self._worlds.dt
         after = torch.sigmoid((self._begun - dt - seconds) / SOON)
-        missed = ((opening - self._goal) / c.end) ** 2 + (speed / c.end_speed) ** 2
+        missed = ((opening - self._end) / c.end) ** 2 + (speed / c.end_speed) ** 2
         end = (after * missed).sum(dim=0) / after.sum(dim=0)
         work = torch.relu(force * speed).sum(dim=0) * dt
         scale = force.abs().amax(dim=0).detach().clamp(min=1e-6)
         peak = scale * ((force / scale).abs() ** NORM).mean(dim=0) ** (1.0 / NORM)
-        fast = (path @ self._splines[1].T) / (seconds * self._speed)[:, None]
-        hard = (path @ self._splines[2].T) / (seconds**2 * self._acceleration)[:, None]
+        fast = (path @ self._splines[1].T) / (seconds * ROOM * self._speed)[:, None]
+        hard = (path @ self._splines[2].T) / (seconds**2 * ROOM * self._acceleration)[:, None]
         over = sum((torch.relu(x.abs() - 1.0) ** 2).mean(dim=1) for x in (fast, hard))
         return c.time * seconds + c.energy * work + c.peak * peak + end + LIMIT * over
 

@@ -135,7 +135,7 @@ def plan(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Trajectory
 
 
 def planned_path(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> tuple[ToolPath, np.ndarray]:
-    """Return a task's tool path in a simulation's stage and the joint path [pose arm] that follows it; InputError: out of reach."""
+    """Return a task's tool path in a simulation's stage and a joint path [pose arm] that follows it; InputError: out of reach."""
     path = tool_path(sim.stage, config)
     paths = joint_paths(kinematics(sim.robot), sim.stage, path, config)
     return path, paths[most_clear(sim, paths, float(path.q[0]))]
@@ -173,14 +173,12 @@ def _trajectory(sim: Simulation, path: ToolPath, arm: np.ndarray, config: Planne
     # A finger target of zero presses the pads on the handle; where they stop is the handle's thickness.
     fingers = closing(spec.gripper, config.close_time, rate)
     pull, progress = _pull(sim, path, arm[path.grasp :], config)
-    reached: Progress = lambda time: np.minimum(progress(time), 1.0)  # set-points may pass the end, the part does not
     arms = np.concatenate([arm[:1], approach, np.tile(arm[path.grasp], (len(fingers), 1)), pull])
     before = np.full(1 + len(approach), spec.gripper.finger_joint_open)
     both = np.concatenate([before, fingers, np.zeros(len(pull))])[:, None]
     reach = reach_steps(np.array(spec.home), arm[0], config.start_noise, config.reach_time, limits, rate)
-    part = np.append(
-        np.full(len(arms) - len(pull), path.q[path.grasp]), sampled(path.q[path.grasp :, None], len(pull), reached)
-    )
+    moved = sampled(path.q[path.grasp :, None], len(pull), lambda time: np.minimum(progress(time), 1.0))
+    part = np.append(np.full(len(arms) - len(pull), path.q[path.grasp]), moved)
     return Trajectory(np.concatenate([arms, both, both], axis=1), part, reach, len(before) + len(fingers))
 
 

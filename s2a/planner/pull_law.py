@@ -1,4 +1,4 @@
-"""The time law of a pull: where the gripper's set-point is on its path, over time; what a file gives the planner for its own ease."""
+"""The time law of a pull: where the gripper's set-point is on its path, over time; the planner takes it for its own ease."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Joints that a robot's arm pulls, many at once, and the gradient of their motion by the set-points of the arm.
 
-A world holds one body on its joint, as in `s2a.diff.joint_worlds`, moved by the same solver against the same resistance. What pulls
-is an arm with a position controller (`s2a.planner.hand`): m a = F - d v - f(v) - k s, F = K(s) (u - s) - D(s) v - M(s) a.
+A world holds one body on its joint, as in `s2a.diff.joint_worlds`, moved by the same solver against the same resistance. What
+pulls is an arm with a position controller (`s2a.planner.arm`): m a = F - d v - f(v) - k s, F = K(s) (u - s) - D(s) v - M(s) a.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import newton
 import numpy as np
 import warp as wp
 
-from s2a.diff.hand_kernels import Hands, Motion, pull
+from s2a.diff.arm_kernels import Arms, Motion, pull
 from s2a.diff.joint_worlds import joint_model
 from s2a.diff.pulled import Pulled
 
 
-class HandWorlds:
+class ArmWorlds:
     """Parts that arms pull, a world each, all at rest and closed at first.
 
     Attributes:
@@ -31,7 +31,7 @@ class HandWorlds:
             self._model = joint_model([each.body for each in pulled], device)
             # As in JointWorlds: made once, the mass matrix is in the tape once.
             self._solver = newton.solvers.SolverFeatherstone(self._model, update_mass_matrix_interval=2**31)
-            self._hands, self._moved = _hands(pulled), Motion()
+            self._arms, self._moved = _arms(pulled), Motion()
             for name in ("opening", "speed", "force"):
                 setattr(self._moved, name, wp.zeros(shape, dtype=float, requires_grad=True))
             self._setpoint = wp.zeros(shape, dtype=float, requires_grad=True)
@@ -70,24 +70,24 @@ class HandWorlds:
         with wp.ScopedDevice(self._model.device):
             for step, control in enumerate(self._controls):
                 before, after = self._states[step], self._states[step + 1]
-                inputs = [self._hands, self._setpoint, step, self.dt, before.joint_q, before.joint_qd, control.joint_f]
+                inputs = [self._arms, self._setpoint, step, self.dt, before.joint_q, before.joint_qd, control.joint_f]
                 wp.launch(pull, dim=self._model.world_count, inputs=[*inputs, self._moved])
                 self._solver.step(before, after, control, None, self.dt)
 
 
-def _hands(pulled: Sequence[Pulled]) -> Hands:
+def _arms(pulled: Sequence[Pulled]) -> Arms:
     """Return bodies and arms as arrays; the arms at as many even places as the most have."""
-    bodies, hands, h = [each.body for each in pulled], [each.hand for each in pulled], Hands()
-    count = max(len(hand.path) for hand in hands)
+    bodies, arms, h = [each.body for each in pulled], [each.arm for each in pulled], Arms()
+    count = max(len(arm.path) for arm in arms)
     rows = []
-    for hand in hands:
-        even = np.linspace(0.0, hand.path[-1], count)
-        rows.append([np.interp(even, hand.path, row) for row in (hand.stiffness, hand.damping, hand.mass)])
+    for arm in arms:
+        even = np.linspace(0.0, arm.path[-1], count)
+        rows.append([np.interp(even, arm.path, row) for row in (arm.stiffness, arm.damping, arm.mass)])
     h.lever = wp.array([body.lever for body in bodies], dtype=float)
     h.inertia = wp.array([body.inertia for body in bodies], dtype=float)
     h.turns = wp.array([float(body.joint.kind == "revolute") for body in bodies], dtype=float)
     h.gravity = wp.array([body.gravity for body in bodies], dtype=wp.vec2)
     h.dynamics = wp.array(np.array([each.dynamics for each in pulled]), dtype=float)
     h.arm = wp.array(np.array(rows).transpose(0, 2, 1), dtype=wp.vec3)
-    h.spacing = wp.array([hand.path[-1] / (count - 1) for hand in hands], dtype=float)
+    h.spacing = wp.array([arm.path[-1] / (count - 1) for arm in arms], dtype=float)
     return h

@@ -17,7 +17,7 @@ STEP = 1e-5
 
 
 @dataclass(frozen=True)
-class Hand:
+class Arm:
     """A mass on a spring and a damper: K (u - s) - D v - M a, u being the set-point's path and s the grasp point's.
 
     Across the path the handle leaves the arm free, as a grip by friction on a bar nearly does: K, D and M are those of the tool
@@ -40,7 +40,7 @@ class Hand:
     acceleration: float
 
 
-def hand_along(sim: Simulation, path: ToolPath, arm: np.ndarray) -> Hand:
+def arm_along(sim: Simulation, path: ToolPath, arm: np.ndarray) -> Arm:
     """Return what pulls along a joint path [pose arm] that follows a tool path, from its grasp on."""
     joints, poses = arm[path.grasp :], path.poses[path.grasp :, :3, 3]
     along = np.abs(path.q[path.grasp :] - path.q[path.grasp]) * sim.stage.lever_arm
@@ -51,7 +51,7 @@ def hand_along(sim: Simulation, path: ToolPath, arm: np.ndarray) -> Hand:
     gains, limits = sim.config.gains or sim.robot.gains, sim.plan_limits
     mobility = np.array([row @ np.linalg.solve(_mass_matrix(sim, q), row) for row, q in zip(pull, joints, strict=True)])
     compliance, rate = (pull**2).sum(axis=1), np.abs(np.gradient(joints, along, axis=0)).max(axis=0)
-    return Hand(
+    return Arm(
         path=along,
         stiffness=gains.arm_stiffness / compliance,
         damping=gains.arm_damping / compliance,

@@ -1,4 +1,4 @@
-"""What moves joints that an arm pulls: kernels of `s2a.diff.hand_worlds`."""
+"""What moves joints that an arm pulls: kernels of `s2a.diff.arm_worlds`."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import warp as wp
@@ -10,7 +10,7 @@ STOP = wp.constant(2.0e4)
 
 
 @wp.struct
-class Hands:
+class Arms:
     """Bodies on their joints and the arms that pull them, a world each; all at the grasp point, s its path [m].
 
     Attributes:
@@ -39,7 +39,7 @@ class Motion:
     Attributes:
         opening: at the beginning of a step [m], shape [step world].
         speed: at its end [m/s], shape [step world].
-        force: of the hand on the handle, along the path [N], shape [step world].
+        force: of the gripper on the handle, along the path [N], shape [step world].
     """
 
     opening: wp.array2d(dtype=float)
@@ -48,7 +48,7 @@ class Motion:
 
 
 @wp.func
-def arm_at(h: Hands, world: int, s: float):
+def arm_at(h: Arms, world: int, s: float):
     """Return stiffness, damping and mass of the arm where the grasp point is."""
     last = h.arm.shape[1] - 2
     at = wp.clamp(s / h.spacing[world], 0.0, float(last + 1))
@@ -58,7 +58,7 @@ def arm_at(h: Hands, world: int, s: float):
 
 @wp.kernel
 def pull(
-    h: Hands,
+    h: Arms,
     setpoint: wp.array2d(dtype=float),
     step: int,
     dt: float,

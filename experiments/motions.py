@@ -17,7 +17,7 @@ import argparse
 import json
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -33,13 +33,12 @@ from s2a.diff.identify import Dynamics
 from s2a.diff.moving_body import moving
 from s2a.diff.pull_config import PullConfig
 from s2a.diff.pull_loss import PullLoss
-from s2a.diff.pull_optimize import Optimum, follow, optima, optimize
+from s2a.diff.pull_optimize import Optimum, optima, optimize
 from s2a.diff.pulled import Pulled, pulled
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
 from s2a.planner.motion import plan, planned_path
 from s2a.planner.pull_law import PullLaw
-from s2a.planner.trajectory import eased
 from s2a.provenance import provenance
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, read_stage
@@ -61,9 +60,10 @@ SPARE = 2
 """Of each kind, parts that are optimised beyond those asked for, in the place of those that the planner does not open."""
 LAG = 0.45
 """[s] After its set-point a part that is pulled with the planner's ease arrives, about."""
-CURVES = ("planner", "gradient_same_time", "gradient_free_time")
-CLOSE = 0.05
-"""By which CMA-ES may cost more than the gradient's and counts as good: that of half a newton, or of 50 ms."""
+REPEATED = ("gradient_same_time", "gradient_free_time")
+CURVES = ("planner", *REPEATED)
+CLOSE = 1.05
+"""Times the gradient's cost, below which CMA-ES has found as good a pull."""
 
 
 def main() -> None:
@@ -74,7 +74,7 @@ def main() -> None:
     parser.add_argument("--more", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--corrected", action="store_true", help="correct the pulls of --out by earlier ones")
+    parser.add_argument("--corrected", action="store_true", help="repeat pulls of --out that missed")
     given = parser.parse_args()
     pulls = config.load(PullConfig, config.compose("pull/default")["pull"])
     if given.corrected:
@@ -103,44 +103,47 @@ def write(file: Path, about: dict[str, Any], rows: Sequence[dict[str, Any]]) -> 
 
 
 def corrected(given: argparse.Namespace, pulls: PullConfig) -> None:
-    """Optimise and replay the pulls of a file again, by what earlier pulls of the same part missed.
+    """Repeat the gradient's pulls of a file that missed by more than END, optimised for what they missed: `*_again`.
 
-    `*_corrected`: by what the planner's own pull missed of its prediction; `*_again`: by what the same pull missed the first time.
+    Where the first pull was good it counts.
     """
-    found = json.loads(given.out.read_text())
-    rows = found.pop("rows")
+    about = json.loads(given.out.read_text())
+    rows = about.pop("rows")
+    about.pop("figures")
+    for row in rows:
+        for name in REPEATED:
+            first = row["pulls"][name]
+            row["pulls"][f"{name}_again"] = {key: first[key] for key in first if key not in ("opening", "force")}
+    missed = [row for row in rows if any(abs(row["pulls"][name]["end_mm"]) > 1e3 * END for name in REPEATED)]
     with tempfile.TemporaryDirectory() as folder:
-        all_parts = {part["part"]: part for part in planned(given, Path(folder))[0]}
-        parts = [all_parts[row["part"]] for row in rows]
-        targets, own = [part["pulled"] for part in parts], np.array([part["seconds"] for part in parts])
-        at = np.linspace(0.0, 1.0, 200)
-        eases = [PullLaw(t, tuple(x.goal * eased(at)), x.goal) for t, x in zip(own.tolist(), targets, strict=True)]
-        ends = follow(targets, eases, own.max() + HOLD, pulls.rate)[-1]
-        earlier = [row["pulls"]["planner"]["opened"] * row["goal"] - end for row, end in zip(rows, ends, strict=True)]
-        missed = [1e-3 * row["pulls"]["gradient_free_time"]["later_mm"] for row in rows]
-        runs = {
-            "gradient_same_time_corrected": (earlier, own),
-            "gradient_free_time_corrected": (earlier, None),
-            "gradient_free_time_again": (missed, None),
-        }
-        optimised = {}
-        for name, (offsets, seconds) in runs.items():
-            known = [replace(x, offset=float(offset)) for x, offset in zip(targets, offsets, strict=True)]
-            optimised[name] = optimize(known, pulls, seconds)[0]
-        for i, (row, part) in enumerate(zip(rows, parts, strict=True)):
-            laws = {name: each[i].law for name, each in optimised.items()}
-            replays = replay(part["stage"], settings_of(part["stage"]), list(laws.values()), HOLD, given.seed)
+        names = {row["part"] for row in missed}
+        parts = {part["part"]: part for part in planned(given, Path(folder), names)[0]}
+        ordered = [parts[row["part"]] for row in missed]
+        laws = {}
+        for name in REPEATED:
+            offsets = [1e-3 * row["pulls"][name]["later_mm"] for row in missed]
+            known = [replace(part["pulled"], offset=off) for part, off in zip(ordered, offsets, strict=True)]
+            seconds = np.array([part["seconds"] for part in ordered]) if name == REPEATED[0] else None
+            laws[name] = [found.law for found in optimize(known, pulls, seconds)[0]]
+        for i, (row, part) in enumerate(zip(missed, ordered, strict=True)):
+            of_part = [each[i] for each in laws.values()]
+            replays = replay(part["stage"], settings_of(part["stage"]), of_part, HOLD, given.seed)
             for name, motion in zip(laws, replays, strict=True):
-                row["pulls"][name] = figures(motion, row["goal"]) | {"offset_mm": 1e3 * runs[name][0][i]}
-            print(row["part"], {name: round(row["pulls"][name]["end_mm"], 2) for name in laws}, flush=True)
-    write(given.out, {key: value for key, value in found.items() if key != "figures"}, rows)
+                if abs(row["pulls"][name]["end_mm"]) > 1e3 * END:
+                    row["pulls"][f"{name}_again"] = figures(motion, row["goal"]) | {"repeated": True}
+            print(row["part"], {name: round(row["pulls"][f"{name}_again"]["end_mm"], 2) for name in laws}, flush=True)
+    write(given.out, about, rows)
 
 
-def planned(given: argparse.Namespace, folder: Path) -> tuple[list[dict[str, Any]], dict[str, str]]:
-    """Return the first parts drawn, SPARE more of each kind than asked for, and why others were skipped."""
+def planned(
+    given: argparse.Namespace, folder: Path, only: Container[str] | None = None
+) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Return the first parts drawn, SPARE more of each kind than asked for, and why others were skipped; or `only` those."""
     parts, skipped = [], {}
     for name, kind, stage, identified in drawn(given.rooms, given.seed, folder):
-        if sum(part["kind"] == kind for part in parts) >= given.joints / 2 + SPARE:
+        if sum(part["kind"] == kind for part in parts) >= given.joints / 2 + SPARE or not (
+            only is None or name in only
+        ):
             continue
         settings = settings_of(stage)
         try:
@@ -210,7 +213,7 @@ def evolve(
     costs: np.ndarray,
     seed: int,
 ) -> tuple[list[Optimum], list[int | None]]:
-    """Return what CMA-ES finds of each part in so many evaluations, and in how many it comes within CLOSE of given costs.
+    """Return what CMA-ES finds of each part in so many evaluations, and in how many it finds CLOSE times given costs.
 
     The latter in `more` times as many at most, None: in none of them. Gradient and CMA-ES start at the planner's own ease.
     """
@@ -228,7 +231,7 @@ def evolve(
                 best[i] = values[i].min()
                 if (generation + 1) * POPULATION <= evaluations + POPULATION // 2:
                     found[i] = points[i][values[i].argmin()]
-            if needed[i] is None and best[i] <= costs[i] + CLOSE:
+            if needed[i] is None and best[i] <= CLOSE * costs[i]:
                 needed[i] = (generation + 1) * POPULATION
         if None not in needed and generation * POPULATION > evaluations:
             break

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.diff.arm_worlds import ArmWorlds
 from s2a.diff.pull_config import PullConfig
 from s2a.diff.pull_loss import PullLoss
 from s2a.diff.pulled import Pulled
@@ -58,11 +57,3 @@ def optima(loss: PullLoss, points: np.ndarray) -> list[Optimum]:
         Optimum(law, float(cost), *(x[:, i] for x in moved))
         for i, (law, cost) in enumerate(zip(loss.laws(points), costs, strict=True))
     ]
-
-
-def follow(pulled: Sequence[Pulled], laws: Sequence[PullLaw], seconds: float, rate: float) -> np.ndarray:
-    """Return the openings [m] that the model predicts of parts that are pulled by given laws, shape [step part]."""
-    steps = round(seconds * rate)
-    at = np.arange(1, steps + 1) / rate
-    setpoints = np.stack([law.at(at / law.seconds) for law in laws], axis=1)
-    return ArmWorlds(pulled, steps, 1.0 / rate).roll(setpoints, gradient=False)[0]

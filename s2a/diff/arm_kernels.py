@@ -33,7 +33,7 @@ class Arms:
 
 
 @wp.struct
-class Motion:
+class Rolled:
     """How the worlds moved.
 
     Attributes:
@@ -65,7 +65,7 @@ def pull(
     joint_q: wp.array(dtype=float),
     joint_qd: wp.array(dtype=float),
     joint_f: wp.array(dtype=float),
-    moved: Motion,
+    moved: Rolled,
 ):
     """Set the joint's force of a physics step in which the arm pulls the part to a set-point, and keep how both move.
 

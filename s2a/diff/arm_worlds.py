@@ -12,7 +12,7 @@ import newton
 import numpy as np
 import warp as wp
 
-from s2a.diff.arm_kernels import Arms, Motion, pull
+from s2a.diff.arm_kernels import Arms, Rolled, pull
 from s2a.diff.joint_worlds import joint_model
 from s2a.diff.pulled import Pulled
 
@@ -31,7 +31,7 @@ class ArmWorlds:
             self._model = joint_model([each.body for each in pulled], device)
             # As in JointWorlds: made once, the mass matrix is in the tape once.
             self._solver = newton.solvers.SolverFeatherstone(self._model, update_mass_matrix_interval=2**31)
-            self._arms, self._moved = _arms(pulled), Motion()
+            self._arms, self._moved = _arms(pulled), Rolled()
             for name in ("opening", "speed", "force"):
                 setattr(self._moved, name, wp.zeros(shape, dtype=float, requires_grad=True))
             self._setpoint = wp.zeros(shape, dtype=float, requires_grad=True)

@@ -38,6 +38,7 @@ COMMANDS = {
     "convert": "write a simulation-ready stage as MJCF or URDF, for other simulators",
     "certify": "validate a simulation-ready stage; exit with 1 if a check fails",
     "identify": "find mass, friction, damping and spring of a joint from recorded pulls",
+    "optimize": "find the best time law with which an arm pulls a part, by gradient",
     "train": "train a policy by reinforcement learning (PPO)",
     "evaluate": "measure the success of a policy or of the planner",
     "zoo": "write a hundred labelled objects, as untidy as downloads, to insert",

@@ -43,7 +43,7 @@ class JointWorlds:
         self._substeps = max(1, int(np.ceil(step * RATE - 1e-6)))
         self._dt = step / self._substeps
         with wp.ScopedDevice(device):
-            self._model = _model([bodies[i] for i in owner], device)
+            self._model = joint_model([bodies[i] for i in owner], device)
             # A joint's inertia never changes; made once it is in the tape once, as the solver's one buffer demands.
             self._solver = newton.solvers.SolverFeatherstone(self._model, update_mass_matrix_interval=2**31)
             self._record = _record(bodies, [pull for own in pulls for pull in own], owner, step, noise)
@@ -103,7 +103,7 @@ class JointWorlds:
         wp.launch(kernel, dim=self._model.world_count, inputs=[self._record, *inputs])
 
 
-def _model(bodies: Sequence[Moving], device: str) -> newton.Model:
+def joint_model(bodies: Sequence[Moving], device: str) -> newton.Model:
     """Return a model with a world for each body."""
     builder = newton.ModelBuilder()
     for body in bodies:

@@ -6,9 +6,11 @@ The grip is friction alone; nothing is attached.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -16,8 +18,9 @@ import torch
 from s2a.env.starts import Demonstration
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
+from s2a.planner import pull_law
 from s2a.planner.collision import most_clear
-from s2a.planner.trajectory import Trajectory, closing, eased, reach_steps, sampled, timed
+from s2a.planner.trajectory import Progress, Trajectory, closing, eased, reach_steps, sampled, timed
 from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import Kinematics, kinematics
@@ -45,6 +48,7 @@ class PlannerConfig:
         approach_time: from there to the grasp [s].
         close_time: for the fingers to close [s].
         pull_time: to move the part along its joint by `opening` [s].
+        pull_law: file of s2a optimize with a time law of that motion, in the place of `pull_time` and the planner's own; or null.
         seed: of the IK starts.
     """
 
@@ -57,11 +61,14 @@ class PlannerConfig:
     approach_time: Positive
     close_time: Positive
     pull_time: Positive
+    pull_law: Path | None
     seed: CountFromZero
 
 
 MARGIN = 0.002
 """[m] Between a finger and the handle, whose hull may bulge by so much, where an episode starts in the grip."""
+SAME_GOAL = 1e-3
+"""[m] By which the goal of a pull law may be off the end of the path."""
 BEHIND = 3.0
 """Steps at full velocity that a joint target may be behind the trajectory before this waits for it."""
 
@@ -124,9 +131,14 @@ def demonstration(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> D
 
 def plan(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Trajectory:
     """Return the trajectory that does a task in a simulation's stage; InputError: out of reach."""
+    return _trajectory(sim, *planned_path(sim, config, tool_path), config)
+
+
+def planned_path(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> tuple[ToolPath, np.ndarray]:
+    """Return a task's tool path in a simulation's stage and a joint path [pose arm] that follows it; InputError: out of reach."""
     path = tool_path(sim.stage, config)
     paths = joint_paths(kinematics(sim.robot), sim.stage, path, config)
-    return _trajectory(sim, path, paths[most_clear(sim, paths, float(path.q[0]))], config)
+    return path, paths[most_clear(sim, paths, float(path.q[0]))]
 
 
 def _rate(sim: Simulation) -> float:
@@ -160,10 +172,30 @@ def _trajectory(sim: Simulation, path: ToolPath, arm: np.ndarray, config: Planne
     approach = timed(arm[: path.grasp + 1], config.approach_time, limits, rate)
     # A finger target of zero presses the pads on the handle; where they stop is the handle's thickness.
     fingers = closing(spec.gripper, config.close_time, rate)
-    pull = timed(arm[path.grasp :], config.pull_time, limits, rate)
+    pull, progress = _pull(sim, path, arm[path.grasp :], config)
     arms = np.concatenate([arm[:1], approach, np.tile(arm[path.grasp], (len(fingers), 1)), pull])
     before = np.full(1 + len(approach), spec.gripper.finger_joint_open)
     both = np.concatenate([before, fingers, np.zeros(len(pull))])[:, None]
     reach = reach_steps(np.array(spec.home), arm[0], config.start_noise, config.reach_time, limits, rate)
-    part = np.append(np.full(len(arms) - len(pull), path.q[path.grasp]), sampled(path.q[path.grasp :, None], len(pull)))
+    moved = sampled(path.q[path.grasp :, None], len(pull), lambda time: np.minimum(progress(time), 1.0))
+    part = np.append(np.full(len(arms) - len(pull), path.q[path.grasp]), moved)
     return Trajectory(np.concatenate([arms, both, both], axis=1), part, reach, len(before) + len(fingers))
+
+
+def _pull(sim: Simulation, path: ToolPath, arm: np.ndarray, config: PlannerConfig) -> tuple[np.ndarray, Progress]:
+    """Return the targets of a pull along a joint path [pose arm], and their progress in time: the planner's own, or a law's."""
+    limits, rate = sim.plan_limits, _rate(sim)
+    if config.pull_law is None:
+        return timed(arm, config.pull_time, limits, rate), eased
+    law = pull_law.read(config.pull_law)
+    length = abs(float(path.q[-1] - path.q[path.grasp])) * sim.stage.lever_arm
+    if abs(length - law.goal) > SAME_GOAL:
+        raise InputError(
+            f"{config.pull_law}: a law for a pull of {law.goal:.3f} m; this one is {length:.3f} m long; give planner.opening, "
+            "or make a law for this part"
+        )
+    targets = timed(arm, law.seconds, limits, rate, law.progress)
+    if len(targets) > math.ceil(law.seconds * rate):
+        text = "%s: the robot's limits stretch the pull from %.2f to %.2f s"
+        _log.warning(text, config.pull_law, law.seconds, len(targets) / rate)
+    return targets, law.progress

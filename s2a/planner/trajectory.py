@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,8 @@ from scipy.interpolate import CubicSpline
 
 from s2a.robot.spec import GripperSpec, JointLimits
 
+Progress = Callable[[np.ndarray], np.ndarray]
+"""Time from 0 to 1 -> how far along a path, 1 at its end; beyond it where above."""
 USED = 0.8
 """Largest fraction of a limit that is planned with; the rest is for the controller."""
 EASE = 0.25
@@ -44,7 +47,9 @@ def eased(time: np.ndarray) -> np.ndarray:
     return np.where(t <= 0.5, before, 1.0 - before)
 
 
-def timed(path: np.ndarray, duration: float, limits: JointLimits, rate: float) -> np.ndarray:
+def timed(
+    path: np.ndarray, duration: float, limits: JointLimits, rate: float, progress: Progress = eased
+) -> np.ndarray:
     """Return targets [step arm] along a joint path [pose arm], at rest at both ends, without its first pose.
 
     Args:
@@ -52,11 +57,12 @@ def timed(path: np.ndarray, duration: float, limits: JointLimits, rate: float) -
         duration: at least [s]; more where a limit demands it.
         limits: of the joints.
         rate: steps a second.
+        progress: in time.
     """
     steps = max(2, math.ceil(duration * rate))
     for _ in range(3):
-        targets = sampled(path, steps)
-        used = limit_use(np.concatenate([path[:1], targets, path[-1:]]), limits, rate)
+        targets = sampled(path, steps, progress)
+        used = limit_use(np.concatenate([path[:1], targets, targets[-1:]]), limits, rate)
         if used <= 1.0:
             break
         steps = math.ceil(steps * used) + 1
@@ -100,7 +106,7 @@ def closing(gripper: GripperSpec, duration: float, rate: float) -> np.ndarray:
     return gripper.finger_joint_open * (1.0 - progress)
 
 
-def sampled(path: np.ndarray, steps: int) -> np.ndarray:
-    """Return a path [pose column] in eased steps, without its first pose."""
+def sampled(path: np.ndarray, steps: int, progress: Progress = eased) -> np.ndarray:
+    """Return a path [pose column] in steps, without its first pose."""
     spline = CubicSpline(np.arange(len(path)), path)
-    return spline((len(path) - 1) * eased(np.arange(1, steps + 1) / steps))
+    return spline((len(path) - 1) * progress(np.arange(1, steps + 1) / steps))

@@ -32,6 +32,7 @@ COMMANDS = {
     ],
     "prepare": ["stage={inputs}/room.usd", "targets=drawer_6", "out={out}/sim.usd"],
     "identify": ["stage={inputs}/sim.usda", "pulls=[{inputs}/pull.csv]", "noise.force=0.{n}5", "out={out}/identified.usda"],
+    "optimize": ["stage={inputs}/sim.usda", "pull.rounds=3", "pull.time=0.{n}5", "out={out}/law.json"],
     "convert": ["stage={inputs}/sim.usda", "out={out}/mjcf"],
     "certify": ["stage={inputs}/sim.usda", "out={out}/validation", "stamp=false", "certify.motion.poses=4{n}"],
     "evaluate": ["stage={inputs}/sim.usda", "num_envs=2", "seed={n}", "out={out}/planner.json", "images={out}"],

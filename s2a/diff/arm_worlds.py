@@ -1,0 +1,93 @@
+"""Joints that a robot's arm pulls, many at once, and the gradient of their motion by the set-points of the arm.
+
+A world holds one body on its joint, as in `s2a.diff.joint_worlds`, moved by the same solver against the same resistance. What
+pulls is an arm with a position controller (`s2a.planner.arm`): m a = F - d v - f(v) - k s, F = K(s) (u - s) - D(s) v - M(s) a.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import newton
+import numpy as np
+import warp as wp
+
+from s2a.diff.arm_kernels import Arms, Rolled, pull
+from s2a.diff.joint_worlds import joint_model
+from s2a.diff.pulled import Pulled
+
+
+class ArmWorlds:
+    """Parts that arms pull, a world each, all at rest and closed at first.
+
+    Attributes:
+        dt: length of a physics step, which has one set-point [s].
+    """
+
+    def __init__(self, pulled: Sequence[Pulled], steps: int, dt: float, device: str = "cpu") -> None:
+        """Build a world for each part, for motions of so many steps."""
+        self.dt, self._steps, shape = dt, steps, (steps, len(pulled))
+        with wp.ScopedDevice(device):
+            self._model = joint_model([each.body for each in pulled], device)
+            # As in JointWorlds: made once, the mass matrix is in the tape once.
+            self._solver = newton.solvers.SolverFeatherstone(self._model, update_mass_matrix_interval=2**31)
+            self._arms, self._moved = _arms(pulled), Rolled()
+            for name in ("opening", "speed", "force"):
+                setattr(self._moved, name, wp.zeros(shape, dtype=float, requires_grad=True))
+            self._setpoint = wp.zeros(shape, dtype=float, requires_grad=True)
+            self._states = [self._model.state(requires_grad=True) for _ in range(steps + 1)]
+            self._states[0].joint_q.zero_()
+            self._controls = [self._model.control() for _ in range(steps)]
+        self._tape = wp.Tape()
+
+    def roll(self, setpoint: np.ndarray, gradient: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return opening [m] and speed [m/s] of the parts and force on their handles [N], shape [step world] each.
+
+        Args:
+            setpoint: path of the arm's set-point [m], shape [step world].
+            gradient: keep what `back` needs.
+        """
+        self._setpoint.assign(setpoint.astype(np.float32))
+        self._solver._step = 0  # the mass matrix is made in the first step, which the tape has to see
+        self._tape = wp.Tape()
+        if gradient:
+            with self._tape:
+                self._move()
+        else:
+            self._move()
+        return tuple(x.numpy().astype(float) for x in (self._moved.opening, self._moved.speed, self._moved.force))
+
+    def back(self, opening: np.ndarray, speed: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Return the derivative of a loss by the set-points, shape [step world], from those by what `roll` returned last."""
+        given = zip((self._moved.opening, self._moved.speed, self._moved.force), (opening, speed, force), strict=True)
+        device = self._model.device
+        self._tape.backward(grads={x: wp.array(by.astype(np.float32), dtype=float, device=device) for x, by in given})
+        found = self._setpoint.grad.numpy().astype(float)
+        self._tape.zero()
+        return found
+
+    def _move(self) -> None:
+        with wp.ScopedDevice(self._model.device):
+            for step, control in enumerate(self._controls):
+                before, after = self._states[step], self._states[step + 1]
+                inputs = [self._arms, self._setpoint, step, self.dt, before.joint_q, before.joint_qd, control.joint_f]
+                wp.launch(pull, dim=self._model.world_count, inputs=[*inputs, self._moved])
+                self._solver.step(before, after, control, None, self.dt)
+
+
+def _arms(pulled: Sequence[Pulled]) -> Arms:
+    """Return bodies and arms as arrays; the arms at as many even places as the most have."""
+    bodies, arms, h = [each.body for each in pulled], [each.arm for each in pulled], Arms()
+    count = max(len(arm.path) for arm in arms)
+    rows = []
+    for arm in arms:
+        even = np.linspace(0.0, arm.path[-1], count)
+        rows.append([np.interp(even, arm.path, row) for row in (arm.stiffness, arm.damping, arm.mass)])
+    h.lever = wp.array([body.lever for body in bodies], dtype=float)
+    h.inertia = wp.array([body.inertia for body in bodies], dtype=float)
+    h.turns = wp.array([float(body.joint.kind == "revolute") for body in bodies], dtype=float)
+    h.gravity = wp.array([body.gravity for body in bodies], dtype=wp.vec2)
+    h.dynamics = wp.array(np.array([each.dynamics for each in pulled]), dtype=float)
+    h.arm = wp.array(np.array(rows).transpose(0, 2, 1), dtype=wp.vec3)
+    h.spacing = wp.array([arm.path[-1] / (count - 1) for arm in arms], dtype=float)
+    return h

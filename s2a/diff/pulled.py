@@ -1,0 +1,46 @@
+"""A part, what resists it, and the arm that pulls it, as a simulation has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2a.diff.moving_body import Moving, moving
+from s2a.planner.arm import Arm, arm_along
+from s2a.robot.tool_path import ToolPath
+from s2a.sim.simulation import Simulation
+
+
+@dataclass(frozen=True)
+class Pulled:
+    """A part and the arm that pulls it.
+
+    Attributes:
+        body: with the stage's mass.
+        dynamics: what resists at its grasp point, as joint_kernels.PARAMETERS name it.
+        arm: the arm along the part's path.
+        offset: how much farther than predicted an earlier pull of the part ended [m]: a grip off the handle's middle bends the
+            arm.
+    """
+
+    body: Moving
+    dynamics: tuple[float, float, float, float, float]
+    arm: Arm
+    offset: float = 0.0
+
+    @property
+    def goal(self) -> float:
+        """Where the part shall stand [m]."""
+        return float(self.arm.path[-1])
+
+
+def pulled(sim: Simulation, path: ToolPath, arm: np.ndarray, offset: float = 0.0) -> Pulled:
+    """Return the target of a simulation's stage, of which a joint path [pose arm] follows a tool path.
+
+    Its dynamics are the simulation's own: those identified where the stage has them, which know no breakaway.
+    """
+    stage, config = sim.stage, sim.config.joint
+    part, body = stage.room.articulations[stage.target], moving(stage.room, stage.target)
+    damping, spring = (x / body.lever**2 for x in (config.joint_damping(part), config.joint_stiffness(part)))
+    return Pulled(body, (1.0, damping, part.friction / abs(body.lever), 0.0, spring), arm_along(sim, path, arm), offset)

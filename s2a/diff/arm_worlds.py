@@ -38,33 +38,43 @@ class ArmWorlds:
             self._states = [self._model.state(requires_grad=True) for _ in range(steps + 1)]
             self._states[0].joint_q.zero_()
             self._controls = [self._model.control() for _ in range(steps)]
-        self._tape = wp.Tape()
+            self._by = [wp.zeros(shape, dtype=float) for _ in range(3)]
+            self._gradient = wp.zeros(shape, dtype=float)
+            self._back(self._forth())  # loads every kernel, which capture forbids
+            with wp.ScopedCapture() as forth:
+                tape = self._forth()
+            with wp.ScopedCapture() as back:
+                self._back(tape)
+        self._graphs = forth.graph, back.graph
 
-    def roll(self, setpoint: np.ndarray, gradient: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def roll(self, setpoint: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return opening [m] and speed [m/s] of the parts and force on their handles [N], shape [step world] each.
 
         Args:
             setpoint: path of the arm's set-point [m], shape [step world].
-            gradient: keep what `back` needs.
         """
         self._setpoint.assign(setpoint.astype(np.float32))
-        self._solver._step = 0  # the mass matrix is made in the first step, which the tape has to see
-        self._tape = wp.Tape()
-        if gradient:
-            with self._tape:
-                self._move()
-        else:
-            self._move()
+        wp.capture_launch(self._graphs[0])
         return tuple(x.numpy().astype(float) for x in (self._moved.opening, self._moved.speed, self._moved.force))
 
     def back(self, opening: np.ndarray, speed: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Return the derivative of a loss by the set-points, shape [step world], from those by what `roll` returned last."""
-        given = zip((self._moved.opening, self._moved.speed, self._moved.force), (opening, speed, force), strict=True)
-        device = self._model.device
-        self._tape.backward(grads={x: wp.array(by.astype(np.float32), dtype=float, device=device) for x, by in given})
-        found = self._setpoint.grad.numpy().astype(float)
-        self._tape.zero()
-        return found
+        for array, given in zip(self._by, (opening, speed, force), strict=True):
+            array.assign(given.astype(np.float32))
+        wp.capture_launch(self._graphs[1])
+        return self._gradient.numpy().astype(float)
+
+    def _forth(self) -> wp.Tape:
+        self._solver._step = 0  # the mass matrix is made in the first step, which the tape has to see
+        with wp.Tape() as tape:
+            self._move()
+        return tape
+
+    def _back(self, tape: wp.Tape) -> None:
+        moved = self._moved
+        tape.backward(grads=dict(zip((moved.opening, moved.speed, moved.force), self._by, strict=True)))
+        wp.copy(self._gradient, self._setpoint.grad)
+        tape.zero()
 
     def _move(self) -> None:
         with wp.ScopedDevice(self._model.device):

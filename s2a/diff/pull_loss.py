@@ -89,13 +89,13 @@ class PullLoss:
         """Return costs alone, shape [point], at points [point variable]."""
         with torch.no_grad():
             seconds, path = self._law(torch.tensor(x))
-            moved = self._worlds.roll(self._setpoints(seconds, path).numpy(), gradient=False)
+            moved = self._worlds.roll(self._setpoints(seconds, path).numpy())
             return self._cost(seconds, path, *map(torch.tensor, moved)).numpy()
 
     def motions(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return openings [m], speeds [m/s] and forces [N] that the model predicts, shape [step point] each."""
         with torch.no_grad():
-            return self._worlds.roll(self._setpoints(*self._law(torch.tensor(x))).numpy(), gradient=False)
+            return self._worlds.roll(self._setpoints(*self._law(torch.tensor(x))).numpy())
 
     def start(self) -> np.ndarray:
         """Return the point that is the planner's own ease to the goal, shape [point variable], in the middle of its times."""

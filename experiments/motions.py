@@ -17,37 +17,26 @@ import argparse
 import json
 import tempfile
 import time
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import cma
 import numpy as np
+from motion_parts import planned, settings_of
 from replayed import Replay, replay
 
 from s2a import config
-from s2a.commands.evaluate import Config
-from s2a.commands.identify import write_layer
-from s2a.diff.identify import Dynamics
-from s2a.diff.moving_body import moving
 from s2a.diff.pull_config import PullConfig
 from s2a.diff.pull_loss import PullLoss
 from s2a.diff.pull_optimize import Optimum, optima, optimize
-from s2a.diff.pulled import Pulled, pulled
-from s2a.errors import InputError
+from s2a.diff.pulled import Pulled
 from s2a.outputs import atomic_write
-from s2a.planner.motion import plan, planned_path
 from s2a.planner.pull_law import PullLaw
 from s2a.provenance import provenance
-from s2a.sim.simulation import Simulation
-from s2a.sim.world import SimStage, read_stage
-from s2a.tasks.open_part.skill import tool_path
-from s2a.usd import sim_stage
 
 RESULTS = Path(__file__).parent / "results/motions.json"
-LOW, HIGH = (0.5, 1.0, 0.5, 1.0), (2.0, 15.0, 5.0, 20.0)
-"""Of mass factor, damping, friction, spring."""
 OPENED = 0.9
 """Fraction of the goal from which the planner's own pull has opened a part."""
 END, REST = 0.003, 0.005
@@ -56,8 +45,6 @@ HOLD = 1.0
 """[s] For which the set-point stands after the pull."""
 SIGMA, POPULATION = 0.05, 11
 """Of CMA-ES: its first step, and its own default population for 14 variables."""
-SPARE = 2
-"""Of each kind, parts that are optimised beyond those asked for, in the place of those that the planner does not open."""
 LAG = 0.45
 """[s] After its set-point a part that is pulled with the planner's ease arrives, about."""
 REPEATED = ("gradient_same_time", "gradient_free_time")
@@ -80,7 +67,7 @@ def main() -> None:
     if given.corrected:
         return corrected(given, pulls)
     with tempfile.TemporaryDirectory() as folder:
-        parts, skipped = planned(given, Path(folder))
+        parts, skipped = planned(given.rooms, given.joints, given.seed, Path(folder))
         found, about = searched(parts, pulls, given)
         rows = []
         for i, part in enumerate(parts):
@@ -117,7 +104,7 @@ def corrected(given: argparse.Namespace, pulls: PullConfig) -> None:
     missed = [row for row in rows if any(abs(row["pulls"][name]["end_mm"]) > 1e3 * END for name in REPEATED)]
     with tempfile.TemporaryDirectory() as folder:
         names = {row["part"] for row in missed}
-        parts = {part["part"]: part for part in planned(given, Path(folder), names)[0]}
+        parts = {part["part"]: part for part in planned(given.rooms, given.joints, given.seed, Path(folder), names)[0]}
         ordered = [parts[row["part"]] for row in missed]
         laws = {}
         for name in REPEATED:
@@ -133,57 +120,6 @@ def corrected(given: argparse.Namespace, pulls: PullConfig) -> None:
                     row["pulls"][f"{name}_again"] = figures(motion, row["goal"]) | {"repeated": True}
             print(row["part"], {name: round(row["pulls"][f"{name}_again"]["end_mm"], 2) for name in laws}, flush=True)
     write(given.out, about, rows)
-
-
-def planned(
-    given: argparse.Namespace, folder: Path, only: Container[str] | None = None
-) -> tuple[list[dict[str, Any]], dict[str, str]]:
-    """Return the first parts drawn, SPARE more of each kind than asked for, and why others were skipped; or `only` those."""
-    parts, skipped = [], {}
-    for name, kind, stage, identified in drawn(given.rooms, given.seed, folder):
-        if sum(part["kind"] == kind for part in parts) >= given.joints / 2 + SPARE or not (
-            only is None or name in only
-        ):
-            continue
-        settings = settings_of(stage)
-        try:
-            sim = Simulation(stage, settings.sim, 1)
-            target = pulled(sim, *planned_path(sim, settings.planner, tool_path))
-            motion = plan(sim, settings.planner, tool_path)
-        except InputError as error:
-            skipped[name] = str(error).split(": ", 1)[-1]
-            continue
-        seconds = (len(motion.targets) - motion.closed) * settings.sim.dt * settings.sim.substeps
-        keys = {"part": name, "kind": kind, "identified": identified}
-        parts.append({**keys, "stage": stage, "pulled": target, "seconds": seconds})
-    return parts, skipped
-
-
-def drawn(rooms: Sequence[Path], seed: int, folder: Path) -> Iterator[tuple[str, str, SimStage, bool]]:
-    """Yield parts in a drawn order, slides and hinges in turn, every second one of each with drawn dynamics."""
-    rng, kinds = np.random.default_rng(seed), {"prismatic": [], "revolute": []}
-    for path in rooms:
-        room = sim_stage.read(path, visuals=False)
-        for part, found in room.articulations.items():
-            kinds[found.joint.kind].append((path, room, part))
-    orders = {kind: rng.permutation(len(parts)) for kind, parts in kinds.items()}
-    for k in range(max(map(len, kinds.values()))):
-        for kind, parts in kinds.items():
-            truth = np.exp(rng.uniform(np.log(LOW), np.log(HIGH)))
-            if k >= len(parts):
-                continue
-            path, room, part = parts[orders[kind][k]]
-            name = f"{path.parent.name}/{part}"
-            if k % 2:
-                path, below = folder / f"{kind}_{k}.usda", path
-                values = np.array([*truth[:3], 0.0, truth[3]])
-                write_layer(below, path, path, part, Dynamics(values, np.zeros(5), 1.0), moving(room, part))
-            yield name, kind, read_stage(path, part), bool(k % 2)
-
-
-def settings_of(stage: SimStage) -> Config:
-    """Return the settings of s2a evaluate for a stage."""
-    return config.load(Config, config.compose("evaluate", [f"stage={stage.path}", f"part={stage.target}", "out=-"]))
 
 
 def searched(

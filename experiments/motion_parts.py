@@ -1,0 +1,75 @@
+"""Parts whose pulls are optimised: drawn from prepared rooms, half of them with dynamics as `s2a identify` writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from identification import LEAST, MOST
+
+from s2a import config
+from s2a.commands.evaluate import Config
+from s2a.commands.identify import write_layer
+from s2a.diff.identify import Dynamics
+from s2a.diff.moving_body import moving
+from s2a.diff.pulled import pulled
+from s2a.errors import InputError
+from s2a.planner.motion import plan, planned_path
+from s2a.sim.simulation import Simulation
+from s2a.sim.world import SimStage, read_stage
+from s2a.tasks.open_part.skill import tool_path
+from s2a.usd import sim_stage
+
+SPARE = 2
+"""Of each kind, parts that are optimised beyond those asked for, in the place of those that the planner does not open."""
+
+
+def planned(
+    rooms: Sequence[Path], joints: int, seed: int, folder: Path, only: Container[str] | None = None
+) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Return the first parts drawn, SPARE more of each kind than asked for, and why others were skipped; or `only` those."""
+    parts, skipped = [], {}
+    for name, kind, stage, identified in drawn(rooms, seed, folder):
+        if sum(part["kind"] == kind for part in parts) >= joints / 2 + SPARE or not (only is None or name in only):
+            continue
+        settings = settings_of(stage)
+        try:
+            sim = Simulation(stage, settings.sim, 1)
+            target = pulled(sim, *planned_path(sim, settings.planner, tool_path))
+            motion = plan(sim, settings.planner, tool_path)
+        except InputError as error:
+            skipped[name] = str(error).split(": ", 1)[-1]
+            continue
+        seconds = (len(motion.targets) - motion.closed) * settings.sim.dt * settings.sim.substeps
+        keys = {"part": name, "kind": kind, "identified": identified}
+        parts.append({**keys, "stage": stage, "pulled": target, "seconds": seconds})
+    return parts, skipped
+
+
+def drawn(rooms: Sequence[Path], seed: int, folder: Path) -> Iterator[tuple[str, str, SimStage, bool]]:
+    """Yield parts in a drawn order, slides and hinges in turn, every second one of each with drawn dynamics."""
+    rng, kinds = np.random.default_rng(seed), {"prismatic": [], "revolute": []}
+    for path in rooms:
+        room = sim_stage.read(path, visuals=False)
+        for part, found in room.articulations.items():
+            kinds[found.joint.kind].append((path, room, part))
+    orders = {kind: rng.permutation(len(parts)) for kind, parts in kinds.items()}
+    for k in range(max(map(len, kinds.values()))):
+        for kind, parts in kinds.items():
+            truth = np.exp(rng.uniform(np.log(LEAST), np.log(MOST)))
+            if k >= len(parts):
+                continue
+            path, room, part = parts[orders[kind][k]]
+            name = f"{path.parent.name}/{part}"
+            if k % 2:
+                path, below = folder / f"{kind}_{k}.usda", path
+                values = np.array([*truth[:3], 0.0, truth[3]])
+                write_layer(below, path, path, part, Dynamics(values, np.zeros(5), 1.0), moving(room, part))
+            yield name, kind, read_stage(path, part), bool(k % 2)
+
+
+def settings_of(stage: SimStage) -> Config:
+    """Return the settings of s2a evaluate for a stage."""
+    return config.load(Config, config.compose("evaluate", [f"stage={stage.path}", f"part={stage.target}", "out=-"]))

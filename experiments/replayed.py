@@ -13,6 +13,7 @@ import warp as wp
 
 from s2a import tasks
 from s2a.commands.evaluate import Config
+from s2a.env.task import Task
 from s2a.env.vec_env import VecEnv
 from s2a.planner import pull_law
 from s2a.planner.motion import Planner, PlannerConfig
@@ -57,12 +58,13 @@ def _add_force(h: PartHandles, steps: float, force: wp.array2d(dtype=float)):
 def replay(stage: SimStage, settings: Config, laws: Sequence[PullLaw | float], hold: float, seed: int) -> list[Replay]:
     """Return a pull of a stage's part for each law, or time [s] of the planner's own ease, and what follows for `hold` [s]."""
     sim = Simulation(stage, settings.sim, len(laws))
-    task = replace(settings.task, episode_steps=10**6, termination_opening=10.0)
-    env = tasks.make_env(sim, task, settings.metrics, {}, seed)
+    endless = replace(settings.task, episode_steps=10**6, termination_opening=10.0)
+    task = tasks.task(endless.name)(sim, endless, settings.metrics)
+    force, seen = _sum_forces(sim, task), []  # before the environment captures its step
+    env = VecEnv(sim, task, {}, seed)
     with tempfile.TemporaryDirectory() as folder:
         planners = [Planner(env, _planner(settings.planner, law, Path(folder))) for law in laws]
     rate = 1.0 / (sim.config.dt * sim.config.substeps)
-    force, seen = _sum_forces(env), []
     coord, dof, lever = sim.layout.part_coord, sim.layout.part_dof, sim.stage.lever_arm
     sign = np.sign(sum(stage.joint.limits))
     for _ in range(max(planner.steps for planner in planners) + round(hold * rate)):
@@ -91,14 +93,13 @@ def _planner(config: PlannerConfig, law: PullLaw | float, folder: Path) -> Plann
     return replace(config, pull_law=folder / "law.json")
 
 
-def _sum_forces(env: VecEnv) -> torch.Tensor:
+def _sum_forces(sim: Simulation, task: Task) -> torch.Tensor:
     """Let every physics step add to the forces on the parts that are returned: mean and maximum, shape [world 2]."""
-    task, kernels = env.task, env.task.after_substep
-    force = wp.zeros((env.num_envs, 2), dtype=float)
+    kernels, force = task.after_substep, wp.zeros((sim.num_envs, 2), dtype=float)
 
     def after_substep(state: object) -> None:
         kernels(state)
-        wp.launch(_add_force, dim=env.num_envs, inputs=[task.handles.p, float(env.sim.config.substeps), force])
+        wp.launch(_add_force, dim=sim.num_envs, inputs=[task.handles.p, float(sim.config.substeps), force])
 
     task.after_substep = after_substep
     return wp.to_torch(force)

@@ -50,7 +50,7 @@ class Config:
         pulls: recordings, CSV files: of a hand with the columns time [s], opening [m] (path of the grasp point) and force [N]
             (along it); or of the robot, with its joints and their torques, as `s2a evaluate recordings=...` writes them.
         robot: the robot of its own recordings; it stood where the stage has its base.
-        torques_carry_weight: Whether the robot's torques carry its own weight too.
+        torques_carry_weight: Take the recorded torques as carrying the robot's own weight too.
         out: the layer to write over the stage, *.usda, which every command takes in its place.
         record: a JSON file for the numbers too, or null.
         noise: how far the recordings' samples are off.

@@ -43,7 +43,7 @@ class ArmDynamics:
             qdd: likewise.
             torque: of the arm joints, on the side of their links [N m], shape [sample arm].
             point: base frame [m], shape [sample 3].
-            gravity: Whether the torques carry the robot's weight; else it is carried beside them.
+            gravity: the torques carry the robot's weight too; else it is carried beside them.
         """
         model, data, arm = self._model, self._data, self._dofs[: len(self.spec.arm_joints)]
         model.opt.gravity[2] = -9.81 if gravity else 0.0

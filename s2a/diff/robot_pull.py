@@ -60,7 +60,7 @@ def pull(recording: Recording, spec: RobotSpec, base: np.ndarray, body: Moving, 
         spec: the robot.
         base: pose of its base, scene frame, shape [7].
         body: the part; it was closed before.
-        gravity: Whether the torques carry the robot's weight.
+        gravity: the torques carry the robot's weight too.
 
     Raises:
         InputError: the tool does not move along the part's path.

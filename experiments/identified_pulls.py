@@ -1,4 +1,4 @@
-"""Draws what identification changes: pulls by a hand that is a spring, of five joints, true, as the stage has them, and as identified.
+"""Shows what identification changes: five joints pulled by a hand that is a spring: true, as in the stage, and identified.
 
     python experiments/identified_pulls.py ROOMS [--out docs/identification.png]
 
@@ -25,11 +25,11 @@ STAGE = Truth(1.0, 1.0, 1.0, 10.0)
 """Dynamics that a part without identification has in conf/sim, but for its friction, which depends on its mass."""
 SILENT = Noise(0.0, 0.0)
 PARTS = {"prismatic": (0.5, 0.9), "revolute": (0.5, 0.75, 0.9)}
-"""Quantiles of the mass' relative error that are drawn."""
+"""Quantiles of the mass' relative error that are plotted."""
 
 
 def main() -> None:
-    """Draw and save."""
+    """Plot and save."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("rooms", type=Path, help="folder with the rooms of the results, ROOM/room.usd")
     parser.add_argument("--out", type=Path, default=Path("docs/identification.png"))
@@ -39,7 +39,7 @@ def main() -> None:
     for axis, row in zip(axes, rows, strict=True):
         room, part = row["part"].split("/")
         scene = sim_stage.read(args.rooms / room / "room.usd", visuals=False)
-        draw(axis, moving(scene, part), row, scene.articulations[part].friction)
+        plot(axis, moving(scene, part), row, scene.articulations[part].friction)
         axis.set_title(f"{row['part']}\n{row['truth']['mass'] * row['kg_at_grasp']:.1f} kg at its handle", fontsize=8)
     axes[0].set_ylabel("opening [m]")
     axes[0].legend(fontsize=7)
@@ -58,8 +58,8 @@ def chosen(rows: list[dict]) -> list[dict]:
     return found
 
 
-def draw(axis: plt.Axes, body: Moving, row: dict, friction: float) -> None:
-    """Draw the three openings of one joint."""
+def plot(axis: plt.Axes, body: Moving, row: dict, friction: float) -> None:
+    """Plot the three openings of one joint."""
     names = Truth.__dataclass_fields__
     found = Truth(**{name: row["found"][name] for name in names})
     stage = Truth(1.0, STAGE.damping / body.lever**2, friction / abs(body.lever), STAGE.spring)

@@ -56,8 +56,8 @@ def in_newton(pull: Pull) -> np.ndarray:
         sim.state.body_f.assign(wrench)
 
     coordinate = sim.world.joint_q_start[joint_index(sim.world, pull.stage.target)]
-    sim.before_substep = push
-    sim.after_substep = lambda: found.append(float(sim.state.joint_q.numpy()[coordinate]))
+    sim.before_substep.append(push)
+    sim.after_substep.append(lambda: found.append(float(sim.state.joint_q.numpy()[coordinate])))
     while len(found) < pull.steps:
         sim.step()
     return np.array(found)

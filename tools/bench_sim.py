@@ -105,8 +105,8 @@ def _read_contacts(env: VecEnv) -> None:
 
 
 def _physics(sim: Simulation) -> Callable[[], object]:
-    """Return a control step of physics alone; on a CPU, where nothing is captured, what the task feels is in it."""
-    feel, sim.after_substep = sim.after_substep, lambda: None
+    """Return a control step of physics alone, without what the task feels."""
+    feel, sim.after_substep = sim.after_substep, []
     captured = sim.capture(sim.step)
     sim.after_substep = feel
     return captured

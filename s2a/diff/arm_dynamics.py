@@ -9,6 +9,7 @@ import numpy as np
 
 from s2a.robot import urdf
 from s2a.robot.spec import RobotSpec
+from s2a.usd.sim_stage import GRAVITY
 
 
 class ArmDynamics:
@@ -46,7 +47,7 @@ class ArmDynamics:
             gravity: the torques carry the robot's weight too; else it is carried beside them.
         """
         model, data, arm = self._model, self._data, self._dofs[: len(self.spec.arm_joints)]
-        model.opt.gravity[2] = -9.81 if gravity else 0.0
+        model.opt.gravity[2] = -GRAVITY if gravity else 0.0
         found = np.empty((len(q), 6))
         jacobian = np.zeros((6, model.nv))
         for i in range(len(q)):

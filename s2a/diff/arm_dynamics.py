@@ -22,10 +22,7 @@ class ArmDynamics:
     def __init__(self, spec: RobotSpec) -> None:
         """Read the robot's URDF: masses and inertias of its links, no rotors, no friction."""
         self.spec = spec
-        robot = urdf.arm(spec)
-        for link in robot.findall("link"):
-            for shape in link.findall("collision"):
-                link.remove(shape)
+        robot = urdf.without_colliders(urdf.arm(spec))
         extension = ElementTree.SubElement(robot, "mujoco")
         ElementTree.SubElement(extension, "compiler", discardvisual="true", fusestatic="false")
         self._model = mujoco.MjModel.from_xml_string(ElementTree.tostring(robot, encoding="unicode"))

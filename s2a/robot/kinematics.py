@@ -139,10 +139,7 @@ def _ik_model(robot: ElementTree.Element, spec: RobotSpec) -> tuple[newton.Model
     """Return a model of the arm alone, without shapes, and the index of the body with the tool frame."""
     import newton
 
-    bare = urdf.without(robot, set(spec.gripper.links))
-    for link in bare.findall("link"):
-        for shape in link.findall("collision"):
-            link.remove(shape)
+    bare = urdf.without_colliders(urdf.without(robot, set(spec.gripper.links)))
     builder = newton.ModelBuilder()
     builder.add_urdf(ElementTree.tostring(bare, encoding="unicode"), collapse_fixed_joints=False)
     body = next(i for i, label in enumerate(builder.body_label) if label.split("/")[-1] == spec.tool_link)

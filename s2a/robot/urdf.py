@@ -74,6 +74,15 @@ def without(robot: ElementTree.Element, links: set[str]) -> ElementTree.Element:
     return copied
 
 
+def without_colliders(robot: ElementTree.Element) -> ElementTree.Element:
+    """Return a copy of a URDF whose links collide with nothing."""
+    copied = copy.deepcopy(robot)
+    for link in copied.findall("link"):
+        for shape in link.findall("collision"):
+            link.remove(shape)
+    return copied
+
+
 def children(robot: ElementTree.Element) -> dict[str, list[tuple[str, ElementTree.Element]]]:
     """Return the (child link, joint) pairs of every parent link, by name."""
     tree: dict[str, list[tuple[str, ElementTree.Element]]] = {}

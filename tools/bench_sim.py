@@ -66,7 +66,7 @@ def bench(args: argparse.Namespace, num_envs: int, room: bool) -> dict:
     """Measure one number of worlds."""
     begin = time.perf_counter()
     stage = read_stage(args.stage, args.part)
-    sim = Simulation(stage, replace(_load(SimConfig, "sim/planner"), room=room), num_envs, args.device)
+    sim = Simulation(stage, replace(_load(SimConfig, "sim/planner"), load_static_colliders=room), num_envs, args.device)
     env = _env(sim)
     _sync(args.device)
     row: dict = {"num_envs": num_envs, "room": room, "build_and_compile_s": time.perf_counter() - begin}

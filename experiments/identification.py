@@ -24,6 +24,7 @@ import numpy as np
 import robot_pulls
 from recorded_pulls import Truth, record
 
+from s2a.diff import known_motion
 from s2a.diff.identify import Dynamics, identify
 from s2a.diff.joint_kernels import PARAMETERS
 from s2a.diff.moving_body import Moving, moving
@@ -58,7 +59,7 @@ def main() -> None:
     done = [i for i, own in enumerate(pulls) if own]
     names, bodies, truths, pulls = ([each[i] for i in done] for each in (names, bodies, truths, pulls))
     began = time.monotonic()
-    found = identify(bodies, pulls, NOISES[given.by], given.device)
+    found = identified(given.by, bodies, pulls, given.device)
     seconds = time.monotonic() - began
     rows = [
         {
@@ -101,6 +102,13 @@ def pulled(by: str, name: tuple[str, str], body: Moving, truth: Truth, seed: int
     if by == "hand":
         return [record(body, truth, NOISE, seed=1000 * seed + k) for k in range(PULLS)]
     return robot_pulls.record(Path(name[0]), name[1], body, truth, seed)
+
+
+def identified(by: str, bodies: list[Moving], pulls: list[list[Pull]], device: str) -> list[Dynamics]:
+    """Return the dynamics that a hand's pulls tell, or a robot's."""
+    if by == "hand":
+        return identify(bodies, pulls, NOISE, device)
+    return [known_motion.fit(body, own, NOISES[by].force) for body, own in zip(bodies, pulls, strict=True)]
 
 
 def held_out(body: Moving, truth: Truth, found: Dynamics, seed: int) -> float:

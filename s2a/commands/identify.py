@@ -8,11 +8,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from s2a import robot
-from s2a.diff import robot_pull
+from s2a.diff import known_motion, robot_pull
 from s2a.diff.identify import Dynamics, identify
 from s2a.diff.joint_kernels import PARAMETERS
 from s2a.diff.moving_body import Moving, moving
-from s2a.diff.pull import Noise, Pull, header, read
+from s2a.diff.pull import Noise, header, read
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
 from s2a.provenance import provenance
@@ -76,8 +76,7 @@ def run(config: Config) -> str:
     room = sim_stage.read(config.stage, visuals=False)
     part = room.part(config.part)
     body = moving(room, part)
-    recordings = [_pull(path, config, body, part) for path in config.pulls]
-    (found,) = identify([body], [recordings], Noise(**asdict(config.noise)), device_of(config.device))
+    found = _identified(config, body, part)
     with atomic_write(config.out) as out:
         write_layer(config.stage, config.out, out, part, found, body)
     if config.record:
@@ -88,14 +87,23 @@ def run(config: Config) -> str:
     return "\n".join([f"{config.out}: joint of {part}, at its grasp point", *lines])
 
 
-def _pull(path: Path, config: Config, body: Moving, part: str) -> Pull:
-    """Return a recording of a hand, or of the robot where it has a column of one of its joints."""
+def _identified(config: Config, body: Moving, part: str) -> Dynamics:
+    """Return the dynamics that recordings of a hand tell, or of the robot: those with a column of one of its joints."""
     spec = config.robot
-    if not path.is_file() or not {*spec.joints} & {*header(path)}:
-        return read(path)
+    by_robot = [path.is_file() and bool({*spec.joints} & {*header(path)}) for path in config.pulls]
+    if not any(by_robot):
+        pulls = [read(path) for path in config.pulls]
+        (found,) = identify([body], [pulls], Noise(**asdict(config.noise)), device_of(config.device))
+        return found
+    if not all(by_robot):
+        raise InputError(
+            f"{config.pulls[by_robot.index(False)]} is no recording of {spec.name}'s joints, others are; give those of one kind"
+        )
     robot.check_unchanged(spec)
-    recording, base = robot_pull.read(path, spec), read_stage(config.stage, part, robot=spec.name).base
-    return robot_pull.pull(recording, spec, base, body, config.torques_carry_weight)
+    base = read_stage(config.stage, part, robot=spec.name).base
+    recordings = [robot_pull.read(path, spec) for path in config.pulls]
+    pulls = [robot_pull.pull(each, spec, base, body, config.torques_carry_weight) for each in recordings]
+    return known_motion.fit(body, pulls, config.noise.force)
 
 
 def write_layer(stage: Path, out: Path, file: Path, part: str, found: Dynamics, body: Moving) -> None:

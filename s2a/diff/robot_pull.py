@@ -17,7 +17,7 @@ from s2a.errors import InputError
 from s2a.robot.kinematics import kinematics
 from s2a.robot.spec import RobotSpec
 
-SMOOTHED = 0.12
+SMOOTHED = 0.08
 """[s] Length of the cubic by which positions are differentiated twice (Savitzky and Golay's filter)."""
 AT_REST = 0.002
 """[m] As long as the tool has moved less along the part's path, the pull has not begun."""

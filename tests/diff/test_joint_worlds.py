@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import joint_model
 import numpy as np
 import pytest
-from joint_model import gradient
 from pulled_bodies import DOOR, DRAWER, LID
 from recorded_pulls import Truth, record
 
@@ -37,7 +37,7 @@ def test_gradients_are_central_differences_of_the_law_in_double_precision(body: 
     worlds = JointWorlds([body], [pulls], pulls[0].step, NOISE)
     at = np.array([[1.2, 4.0, 2.5, 0.5, 15.0]])
     found = worlds.loss(at)[1][0]
-    expected = gradient(at[0], body, pulls, NOISE, round(pulls[0].step * RATE))
+    expected = joint_model.gradient(at[0], body, pulls, NOISE, round(pulls[0].step * RATE))
     assert found @ expected / np.linalg.norm(found) / np.linalg.norm(expected) > 0.999999
     assert found == pytest.approx(expected, rel=1e-3, abs=1e-3)  # breakaway of a drawer in motion: 0.04 of 7000
 

@@ -30,7 +30,7 @@ class Motion:
         home: joint positions at the start [rad, m], shape [joint].
         noise: half range of the uniform noise on it [rad, m].
         start: coordinates of everything else at the start, shape [world coord].
-        part_coord: index of the part's coordinate.
+        part_coord: index of the part's coordinate, shape [world].
         stage: index of each world's stage, shape [world].
         demo_targets: joint targets of a demonstration, shape [stage step joint].
         demo_positions: where the joints and, last, the part then are, shape [stage step joint + 1].
@@ -50,7 +50,7 @@ class Motion:
     home: wp.array(dtype=float)
     noise: float
     start: wp.array2d(dtype=float)
-    part_coord: int
+    part_coord: wp.array(dtype=int)
     stage: wp.array(dtype=int)
     demo_targets: wp.array3d(dtype=float)
     demo_positions: wp.array3d(dtype=float)

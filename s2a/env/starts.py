@@ -77,7 +77,7 @@ def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_ma
                     moved = wp.randf(rng) < m.moved_fraction
                 if moved:
                     near, at = 1.0, wp.randi(rng, grasped, m.demo_steps[stage])
-                    s.joint_q[world, m.part_coord] = m.demo_positions[stage, at, s.joints]
+                    s.joint_q[world, m.part_coord[world]] = m.demo_positions[stage, at, s.joints]
                     s.uncounted[world] = 1
                 else:
                     near = wp.min(2.0 * wp.randf(rng), 1.0)

@@ -210,7 +210,7 @@ def _motion(sim: Simulation, task: Task, demo: DemoStarts | None) -> kernels.Mot
         m.window = limits.window
     m.home, m.noise = wp.array(sim.layout.home, dtype=float), config.start_noise
     coords = sim.model.joint_q.numpy().reshape((sim.num_envs, -1))
-    m.start, m.part_coord = wp.array(task.start(coords), dtype=float), sim.layout.part_coord
+    m.start, m.part_coord = wp.array(task.start(coords), dtype=float), wp.array(sim.part_coord, dtype=int)
     m.stage = wp.array(sim.stage_of_env if demo else np.zeros(sim.num_envs), dtype=int)
     _demonstrate(m, demo or DemoStarts([_nothing(sim)], 0.0, 0.0))
     return m

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import newton
 
 from s2a.robot.spec import RobotSpec
-from s2a.sim.world import SimStage, body_index, joint_index
+from s2a.sim.world import SimStage, axis_of, body_index
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Layout:
 
 def layout(world: newton.ModelBuilder, robot: RobotSpec, stage: SimStage) -> Layout:
     """Return the indices of a world with a robot, built of a stage."""
-    part = joint_index(world, stage.target)
+    coord, dof = axis_of(world, stage.target, stage.joint.kind)
     left, right = (body_index(world, name) for name in robot.gripper.links)
     root = body_index(world, robot.root_link)
     return Layout(
@@ -50,8 +50,8 @@ def layout(world: newton.ModelBuilder, robot: RobotSpec, stage: SimStage) -> Lay
         finger_bodies=(left, right),
         tool_body=body_index(world, robot.tool_link),
         part_body=body_index(world, stage.target),
-        part_coord=world.joint_q_start[part],
-        part_dof=world.joint_qd_start[part],
+        part_coord=coord,
+        part_dof=dof,
     )
 
 

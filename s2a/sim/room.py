@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import newton
 import numpy as np
-from pxr import Usd
+from pxr import Usd, UsdPhysics
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
@@ -18,6 +19,7 @@ from s2a.geometry.sweep import sweep
 from s2a.scene import Mesh
 from s2a.sim.freezing import WELDED, cut_colliders, freeze, kept_bodies
 from s2a.sim.nearby import Workspace, drop_far, static_colliders
+from s2a.usd.joints import write_joint
 from s2a.usd.sim_scene import SimRoom
 from s2a.usd.sim_stage import open_physics
 from s2a.usd.stage import ROOT
@@ -32,6 +34,8 @@ STOPS = 9
 """Coordinates of a joint at which the path of its part is taken."""
 APPROACH = 0.2
 """[m] Straight path of the gripper before the grasp."""
+LOCKED = (0.0, 1e-5)
+"""[m or rad] Limits of a joint that only fills a place; equal ones would be no joint."""
 
 
 def add_room(
@@ -42,6 +46,7 @@ def add_room(
     *,
     space: Workspace | None = None,
     static: bool = True,
+    both_kinds: Sequence[str] = (),
     **options: Any,
 ) -> None:
     """Add a room to a builder.
@@ -53,10 +58,13 @@ def add_room(
         active: ids of the articulated parts and free objects that move.
         space: of the colliders, only those near this are loaded; None: all.
         static: Load what does not move, besides the furniture that active parts hang on.
+        both_kinds: articulated parts that get a slide and a hinge, in this order; that which is not theirs is locked.
         options: of `ModelBuilder.add_usd`.
     """
     kept = kept_bodies(room, active)
     freeze(stage, room, kept)
+    for part in both_kinds:
+        _add_other_kind(stage, room, part)
     still = [f"{ROOT}/static", *(f"{ROOT}/{i}" for i in (*room.bodies, *room.free) if i not in kept)]
     if not static:
         for path in still:
@@ -101,6 +109,17 @@ def add_pedestal(builder: newton.ModelBuilder, mesh: Mesh, *, collides: bool = T
     shape = builder.default_shape_cfg.copy()
     shape.has_shape_collision = collides
     builder.add_shape_convex_hull(-1, mesh=hull, cfg=shape, label=PEDESTAL)
+
+
+def _add_other_kind(stage: Usd.Stage, room: SimRoom, part: str) -> None:
+    """Add a locked joint of the other kind to a part, in the session layer. Newton makes one joint with two axes of both."""
+    joint, prim = room.articulations[part].joint, stage.GetPrimAtPath(f"{ROOT}/joints/{part}")
+    parent, child = (
+        str(body.GetTargets()[0])
+        for body in (UsdPhysics.Joint(prim).GetBody0Rel(), UsdPhysics.Joint(prim).GetBody1Rel())
+    )
+    locked = replace(joint, kind="revolute" if joint.kind == "prismatic" else "prismatic", limits=LOCKED)
+    write_joint(stage, f"{prim.GetPath()}_locked", locked, parent, child)
 
 
 def _clear_paths(stage: Usd.Stage, room: SimRoom, active: Sequence[str], kept: Sequence[str]) -> None:

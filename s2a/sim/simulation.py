@@ -26,7 +26,9 @@ class Simulation:
         arm_limits: what its controller lets an action ask for.
         plan_limits: what the arm keeps up, for a plan.
         world: builder of the first stage's world.
-        layout: which body and coordinate of a world is what.
+        layout: which body and coordinate of a world is what; of the first stage.
+        part_coord: the part's coordinate in each world, shape [world]; where stages have slides and hinges, that differs.
+        part_dof: its velocity likewise.
         model: the Newton model of all worlds.
         solver: MuJoCo (Warp) with hull contacts.
         state: joint and body state before and after every `step` (always this same buffer).
@@ -42,6 +44,8 @@ class Simulation:
     """
 
     layout: Layout
+    part_coord: np.ndarray
+    part_dof: np.ndarray
 
     def __init__(
         self,
@@ -54,20 +58,21 @@ class Simulation:
         """Build the worlds; the first call on a machine compiles kernels for a minute.
 
         Raises:
-            InputError: an odd number of substeps; stages for different robots, or of slides and hinges together.
+            InputError: an odd number of substeps; stages for different robots.
         """
         if config.substeps % 2:
             raise InputError(f"key 'sim.substeps' is {config.substeps}; a captured step needs an even number")
         self.stages = [stages] if isinstance(stages, SimStage) else list(stages)
         self.stage, self.config, self.num_envs, self.device = self.stages[0], config, num_envs, device
         self.stage_of_env = np.arange(num_envs) % len(self.stages)
-        _check_alike(self.stages)
+        _check_robots(self.stages)
         self.robot = robot.load(self.stage.robot)
         limits, gains = self.robot.limits, config.gains or self.robot.gains
         self.arm_limits = config.limits.of(limits) if config.limits else limits
         self.plan_limits = config.limits.sustained(limits, gains) if config.limits else limits
         with wp.ScopedDevice(device):
-            worlds = [self._world(stage, with_robot) for stage in self.stages]
+            kinds = {stage.joint.kind for stage in self.stages}
+            worlds = [self._world(stage, with_robot, both_kinds=len(kinds) > 1) for stage in self.stages]
             self.world = worlds[0]
             self.model = _batch(worlds, num_envs).finalize()
             self.solver = make_solver(self.model, config)
@@ -76,7 +81,10 @@ class Simulation:
             self.control = self.model.control()
             newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
         if with_robot:
-            self.layout = layout(self.world, self.robot, self.stage)
+            layouts = [layout(world, self.robot, stage) for world, stage in zip(worlds, self.stages, strict=True)]
+            self.layout = layouts[0]
+            self.part_coord = np.array([each.part_coord for each in layouts])[self.stage_of_env]
+            self.part_dof = np.array([each.part_dof for each in layouts])[self.stage_of_env]
         self.joint_q = wp.to_torch(self.state.joint_q).view(num_envs, -1)
         self.joint_qd = wp.to_torch(self.state.joint_qd).view(num_envs, -1)
         self.body_q = wp.to_torch(self.state.body_q).view(num_envs, -1, 7)
@@ -88,7 +96,7 @@ class Simulation:
         """Return the index of a body within a world."""
         return body_index(self.world, name)
 
-    def _world(self, stage: SimStage, with_robot: bool) -> newton.ModelBuilder:
+    def _world(self, stage: SimStage, with_robot: bool, both_kinds: bool) -> newton.ModelBuilder:
         config = self.config
         return build_world(
             stage,
@@ -99,6 +107,7 @@ class Simulation:
             gravity_compensation=config.gravity_compensation,
             static_colliders=config.load_static_colliders,
             realistic=config.limits is not None and config.limits.drives,
+            both_kinds=both_kinds,
         )
 
     def step(self) -> None:
@@ -140,16 +149,15 @@ def device_of(key: str) -> str:
     return chosen
 
 
-def _check_alike(stages: Sequence[SimStage]) -> None:
-    """Raise unless the worlds of all stages have the same joints."""
-    for name, value in (("robot", lambda s: s.robot), ("kind of joint", lambda s: s.joint.kind)):
-        kinds = {value(stage): stage for stage in reversed(stages)}
-        if len(kinds) > 1:
-            one, other = list(kinds.values())[:2]
-            raise InputError(
-                f"{one.path} ({one.target}) and {other.path} ({other.target}) differ in their {name}; "
-                "simulate them in batches of their own"
-            )
+def _check_robots(stages: Sequence[SimStage]) -> None:
+    """Raise unless all stages are for the same robot."""
+    robots = {stage.robot: stage for stage in reversed(stages)}
+    if len(robots) > 1:
+        one, other = list(robots.values())[:2]
+        raise InputError(
+            f"{one.path} ({one.target}) and {other.path} ({other.target}) differ in their robot; "
+            "simulate them in batches of their own"
+        )
 
 
 def _batch(worlds: Sequence[newton.ModelBuilder], num_envs: int) -> newton.ModelBuilder:

@@ -23,6 +23,9 @@ from s2a.sim.room import add_pedestal, add_room, open_physics, pedestal, workspa
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
 
+LOCKED_ARMATURE = 1e6
+"""[kg or kg m^2] Of an axis that only fills a place."""
+
 
 @dataclass(frozen=True)
 class JointConfig:
@@ -151,6 +154,7 @@ def build_world(
     gravity_compensation: bool = True,
     static_colliders: bool = True,
     realistic: bool = False,
+    both_kinds: bool = False,
 ) -> newton.ModelBuilder:
     """Return a builder of one world.
 
@@ -163,19 +167,27 @@ def build_world(
         gravity_compensation: its weight is carried.
         static_colliders: Load the room's colliders.
         realistic: simulate the robot's drives too; see add_robot.
+        both_kinds: give the target a slide and a hinge, one of them locked: all worlds of a batch need the same joints.
     """
     builder = empty_world()
     if robot is not None:
         base = wp.transform(*stage.base[:3], *stage.base[3:])
         add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation, realistic=realistic)
-    _add_room(builder, stage, static=static_colliders)
+    _add_room(builder, stage, static=static_colliders, both_kinds=both_kinds)
     for part in stage.active:
         if part in stage.room.articulations:
-            dof = builder.joint_qd_start[joint_index(builder, part)]
+            dof = axis_of(builder, part, stage.room.articulations[part].joint.kind)[1]
             builder.joint_target_mode[dof] = newton.JointTargetMode.POSITION
             builder.joint_target_ke[dof] = joint.joint_stiffness(stage.room.articulations[part])
             builder.joint_target_kd[dof] = joint.joint_damping(stage.room.articulations[part])
             stiffen(builder, dof, dt)
+    if both_kinds:
+        locked = axis_of(builder, stage.target, "revolute" if stage.joint.kind == "prismatic" else "prismatic")[1]
+        builder.joint_armature[locked] = LOCKED_ARMATURE
+        builder.joint_target_mode[locked] = (
+            newton.JointTargetMode.POSITION
+        )  # of no stiffness: what one world drives, all do
+        stiffen(builder, locked, dt)
     return builder
 
 
@@ -189,10 +201,12 @@ def empty_world() -> newton.ModelBuilder:
     return builder
 
 
-def _add_room(builder: newton.ModelBuilder, stage: SimStage, *, static: bool) -> None:
+def _add_room(builder: newton.ModelBuilder, stage: SimStage, *, static: bool, both_kinds: bool) -> None:
     """Add what is active of a room, what it hangs on, and the colliders near it."""
     space = workspace(stage.room, stage.active, stage.base, stage.robot)
-    add_room(builder, stage.room, open_physics(stage.path), stage.active, space=space, static=static)
+    doubled = [stage.target] if both_kinds else []
+    opened = open_physics(stage.path)
+    add_room(builder, stage.room, opened, stage.active, space=space, static=static, both_kinds=doubled)
     stand = pedestal(stage.base, *stage.pedestal)
     if static and stand is not None:
         add_pedestal(builder, stand)
@@ -206,6 +220,13 @@ def body_index(builder: newton.ModelBuilder, name: str) -> int:
 def joint_index(builder: newton.ModelBuilder, name: str) -> int:
     """Return the index of the joint whose label ends in `name`."""
     return next(i for i, label in enumerate(builder.joint_label) if label.split("/")[-1] == name)
+
+
+def axis_of(builder: newton.ModelBuilder, part: str, kind: str) -> tuple[int, int]:
+    """Return coordinate and velocity of a part's slide or hinge within a world; of two axes the slide is the first."""
+    joint = joint_index(builder, part)
+    further = int(kind == "revolute" and sum(builder.joint_dof_dim[joint]) == 2)
+    return builder.joint_q_start[joint] + further, builder.joint_qd_start[joint] + further
 
 
 def stiffen(builder: newton.ModelBuilder, dof: int, dt: float) -> None:

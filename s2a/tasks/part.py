@@ -63,13 +63,13 @@ def squared_action(s: State, world: int):
 @wp.func
 def opening_of(s: State, h: PartHandles, world: int):
     """Return how far the part is open [m]."""
-    return s.joint_q[world, h.bodies.coord] * h.part[world].lever_arm
+    return s.joint_q[world, h.part[world].coord] * h.part[world].lever_arm
 
 
 @wp.func
 def opening_speed(s: State, h: PartHandles, world: int):
     """Return how fast the part opens [m/s]."""
-    return s.joint_qd[world, h.bodies.dof] * h.part[world].lever_arm
+    return s.joint_qd[world, h.part[world].dof] * h.part[world].lever_arm
 
 
 @wp.func
@@ -127,7 +127,7 @@ def observe(s: State, h: PartHandles):
     part's coordinate and velocity.
     """
     world = wp.tid()
-    limit, b = h.observation_limit, h.bodies
+    limit, p = h.observation_limit, h.part[world]
     for i in range(s.joints):
         scaled = 2.0 * (s.joint_q[world, i] - s.lower[i]) / (s.upper[i] - s.lower[i]) - 1.0
         s.observation[world, i] = wp.clamp(scaled, -limit, limit)
@@ -137,8 +137,8 @@ def observe(s: State, h: PartHandles):
     seen = wp.quat_rotate_inv(h.part[world].base, between)
     for i in range(3):
         s.observation[world, 2 * s.joints + i] = wp.clamp(seen[i], -limit, limit)
-    s.observation[world, 2 * s.joints + 3] = wp.clamp(s.joint_q[world, b.coord], -limit, limit)
-    s.observation[world, 2 * s.joints + 4] = wp.clamp(s.joint_qd[world, b.dof], -limit, limit)
+    s.observation[world, 2 * s.joints + 3] = wp.clamp(s.joint_q[world, p.coord], -limit, limit)
+    s.observation[world, 2 * s.joints + 4] = wp.clamp(s.joint_qd[world, p.dof], -limit, limit)
 
 
 class PartTask(Task):

@@ -43,6 +43,7 @@ class PartGeometry:
         lever_arm: opening per unit of the joint's coordinate [1 or m], positive opens.
         axis, origin: of the joint, world frame [1, m].
         slides: 1 for a slide, 0 for a hinge.
+        coord, dof: index of the joint's coordinate and of its velocity within the world.
         travel: opening at the open limit [m].
         pinchable: 1 where the region is thinner than the gripper opens.
     """
@@ -53,20 +54,20 @@ class PartGeometry:
     axis: wp.vec3
     origin: wp.vec3
     slides: int
+    coord: int
+    dof: int
     travel: float
     pinchable: int
 
 
 @wp.struct
 class Bodies:
-    """Indices within a world: the tool's link, the fingers, the part, its coordinate; the tool frame in its link."""
+    """Indices within a world: the tool's link, the fingers, the part; the tool frame in its link."""
 
     tool_link: int
     left: int
     right: int
     part: int
-    coord: int
-    dof: int
     tool: wp.transform
 
 
@@ -97,17 +98,20 @@ def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles
     """Return the shared handles of worlds."""
     h, b, (left, right) = PartHandles(), Bodies(), sim.layout.finger_bodies
     b.tool_link, b.left, b.right, b.part = sim.layout.tool_body, left, right, sim.layout.part_body
-    b.coord, b.dof = sim.layout.part_coord, sim.layout.part_dof
     b.tool = wp.transform(wp.vec3(*np.add(sim.robot.tool_offset, config.tcp_offset)), wp.quat_identity())
-    kinds = [_part(stage, sim.robot.gripper.max_opening) for stage in sim.stages]
-    h.part, h.bodies, h.contacts = wp.array([kinds[i] for i in sim.stage_of_env], dtype=PartGeometry), b, sensor.found
+    wide = sim.robot.gripper.max_opening
+    parts = [
+        _part(sim.stages[i], wide, *at) for i, *at in zip(sim.stage_of_env, sim.part_coord, sim.part_dof, strict=True)
+    ]
+    h.part, h.bodies, h.contacts = wp.array(parts, dtype=PartGeometry), b, sensor.found
     h.region_force, h.contact_force = wp.zeros((sim.num_envs, 2), dtype=float), config.contact_force
     h.velocity_scale, h.observation_limit = config.velocity_scale, config.observation_limit
     return h
 
 
-def _part(stage: SimStage, max_opening: float) -> PartGeometry:
+def _part(stage: SimStage, max_opening: float, coord: int, dof: int) -> PartGeometry:
     p, joint = PartGeometry(), stage.joint
+    p.coord, p.dof = coord, dof
     p.grasp = wp.transform(*stage.grasp[:3], *stage.grasp[3:])
     p.base = wp.quat(*stage.base[3:])
     p.lever_arm, p.travel = opening_sign(joint) * stage.lever_arm, stage.travel

@@ -35,7 +35,11 @@ def metric_settings(**changes: Any) -> OpenPartMetrics:
 
 
 def make_env(
-    stage: SimStage | Path, num_envs: int = 2, seed: int = 0, sim: str | Simulation = "sim/paper", **task: Any
+    stage: SimStage | Path | list[SimStage],
+    num_envs: int = 2,
+    seed: int = 0,
+    sim: str | Simulation = "sim/paper",
+    **task: Any,
 ) -> VecEnv:
     """Return worlds of a stage with the reference's settings, some of the task's changed.
 

@@ -37,7 +37,7 @@ class ClosePartTask(part.PartTask):
         """Return the coordinates with the part open."""
         starts = [opening_coordinate(s.joint, s.grasp[:3], self.config.start_opening) for s in self.sim.stages]
         coords = coords.copy()
-        coords[:, self.sim.layout.part_coord] = [starts[i] for i in self.sim.stage_of_env]
+        coords[np.arange(len(coords)), self.sim.part_coord] = [starts[i] for i in self.sim.stage_of_env]
         return coords
 
     @staticmethod

@@ -192,7 +192,7 @@ REWARDS = (
 def accumulate_grasped_opening(joint_q: wp.array2d(dtype=float), h: OpenPart):
     """Keep how far the part was opened while it was grasped; joint_q is that after the physics step."""
     world = wp.tid()
-    now = joint_q[world, h.p.bodies.coord] * h.p.part[world].lever_arm
+    now = joint_q[world, h.p.part[world].coord] * h.p.part[world].lever_arm
     gained = float(0.0)
     if is_grasped(h.p, h.p.contact_force, 1.0, world):
         gained = wp.max(now - h.grasped[world, 0], 0.0)

@@ -90,7 +90,7 @@ def attribute(joint_q: wp.array2d(dtype=float), h: OpenPart):
         h.progress[world, Progress.pushed] = 1.0
     elif on or off:
         h.progress[world, Progress.pushed] = 0.0
-    now = joint_q[world, h.p.bodies.coord] * h.p.part[world].lever_arm
+    now = joint_q[world, h.p.part[world].coord] * h.p.part[world].lever_arm
     before = h.progress[world, Progress.max_opening]
     if not (now > before and wp.isfinite(now)):  # an infinite opening would stay in the recent episodes' mean for ever
         return

@@ -127,7 +127,7 @@ def settings(values: Mapping[str, Any], group: str) -> dict[str, Any]:
     return {RENAMED.get(f"{group}.{key}", key): value for key, value in values.items()}
 
 
-ADDED = {"sim.joint.spring": "joint", "sim.limits.drives": False}
+ADDED = {"sim.joint.spring": "joint", "sim.limits.drives": False, "task.describe_part": False}
 """Dotted key that older runs did not have -> the value by which they ran."""
 
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
+from s2a.articulation import open_limit
 from s2a.certify.check import Check, decide
 from s2a.certify.contents import Contents, ends, points
+from s2a.errors import InputError
+from s2a.usd.joints import read_joint
 from s2a.usd.sim_scene import PREPARE_AGAIN
 
 STANDARD_GRAVITY = (9.78, 9.84)
@@ -132,7 +136,9 @@ def mass_distribution(contents: Contents) -> Check:
             problems.append((path, f"{text}, possible: {DENSITY[0]:g} to {DENSITY[1]:g}"))
         matrix = np.array(UsdGeom.Xformable(body).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
         at = np.array(center) @ matrix[:3, :3] + matrix[3, :3]
-        away = float(np.linalg.norm(np.maximum(np.maximum(low - at, at - high), 0.0)))
+        behind = _behind(contents, path)
+        lowest, highest = low + np.minimum(behind, 0.0), high + np.maximum(behind, 0.0)
+        away = float(np.linalg.norm(np.maximum(np.maximum(lowest - at, at - highest), 0.0)))
         if away > 0.02:
             problems.append((path, f"its centre of mass lies {away:.2f} m outside of it"))
         gyration = math.sqrt(max(api.GetDiagonalInertiaAttr().Get() or (0.0,)) / mass)
@@ -158,6 +164,16 @@ def _near(contents: Contents, first: Usd.Prim, second: Usd.Prim) -> bool:
     (low, high), (other_low, other_high) = _bounds(contents, first), _bounds(contents, second)
     gap = np.maximum(np.maximum(low - other_high, other_low - high), 0.0)
     return float(np.linalg.norm(gap)) <= float(np.linalg.norm(high - low))
+
+
+def _behind(contents: Contents, path: str) -> np.ndarray:
+    """Return how far a slide reaches behind its front [m], shape [3]: as deep as it slides; its box has no colliders."""
+    for prim in contents.joints:
+        if prim.IsA(UsdPhysics.PrismaticJoint) and path in map(str, ends(prim)[1]):
+            with suppress(InputError):  # other rules name a joint that cannot be read
+                joint = read_joint(prim)
+                return -open_limit(joint) * np.array(joint.axis)
+    return np.zeros(3)
 
 
 def _bounds(contents: Contents, body: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:

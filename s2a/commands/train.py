@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import torch
 
 from s2a.commands.worlds import WorldsConfig
-from s2a.env.starts import DemoStarts
+from s2a.env.starts import Demonstration, DemoStarts, load
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
@@ -24,6 +25,7 @@ from s2a.rl.checkpoint import load_model
 from s2a.rl.config import PpoConfig
 from s2a.rl.export import export
 from s2a.rl.run_world import write_world
+from s2a.sim import pool
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.world import SimStage
 from s2a.tasks import RewardWeights, make_env, task
@@ -64,17 +66,15 @@ def run(config: Config) -> str:
     seed = processes.own_seed(config.seed, first)
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
-    sim = Simulation(config.read_stage(), config.sim, config.num_envs, device)
+    sim = Simulation(config.read_stages(), config.sim, config.num_envs, device)
     demo = None
     if config.demo_reset_fraction > 0.0:
-        skill = partial(task(config.task.name).tool_path, config=config.task)
-        motion = demonstration(sim, config.planner, skill)
-        demo = DemoStarts([motion], config.demo_reset_fraction, config.demo_moved_fraction)
+        demo = DemoStarts(_motions(config, sim), config.demo_reset_fraction, config.demo_moved_fraction)
     env = make_env(sim, config.task, config.metrics, config.reward, seed, demo=demo)
     try:
         if lead:
             config.out.mkdir(parents=True, exist_ok=True)
-            run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(sim.stage))
+            run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(sim.stages))
             starts = run_folder.keep_start(config.out, first, config.stage, provenance(sim.device))
             write_world(config.sim, config.task, config.out)
         metrics = ppo.train(env, config.ppo, config.out, checkpoint)
@@ -106,7 +106,7 @@ def _start_of(config: Config) -> Path | None:
                 f"out {str(config.out)!r} holds files; a run is never overwritten: choose another, delete it, "
                 "or go on with resume=true"
             )
-        run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(config.read_stage()))
+        run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(config.read_stages()))
     checkpoint = run_folder.latest(config.out) if config.resume else None
     done = run_folder.iteration(checkpoint) + 1 if checkpoint else 0
     if done >= config.ppo.iterations and (config.out / METRICS).is_file():
@@ -114,9 +114,16 @@ def _start_of(config: Config) -> Path | None:
     return checkpoint
 
 
-def _without_effect(stage: SimStage) -> tuple[str, ...]:
-    """Return the keys that change nothing of this stage: for slides, to what the spring's stiffness refers."""
-    moving = [part.joint for name, part in stage.room.articulations.items() if name in stage.active]
+def _motions(config: Config, sim: Simulation) -> list[Demonstration]:
+    """Return a motion for each stage: those of the pool, or the planner's."""
+    if pool.is_index(config.stage):
+        return [load(config.stage.parent / entry.motion) for entry in pool.read(config.stage)]
+    return [demonstration(sim, config.planner, partial(task(config.task.name).tool_path, config=config.task))]
+
+
+def _without_effect(stages: Sequence[SimStage]) -> tuple[str, ...]:
+    """Return the keys that change nothing of these stages: for slides, to what the spring's stiffness refers."""
+    moving = [part.joint for stage in stages for name, part in stage.room.articulations.items() if name in stage.active]
     return ("sim.joint.spring",) if all(joint.kind == "prismatic" for joint in moving) else ()
 
 

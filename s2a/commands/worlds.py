@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2a import robot
+from s2a.errors import InputError
 from s2a.planner.motion import PlannerConfig
 from s2a.ranges import Count, CountFromZero
 from s2a.robot.spec import RobotSpec
+from s2a.sim import pool
 from s2a.sim.simulation import SimConfig
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks import MdpSettings, MetricSettings
@@ -17,10 +19,10 @@ from s2a.usd.sim_check import refuse_unphysical
 
 @dataclass(frozen=True)
 class WorldsConfig:
-    """Worlds of one part of a room.
+    """Worlds of one part of a room, or of the parts of many.
 
     Attributes:
-        stage: the sim.usd.
+        stage: the sim.usd; or the index that `s2a pool` writes, *.json, of whose parts every world has one.
         part: id of the articulated part; null: the only one of the stage.
         also: ids of further articulated parts and free objects that move; everything else stays where it was scanned.
         num_envs: worlds that are stepped together; under torchrun, of each process.
@@ -45,8 +47,21 @@ class WorldsConfig:
     metrics: MetricSettings
     planner: PlannerConfig
 
+    def read_stages(self) -> list[SimStage]:
+        """Read the stages of all parts; InputError as for one, or where a pool is to have one part."""
+        if not pool.is_index(self.stage):
+            return [self.read_stage()]
+        if self.part or self.also:
+            raise InputError(
+                f"keys 'part' and 'also' choose from a room; {self.stage} has the parts of a pool: leave them out"
+            )
+        robot.check_unchanged(self.robot)
+        return pool.stages(self.stage, self.robot.name)
+
     def read_stage(self) -> SimStage:
         """Read the stage; InputError for a wrong or unphysical one, or a robot that was changed on the command line."""
+        if pool.is_index(self.stage):
+            raise InputError(f"{self.stage} is the index of a pool, which s2a train takes; give a sim.usd")
         refuse_unphysical(self.stage)
         stage = read_stage(self.stage, self.part, robot=self.robot.name, also=self.also)
         robot.check_unchanged(self.robot)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warp as wp
 
-AXIS, LINE, ALONG_FRAME, FACE, LEVEL, PRIOR, FLUSH = range(7)
+AXIS, LINE, ALONG_FRAME, FACE, LEVEL, PRIOR, FLUSH = (wp.constant(kind) for kind in range(7))
 """Kinds of terms: what a value is of."""
 TILT, SHIFT, ZERO = (0, 1), (2, 3), 4
 """Where the parameters of a joint are among its five."""
@@ -104,22 +104,22 @@ def sum_terms(
     kind = terms.kind[tid]
     direction = terms.direction[tid]
     value = wp.float64(0.0)
-    if kind == 0:
+    if kind == AXIS:
         value = wp.dot(_axis(joints, values, i), direction)
-    elif kind == 1:
+    elif kind == LINE:
         axis = _axis(joints, values, i)
         origin = _origin(joints, values, i)
         value = wp.dot(origin + wp.dot(terms.point[tid] - origin, axis) * axis, direction)
-    elif kind == 2 or kind == 3:
+    elif kind == ALONG_FRAME or kind == FACE:
         turn = wp.vec3d(turns[f, 0], turns[f, 1], turns[f, 2])
         side = wp.vec3d(frames[f][0, k], frames[f][1, k], frames[f][2, k])
         side = wp.normalize(side + wp.cross(turn, side))
-        if kind == 2:
+        if kind == ALONG_FRAME:
             direction = _axis(joints, values, i)
         value = wp.dot(direction, side)
-    elif kind == 4:
+    elif kind == LEVEL:
         value = turns[f, k]
-    elif kind == 5:
+    elif kind == PRIOR:
         value = values[i, k]
     else:
         axis = _axis(joints, values, i)

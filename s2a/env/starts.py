@@ -3,12 +3,14 @@
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import warp as wp
 
 from s2a.env.kernels import Motion
 from s2a.env.state import State
+from s2a.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,25 @@ class Demonstration:
     targets: np.ndarray
     positions: np.ndarray
     grasped: int
+
+
+def save(motion: Demonstration, path: Path) -> None:
+    """Write a motion as an npz file."""
+    np.savez_compressed(
+        path,
+        targets=motion.targets.astype(np.float32),
+        positions=motion.positions.astype(np.float32),
+        grasped=motion.grasped,
+    )
+
+
+def load(path: Path) -> Demonstration:
+    """Read a motion that `save` wrote; InputError where the file is none."""
+    try:
+        with np.load(path) as file:
+            return Demonstration(file["targets"], file["positions"], int(file["grasped"]))
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"{path}: not a motion of s2a pool ({error}); make the pool again") from error
 
 
 @dataclass(frozen=True)

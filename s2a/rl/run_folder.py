@@ -19,6 +19,7 @@ from s2a import aliases
 from s2a.config import leaves
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
+from s2a.sim import pool
 from s2a.usd.stamp import layer_hash
 
 SETTINGS = "settings.json"
@@ -78,9 +79,10 @@ def keep_start(out: Path, iteration: int, stage: Path, about: Mapping[str, objec
     Raises:
         InputError: the stage is another than the run was begun with.
     """
-    earlier, content = starts(out), layer_hash(stage)
+    as_bytes = hashlib.sha256(stage.read_bytes()).hexdigest()
+    earlier, content = starts(out), as_bytes if pool.is_index(stage) else layer_hash(stage)
     # Until November 2026 it was the hash of the file's bytes, which a stamp changes.
-    if earlier and earlier[0]["stage_sha256"] not in (content, hashlib.sha256(stage.read_bytes()).hexdigest()):
+    if earlier and earlier[0]["stage_sha256"] not in (content, as_bytes):
         raise InputError(
             f"{stage} has changed since {out} was begun; resume with what it was, or train into another folder"
         )

@@ -24,6 +24,10 @@ from s2a.synth.rooms import ROOMS
 from s2a.synth.scanner import ScannerConfig
 from s2a.synth.truth import part_truth
 
+RoomKind = Literal[
+    "office", "bedroom", "kitchen", "bathroom", "living_room", "dining_room", "hallway", "laundry", "study", "workshop"
+]
+
 
 @dataclass(frozen=True)
 class SampleConfig:
@@ -45,18 +49,7 @@ class SampleConfig:
     """
 
     virtual: Literal["classic", "varied"]
-    room: Literal[
-        "office",
-        "bedroom",
-        "kitchen",
-        "bathroom",
-        "living_room",
-        "dining_room",
-        "hallway",
-        "laundry",
-        "study",
-        "workshop",
-    ]
+    room: RoomKind
     seed: CountFromZero
     detail: Literal["demo", "full", "rgbd", "phone"]
     annotator: Literal["careful", "hasty", "wrong"]

@@ -13,7 +13,7 @@ import warp as wp
 from s2a.env.state import State
 from s2a.env.task import Task
 from s2a.sim.simulation import Simulation
-from s2a.tasks.part_handles import PartGeometry, PartHandles
+from s2a.tasks.part_handles import PartGeometry, PartHandles, PartMdp
 
 OPPOSED = wp.constant(-0.5)
 """Cosine between the forces of both fingers below which they pinch: more than 120 degrees apart."""
@@ -29,9 +29,13 @@ class Frames:
     right: wp.vec3
 
 
-def observations(sim: Simulation) -> int:
-    """Return the length of what `observe` writes."""
-    return 2 * sim.layout.robot_joints + 5
+DESCRIBED = wp.constant(22)
+"""Numbers that `describe` writes."""
+
+
+def observations(sim: Simulation, config: PartMdp) -> int:
+    """Return the length of what `observe` writes, and `describe` where it is asked for."""
+    return 2 * sim.layout.robot_joints + 5 + (int(DESCRIBED) if config.describe_part else 0)
 
 
 @wp.func
@@ -141,6 +145,41 @@ def observe(s: State, h: PartHandles):
     s.observation[world, 2 * s.joints + 4] = wp.clamp(s.joint_qd[world, p.dof], -limit, limit)
 
 
+@wp.func
+def _write(s: State, h: PartHandles, world: int, first: int, values: wp.vec3):
+    for i in range(3):
+        s.observation[world, first + i] = wp.clamp(values[i], -h.observation_limit, h.observation_limit)
+
+
+@wp.kernel
+def describe(s: State, h: PartHandles):
+    """Write what tells one part from another as the last DESCRIBED observations.
+
+    The grasp in the tool frame: point [m], its y and z; in the robot's base frame the joint's axis, positive opens, and the
+    direction in which the grasp point moves when the part opens; 1 for a slide, else 0; a hinge's lever arm, 0 for a slide,
+    travel and opening [m]; the extents of the grasp region [m].
+    """
+    world = wp.tid()
+    p, f = h.part[world], frames(s, h, world)
+    grasp = wp.transform_inverse(f.tool) * f.grasp
+    y, z = wp.vec3(0.0, 1.0, 0.0), wp.vec3(0.0, 0.0, 1.0)
+    axis = p.axis * wp.sign(p.lever_arm)
+    along = axis
+    if p.slides == 0:
+        along = wp.normalize(wp.cross(axis, wp.transform_get_translation(f.grasp) - p.origin))
+    first = s.observation.shape[1] - DESCRIBED
+    _write(s, h, world, first, wp.transform_get_translation(grasp))
+    _write(s, h, world, first + 3, wp.transform_vector(grasp, y))
+    _write(s, h, world, first + 6, wp.transform_vector(grasp, z))
+    _write(s, h, world, first + 9, wp.quat_rotate_inv(p.base, axis))
+    _write(s, h, world, first + 12, wp.quat_rotate_inv(p.base, along))
+    _write(s, h, world, first + 15, p.size)
+    _write(
+        s, h, world, first + 18, wp.vec3(float(p.slides), wp.where(p.slides == 1, 0.0, wp.abs(p.lever_arm)), p.travel)
+    )
+    s.observation[world, first + 21] = wp.clamp(opening_of(s, h, world), -h.observation_limit, h.observation_limit)
+
+
 class PartTask(Task):
     """A task with an articulated part: the shared observation, and the kernels `reset`, `update`, `write_result` of KERNELS."""
 
@@ -161,6 +200,8 @@ class PartTask(Task):
     def observe(self, state: State) -> None:
         """Write the observations."""
         wp.launch(observe, dim=len(state.done), inputs=[state, self.handles.p])
+        if self.config.describe_part:
+            wp.launch(describe, dim=len(state.done), inputs=[state, self.handles.p])
 
     def result(self, state: State) -> None:
         """Write how finished episodes went."""

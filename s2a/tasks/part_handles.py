@@ -22,6 +22,7 @@ class PartMdp(MdpConfig):
         velocity_scale: factor of the joint velocities in the observation.
         observation_limit: observations are clamped to +- this.
         tcp_offset: shift of the tool frame from the point between the pads, in that frame [m].
+        describe_part: Observe also what tells one part from another (`s2a.tasks.part.describe`): for a policy of many parts.
         contact_distance: distance of a contact from the annotated region up to which it is on it [m].
         contact_force: normal force from which a contact counts [N].
     """
@@ -29,6 +30,7 @@ class PartMdp(MdpConfig):
     velocity_scale: float
     observation_limit: Positive
     tcp_offset: tuple[float, float, float]
+    describe_part: bool
     contact_distance: NotNegative
     contact_force: NotNegative
 
@@ -45,6 +47,7 @@ class PartGeometry:
         slides: 1 for a slide, 0 for a hinge.
         coord, dof: index of the joint's coordinate and of its velocity within the world.
         travel: opening at the open limit [m].
+        size: extents of the grasp region along the grasp frame's axes [m].
         pinchable: 1 where the region is thinner than the gripper opens.
     """
 
@@ -57,6 +60,7 @@ class PartGeometry:
     coord: int
     dof: int
     travel: float
+    size: wp.vec3
     pinchable: int
 
 
@@ -116,5 +120,6 @@ def _part(stage: SimStage, max_opening: float, coord: int, dof: int) -> PartGeom
     p.base = wp.quat(*stage.base[3:])
     p.lever_arm, p.travel = opening_sign(joint) * stage.lever_arm, stage.travel
     p.axis, p.origin, p.slides = wp.vec3(*joint.axis), wp.vec3(*joint.origin), int(joint.kind == "prismatic")
+    p.size = wp.vec3(*stage.grasp_size)
     p.pinchable = int(stage.grasp_size[1] < max_opening)
     return p

@@ -56,3 +56,24 @@ def test_an_environment_reads_each_worlds_own_axis(stages: list[SimStage]) -> No
     env.step(torch.zeros(2, env.num_actions))
     slide, hinge = env.observation[:, 21].tolist()
     assert slide == pytest.approx(0.1, abs=0.005) and hinge == pytest.approx(0.1, abs=0.005)
+
+
+def test_a_described_part_tells_its_axis_travel_and_grasp(stages: list[SimStage]) -> None:
+    env = make_env(stages, num_envs=2, describe_part=True)
+    env.step(torch.zeros(2, env.num_actions))
+    vectors, facts = env.observation[:, -22:-4].reshape(2, 6, 3), env.observation[:, -4:]
+    # The robot looks along -x of the world: an opening along +x comes towards it, and z is up for both.
+    assert vectors[0, 3].tolist() == pytest.approx([-1.0, 0.0, 0.0], abs=1e-5)
+    assert vectors[0, 4].tolist() == pytest.approx([-1.0, 0.0, 0.0], abs=1e-5)
+    assert vectors[1, 3].tolist() == pytest.approx([0.0, 0.0, 1.0], abs=1e-5)
+    arm = np.array(HANDLE)[:2] - HINGE.origin[:2]
+    towards = np.array([-arm[1], arm[0]]) / np.linalg.norm(arm)
+    assert vectors[1, 4].tolist() == pytest.approx(
+        [-towards[0], -towards[1], 0.0], abs=0.02
+    )  # the robot is turned by 180 degrees
+    assert facts[:, 0].tolist() == [1.0, 0.0]
+    assert facts[1, 1].item() == pytest.approx(np.linalg.norm(arm), abs=1e-5) and facts[0, 1] == 0.0
+    assert facts[:, 2].tolist() == pytest.approx([stage.travel for stage in stages], abs=1e-5)
+    assert vectors[:, 5].tolist() == pytest.approx(np.tile(stages[0].grasp_size, (2, 1)), abs=1e-6)
+    between = env.observation[:, 18:21]
+    assert vectors[:, 0].norm(dim=1).tolist() == pytest.approx(between.norm(dim=1).tolist(), abs=1e-5)

@@ -31,7 +31,7 @@ class ClosePartTask(part.PartTask):
             h.p = part_handles.bind(sim, ContactSensor(sim, config.contact_distance), config)
             h.closed = wp.zeros(sim.num_envs, dtype=float)
             h.closed_opening = metrics.closed_opening
-        self.observations = part.observations(sim)
+        self.observations = part.observations(sim, config)
 
     def start(self, coords: np.ndarray) -> np.ndarray:
         """Return the coordinates with the part open."""

@@ -33,7 +33,7 @@ class OpenPartTask(part.PartTask):
             self.sensor = ContactSensor(sim, config.contact_distance)
             self.handles = mdp.bind(sim, part_handles.bind(sim, self.sensor, config), config)
             self.thresholds = metrics.bind(sim, self.handles, metrics_config)
-        self.observations = part.observations(sim)
+        self.observations = part.observations(sim, config)
 
     def before_step(self, state: State) -> None:
         """Forget the contacts of the control step before."""

@@ -1,0 +1,137 @@
+"""Virtual rooms -> a pool: their parts, ready to simulate, and a planned motion of each, for one policy to be trained on."""
+
+from __future__ import annotations
+
+import json
+import logging
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from s2a import scan
+from s2a.env import starts
+from s2a.errors import InputError
+from s2a.outputs import atomic_write
+from s2a.planner.motion import PlannerConfig, demonstration
+from s2a.prepare import ALL, PrepareConfig, prepare
+from s2a.progress import track
+from s2a.provenance import provenance
+from s2a.ranges import Count, CountFromZero
+from s2a.robot.spec import RobotSpec
+from s2a.sim import pool
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.world import read_stage
+from s2a.synth import RoomKind, SampleConfig, sample
+from s2a.tasks import MdpSettings, task
+from s2a.usd import sim_stage
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a pool`.
+
+    Attributes:
+        rooms: kinds of rooms.
+        first: first seed.
+        count: how many seeds of each kind.
+        out: folder of the pool; rooms that are in it already are kept.
+        jobs: rooms that are made at once.
+        leave_out: families or styles of handles that are not taken.
+        sample: how rooms are drawn and scanned; its room, seed and out are not used.
+        robot: the robot.
+        prepare: how the scenes are prepared.
+        sim: how physics is stepped where the parts are trained on: how fast a motion may be.
+        task: what the robot has to do with each part.
+        planner: the planner's motion.
+    """
+
+    rooms: tuple[RoomKind, ...]
+    first: CountFromZero
+    count: Count
+    out: Path
+    jobs: Count
+    leave_out: tuple[str, ...]
+    sample: SampleConfig
+    robot: RobotSpec
+    prepare: PrepareConfig
+    sim: SimConfig
+    task: MdpSettings
+    planner: PlannerConfig
+
+
+INDEX = "pool.json"
+Made = dict[str, Any]
+"""A room's entries, and why others of its parts are left out."""
+
+
+def run(config: Config) -> str:
+    """Make the rooms that are missing, write the index, and return what is in it."""
+    if not config.rooms:
+        raise InputError("key 'rooms' is empty; give one kind of room or more: rooms=[kitchen,office]")
+    seeds = range(config.first, config.first + config.count)
+    specs: list[tuple[RoomKind, int]] = [(kind, seed) for seed in seeds for kind in config.rooms]
+    config.out.mkdir(parents=True, exist_ok=True)
+    made = list(track(_all(config, specs), "rooms", len(specs)))
+    entries = [
+        pool.Entry(**entry) for room in made for entry in room["parts"] if entry["handle"] not in config.leave_out
+    ]
+    left_out = {part: why for room in made for part, why in room["left_out"].items()}
+    about = {"first": config.first, "count": config.count, "rooms": config.rooms, "leave_out": config.leave_out}
+    pool.write(config.out / INDEX, entries, left_out, {**about, **provenance("cpu")})
+    slides = sum(entry.kind == "prismatic" for entry in entries)
+    return f"{config.out / INDEX}: {len(entries)} parts of {len(specs)} rooms, {slides} of them slide; {len(left_out)} left out"
+
+
+def _all(config: Config, specs: list[tuple[RoomKind, int]]) -> Iterator[Made]:
+    if config.jobs == 1:
+        yield from map(partial(_room, config), specs)
+        return
+    with ProcessPoolExecutor(config.jobs, mp_context=get_context("spawn")) as helpers:
+        yield from helpers.map(partial(_room, config), specs)
+
+
+def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
+    """Return a room's parts; scan, prepare and plan it unless that was done before."""
+    kind, seed = spec
+    name = f"{kind}_{seed}"
+    done = config.out / f"{name}.json"
+    if done.is_file():
+        return json.loads(done.read_text())
+    logging.disable(logging.WARNING)
+    file = config.out / f"{name}.usd"
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / "scan"
+        sample(replace(config.sample, room=kind, seed=seed, out=place), place)
+        scene = scan.read(place)
+        truth = json.loads((place / "truth/truth.json").read_text())["parts"]
+        room = prepare(scene, ALL, config.prepare, (), config.robot)
+        with atomic_write(file) as out:  # without its visuals, which no training loads
+            sim_stage.write(room, out, Path(folder) / "visuals.usd")
+    made: Made = {"parts": [], "left_out": {}}
+    for part, found in room.articulations.items():
+        try:
+            if not found.bases[config.robot.name].free:
+                raise InputError("no base pose is free")
+            motion = f"{name}_{part}.npz"
+            with atomic_write(config.out / motion) as out:
+                starts.save(_motion(config, file, part), out)
+        except InputError as error:
+            made["left_out"][f"{name}/{part}"] = str(error).removeprefix(f"{file}: ")
+            continue
+        facts = [truth[i] for i in scene.grasp_parts(part) if i in truth]
+        handles = {one.get("facts", {}).get("family", one["style"]) for one in facts} - {None}
+        handle = ", ".join(sorted(handles)) or "none"
+        made["parts"].append(asdict(pool.Entry(file.name, part, found.joint.kind, handle, motion)))
+    with atomic_write(done) as out:
+        out.write_text(json.dumps(made, indent=1))
+    return made
+
+
+def _motion(config: Config, file: Path, part: str) -> starts.Demonstration:
+    sim = Simulation(read_stage(file, part, robot=config.robot.name), config.sim, 1)
+    return demonstration(sim, config.planner, partial(task(config.task.name).tool_path, config=config.task))

@@ -1,0 +1,72 @@
+"""Parts of many rooms that are simulated together: an index of simulation-ready rooms, with a planned motion of each part."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from s2a.errors import InputError
+from s2a.outputs import atomic_write
+from s2a.sim.world import SimStage, read_stage
+from s2a.usd.sim_check import refuse_unphysical
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A part of a pool.
+
+    Attributes:
+        room: its sim.usd, relative to the index.
+        part: its id.
+        kind: of its joint, prismatic or revolute.
+        handle: family or style of its handle, as the scan's truth says.
+        motion: file of the planner's motion, relative to the index.
+    """
+
+    room: str
+    part: str
+    kind: str
+    handle: str
+    motion: str
+
+
+def is_index(path: Path) -> bool:
+    """Return whether a file is an index rather than a stage, by its name."""
+    return path.suffix == ".json"
+
+
+def write(path: Path, entries: Sequence[Entry], left_out: Mapping[str, str], about: Mapping[str, object]) -> None:
+    """Write an index.
+
+    Args:
+        path: the index.
+        entries: the parts.
+        left_out: why others are not among them, by room and part.
+        about: settings and versions.
+    """
+    content = {**about, "parts": [asdict(entry) for entry in entries], "left_out": dict(left_out)}
+    with atomic_write(path) as out:
+        out.write_text(json.dumps(content, indent=1) + "\n")
+
+
+def read(path: Path) -> list[Entry]:
+    """Return the parts of an index; InputError where it is none, or names no part."""
+    if not path.is_file():
+        raise InputError(f"{str(path)!r} does not exist; give a sim.usd, or the index that s2a pool writes")
+    try:
+        entries = [Entry(**entry) for entry in json.loads(path.read_text())["parts"]]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: not an index of s2a pool ({error!r})") from error
+    if not entries:
+        raise InputError(f"{path}: no part in it")
+    return entries
+
+
+def stages(path: Path, robot: str) -> list[SimStage]:
+    """Return the stages of an index's parts, in its order."""
+    entries = read(path)
+    for room in {entry.room for entry in entries}:
+        refuse_unphysical(path.parent / room)
+    return [read_stage(path.parent / entry.room, entry.part, robot=robot) for entry in entries]

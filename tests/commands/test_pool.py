@@ -1,0 +1,79 @@
+"""A pool: an index of parts of many rooms, on which one policy is trained."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from cabinet import HANDLE, write_cabinet
+
+from s2a import cli
+from s2a.errors import InputError
+from s2a.scene import Joint
+from s2a.sim import pool
+
+HINGE = Joint("revolute", (0.0, 0.0, 1.0), (HANDLE[0] - 0.02, 0.37, 0.7), (0.0, 1.2))
+SMALL = ["device=cpu", "num_envs=4", "ppo.iterations=1", "ppo.num_steps_per_env=4", "ppo.num_mini_batches=1"]
+
+
+@pytest.fixture
+def index(tmp_path: Path) -> Path:
+    entries = []
+    for name, joint in (("slide", None), ("hinge", HINGE)):
+        write_cabinet(tmp_path / f"{name}.usda", joint=joint)
+        kind = "revolute" if joint else "prismatic"
+        entries.append(pool.Entry(f"{name}.usda", "drawer_2", kind, "bar", f"{name}.npz"))
+    pool.write(tmp_path / "pool.json", entries, {"slide/door_3": "no base pose is free"}, {"first": 0})
+    return tmp_path / "pool.json"
+
+
+def test_an_index_is_read_as_it_was_written(index: Path) -> None:
+    assert [(entry.room, entry.kind) for entry in pool.read(index)] == [
+        ("slide.usda", "prismatic"),
+        ("hinge.usda", "revolute"),
+    ]
+    assert [stage.joint.kind for stage in pool.stages(index, "panda")] == ["prismatic", "revolute"]
+
+
+@pytest.mark.parametrize("text", ["", "{}", '{"parts": [{"room": "a.usd"}]}', '{"parts": []}', "[]"])
+def test_other_files_are_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / "pool.json").write_text(text)
+    with pytest.raises(InputError, match=r"pool\.json"):
+        pool.read(tmp_path / "pool.json")
+
+
+def test_one_policy_is_trained_on_slides_and_hinges(index: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    assert cli.main(["train", f"stage={index}", "task.describe_part=true", *SMALL, f"out={out}"]) == 0
+    assert json.loads((out / "metrics.json").read_text())["env_steps"] == 16
+    assert (out / "model_0.pt").is_file()
+
+
+@pytest.mark.parametrize(
+    ("command", "keys", "says"),
+    [
+        ("train", ["part=drawer_2"], "leave them out"),
+        ("train", ["demo_reset_fraction=0.5"], "not a motion of s2a pool"),
+        ("evaluate", [], "which s2a train takes"),
+    ],
+)
+def test_what_a_pool_cannot_do_is_said(
+    command: str, keys: list[str], says: str, index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    small = SMALL if command == "train" else ["device=cpu"]
+    assert cli.main([command, f"stage={index}", *small, *keys, f"out={tmp_path / 'out'}"]) == 2
+    assert says in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_room_becomes_a_pool_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    keys = ["pool", "rooms=[hallway]", "count=1", f"out={tmp_path}"]
+    assert cli.main(keys) == 0
+    entries = pool.read(tmp_path / "pool.json")
+    assert entries and all((tmp_path / entry.motion).is_file() for entry in entries)
+    before = (tmp_path / "hallway_0.usd").stat().st_mtime_ns
+    assert cli.main(keys) == 0
+    assert (tmp_path / "hallway_0.usd").stat().st_mtime_ns == before
+    run = ["train", f"stage={tmp_path / 'pool.json'}", "demo_reset_fraction=0.5", "demo_moved_fraction=0.3", *SMALL]
+    assert cli.main([*run, f"out={tmp_path / 'run'}"]) == 0

@@ -57,9 +57,10 @@ def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Callable
         for key in given | then:  # what is no longer there counts too: a reward term that is not listed weighs nothing
             same = given.get(key) == then.get(key) or _may_change(key, given.get(key), then.get(key))
             if not same and key not in without_effect():
+                begun_with = f"with {then[key]!r}" if key in then else "without it"
                 raise InputError(
-                    f"key {key!r} is {given.get(key)!r}, but {out} was begun with {then.get(key)!r}; "
-                    "resume with the same settings, or train into another folder"
+                    f"key {key!r} is {given.get(key)!r}, but {out} was begun {begun_with}; "
+                    "resume with the same settings (0 for a reward term that is new), or train into another folder"
                 )
     with atomic_write(file) as new:
         new.write_text(json.dumps(now, indent=1))

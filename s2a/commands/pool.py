@@ -78,7 +78,7 @@ def run(config: Config) -> str:
     config.out.mkdir(parents=True, exist_ok=True)
     made = list(track(_all(config, specs), "rooms", len(specs)))
     entries = [
-        pool.Entry(**entry) for room in made for entry in room["parts"] if entry["handle"] not in config.leave_out
+        pool.PoolPart(**entry) for room in made for entry in room["parts"] if entry["handle"] not in config.leave_out
     ]
     left_out = {part: why for room in made for part, why in room["left_out"].items()}
     about = {"first": config.first, "count": config.count, "rooms": config.rooms, "leave_out": config.leave_out}
@@ -126,7 +126,7 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
         facts = [truth[i] for i in scene.grasp_parts(part) if i in truth]
         handles = {one.get("facts", {}).get("family", one["style"]) for one in facts} - {None}
         handle = ", ".join(sorted(handles)) or "none"
-        made["parts"].append(asdict(pool.Entry(file.name, part, found.joint.kind, handle, motion)))
+        made["parts"].append(asdict(pool.PoolPart(file.name, part, found.joint.kind, handle, motion)))
     with atomic_write(done) as out:
         out.write_text(json.dumps(made, indent=1))
     return made

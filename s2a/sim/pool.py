@@ -14,7 +14,7 @@ from s2a.usd.sim_check import refuse_unphysical
 
 
 @dataclass(frozen=True)
-class Entry:
+class PoolPart:
     """A part of a pool.
 
     Attributes:
@@ -37,7 +37,7 @@ def is_index(path: Path) -> bool:
     return path.suffix == ".json"
 
 
-def write(path: Path, entries: Sequence[Entry], left_out: Mapping[str, str], about: Mapping[str, object]) -> None:
+def write(path: Path, entries: Sequence[PoolPart], left_out: Mapping[str, str], about: Mapping[str, object]) -> None:
     """Write an index.
 
     Args:
@@ -51,12 +51,12 @@ def write(path: Path, entries: Sequence[Entry], left_out: Mapping[str, str], abo
         out.write_text(json.dumps(content, indent=1) + "\n")
 
 
-def read(path: Path) -> list[Entry]:
+def read(path: Path) -> list[PoolPart]:
     """Return the parts of an index; InputError where it is none, or names no part."""
     if not path.is_file():
         raise InputError(f"{str(path)!r} does not exist; give a sim.usd, or the index that s2a pool writes")
     try:
-        entries = [Entry(**entry) for entry in json.loads(path.read_text())["parts"]]
+        entries = [PoolPart(**entry) for entry in json.loads(path.read_text())["parts"]]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: not an index of s2a pool ({error!r})") from error
     if not entries:

@@ -23,7 +23,7 @@ def index(tmp_path: Path) -> Path:
     for name, joint in (("slide", None), ("hinge", HINGE)):
         write_cabinet(tmp_path / f"{name}.usda", joint=joint)
         kind = "revolute" if joint else "prismatic"
-        entries.append(pool.Entry(f"{name}.usda", "drawer_2", kind, "bar", f"{name}.npz"))
+        entries.append(pool.PoolPart(f"{name}.usda", "drawer_2", kind, "bar", f"{name}.npz"))
     pool.write(tmp_path / "pool.json", entries, {"slide/door_3": "no base pose is free"}, {"first": 0})
     return tmp_path / "pool.json"
 

@@ -101,7 +101,10 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
     name = f"{kind}_{seed}"
     done = config.out / f"{name}.json"
     if done.is_file():
-        return json.loads(done.read_text())
+        earlier: Made = json.loads(done.read_text())
+        if earlier["settings"] != _settings(config):
+            raise InputError(f"{done}: made with other settings; give another out, or delete that folder")
+        return earlier
     logging.disable(logging.WARNING)
     file = config.out / f"{name}.usd"
     with tempfile.TemporaryDirectory() as folder:
@@ -112,7 +115,7 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
         room = prepare(scene, ALL, config.prepare, (), config.robot)
         with atomic_write(file) as out:  # without its visuals, which no training loads
             sim_stage.write(room, out, Path(folder) / "visuals.usd")
-    made: Made = {"parts": [], "left_out": {}}
+    made: Made = {"settings": _settings(config), "parts": [], "left_out": {}}
     for part, found in room.articulations.items():
         try:
             if not found.bases[config.robot.name].free:
@@ -130,6 +133,14 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
     with atomic_write(done) as out:
         out.write_text(json.dumps(made, indent=1))
     return made
+
+
+def _settings(config: Config) -> Any:
+    """Return what a room depends on besides its kind and seed, as JSON reads it."""
+    values = asdict(config)
+    for key in ("rooms", "first", "count", "out", "jobs", "leave_out"):
+        values.pop(key)
+    return json.loads(json.dumps(values, default=str))
 
 
 def _motion(config: Config, file: Path, part: str) -> starts.Demonstration:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cabinet import HANDLE, box, write_cabinet
 from defects_of_files import EDITS
-from defects_of_rooms import CHANGES
+from defects_of_rooms import CHANGES, mass_of
 from pxr import Usd
 from settings import load
 from wrong_annotations import transformed
@@ -105,6 +105,19 @@ def test_a_mass_that_no_body_of_this_size_has_is_named(stage: Path, tmp_path: Pa
     sim_stage.write(CHANGES[defect](sim_stage.read(stage), "drawer_2"), tmp_path / "heavy.usda")
     check = portability.mass_distribution(contents.read(tmp_path / "heavy.usda"))
     assert check.status == "fail" and said in check.message
+
+
+@pytest.mark.parametrize(
+    ("shift", "status"), [((-0.3, 0.0, 0.0), "pass"), ((0.3, 0.0, 0.0), "fail"), ((-0.3, 0.6, 0.0), "fail")]
+)
+def test_a_drawers_weight_may_lie_behind_its_front_alone(
+    stage: Path, tmp_path: Path, shift: tuple[float, float, float], status: str
+) -> None:
+    room = sim_stage.read(stage)
+    hulls = np.concatenate([hull.mesh.vertices for hull in room.bodies["drawer_2"].colliders])
+    center = tuple((hulls.min(axis=0) + hulls.max(axis=0)) / 2 + shift)
+    sim_stage.write(mass_of(room, "drawer_2", center=center), tmp_path / "moved.usda")
+    assert portability.mass_distribution(contents.read(tmp_path / "moved.usda")).status == status
 
 
 def test_a_shift_is_measured_along_the_directions_that_the_surface_tells() -> None:

@@ -20,7 +20,7 @@ from s2a.planner.motion import Planner, PlannerConfig
 from s2a.planner.pull_law import PullLaw
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
-from s2a.tasks.part import opening_force
+from s2a.tasks.part_functions import opening_force
 from s2a.tasks.part_handles import PartHandles
 
 

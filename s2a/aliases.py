@@ -127,7 +127,15 @@ def settings(values: Mapping[str, Any], group: str) -> dict[str, Any]:
     return {RENAMED.get(f"{group}.{key}", key): value for key, value in values.items()}
 
 
-ADDED = {"sim.joint.spring": "joint", "sim.limits.drives": False, "task.describe_part": False}
+ADDED = {
+    "sim.joint.spring": "joint",
+    "sim.limits.drives": False,
+    "sim.vary": None,
+    "task.describe_part": False,
+    "task.grasp_error": (0.0, 0.0),
+    "task.grasp_turn": (0.0, 0.0),
+    "task.action_delay": (0, 0),
+}
 """Dotted key that older runs did not have -> the value by which they ran."""
 
 

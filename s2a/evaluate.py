@@ -17,7 +17,6 @@ Policy = Callable[[torch.Tensor], torch.Tensor]
 """Observation [world observation] -> action [world action]."""
 
 
-@torch.inference_mode()
 def evaluate(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda: None) -> dict[str, Any]:
     """Run one episode in every world from a fresh reset.
 
@@ -31,6 +30,12 @@ def evaluate(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda: No
         metrics tell what they mean) with its Wilson 95 % interval; mean, min and max of the others; the number of episodes with
         each of ERRORS.
     """
+    return {"episodes": env.num_envs, **summary(env, run_episodes(env, policy, watch))}
+
+
+@torch.inference_mode()
+def run_episodes(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda: None) -> dict[str, torch.Tensor]:
+    """Return how the first episode of every world went, by column [world]; see `evaluate`."""
     env.reset_all()
     watch()
     result = torch.full((env.num_envs, len(env.columns)), torch.nan, device=env.result.device)
@@ -43,7 +48,7 @@ def evaluate(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda: No
         pending &= ~finished
         if not pending.any():
             break
-    return {"episodes": env.num_envs, **summary(env, dict(zip(env.columns, result.cpu().unbind(dim=1), strict=True)))}
+    return dict(zip(env.columns, result.cpu().unbind(dim=1), strict=True))
 
 
 def summary(env: VecEnv, column: Mapping[str, torch.Tensor]) -> dict[str, Any]:

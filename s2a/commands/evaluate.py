@@ -5,20 +5,24 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from PIL import Image
 
 from s2a.commands.worlds import WorldsConfig
+from s2a.env import starts
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
-from s2a.evaluate import Agent, Policy, baseline, evaluate, warn_of_errors
+from s2a.evaluate import Agent, Policy, baseline, run_episodes, summary, warn_of_errors
 from s2a.outputs import atomic_write
+from s2a.part_results import by_part
 from s2a.planner.motion import Planner
 from s2a.provenance import provenance
 from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.export import export
 from s2a.rl.run_world import read_world
+from s2a.sim import pool
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse
 from s2a.sim.recorder import Recorder
@@ -81,10 +85,12 @@ class Album:
 
 
 def _policy(config: Config, env: VecEnv) -> Policy:
-    """Return who acts."""
+    """Return who acts; the planner has motions for a pool."""
     if config.agent:
         return baseline(config.agent, env, config.seed)
-    return load_policy(env, config.checkpoint) if config.checkpoint else Planner(env, config.planner)
+    if config.checkpoint:
+        return load_policy(env, config.checkpoint)
+    return Planner(env, config.planner, starts.of_pool(config.stage) if pool.is_index(config.stage) else ())
 
 
 def _who(config: Config) -> str:
@@ -101,9 +107,23 @@ def _refuse_contradictions(config: Config) -> None:
         raise InputError(
             f"keys 'agent' ({config.agent}) and 'checkpoint' ({config.checkpoint}): only one can act; drop the other"
         )
+    if pool.is_index(config.stage):
+        _refuse_of_a_pool(config)
     for name, folder in (("images", config.images), ("recordings", config.recordings)):
         if folder and folder.exists() and not folder.is_dir():
             raise InputError(f"key {name!r} is {str(folder)!r}, a file; give a folder")
+
+
+def _refuse_of_a_pool(config: Config) -> None:
+    """Raise for keys that mean one room, and for parts without an episode."""
+    if config.images or config.recordings:
+        raise InputError(
+            f"keys 'images' and 'recordings' show one room; {config.stage} has the parts of many: give a sim.usd"
+        )
+    if config.num_envs < (count := len(pool.read(config.stage))):
+        raise InputError(
+            f"key 'num_envs' is {config.num_envs}, and {config.stage} has {count} parts; give {count} or more"
+        )
 
 
 def run(config: Config) -> str:
@@ -112,7 +132,7 @@ def run(config: Config) -> str:
     world = read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
-        sim = Simulation(config.read_stage(), sim_config, config.num_envs, device_of(config.device))
+        sim = Simulation(config.read_stages(), sim_config, config.num_envs, device_of(config.device))
         recorder = Recorder(sim) if config.recordings else None
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env)
@@ -126,7 +146,13 @@ def run(config: Config) -> str:
                 recorder.watch(env.done.bool())
 
         origin = {"stage": config.stage.name, "policy": _who(config), "seed": config.seed, **provenance(sim.device)}
-        metrics = evaluate(env, policy, watch) | {"limit_use": use.fractions()} | origin
+        columns = run_episodes(env, policy, watch)
+        metrics: dict[str, Any] = {"episodes": env.num_envs, **summary(env, columns)}
+        metrics |= {"limit_use": use.fractions(), **origin}
+        names = [name for name in env.task.METRICS if name not in env.task.VALUES]
+        if pool.is_index(config.stage):
+            rates = {name: columns[name].numpy() for name in names}
+            metrics |= by_part(rates, pool.read(config.stage), sim.stage_of_env, config.seed)
         out.write_text(json.dumps(metrics, indent=1))
     warn_of_errors(metrics, env)
     if config.export and config.checkpoint:
@@ -137,7 +163,6 @@ def run(config: Config) -> str:
     if config.recordings and recorder:
         config.recordings.mkdir(parents=True, exist_ok=True)
         recorder.save(config.recordings)
-    names = [name for name in env.task.METRICS if name not in env.task.VALUES]
     lines = [
         f"  {name:24}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name in names if (r := metrics[name])
     ]

@@ -12,7 +12,8 @@ from typing import Any
 import torch
 
 from s2a.commands.worlds import WorldsConfig
-from s2a.env.starts import Demonstration, DemoStarts, load
+from s2a.env import starts
+from s2a.env.starts import Demonstration, DemoStarts
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
@@ -39,6 +40,7 @@ class Config(WorldsConfig):
 
     Attributes:
         out: folder for checkpoints, the TensorBoard log and metrics.json.
+        init: checkpoint of another run whose policy and critic this one begins with, of networks of the same widths; or null.
         resume: go on from the last checkpoint in `out`, if there is one, with the same settings.
         export: write the last checkpoint as TorchScript and ONNX too.
         reward: weight of each reward term.
@@ -50,6 +52,7 @@ class Config(WorldsConfig):
     """
 
     out: Path
+    init: Path | None
     resume: bool
     export: bool
     reward: RewardWeights
@@ -66,7 +69,7 @@ def run(config: Config) -> str:
     seed = processes.own_seed(config.seed, first)
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
-    sim = Simulation(config.read_stages(), config.sim, config.num_envs, device)
+    sim = Simulation(processes.own_share(config.read_stages()), config.sim, config.num_envs, device)
     demo = None
     if config.demo_reset_fraction > 0.0:
         demo = DemoStarts(_motions(config, sim), config.demo_reset_fraction, config.demo_moved_fraction)
@@ -75,10 +78,10 @@ def run(config: Config) -> str:
         if lead:
             config.out.mkdir(parents=True, exist_ok=True)
             run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(sim.stages))
-            starts = run_folder.keep_start(config.out, first, config.stage, provenance(sim.device))
+            begun = run_folder.keep_start(config.out, first, config.stage, provenance(sim.device))
             write_world(config.sim, config.task, config.out)
-        metrics = ppo.train(env, config.ppo, config.out, checkpoint)
-        return _report(config, env, metrics | {"starts": starts}) if lead else ""
+        metrics = ppo.train(env, config.ppo, config.out, checkpoint, config.init)
+        return _report(config, env, metrics | {"starts": begun}) if lead else ""
     except OSError as error:  # checkpoints and logs are not written by atomic_write
         if (told := full_disk(config.out, error)) is None:
             raise
@@ -117,7 +120,7 @@ def _start_of(config: Config) -> Path | None:
 def _motions(config: Config, sim: Simulation) -> list[Demonstration]:
     """Return a motion for each stage: those of the pool, or the planner's."""
     if pool.is_index(config.stage):
-        return [load(config.stage.parent / entry.motion) for entry in pool.read(config.stage)]
+        return processes.own_share(starts.of_pool(config.stage))
     return [demonstration(sim, config.planner, partial(task(config.task.name).tool_path, config=config.task))]
 
 

@@ -27,6 +27,7 @@ class Motion:
         acceleration: largest change of it [rad/s^2, m/s^2], shape [joint].
         window: distance of a target from its joint's position at which it stops [rad, m].
         dt: physics time step [s].
+        delay: least and greatest number of control steps by which an action comes late.
         home: joint positions at the start [rad, m], shape [joint].
         noise: half range of the uniform noise on it [rad, m].
         start: coordinates of everything else at the start, shape [world coord].
@@ -47,6 +48,7 @@ class Motion:
     acceleration: wp.array(dtype=float)
     window: float
     dt: float
+    delay: wp.vec2i
     home: wp.array(dtype=float)
     noise: float
     start: wp.array2d(dtype=float)
@@ -67,6 +69,14 @@ def seed_envs(seed: int, rng: wp.array(dtype=wp.uint32)):
     rng[world] = wp.rand_init(seed, world)
 
 
+@wp.func
+def _acting(s: State, m: Motion, world: int, joint: int):
+    """Return the action that acts now: the last one, or where actions come late an earlier one."""
+    if m.delay[1] > 0:
+        return s.past[world, s.delay[world], joint]
+    return s.action[world, joint]
+
+
 @wp.kernel
 def act(s: State, m: Motion):
     """Clamp the action; move the joint targets by it, or keep the velocities that it asks for where the controller has limits.
@@ -78,11 +88,17 @@ def act(s: State, m: Motion):
     for i in range(s.joints):
         if not wp.isnan(s.action[world, i]):
             s.action[world, i] = wp.clamp(s.action[world, i], -1.0, 1.0)
+    if m.delay[1] > 0:
+        for k in range(m.delay[1], -1, -1):
+            for i in range(s.joints):
+                s.past[world, k, i] = s.action[world, i]
+                if k > 0:
+                    s.past[world, k, i] = s.past[world, k - 1, i]
     for i in range(s.joints):
-        a = s.action[world, i]
+        a = _acting(s, m, world, i)
         if m.limited == 1:
             if i >= s.arm:
-                a = 0.5 * (s.action[world, s.arm] + s.action[world, s.arm + 1])
+                a = 0.5 * (_acting(s, m, world, s.arm) + _acting(s, m, world, s.arm + 1))
             s.asked[world, i] = wp.where(wp.isnan(a), 0.0, a) * m.velocity[i]
         elif not wp.isnan(a):
             target = s.target_q[world, i] + wp.where(i < s.arm, m.step, m.finger_step) * a

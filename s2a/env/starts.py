@@ -11,6 +11,7 @@ import warp as wp
 from s2a.env.kernels import Motion
 from s2a.env.state import State
 from s2a.errors import InputError
+from s2a.sim import pool
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,11 @@ def load(path: Path) -> Demonstration:
             return Demonstration(file["targets"], file["positions"], int(file["grasped"]))
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"{path}: not a motion of s2a pool ({error}); make the pool again") from error
+
+
+def of_pool(index: Path) -> list[Demonstration]:
+    """Return the motions of a pool's parts, in its order; InputError where the index or one of them is damaged."""
+    return [load(index.parent / entry.motion) for entry in pool.read(index)]
 
 
 @dataclass(frozen=True)
@@ -112,6 +118,11 @@ def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_ma
             s.target_q[world, i] = target
             s.target_qd[world, i] = 0.0
             s.joint_q[world, i] = wp.where(near < 1.0 or i < s.arm, target, m.demo_positions[stage, at, i])
+        if m.delay[1] > 0:
+            s.delay[world] = wp.randi(rng, m.delay[0], m.delay[1] + 1)
+            for k in range(s.past.shape[1]):
+                for i in range(s.joints):
+                    s.past[world, k, i] = 0.0
         s.rng[world] = rng
         s.step[world] = 0
         s.terminated[world] = 0

@@ -20,7 +20,10 @@ class State:
         target_qd: commanded velocities of the robot's joints [rad/s, m/s], shape [world dof].
         asked: those that the action asks for.
         action: in [-1, 1], shape [world action].
+        past: the latest actions, the newest first, shape [world delay action]; none where no action comes late.
+        delay: by how many control steps actions come late, shape [world].
         observation: shape [world observation].
+        privileged: what a critic is told besides, shape [world number].
         terms: unweighted reward terms, shape [world term].
         reward: their weighted sum, shape [world].
         terminated: 1 where the task ends the episode, shape [world].
@@ -46,7 +49,10 @@ class State:
     target_qd: wp.array2d(dtype=float)
     asked: wp.array2d(dtype=float)
     action: wp.array2d(dtype=float)
+    past: wp.array3d(dtype=float)
+    delay: wp.array(dtype=int)
     observation: wp.array2d(dtype=float)
+    privileged: wp.array2d(dtype=float)
     terms: wp.array2d(dtype=float)
     reward: wp.array(dtype=float)
     terminated: wp.array(dtype=int)
@@ -61,14 +67,16 @@ class State:
     rng: wp.array(dtype=wp.uint32)
 
 
-def allocate(sim: Simulation, observations: int, terms: int, columns: int) -> State:
+def allocate(sim: Simulation, observations: int, privileged: int, terms: int, columns: int, delays: int) -> State:
     """Return the arrays that live as long as an environment; a captured graph keeps their addresses.
 
     Args:
         sim: the worlds; coordinates, poses and targets are views of its own.
         observations: length of an observation.
+        privileged: how many numbers a critic is told besides.
         terms: number of reward terms.
         columns: number of a finished episode's results.
+        delays: greatest number of control steps by which an action comes late.
     """
     s, n = State(), sim.num_envs
     s.joints, s.arm = sim.layout.robot_joints, sim.layout.arm_joints
@@ -82,6 +90,7 @@ def allocate(sim: Simulation, observations: int, terms: int, columns: int) -> St
         ("asked", s.joints),
         ("action", s.joints),
         ("observation", observations),
+        ("privileged", privileged),
         ("terms", terms),
         ("result", columns),
     ):
@@ -92,6 +101,7 @@ def allocate(sim: Simulation, observations: int, terms: int, columns: int) -> St
         wp.zeros(n, dtype=wp.uint32),
     )
     s.dropped = wp.zeros((n, 2), dtype=int)
-    for name in ("terminated", "done", "time_out", "step", "uncounted", "overflow"):
+    s.past = wp.zeros((n, delays + 1 if delays else 0, s.joints), dtype=float)
+    for name in ("terminated", "done", "time_out", "step", "uncounted", "overflow", "delay"):
         setattr(s, name, wp.zeros(n, dtype=int))
     return s

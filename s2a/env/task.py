@@ -13,7 +13,7 @@ import warp as wp
 
 from s2a.env.state import State
 from s2a.errors import InputError
-from s2a.ranges import AtLeast, NotNegative, Positive
+from s2a.ranges import AtLeast, CountFromZero, NotNegative, Positive
 from s2a.robot.tool_path import PathSettings, ToolPath
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
@@ -29,6 +29,7 @@ class MdpConfig:
         action_scale: speed of a joint target for an action of 1 [rad/s].
         finger_speed: fraction of it for the fingers [m/s].
         start_noise: half range of the uniform noise on the start position [rad, m].
+        action_delay: least and greatest number of control steps by which an action comes late, drawn for an episode.
     """
 
     name: str
@@ -36,6 +37,7 @@ class MdpConfig:
     action_scale: Positive
     finger_speed: Positive
     start_noise: NotNegative
+    action_delay: tuple[CountFromZero, CountFromZero]
 
 
 class Task:
@@ -55,6 +57,7 @@ class Task:
     Attributes:
         config: the decision process's numbers.
         observations: length of an observation.
+        privileged: how many numbers a critic is told besides.
         handles: the task's struct, which its kernels and reward terms take.
         thresholds: what counts in these worlds, by name, for reports.
         error_fraction: fraction of the episodes from which physics' errors are warned of.
@@ -72,6 +75,7 @@ class Task:
 
     config: Any
     observations: int
+    privileged: int = 0
     handles: Any
     thresholds: Mapping[str, float]
     error_fraction: float = 0.001
@@ -89,6 +93,10 @@ class Task:
         """Return the coordinates with which episodes start, shape [world coord], of those that were scanned."""
         return coords
 
+    def persistent(self) -> dict[str, wp.array]:
+        """Return the arrays that a later step reads before it writes them, by name."""
+        return {name: getattr(self.handles, name) for name in self.PERSISTENT}
+
     def reset(self, state: State) -> None:
         """Start a new episode where `state.done` is 1; the environment has put robot and room back."""
 
@@ -102,7 +110,7 @@ class Task:
         """After physics: what the reward terms read; sets `state.terminated`."""
 
     def observe(self, state: State) -> None:
-        """Write `state.observation`."""
+        """Write `state.observation`, and `state.privileged`."""
 
     def result(self, state: State) -> None:
         """Write the columns METRICS of `state.result` where `state.done` is 1."""

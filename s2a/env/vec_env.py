@@ -34,6 +34,7 @@ class VecEnv:
         num_envs, num_actions, max_episode_length: as a vectorised environment has them.
         action_step: change of each joint target for an action of 1 [rad or m], shape [action].
         observation: shape [world observation], overwritten by every step.
+        privileged: what a critic is told besides, shape [world number].
         final_observation: the same before the reset of the worlds whose episode ended, where it is kept.
         reward: shape [world].
         done, time_out: 0 or 1, shape [world], int32; a time-out is not a termination.
@@ -71,7 +72,8 @@ class VecEnv:
         self.max_episode_length = task.config.episode_steps
         with wp.ScopedDevice(sim.device):
             weighted = weights_of(task.REWARDS, weights)
-            self.state = allocate(sim, task.observations, len(task.REWARDS), len(self.columns))
+            lengths = task.observations, task.privileged, len(task.REWARDS), len(self.columns)
+            self.state = allocate(sim, *lengths, delays=task.config.action_delay[1])
             self._weights = wp.array(weighted, dtype=float)
             self._compute_reward = kernels.reward_kernel(task.REWARDS, task.Handles)
             self._motion = _motion(sim, task, demo)
@@ -133,6 +135,8 @@ class VecEnv:
             "warm_start": sim.solver.mjw_data.qacc_warmstart,
         }
         names = (
+            *(("past", "delay") if s.past.size else ()),
+            *(("privileged",) if self.task.privileged else ()),
             "action",
             "observation",
             "step",
@@ -144,7 +148,7 @@ class VecEnv:
             "rng",
         )
         arrays |= {name: getattr(s, name) for name in names}
-        return arrays | {f"task.{name}": getattr(self.task.handles, name) for name in self.task.PERSISTENT}
+        return arrays | {f"task.{name}": array for name, array in self.task.persistent().items()}
 
     def _step(self) -> None:
         """Do one control step on the device."""
@@ -194,6 +198,7 @@ class VecEnv:
         self.reward, self.done, self.time_out = map(wp.to_torch, (s.reward, s.done, s.time_out))
         self.result, self.counts = map(wp.to_torch, (s.result, s.counts))
         self.final_observation = wp.to_torch(self._final if self._final is not None else s.observation)
+        self.privileged = wp.to_torch(s.privileged)
         self.episode_step, self.uncounted = map(wp.to_torch, (s.step, s.uncounted))
 
 
@@ -208,6 +213,7 @@ def _motion(sim: Simulation, task: Task, demo: DemoStarts | None) -> kernels.Mot
         m.velocity = wp.array([*arm.velocity, *fingers], dtype=float)
         m.acceleration = wp.array([*arm.acceleration, *(each / FINGER_TIME for each in fingers)], dtype=float)
         m.window = limits.window
+    m.delay = wp.vec2i(*config.action_delay)
     m.home, m.noise = wp.array(sim.layout.home, dtype=float), config.start_noise
     coords = sim.model.joint_q.numpy().reshape((sim.num_envs, -1))
     m.start, m.part_coord = wp.array(task.start(coords), dtype=float), wp.array(sim.part_coord, dtype=int)

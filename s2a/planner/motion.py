@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from s2a.env.starts import Demonstration
+from s2a.env.starts import Demonstration, padded
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.planner import pull_law
@@ -74,25 +74,32 @@ BEHIND = 3.0
 
 
 class Planner:
-    """A policy that follows a planned trajectory; the same for all worlds once the arm is at the point of approach.
+    """A policy that follows planned trajectories, one a stage, the same in all its worlds from the point of approach on.
 
     Attributes:
-        trajectory: joint targets after the reach.
-        grasp_steps: control steps until the gripper has closed.
-        steps: control steps of the whole motion.
+        trajectories: joint targets after the reach, of each stage.
+        grasp_steps: control steps until the gripper has closed, in the first stage.
+        steps: control steps of the longest whole motion.
     """
 
-    def __init__(self, env: VecEnv, config: PlannerConfig) -> None:
-        """Plan for an environment's stage; InputError if the arm cannot reach along the whole path."""
-        sim = env.sim
-        self._env, self.trajectory = env, plan(sim, config, partial(env.task.tool_path, config=env.task.config))
-        self.grasp_steps = self.trajectory.reach_steps + self.trajectory.closed
-        self.steps = self.trajectory.reach_steps + len(self.trajectory.targets)
+    def __init__(self, env: VecEnv, config: PlannerConfig, motions: Sequence[Demonstration] = ()) -> None:
+        """Take motions that were planned before, one a stage, or plan for the only stage; InputError: out of reach."""
+        sim = self._sim = env.sim
+        self._env = env
+        planned = [_from_home(sim, motion, config) for motion in motions]
+        self.trajectories = planned or [plan(sim, config, partial(env.task.tool_path, config=env.task.config))]
+        self.grasp_steps = self.trajectories[0].reach_steps + self.trajectories[0].closed
+        self.steps = max(each.reach_steps + len(each.targets) for each in self.trajectories)
         if self.steps >= env.max_episode_length:
             text = "an episode of %d steps cuts the plan off; give task.episode_steps=%d"
             _log.warning(text, env.max_episode_length, self.steps + 1)
-        self._targets = torch.tensor(self.trajectory.targets, dtype=torch.float32, device=sim.device)
-        self._start = sim.joint_target_q[:, : self._targets.shape[1]].clone()
+        stage = sim.stage_of_env if motions else np.zeros(sim.num_envs, dtype=int)
+        self._targets = torch.tensor(
+            padded([each.targets for each in self.trajectories]), dtype=torch.float32, device=sim.device
+        )
+        self._stage = torch.tensor(stage, device=sim.device)
+        self._reach = torch.tensor([self.trajectories[i].reach_steps for i in stage], device=sim.device)
+        self._start = sim.joint_target_q[:, : self._targets.shape[2]].clone()
         self._clock = torch.zeros(env.num_envs, dtype=torch.long, device=sim.device)
 
     def __call__(self, observation: torch.Tensor) -> torch.Tensor:
@@ -100,17 +107,26 @@ class Planner:
 
         The trajectory waits where a controller with limits holds a target back, by more than BEHIND, for a joint that lags.
         """
-        began, reach = self._env.episode_step == 0, self.trajectory.reach_steps
-        now = self._env.sim.joint_target_q[:, : self._targets.shape[1]]
+        began, reach = self._env.episode_step == 0, self._reach
+        now = self._sim.joint_target_q[:, : self._targets.shape[2]]
         self._start = torch.where(began[:, None], now, self._start)
         step = self._clock = torch.where(began, 0, self._clock)
-        fraction = torch.from_numpy(eased((step + 1).cpu().numpy() / reach)).to(now)[:, None]
-        reaching = self._start + fraction * (self._targets[0] - self._start)
-        following = self._targets[(step - reach + 1).clamp(0, len(self._targets) - 1)]
+        fraction = torch.from_numpy(eased(((step + 1).double() / reach).cpu().numpy())).to(now)[:, None]
+        reaching = self._start + fraction * (self._targets[self._stage, 0] - self._start)
+        following = self._targets[self._stage, (step - reach + 1).clamp(0, self._targets.shape[1] - 1)]
         action = (torch.where((step < reach)[:, None], reaching, following) - now) / self._env.action_step
-        arm = len(self._env.sim.robot.arm_joints)
+        arm = len(self._sim.robot.arm_joints)
         self._clock = step + (action[:, :arm].abs().amax(dim=1) <= BEHIND)
         return action
+
+
+def _from_home(sim: Simulation, motion: Demonstration, config: PlannerConfig) -> Trajectory:
+    """Return a motion that was planned before as a trajectory from home."""
+    home, arm = np.array(sim.robot.home), len(sim.robot.arm_joints)
+    reach = reach_steps(
+        home, motion.targets[0, :arm], config.start_noise, config.reach_time, sim.plan_limits, _rate(sim)
+    )
+    return Trajectory(motion.targets, motion.positions[:, -1], reach, motion.grasped)
 
 
 def demonstration(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Demonstration:

@@ -65,8 +65,11 @@ class RslRlEnv(RslRlVecEnv):
         return float(hits / episodes) if self.warm else float("nan")
 
     def get_observations(self) -> TensorDict:
-        """Return a copy of the observation [world observation]."""
-        return TensorDict({"policy": self.env.observation.clone()}, batch_size=[self.num_envs])
+        """Return copies of the observation [world observation] and of what the critic is told besides."""
+        seen = {"policy": self.env.observation.clone()}
+        if self.env.task.privileged:
+            seen["privileged"] = self.env.privileged.clone()
+        return TensorDict(seen, batch_size=[self.num_envs])
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Apply actions [world action]; return observations, rewards, dones, and what is logged."""

@@ -65,8 +65,8 @@ class PpoConfig:
     torch_compile_mode: Literal["default", "max-autotune-no-cudagraphs"] | None
 
 
-def rsl_rl_settings(config: PpoConfig) -> dict[str, Any]:
-    """Return the settings under rsl-rl's names."""
+def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, Any]:
+    """Return the settings under rsl-rl's names; `privileged`: the critic is told more than the actor sees."""
     network = {
         "class_name": "MLPModel",
         "hidden_dims": list(config.hidden_dims),
@@ -78,7 +78,7 @@ def rsl_rl_settings(config: PpoConfig) -> dict[str, Any]:
     return {
         "num_steps_per_env": config.num_steps_per_env,
         "save_interval": config.save_interval,
-        "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
+        "obs_groups": {"actor": ["policy"], "critic": ["policy", "privileged"] if privileged else ["policy"]},
         "torch_compile_mode": config.torch_compile_mode,
         "check_for_nan": False,  # the environment resets worlds that are not finite, and counts them
         "algorithm": {

@@ -23,7 +23,7 @@ from s2a.rl.runner import Runner
 
 def make_runner(env: RslRlEnv, config: PpoConfig, log_dir: Path | None) -> Runner:
     """Return rsl-rl's runner, which holds actor, critic, optimiser and normaliser."""
-    settings = copy.deepcopy(rsl_rl_settings(config))
+    settings = copy.deepcopy(rsl_rl_settings(config, env.env.task.privileged > 0))
     runner = Runner(env, settings, str(log_dir) if log_dir else None, device=str(env.device))
     if config.fused_adam and not config.cuda_graph:  # rsl-rl knows an optimiser by its name alone
         groups = runner.alg.optimizer.param_groups
@@ -31,7 +31,9 @@ def make_runner(env: RslRlEnv, config: PpoConfig, log_dir: Path | None) -> Runne
     return runner
 
 
-def train(env: VecEnv, config: PpoConfig, out: Path, checkpoint: Path | None = None) -> dict[str, Any]:
+def train(
+    env: VecEnv, config: PpoConfig, out: Path, checkpoint: Path | None = None, init: Path | None = None
+) -> dict[str, Any]:
     """Train a policy and write checkpoints, the TensorBoard log and rsl-rl's own report (train.log) into `out`.
 
     Args:
@@ -39,6 +41,7 @@ def train(env: VecEnv, config: PpoConfig, out: Path, checkpoint: Path | None = N
         config: rsl-rl's settings.
         out: the folder.
         checkpoint: one in `out`, after which training goes on; None: it begins.
+        init: of another run, with whose networks a training begins that does not go on; None: with random ones.
 
     Returns:
         The iteration it began with, environment steps (of all processes), seconds, environment steps a second of this
@@ -58,6 +61,8 @@ def train(env: VecEnv, config: PpoConfig, out: Path, checkpoint: Path | None = N
         runner = make_runner(adapter, config, out)
         if checkpoint:
             runner.resume(checkpoint)
+        elif init:
+            runner.begin_with(init)
         before = runner.seconds
         if todo:
             runner.learn(todo, init_at_random_ep_len=True)

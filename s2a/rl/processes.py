@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from typing import TypeVar
 
 import torch
 
 from s2a.errors import InputError
+
+Item = TypeVar("Item")
 
 
 def rank() -> int:
@@ -39,6 +43,11 @@ def own_seed(seed: int, iteration: int = 0) -> int:
     A run that goes on at another iteration would otherwise draw the noise of its beginning again.
     """
     return seed + 1_000_003 * rank() + 7_919 * iteration
+
+
+def own_share(items: Sequence[Item]) -> list[Item]:
+    """Return every n-th of some items for n processes, so that each is one process's; all where there are fewer than n."""
+    return list(items[rank() :: count()]) if len(items) >= count() else list(items)
 
 
 def add_up(total: torch.Tensor) -> torch.Tensor:

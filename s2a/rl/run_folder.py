@@ -26,7 +26,7 @@ SETTINGS = "settings.json"
 STARTS = "starts.json"
 BEST = "model_best.pt"
 """Copy of the checkpoint with the best score so far."""
-FREE = ("resume", "device", "export", "out", "ppo.iterations", "ppo.save_interval")
+FREE = ("init", "resume", "device", "export", "out", "ppo.iterations", "ppo.save_interval")
 """Keys that may change when a run goes on."""
 
 _log = logging.getLogger(__name__)

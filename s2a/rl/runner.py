@@ -74,6 +74,14 @@ class Runner(OnPolicyRunner):
             self.current_learning_iteration = loaded["iter"]
         return loaded["infos"]
 
+    def begin_with(self, checkpoint: Path) -> None:
+        """Take the networks of another run; InputError where they do not fit, or the file is damaged."""
+        try:
+            self.load(str(checkpoint), {"actor": True, "critic": True}, map_location=str(self.device))
+        except Exception as error:  # of torch, pickle, zipfile: whatever a damaged or foreign file makes them raise
+            why = (str(error) or type(error).__name__).splitlines()[0]
+            raise InputError(f"key 'init': {checkpoint} has no networks that fit this run ({why})") from error
+
     def resume(self, checkpoint: Path) -> None:
         """Go on after the iteration that a checkpoint was written in, as if the run had not been cut.
 

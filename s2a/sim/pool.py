@@ -9,7 +9,8 @@ from pathlib import Path
 
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
-from s2a.sim.world import SimStage, read_stage
+from s2a.sim.world import SimStage, stage_of
+from s2a.usd import sim_stage
 from s2a.usd.sim_check import refuse_unphysical
 
 
@@ -67,6 +68,8 @@ def read(path: Path) -> list[PoolPart]:
 def stages(path: Path, robot: str) -> list[SimStage]:
     """Return the stages of an index's parts, in its order."""
     entries = read(path)
-    for room in {entry.room for entry in entries}:
+    rooms = {entry.room: None for entry in entries}
+    for room in rooms:
         refuse_unphysical(path.parent / room)
-    return [read_stage(path.parent / entry.room, entry.part, robot=robot) for entry in entries]
+    read_rooms = {room: sim_stage.read(path.parent / room, visuals=False) for room in rooms}
+    return [stage_of(path.parent / each.room, read_rooms[each.room], each.part, robot=robot) for each in entries]

@@ -11,9 +11,11 @@ import warp as wp
 
 from s2a import robot
 from s2a.errors import InputError
+from s2a.sim.build import WorldSettings, build_worlds
 from s2a.sim.layout import Layout, layout
 from s2a.sim.solver import IGNORED_OVERFLOWS, SimConfig, make_solver
-from s2a.sim.world import SimStage, body_index, build_world
+from s2a.sim.vary import vary
+from s2a.sim.world import SimStage, body_index
 
 
 class Simulation:
@@ -72,19 +74,21 @@ class Simulation:
         self.plan_limits = config.limits.sustained(limits, gains) if config.limits else limits
         with wp.ScopedDevice(device):
             kinds = {stage.joint.kind for stage in self.stages}
-            worlds = [self._world(stage, with_robot, both_kinds=len(kinds) > 1) for stage in self.stages]
+            worlds = build_worlds(self.stages, WorldSettings(config, with_robot, both_kinds=len(kinds) > 1))
             self.world = worlds[0]
             self.model = _batch(worlds, num_envs).finalize()
+            if with_robot:
+                layouts = [layout(world, self.robot, stage) for world, stage in zip(worlds, self.stages, strict=True)]
+                self.layout = layouts[0]
+                self.part_coord = np.array([each.part_coord for each in layouts])[self.stage_of_env]
+                self.part_dof = np.array([each.part_dof for each in layouts])[self.stage_of_env]
+                if config.vary is not None:
+                    vary(self.model, self.layout, self.part_dof, config.vary)
             self.solver = make_solver(self.model, config)
             self.solver.mjw_model.opt.warn_overflow &= ~int(IGNORED_OVERFLOWS)
             self.state, self.before = self.model.state(), self.model.state()
             self.control = self.model.control()
             newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
-        if with_robot:
-            layouts = [layout(world, self.robot, stage) for world, stage in zip(worlds, self.stages, strict=True)]
-            self.layout = layouts[0]
-            self.part_coord = np.array([each.part_coord for each in layouts])[self.stage_of_env]
-            self.part_dof = np.array([each.part_dof for each in layouts])[self.stage_of_env]
         self.joint_q = wp.to_torch(self.state.joint_q).view(num_envs, -1)
         self.joint_qd = wp.to_torch(self.state.joint_qd).view(num_envs, -1)
         self.body_q = wp.to_torch(self.state.body_q).view(num_envs, -1, 7)
@@ -95,20 +99,6 @@ class Simulation:
     def body(self, name: str) -> int:
         """Return the index of a body within a world."""
         return body_index(self.world, name)
-
-    def _world(self, stage: SimStage, with_robot: bool, both_kinds: bool) -> newton.ModelBuilder:
-        config = self.config
-        return build_world(
-            stage,
-            config.joint,
-            config.dt,
-            robot=self.robot if with_robot else None,
-            gains=config.gains,
-            gravity_compensation=config.gravity_compensation,
-            static_colliders=config.load_static_colliders,
-            realistic=config.limits is not None and config.limits.drives,
-            both_kinds=both_kinds,
-        )
 
     def step(self) -> None:
         """Advance all worlds by one control step (`substeps` physics steps)."""

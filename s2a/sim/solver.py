@@ -10,6 +10,7 @@ import newton
 
 from s2a.ranges import Count, Positive
 from s2a.robot.spec import Gains, MotionLimits
+from s2a.sim.vary import Variation
 from s2a.sim.world import JointConfig
 
 IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
@@ -35,6 +36,7 @@ class SimConfig:
         gravity_compensation: the robot's weight is carried.
         limits: what the arm's controller keeps to; null: nothing, and targets move as far as the task's action asks.
         joint: how the target's joint resists.
+        vary: by what worlds differ; null: by nothing.
     """
 
     dt: Positive
@@ -51,6 +53,7 @@ class SimConfig:
     gravity_compensation: bool
     limits: MotionLimits | None
     joint: JointConfig
+    vary: Variation | None
 
 
 def make_solver(model: newton.Model, config: SimConfig, **options: Any) -> newton.solvers.SolverMuJoCo:

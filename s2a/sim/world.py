@@ -118,7 +118,13 @@ def read_stage(path: Path, part: str | None = None, *, robot: str | None = None,
         InputError: no such file, or another kind of stage; no such part, or none is named where the room has several; no
             base pose for the robot; an id of `also` that cannot move.
     """
-    room = sim_stage.read(path, visuals=False)
+    return stage_of(path, sim_stage.read(path, visuals=False), part, robot=robot, also=also)
+
+
+def stage_of(
+    path: Path, room: SimRoom, part: str | None, *, robot: str | None = None, also: Sequence[str] = ()
+) -> SimStage:
+    """Return what `read_stage` does, of a room that was read from `path`."""
     target = room.part(part)
     found = room.articulations[target]
     kept_bodies(room, (target, *also))

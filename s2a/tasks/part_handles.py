@@ -22,7 +22,11 @@ class PartMdp(MdpConfig):
         velocity_scale: factor of the joint velocities in the observation.
         observation_limit: observations are clamped to +- this.
         tcp_offset: shift of the tool frame from the point between the pads, in that frame [m].
-        describe_part: Observe also what tells one part from another (`s2a.tasks.part.describe`): for a policy of many parts.
+        describe_part: for a policy of many parts: observe also what tells one from another, and tell the critic what no sensor
+            does (`s2a.tasks.part_observation`).
+        grasp_error: least and greatest distance of the grasp that is seen from the true one [m], drawn for an episode; it has any
+            direction.
+        grasp_turn: least and greatest angle between them [degree], about any axis.
         contact_distance: distance of a contact from the annotated region up to which it is on it [m].
         contact_force: normal force from which a contact counts [N].
     """
@@ -31,6 +35,8 @@ class PartMdp(MdpConfig):
     observation_limit: Positive
     tcp_offset: tuple[float, float, float]
     describe_part: bool
+    grasp_error: tuple[NotNegative, NotNegative]
+    grasp_turn: tuple[NotNegative, NotNegative]
     contact_distance: NotNegative
     contact_force: NotNegative
 
@@ -87,6 +93,8 @@ class PartHandles:
         contact_force: force from which a contact counts [N].
         velocity_scale: factor of the joint velocities in the observation.
         observation_limit: observations are clamped to +- this.
+        seen: the grasp that is seen, in the grasp frame, shape [world].
+        resistance: of the part's joint: dry friction [N or N m], damping [N s/m or N m s/rad]; log of its mass, shape [world].
     """
 
     part: wp.array(dtype=PartGeometry)
@@ -96,6 +104,8 @@ class PartHandles:
     contact_force: float
     velocity_scale: float
     observation_limit: float
+    seen: wp.array(dtype=wp.transform)
+    resistance: wp.array(dtype=wp.vec3)
 
 
 def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles:
@@ -110,7 +120,17 @@ def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles
     h.part, h.bodies, h.contacts = wp.array(parts, dtype=PartGeometry), b, sensor.found
     h.region_force, h.contact_force = wp.zeros((sim.num_envs, 2), dtype=float), config.contact_force
     h.velocity_scale, h.observation_limit = config.velocity_scale, config.observation_limit
+    h.seen = wp.array([wp.transform_identity()] * sim.num_envs, dtype=wp.transform)
+    h.resistance = wp.array(_resistance(sim), dtype=wp.vec3)
     return h
+
+
+def _resistance(sim: Simulation) -> np.ndarray:
+    """Return dry friction and damping of each world's part, and the logarithm of its mass, shape [world 3]."""
+    model, worlds = sim.model, np.arange(sim.num_envs)
+    of_dof = [each.numpy().reshape(sim.num_envs, -1) for each in (model.joint_friction, model.joint_target_kd)]
+    mass = model.body_mass.numpy().reshape(sim.num_envs, -1)[:, sim.layout.part_body]
+    return np.stack([*(each[worlds, sim.part_dof] for each in of_dof), np.log(mass)], axis=1)
 
 
 def _part(stage: SimStage, max_opening: float, coord: int, dof: int) -> PartGeometry:

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+import torch
 from cabinet import HANDLE, write_cabinet
 
 from s2a import cli
@@ -50,12 +51,39 @@ def test_one_policy_is_trained_on_slides_and_hinges(index: Path, tmp_path: Path)
     assert (out / "model_0.pt").is_file()
 
 
+def test_an_evaluation_tells_of_each_part(index: Path, tmp_path: Path) -> None:
+    out = tmp_path / "zero.json"
+    assert cli.main(["evaluate", f"stage={index}", "agent=zero", "num_envs=5", "device=cpu", f"out={out}"]) == 0
+    found = json.loads(out.read_text())
+    assert [(part["room"], part["kind"], part["episodes"]) for part in found["parts"]] == [
+        ("slide.usda", "prismatic", 3),
+        ("hinge.usda", "revolute", 2),
+    ]
+    assert (
+        found["over_parts"]["all"]["parts"] == 2 and found["over_parts"]["kind"]["revolute"]["success"]["rate"] == 0.0
+    )
+
+
+def test_a_run_begins_with_the_networks_of_another(index: Path, tmp_path: Path) -> None:
+    keys = ["train", f"stage={index}", "+experiment=many", *SMALL, "demo_reset_fraction=0", "demo_moved_fraction=0"]
+    assert cli.main([*keys, f"out={tmp_path / 'first'}"]) == 0
+    init = tmp_path / "first/model_0.pt"
+    rate = "ppo.learning_rate=1e-12"
+    assert cli.main([*keys, f"out={tmp_path / 'second'}", f"init={init}", rate]) == 0
+    first, second = (torch.load(tmp_path / f"{run}/model_0.pt", weights_only=True) for run in ("first", "second"))
+    for name, weight in first["actor_state_dict"].items():
+        if "mlp" in name:
+            assert torch.allclose(weight, second["actor_state_dict"][name], atol=1e-3), name
+
+
 @pytest.mark.parametrize(
     ("command", "keys", "says"),
     [
         ("train", ["part=drawer_2"], "leave them out"),
         ("train", ["demo_reset_fraction=0.5"], "not a motion of s2a pool"),
-        ("evaluate", [], "which s2a train takes"),
+        ("evaluate", ["agent=zero", "num_envs=1"], "has 2 parts"),
+        ("evaluate", ["agent=zero", "images=there"], "show one room"),
+        ("train", ["init=nowhere.pt"], "no networks that fit"),
     ],
 )
 def test_what_a_pool_cannot_do_is_said(

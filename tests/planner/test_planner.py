@@ -82,14 +82,14 @@ def test_targets_keep_the_limits_of_the_robot(tmp_path: Path) -> None:
     env = planner_env(write_cabinet(tmp_path / "sim.usda"))
     planner = Planner(env, load(PlannerConfig, "planner/default"))
     sim, limits, targets = env.sim, env.sim.robot.limits, []
-    for _ in range(planner.trajectory.reach_steps + len(planner.trajectory.targets)):
+    for _ in range(planner.trajectories[0].reach_steps + len(planner.trajectories[0].targets)):
         targets.append(sim.joint_target_q[0, :9].numpy().copy())
         env.step(planner(env.observation))
     rate = 1.0 / (sim.config.dt * sim.config.substeps)
     speed = np.diff(np.array(targets), axis=0) * rate
     assert (np.abs(speed[:, :7]).max(axis=0) < limits.velocity).all()
     assert (np.abs(np.diff(speed[:, :7], axis=0)).max(axis=0) * rate < limits.acceleration).all()
-    assert np.abs(speed[planner.trajectory.reach_steps :, 7:]).max() <= sim.robot.gripper.finger_speed
+    assert np.abs(speed[planner.trajectories[0].reach_steps :, 7:]).max() <= sim.robot.gripper.finger_speed
 
 
 def test_a_handle_out_of_reach_is_said_before_anything_moves(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from s2a.scene import Joint
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.open_part.config import OpenPartConfig, OpenPartMetrics
-from s2a.tasks.part import is_grasped, opening_force
+from s2a.tasks.part_functions import is_grasped, opening_force
 from s2a.tasks.part_handles import PartHandles
 
 RADIUS = 0.3

@@ -9,13 +9,13 @@ from s2a.robot.tool_path import PathSettings, ToolPath, opening_coordinate, part
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
-from s2a.tasks import part, part_handles
+from s2a.tasks import part, part_handles, part_observation
 from s2a.tasks.close_part import mdp
 from s2a.tasks.close_part.config import ClosePartConfig, ClosePartMetrics
 
 
 class ClosePartTask(part.PartTask):
-    """Close the part of every world; observations are those of `s2a.tasks.part.observe`."""
+    """Close the part of every world; observations are those of `s2a.tasks.part_observation`."""
 
     Config, Metrics = ClosePartConfig, ClosePartMetrics
     KERNELS, Handles, PERSISTENT = mdp, mdp.ClosePart, ("closed",)
@@ -31,7 +31,8 @@ class ClosePartTask(part.PartTask):
             h.p = part_handles.bind(sim, ContactSensor(sim, config.contact_distance), config)
             h.closed = wp.zeros(sim.num_envs, dtype=float)
             h.closed_opening = metrics.closed_opening
-        self.observations = part.observations(sim, config)
+        self.observations = part_observation.length(sim, config)
+        self.privileged = part_observation.privileged_length(config)
 
     def start(self, coords: np.ndarray) -> np.ndarray:
         """Return the coordinates with the part open."""

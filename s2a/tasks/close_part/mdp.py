@@ -6,7 +6,7 @@ import warp as wp
 from s2a.env.kernels import is_sound
 from s2a.env.state import State
 from s2a.env.task import columns
-from s2a.tasks.part import frames, opening_of, squared_action, tool_distance
+from s2a.tasks.part_functions import frames, opening_of, squared_action, tool_distance
 from s2a.tasks.part_handles import PartHandles
 
 METRICS = ("success", "final_success", "remaining")

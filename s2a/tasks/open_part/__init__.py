@@ -7,13 +7,13 @@ import warp as wp
 from s2a.env.state import State
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
-from s2a.tasks import part, part_handles
+from s2a.tasks import part, part_handles, part_observation
 from s2a.tasks.open_part import mdp, metrics, skill
 from s2a.tasks.open_part.config import OpenPartConfig, OpenPartMetrics
 
 
 class OpenPartTask(part.PartTask):
-    """Open the part of every world; observations are the reference's (`s2a.tasks.part.observe`)."""
+    """Open the part of every world; observations are the reference's (`s2a.tasks.part_observation`)."""
 
     Config, Metrics = OpenPartConfig, OpenPartMetrics
     KERNELS, Handles, PERSISTENT = mdp, mdp.OpenPart, ("grasped", "progress")
@@ -33,7 +33,8 @@ class OpenPartTask(part.PartTask):
             self.sensor = ContactSensor(sim, config.contact_distance)
             self.handles = mdp.bind(sim, part_handles.bind(sim, self.sensor, config), config)
             self.thresholds = metrics.bind(sim, self.handles, metrics_config)
-        self.observations = part.observations(sim, config)
+        self.observations = part_observation.length(sim, config)
+        self.privileged = part_observation.privileged_length(config)
 
     def before_step(self, state: State) -> None:
         """Forget the contacts of the control step before."""

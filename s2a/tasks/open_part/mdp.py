@@ -11,7 +11,7 @@ import warp as wp
 from s2a.env.state import State
 from s2a.sim.simulation import Simulation
 from s2a.tasks.open_part.config import OpenPartConfig
-from s2a.tasks.part import frames, is_grasped, opening_of, squared_action, tool_distance
+from s2a.tasks.part_functions import frames, is_grasped, opening_of, squared_action, tool_distance
 from s2a.tasks.part_handles import PartHandles
 
 

@@ -16,7 +16,7 @@ from s2a.env.task import columns
 from s2a.sim.simulation import Simulation
 from s2a.tasks.open_part.config import OpenPartMetrics
 from s2a.tasks.open_part.mdp import OpenPart, travel_scale
-from s2a.tasks.part import is_grasped, opening_of, opening_speed
+from s2a.tasks.part_functions import is_grasped, opening_of, opening_speed
 
 METRICS = (
     "success",

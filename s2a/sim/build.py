@@ -1,0 +1,70 @@
+"""The worlds of many stages, built side by side: a stage takes half a second of one core, and a pool has hundreds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import newton
+
+from s2a import robot
+from s2a.sim.solver import SimConfig
+from s2a.sim.world import SimStage, build_world, empty_world
+from s2a.workers import spread
+
+FEW = 8
+"""Stages that are built before a helper has started."""
+ATTRIBUTES = "custom_attributes"
+
+
+@dataclass(frozen=True)
+class WorldSettings:
+    """What the worlds of a batch share.
+
+    Attributes:
+        config: how physics is stepped.
+        with_robot: load the robot.
+        both_kinds: give each part a slide and a hinge; see `build_world`.
+    """
+
+    config: SimConfig
+    with_robot: bool
+    both_kinds: bool
+
+
+def build_worlds(stages: Sequence[SimStage], settings: WorldSettings) -> list[newton.ModelBuilder]:
+    """Return a builder for each stage, in their order."""
+    return [_unpack(values) for values in spread(_packed_world, settings, stages, few=FEW)]
+
+
+def _packed_world(settings: WorldSettings, stage: SimStage) -> dict[str, Any]:
+    """Return a stage's world as values that another process can be sent."""
+    config = settings.config
+    return _pack(
+        build_world(
+            stage,
+            config.joint,
+            config.dt,
+            robot=robot.load(stage.robot) if settings.with_robot else None,
+            gains=config.gains,
+            gravity_compensation=config.gravity_compensation,
+            static_colliders=config.load_static_colliders,
+            realistic=config.limits is not None and config.limits.drives,
+            both_kinds=settings.both_kinds,
+        )
+    )
+
+
+def _pack(world: newton.ModelBuilder) -> dict[str, Any]:
+    """Return a builder's state; of its attributes only the values, as their types cannot be sent (warp's, made at run time)."""
+    return vars(world) | {ATTRIBUTES: {name: each.values for name, each in world.custom_attributes.items()}}
+
+
+def _unpack(state: dict[str, Any]) -> newton.ModelBuilder:
+    """Return the builder that `_pack` was given."""
+    world = empty_world()
+    for name, values in state[ATTRIBUTES].items():
+        world.custom_attributes[name].values = values
+    vars(world).update(state | {ATTRIBUTES: world.custom_attributes})
+    return world

@@ -21,8 +21,8 @@ from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import device_of
 from s2a.sim.world import read_stage
 from s2a.usd import dynamics, sim_stage
+from s2a.usd.resistance import Resistance
 from s2a.usd.sim_check import refuse_unphysical
-from s2a.usd.sim_scene import Resistance
 
 UNITS = {"mass": "of the stage's mass", "damping": "N s/m", "friction": "N", "breakaway": "N more", "spring": "N/m"}
 

@@ -24,7 +24,7 @@ from s2a.scene import Joint
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
 from s2a.usd import sim_stage
-from s2a.usd.sim_scene import Resistance
+from s2a.usd.resistance import Resistance
 
 NOISE = Noise(0.001, 0.5)
 TRUTH = Truth(mass=0.7, damping=8.0, friction=3.0, spring=5.0)

@@ -12,7 +12,7 @@ from identification import LEAST, MOST
 from s2a import config
 from s2a.commands.evaluate import Config
 from s2a.commands.identify import write_layer
-from s2a.diff.identify import Dynamics
+from s2a.diff.dynamics import Dynamics
 from s2a.diff.moving_body import moving
 from s2a.diff.pulled import pulled
 from s2a.errors import InputError
@@ -65,8 +65,8 @@ def drawn(rooms: Sequence[Path], seed: int, folder: Path) -> Iterator[tuple[str,
             name = f"{path.parent.name}/{part}"
             if k % 2:
                 path, below = folder / f"{kind}_{k}.usda", path
-                values = np.array([*truth[:3], 0.0, truth[3]])
-                write_layer(below, path, path, part, Dynamics(values, np.zeros(5), 1.0), moving(room, part))
+                values = np.array([*truth[:3], 0.0, truth[3], 0.0, 0.0])
+                write_layer(below, path, path, part, Dynamics(values, np.zeros(7), 1.0), moving(room, part))
             yield name, kind, read_stage(path, part), bool(k % 2)
 
 

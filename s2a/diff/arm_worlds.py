@@ -97,6 +97,7 @@ def _arms(pulled: Sequence[Pulled]) -> Arms:
     h.inertia = wp.array([body.inertia for body in bodies], dtype=float)
     h.turns = wp.array([float(body.joint.kind == "revolute") for body in bodies], dtype=float)
     h.gravity = wp.array([body.gravity for body in bodies], dtype=wp.vec2)
+    h.reach = wp.array([body.reach for body in bodies], dtype=float)
     h.dynamics = wp.array(np.array([each.dynamics for each in pulled]), dtype=float)
     h.arm = wp.array(np.array(rows).transpose(0, 2, 1), dtype=wp.vec3)
     h.spacing = wp.array([arm.path[-1] / (count - 1) for arm in arms], dtype=float)

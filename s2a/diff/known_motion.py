@@ -9,7 +9,7 @@ from scipy.linalg import block_diag, toeplitz
 from scipy.ndimage import binary_erosion, gaussian_filter1d
 from scipy.optimize import lsq_linear
 
-from s2a.diff.identify import LOWER, UPPER, Dynamics
+from s2a.diff.dynamics import LOWER, UPPER, Dynamics
 from s2a.diff.joint_kernels import PARAMETERS
 from s2a.diff.moving_body import Moving
 from s2a.diff.pull import Pull, same_step

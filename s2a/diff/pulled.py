@@ -10,6 +10,7 @@ from s2a.diff.moving_body import Moving, moving
 from s2a.planner.arm import Arm, arm_along
 from s2a.robot.tool_path import ToolPath
 from s2a.sim.simulation import Simulation
+from s2a.usd.resistance import Resistance, SoftClose
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Pulled:
     """
 
     body: Moving
-    dynamics: tuple[float, float, float, float, float]
+    dynamics: tuple[float, ...]
     arm: Arm
     offset: float = 0.0
 
@@ -38,9 +39,13 @@ class Pulled:
 def pulled(sim: Simulation, path: ToolPath, arm: np.ndarray, offset: float = 0.0) -> Pulled:
     """Return the target of a simulation's stage, of which a joint path [pose arm] follows a tool path.
 
-    Its dynamics are the simulation's own: those identified where the stage has them, which know no breakaway.
+    Its dynamics are the simulation's own: those identified where the stage has them.
     """
     stage, config = sim.stage, sim.config.joint
     part, body = stage.room.articulations[stage.target], moving(stage.room, stage.target)
     damping, spring = (x / body.lever**2 for x in (config.joint_damping(part), config.joint_stiffness(part)))
-    return Pulled(body, (1.0, damping, part.friction / abs(body.lever), 0.0, spring), arm_along(sim, path, arm), offset)
+    known, lever = part.resistance or Resistance(), abs(body.lever)
+    soft = known.soft_close or SoftClose(0.0, 0.0, 0.0)
+    dry = (part.friction / lever, known.breakaway / lever)
+    dynamics = (1.0, damping, *dry, spring, soft.force / lever, soft.damping / lever**2)
+    return Pulled(body, dynamics, arm_along(sim, path, arm), offset)

@@ -8,6 +8,8 @@ from s2a.sim.resistance import engaged
 
 STOP = wp.constant(2.0e4)
 """[N/m] Of the stop of a closed part."""
+STOP_DAMPING = wp.constant(1.0e6)
+"""[N s/m^2] Of the same, by its depth (Hunt and Crossley's contact, which begins without a jump): nothing bounces off it."""
 
 
 @wp.struct
@@ -86,7 +88,7 @@ def pull(
     force -= acts * h.dynamics[world, 5]
     inverse = dt / (mass + arm[2])
     damping, friction, breakaway = h.dynamics[world, 1] + arm[1], h.dynamics[world, 2], h.dynamics[world, 3]
-    damping += wp.where(v < 0.0, acts * h.dynamics[world, 6], 0.0)
+    damping += wp.where(v < 0.0, acts * h.dynamics[world, 6], 0.0) + STOP_DAMPING * wp.max(-s, 0.0)
     force -= resisted(v, v + inverse * force, inverse, damping, friction, breakaway)
     a = force / (mass + arm[2])
     moved.opening[step, world] = s

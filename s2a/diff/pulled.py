@@ -23,16 +23,18 @@ class Pulled:
         arm: the arm along the part's path.
         offset: how much farther than predicted an earlier pull of the part ended [m]: a grip off the handle's middle bends the
             arm.
+        closing: The path leads from the goal's distance to shut, else from shut to the goal; openings are along it.
     """
 
     body: Moving
     dynamics: tuple[float, ...]
     arm: Arm
     offset: float = 0.0
+    closing: bool = False
 
     @property
     def goal(self) -> float:
-        """Where the part shall stand [m]."""
+        """How far the part shall go [m]."""
         return float(self.arm.path[-1])
 
 
@@ -48,4 +50,5 @@ def pulled(sim: Simulation, path: ToolPath, arm: np.ndarray, offset: float = 0.0
     soft = known.soft_close or SoftClose(0.0, 0.0, 0.0)
     dry = (part.friction / lever, known.breakaway / lever)
     dynamics = (1.0, damping, *dry, spring, soft.force / lever, soft.damping / lever**2)
-    return Pulled(body, dynamics, arm_along(sim, path, arm), offset)
+    closing = abs(float(path.q[-1])) < abs(float(path.q[path.grasp]))
+    return Pulled(body, dynamics, arm_along(sim, path, arm), offset, closing)

@@ -23,7 +23,8 @@ import warp as wp
 from identification import NOISE, drawn
 from recorded_pulls import record
 
-from s2a.diff.identify import LOWER, STARTS, UPPER, parameters, slopes, variables
+from s2a.diff.dynamics import LOWER, UPPER
+from s2a.diff.identify import STARTS, parameters, slopes, variables
 from s2a.diff.joint_worlds import JointWorlds
 from s2a.diff.moving_body import Moving
 from s2a.diff.pull import Pull

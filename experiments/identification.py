@@ -25,7 +25,8 @@ import robot_pulls
 from recorded_pulls import Truth, record
 
 from s2a.diff import known_motion
-from s2a.diff.identify import Dynamics, identify
+from s2a.diff.dynamics import Dynamics
+from s2a.diff.identify import identify
 from s2a.diff.joint_kernels import PARAMETERS
 from s2a.diff.moving_body import Moving, moving
 from s2a.diff.pull import Noise, Pull
@@ -37,7 +38,8 @@ RESULTS = Path(__file__).parent / "results/identification.json"
 NOISE = Noise(0.001, 0.5)
 NOISES = {"hand": NOISE, "robot": Noise(0.0002, 0.3)}
 LEAST, MOST = (0.5, 1.0, 0.5, 1.0), (2.0, 15.0, 5.0, 20.0)
-"""Of mass factor, damping, friction, spring."""
+"""Of DRAWN."""
+DRAWN = ("mass", "damping", "friction", "spring")
 PULLS = 4
 """Recordings of a hand."""
 
@@ -94,7 +96,8 @@ def drawn(rooms: Sequence[Path], each: int, seed: int) -> tuple[list[tuple[str, 
         for part in room.articulations:
             names += [(str(path), part)] * each
             bodies += [moving(room, part)] * each
-    return names, bodies, [Truth(*np.exp(rng.uniform(np.log(LEAST), np.log(MOST))).tolist()) for _ in bodies]
+    values = np.exp([rng.uniform(np.log(LEAST), np.log(MOST)) for _ in bodies]).tolist()
+    return names, bodies, [Truth(**dict(zip(DRAWN, each, strict=True))) for each in values]
 
 
 def pulled(by: str, name: tuple[str, str], body: Moving, truth: Truth, seed: int) -> list[Pull]:
@@ -113,9 +116,8 @@ def identified(by: str, bodies: list[Moving], pulls: list[list[Pull]], device: s
 
 def held_out(body: Moving, truth: Truth, found: Dynamics, seed: int) -> float:
     """Return how far apart [m] the true part and that of the dynamics found come, at most, when a hand pulls anew."""
-    mass, damping, friction, _, spring = found.values.tolist()
-    silent = Noise(0.0, 0.0)
-    true, predicted = (record(body, each, silent, seed) for each in (truth, Truth(mass, damping, friction, spring)))
+    silent, same = Noise(0.0, 0.0), Truth(*found.values.tolist())
+    true, predicted = (record(body, each, silent, seed) for each in (truth, same))
     return float(np.abs(true.opening - predicted.opening).max())
 
 
@@ -130,7 +132,7 @@ def _figures(rows: list[dict]) -> dict[str, object]:
         "joints": len(rows),
         "held_out": {"median": float(np.median(apart)), "within_3mm": float((np.array(apart) <= 0.003).mean())},
     }
-    for name in Truth.__dataclass_fields__:
+    for name in DRAWN:
         truth, found, deviation = (
             np.array([row[key][name] for row in rows]) for key in ("truth", "found", "deviation")
         )

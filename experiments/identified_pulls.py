@@ -21,7 +21,7 @@ from s2a.diff.moving_body import Moving, moving
 from s2a.diff.pull import Noise
 from s2a.usd import sim_stage
 
-STAGE = Truth(1.0, 1.0, 1.0, 10.0)
+STAGE = Truth(1.0, 1.0, 1.0, spring=10.0)
 """Dynamics that a part without identification has in conf/sim, but for its friction, which depends on its mass."""
 SILENT = Noise(0.0, 0.0)
 PARTS = {"prismatic": (0.5, 0.9), "revolute": (0.5, 0.75, 0.9)}
@@ -60,9 +60,9 @@ def chosen(rows: list[dict]) -> list[dict]:
 
 def plot(axis: plt.Axes, body: Moving, row: dict, friction: float) -> None:
     """Plot the three openings of one joint."""
-    names = Truth.__dataclass_fields__
+    names = row["truth"]  # results of before a soft close was known have no more
     found = Truth(**{name: row["found"][name] for name in names})
-    stage = Truth(1.0, STAGE.damping / body.lever**2, friction / abs(body.lever), STAGE.spring)
+    stage = Truth(1.0, STAGE.damping / body.lever**2, friction / abs(body.lever), spring=STAGE.spring)
     for label, truth, style in (
         ("true", Truth(**row["truth"]), {"color": "black", "linewidth": 2.5}),
         ("the stage's", stage, {"color": "tab:orange"}),

@@ -12,7 +12,7 @@ from identification import LEAST, MOST
 from s2a import config
 from s2a.commands.evaluate import Config
 from s2a.commands.identify import write_layer
-from s2a.diff.identify import Dynamics
+from s2a.diff.dynamics import Dynamics
 from s2a.diff.moving_body import moving
 from s2a.diff.pulled import pulled
 from s2a.errors import InputError
@@ -24,6 +24,9 @@ from s2a.usd import sim_stage
 
 SPARE = 2
 """Of each kind, parts that are optimised beyond those asked for, in the place of those that the planner does not open."""
+
+SOFT_CLOSE = ((0.0, 4.0, 30.0), (2.0, 10.0, 80.0))
+"""[N], [N], [N s/m] Least and most breakaway, and of a soft close force and damping; dynamics drawn with these have no spring."""
 
 
 def planned(
@@ -48,8 +51,10 @@ def planned(
     return parts, skipped
 
 
-def drawn(rooms: Sequence[Path], seed: int, folder: Path) -> Iterator[tuple[str, str, SimStage, bool]]:
-    """Yield parts in a drawn order, slides and hinges in turn, every second one of each with drawn dynamics."""
+def drawn(
+    rooms: Sequence[Path], seed: int, folder: Path, soft_close: bool = False
+) -> Iterator[tuple[str, str, SimStage, bool]]:
+    """Yield parts in a drawn order, slides and hinges in turn, every second one of each with drawn dynamics; see SOFT_CLOSE."""
     rng, kinds = np.random.default_rng(seed), {"prismatic": [], "revolute": []}
     for path in rooms:
         room = sim_stage.read(path, visuals=False)
@@ -59,17 +64,19 @@ def drawn(rooms: Sequence[Path], seed: int, folder: Path) -> Iterator[tuple[str,
     for k in range(max(map(len, kinds.values()))):
         for kind, parts in kinds.items():
             truth = np.exp(rng.uniform(np.log(LEAST), np.log(MOST)))
+            breakaway, *soft = rng.uniform(*SOFT_CLOSE) if soft_close else (0.0, 0.0, 0.0)
             if k >= len(parts):
                 continue
             path, room, part = parts[orders[kind][k]]
             name = f"{path.parent.name}/{part}"
             if k % 2:
                 path, below = folder / f"{kind}_{k}.usda", path
-                values = np.array([*truth[:3], 0.0, truth[3]])
-                write_layer(below, path, path, part, Dynamics(values, np.zeros(5), 1.0), moving(room, part))
+                values = np.array([*truth[:3], breakaway, 0.0 if soft_close else truth[3], *soft])
+                write_layer(below, path, path, part, Dynamics(values, np.zeros(7), 1.0), moving(room, part))
             yield name, kind, read_stage(path, part), bool(k % 2)
 
 
-def settings_of(stage: SimStage) -> Config:
-    """Return the settings of s2a evaluate for a stage."""
-    return config.load(Config, config.compose("evaluate", [f"stage={stage.path}", f"part={stage.target}", "out=-"]))
+def settings_of(stage: SimStage, more: Sequence[str] = ()) -> Config:
+    """Return the settings of s2a evaluate for a stage; `more` are further keys."""
+    keys = [f"stage={stage.path}", f"part={stage.target}", "out=-", *more]
+    return config.load(Config, config.compose("evaluate", keys))

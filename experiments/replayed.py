@@ -58,7 +58,8 @@ def _add_force(h: PartHandles, steps: float, force: wp.array2d(dtype=float)):
 def replay(stage: SimStage, settings: Config, laws: Sequence[PullLaw | float], hold: float, seed: int) -> list[Replay]:
     """Return a pull of a stage's part for each law, or time [s] of the planner's own ease, and what follows for `hold` [s]."""
     sim = Simulation(stage, settings.sim, len(laws))
-    endless = replace(settings.task, episode_steps=10**6, termination_opening=10.0)
+    ends = {"termination_opening": 10.0} if hasattr(settings.task, "termination_opening") else {}
+    endless = replace(settings.task, episode_steps=10**6, **ends)
     task = tasks.task(endless.name)(sim, endless, settings.metrics)
     force, seen = _sum_forces(sim, task), []  # before the environment captures its step
     env = VecEnv(sim, task, {}, seed)
@@ -99,6 +100,8 @@ def _sum_forces(sim: Simulation, task: Task) -> torch.Tensor:
 
     def after_substep(state: object) -> None:
         kernels(state)
+        if type(task).after_substep is Task.after_substep:  # nothing of the task's own reads the contacts
+            task.sensor.update()
         wp.launch(_add_force, dim=sim.num_envs, inputs=[task.handles.p, float(sim.config.substeps), force])
 
     task.after_substep = after_substep

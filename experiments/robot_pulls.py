@@ -12,7 +12,8 @@ from recorded_pulls import Truth
 from s2a import cli, robot
 from s2a.commands.identify import write_layer
 from s2a.diff import robot_pull
-from s2a.diff.identify import Dynamics
+from s2a.diff.dynamics import Dynamics
+from s2a.diff.joint_kernels import PARAMETERS
 from s2a.diff.moving_body import Moving
 from s2a.diff.pull import Pull
 from s2a.errors import InputError
@@ -30,8 +31,7 @@ def record(stage: Path, part: str, body: Moving, truth: Truth, seed: int) -> lis
     base = read_stage(stage, part).base
     with tempfile.TemporaryDirectory() as folder:
         layer = Path(folder) / "true.usda"
-        mass, damping, friction, spring = astuple(truth)
-        known = Dynamics(np.array([mass, damping, friction, 0.0, spring]), np.zeros(5), 1.0)
+        known = Dynamics(np.array(astuple(truth)), np.zeros(len(PARAMETERS)), 1.0)
         write_layer(stage, layer, layer, part, known, body)
         pulls = []
         for seconds in PULL_TIMES:

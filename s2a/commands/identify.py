@@ -9,7 +9,8 @@ from pathlib import Path
 
 from s2a import robot
 from s2a.diff import known_motion, robot_pull
-from s2a.diff.identify import Dynamics, identify
+from s2a.diff.dynamics import Dynamics
+from s2a.diff.identify import identify
 from s2a.diff.joint_kernels import PARAMETERS
 from s2a.diff.moving_body import Moving, moving
 from s2a.diff.pull import Noise, header, read
@@ -21,10 +22,11 @@ from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import device_of
 from s2a.sim.world import read_stage
 from s2a.usd import dynamics, sim_stage
+from s2a.usd.resistance import Resistance, SoftClose
 from s2a.usd.sim_check import refuse_unphysical
-from s2a.usd.sim_scene import Resistance
 
 UNITS = {"mass": "of the stage's mass", "damping": "N s/m", "friction": "N", "breakaway": "N more", "spring": "N/m"}
+UNITS |= {"pull_in": "N, of a soft close", "closing": "N s/m, of a soft close"}
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class Config:
             (along it); or of the robot, with its joints and their torques, as `s2a evaluate recordings=...` writes them.
         robot: the robot of its own recordings; it stood where the stage has its base.
         torques_carry_weight: Take the recorded torques as carrying the robot's own weight too.
+        soft_close_reach: path of the grasp point from shut over which a soft close acts, if the part has one and the stage does
+            not say [m].
         out: the layer to write over the stage, *.usda, which every command takes in its place.
         record: a JSON file for the numbers too, or null.
         noise: how far the recordings' samples are off.
@@ -62,6 +66,7 @@ class Config:
     pulls: tuple[Path, ...]
     robot: RobotSpec
     torques_carry_weight: bool
+    soft_close_reach: Positive
     out: Path
     record: Path | None
     noise: PullNoise
@@ -75,14 +80,17 @@ def run(config: Config) -> str:
     refuse_unphysical(config.stage)
     room = sim_stage.read(config.stage, visuals=False)
     part = room.part(config.part)
-    body = moving(room, part)
+    body = moving(room, part, config.soft_close_reach)
     found = _identified(config, body, part)
     with atomic_write(config.out) as out:
         write_layer(config.stage, config.out, out, part, found, body)
     if config.record:
         with atomic_write(config.record) as out:
             out.write_text(json.dumps(_record(config, part, found), indent=1))
-    lines = [f"  {name:10}{value:9.3g} +- {dev:.2g} {UNITS[name]}" for name, value, dev in _rows(found)]
+    lines = [
+        f"  {name:10}{value:9.3g} +- {dev:.2g} {UNITS[name]}" if told else f"  {name:10}    undetermined by these pulls"
+        for name, value, dev, told in _rows(found)
+    ]
     lines.append(f"  misfit {found.misfit:.2f}; 1 where the recordings are as noisy as given, and explained")
     return "\n".join([f"{config.out}: joint of {part}, at its grasp point", *lines])
 
@@ -107,18 +115,33 @@ def _identified(config: Config, body: Moving, part: str) -> Dynamics:
 
 
 def write_layer(stage: Path, out: Path, file: Path, part: str, found: Dynamics, body: Moving) -> None:
-    """Write what was found as a layer over a stage: to `file`, which will stand at `out`. Breakaway has no place in it."""
-    value, lever = dict(zip(PARAMETERS, found.values.tolist(), strict=True)), abs(body.lever)
+    """Write what was found as a layer over a stage: to `file`, which will stand at `out`. What is undetermined stays."""
+    value, lever = {name: x for name, x, _, told in _rows(found) if told}, abs(body.lever)
     below = os.path.relpath(stage.absolute(), out.absolute().parent)
-    resistance = Resistance(value["damping"] * lever**2, value["spring"] * lever**2)
-    dynamics.write(below, part, dynamics.scaled(body.mass, value["mass"]), value["friction"] * lever, resistance, file)
+
+    def at_joint(name: str, power: int) -> float | None:
+        return value[name] * lever**power if name in value else None
+
+    pull_in, closing = at_joint("pull_in", 1) or 0.0, at_joint("closing", 2) or 0.0
+    resistance = Resistance(
+        damping=at_joint("damping", 2),
+        stiffness=at_joint("spring", 2),
+        breakaway=at_joint("breakaway", 1) or 0.0,
+        soft_close=SoftClose(pull_in, closing, body.reach / lever) if pull_in or closing else None,
+    )
+    mass = dynamics.scaled(body.mass, value["mass"]) if "mass" in value else None
+    dynamics.write(below, part, mass, at_joint("friction", 1), resistance, file)
 
 
-def _rows(found: Dynamics) -> list[tuple[str, float, float]]:
-    return list(zip(PARAMETERS, found.values.tolist(), found.deviations.tolist(), strict=True))
+def _rows(found: Dynamics) -> list[tuple[str, float, float, bool]]:
+    columns = (found.values.tolist(), found.deviations.tolist(), found.determined.tolist())
+    return list(zip(PARAMETERS, *columns, strict=True))
 
 
 def _record(config: Config, part: str, found: Dynamics) -> dict[str, object]:
-    rows = {name: {"value": value, "deviation": dev, "unit": UNITS[name]} for name, value, dev in _rows(found)}
+    rows = {
+        name: {"value": value, "deviation": dev, "unit": UNITS[name]} if told else {"value": None, "unit": UNITS[name]}
+        for name, value, dev, told in _rows(found)
+    }
     about = {"stage": config.stage.name, "part": part, "pulls": [path.name for path in config.pulls]}
     return {**about, "dynamics": rows, "misfit": found.misfit, **provenance(device_of(config.device))}

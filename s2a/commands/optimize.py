@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from s2a import robot
+from s2a import robot, tasks
 from s2a.diff.pull_config import PullConfig
 from s2a.diff.pull_optimize import Optimum, optimize
 from s2a.diff.pulled import pulled
@@ -16,7 +17,6 @@ from s2a.planner.motion import PlannerConfig, planned_path
 from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.skill import tool_path
 from s2a.usd.sim_check import refuse_unphysical
 
 
@@ -31,7 +31,8 @@ class Config:
         offset: how much farther than predicted an earlier pull of the part ended [m].
         robot: the robot that the stage was prepared for.
         sim: how physics is stepped: what resists where nothing was identified, gains and limits of the arm.
-        planner: the planner's motion: how far the part is pulled.
+        task: what is done: open_part, as far as the planner's motion says; or close_part, from where episodes begin.
+        planner: the planner's motion.
         pull: what a good pull is.
     """
 
@@ -41,6 +42,7 @@ class Config:
     offset: float
     robot: RobotSpec
     sim: SimConfig
+    task: tasks.MdpSettings
     planner: PlannerConfig
     pull: PullConfig
 
@@ -60,6 +62,7 @@ def run(config: Config) -> str:
     stage = read_stage(config.stage, config.part, robot=config.robot.name)
     robot.check_unchanged(config.robot)
     sim = Simulation(stage, config.sim, 1)
+    tool_path = partial(tasks.task(config.task.name).tool_path, config=config.task)
     target = pulled(sim, *planned_path(sim, config.planner, tool_path), config.offset)
     (found,), rounds = optimize([target], config.pull)
     with atomic_write(config.out) as out:

@@ -4,9 +4,12 @@
 import warp as wp
 
 from s2a.diff.joint_kernels import resisted
+from s2a.sim.resistance import engaged
 
 STOP = wp.constant(2.0e4)
 """[N/m] Of the stop of a closed part."""
+STOP_DAMPING = wp.constant(1.0e6)
+"""[N s/m^2] Of the same, by its depth (Hunt and Crossley's contact, which begins without a jump): nothing bounces off it."""
 
 
 @wp.struct
@@ -19,6 +22,7 @@ class Arms:
         turns: 1 for a hinge, 0 for a slide, shape [world].
         gravity: force along the path [N], of the stage's mass: g0 cos(turns q) + g1 sin(turns q), shape [world] of vec2.
         dynamics: joint_kernels.PARAMETERS, shape [world parameter].
+        reach: opening below which a soft close acts [m], shape [world].
         arm: of the arm along the path at even places: stiffness [N/m], damping [N s/m], mass [kg], shape [world place] of vec3.
         spacing: between the places [m], shape [world].
     """
@@ -28,6 +32,7 @@ class Arms:
     turns: wp.array(dtype=float)
     gravity: wp.array(dtype=wp.vec2)
     dynamics: wp.array2d(dtype=float)
+    reach: wp.array(dtype=float)
     arm: wp.array2d(dtype=wp.vec3)
     spacing: wp.array(dtype=float)
 
@@ -79,8 +84,11 @@ def pull(
     weight = g[0] * wp.cos(turn) + g[1] * wp.sin(turn)
     pulled = arm[0] * (setpoint[step, world] - s)
     force = pulled + h.dynamics[world, 0] * weight - h.dynamics[world, 4] * s + STOP * wp.max(-s, 0.0)
+    acts = engaged(s, h.reach[world])
+    force -= acts * h.dynamics[world, 5]
     inverse = dt / (mass + arm[2])
     damping, friction, breakaway = h.dynamics[world, 1] + arm[1], h.dynamics[world, 2], h.dynamics[world, 3]
+    damping += wp.where(v < 0.0, acts * h.dynamics[world, 6], 0.0) + STOP_DAMPING * wp.max(-s, 0.0)
     force -= resisted(v, v + inverse * force, inverse, damping, friction, breakaway)
     a = force / (mass + arm[2])
     moved.opening[step, world] = s

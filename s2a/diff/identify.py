@@ -3,50 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
+from s2a.diff import known_motion
+from s2a.diff.dynamics import LOWER, TYPICAL, UPPER, Dynamics
 from s2a.diff.joint_kernels import PARAMETERS
 from s2a.diff.joint_worlds import JointWorlds
 from s2a.diff.moving_body import Moving
 from s2a.diff.pull import Noise, Pull, same_step
 from s2a.diff.together import Evaluate, minimize_together
+from s2a.errors import InputError
 
-TYPICAL = np.array([1.0, 5.0, 2.0, 1.0, 10.0])
-"""Of PARAMETERS: unit of the variables that are searched, but for the mass, whose variable is its logarithm."""
-LOWER = np.array([0.05, 0.0, 0.0, 0.0, 0.0])
-UPPER = np.array([20.0, 200.0, 100.0, 50.0, 500.0])
-STARTS = np.array([[1.0, 5.0, 2.0, 1.0, 10.0], [0.4, 2.0, 1.0, 0.2, 2.0], [3.0, 15.0, 5.0, 1.0, 20.0]])
-"""Where the search begins; the later ones where an earlier one ended in a poor minimum."""
+OPTIONAL = np.isin(PARAMETERS, ("breakaway", "pull_in", "closing"))
+"""What a joint need not have: where recordings do not tell, it is none, and the others are fitted without it."""
+STARTS = np.array(
+    [[1.0, 5.0, 2.0, 1.0, 10.0, 0.0, 0.0], [0.4, 2.0, 1.0, 0.2, 2.0, 0.0, 0.0], [3.0, 15.0, 5.0, 1.0, 20.0, 5.0, 40.0]]
+)
+"""Where the search begins if it ended in a poor minimum from what least squares tell, one after another."""
 POOR = 1.5
 """Misfit from which a minimum is poor."""
-ROUNDS = 60
+ROUNDS = 100
+WORSE = 2.0
+"""Of log-likelihood: what a parameter that says nothing may explain by chance."""
 STEP = 0.01
 """Of the variables, in the differences of gradients by which the curvature is measured."""
-NINETY = 1.6449
-"""Standard deviations of a normal distribution on either side of its mean that hold 90 %."""
-
-
-@dataclass(frozen=True)
-class Dynamics:
-    """What resists at a joint's grasp point, as PARAMETERS name it.
-
-    Attributes:
-        values: shape [parameter].
-        deviations: standard deviations, shape [parameter]; infinite where the recordings do not tell.
-        misfit: mean square of the innovations over their expected variance: 1 where the model and the noise are right.
-    """
-
-    values: np.ndarray
-    deviations: np.ndarray
-    misfit: float
-
-    def interval(self, name: str) -> tuple[float, float]:
-        """Return the bounds between which a parameter lies with 90 %."""
-        i = PARAMETERS.index(name)
-        low, high = (float(self.values[i] + sign * NINETY * self.deviations[i]) for sign in (-1.0, 1.0))
-        return max(low, float(LOWER[i])), min(high, float(UPPER[i]))
 
 
 def identify(
@@ -68,21 +50,65 @@ def identify(
 
     expected = np.array([sum(len(pull.opening) - 1 for pull in own) for own in pulls]) / 2.0
     points, values = np.zeros((len(bodies), len(PARAMETERS))), np.full(len(bodies), np.inf)
-    for start in STARTS:
+    for start in (_first(bodies, pulls), *STARTS):
         poor = values > POOR * expected
-        begin = np.where(poor[:, None], variables(start), points)
+        begin = np.where(poor[:, None], variables(np.broadcast_to(start, points.shape)), points)
         found = minimize_together(evaluate, begin, variables(LOWER), variables(UPPER), ROUNDS, poor)
         better = found.values < values
         points[better], values[better] = found.points[better], found.values[better]
         if (values <= POOR * expected).all():
             break
-    hessians, scale = curvature(evaluate, points), slopes(points)
+    return _without_idle(evaluate, points, values, expected)
+
+
+def _without_idle(evaluate: Evaluate, points: np.ndarray, values: np.ndarray, expected: np.ndarray) -> list[Dynamics]:
+    """Return minima as dynamics, fitted again without what is OPTIONAL and undetermined, where that explains them as well.
+
+    Where it does not, and the curvature told nothing, the deviation is that of the likelihoods with it and without.
+
+    Args:
+        evaluate: the loss of all joints.
+        points: shape [joint variable].
+        values: their losses, shape [joint].
+        expected: these where all is right, shape [joint].
+    """
+    first = _dynamics(evaluate, points, values / expected)
+    spread, told = (np.array([getattr(each, name) for each in first]) for name in ("deviations", "determined"))
+    upper = np.broadcast_to(variables(UPPER), points.shape).copy()
+    points, values = points.copy(), values.copy()
+    for k in np.flatnonzero(OPTIONAL):
+        idle = ~told[:, k]
+        bound = upper.copy()
+        bound[idle, k] = 0.0
+        fewer = minimize_together(evaluate, np.minimum(points, bound), variables(LOWER), bound, ROUNDS, idle)
+        dropped = fewer.values < values + WORSE
+        kept = idle & ~dropped
+        lost = 2.0 * (fewer.values[kept] - values[kept])
+        spread[kept, k] = np.minimum(spread[kept, k], parameters(points)[kept, k] / np.sqrt(lost))
+        points[dropped], values[dropped], upper[dropped] = fewer.points[dropped], fewer.values[dropped], bound[dropped]
+    again = _dynamics(evaluate, points, values / expected)
+    known = OPTIONAL & ~told
     return [
-        Dynamics(x, deviations(point, hessian) * each, value / count)
-        for x, point, hessian, each, value, count in zip(
-            parameters(points), points, hessians, scale, values, expected, strict=True
-        )
+        replace(each, deviations=np.where(none, old, each.deviations))
+        for each, none, old in zip(again, known, spread, strict=True)
     ]
+
+
+def _first(bodies: Sequence[Moving], pulls: Sequence[Sequence[Pull]]) -> np.ndarray:
+    """Return what least squares of the force tell, a start for samples so noisy, shape [joint parameter]."""
+    found = np.tile(STARTS[0], (len(bodies), 1))
+    for i, (body, own) in enumerate(zip(bodies, pulls, strict=True)):
+        try:
+            found[i] = known_motion.fit(body, own, 1.0).values
+        except InputError:  # they hardly move
+            continue
+    return found
+
+
+def _dynamics(evaluate: Evaluate, points: np.ndarray, misfits: np.ndarray) -> list[Dynamics]:
+    """Return minima [joint variable] with their deviations."""
+    rows = zip(points, curvature(evaluate, points), parameters(points), slopes(points), misfits, strict=True)
+    return [Dynamics(x, deviations(point, hessian) * slope, misfit) for point, hessian, x, slope, misfit in rows]
 
 
 def variables(values: np.ndarray) -> np.ndarray:
@@ -121,13 +147,18 @@ def curvature(evaluate: Evaluate, x: np.ndarray) -> np.ndarray:
 def deviations(x: np.ndarray, hessian: np.ndarray) -> np.ndarray:
     """Return standard deviations of a minimum's variables from its curvature; infinite where that is none.
 
-    What lies at a bound does not move with the others; its deviation is that of its own curvature.
+    What lies at a bound does not move with the others; its deviation is that of its own curvature. Nor do those that curve it
+    downwards, what is OPTIONAL before the others: dry friction has kinks.
     """
     free = (x > variables(LOWER) + 1e-6) & (x < variables(UPPER) - 1e-6)
     own = np.diagonal(hessian)
     found = np.where(own > 0.0, 1.0 / np.sqrt(np.maximum(own, 1e-12)), np.inf)
     index = np.flatnonzero(free)
-    if len(index):
+    while len(index):
         values, vectors = np.linalg.eigh(hessian[np.ix_(index, index)])
-        found[index] = np.sqrt((vectors**2 / values).sum(axis=1)) if values.min() > 0.0 else np.inf
+        if values[0] > 0.0:
+            found[index] = np.sqrt((vectors**2 / values).sum(axis=1))
+            break
+        flat = (np.abs(vectors[:, 0]) * np.where(OPTIONAL[index], 10.0, 1.0)).argmax()
+        found[index[flat]], index = np.inf, np.delete(index, flat)
     return found

@@ -3,12 +3,13 @@
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import warp as wp
 
-PARAMETERS = ("mass", "damping", "friction", "breakaway", "spring")
-"""Factor of the stage's mass; [N s/m]; dry friction in motion [N]; how much more of it at rest [N]; closing spring [N/m]."""
+from s2a.sim.resistance import engaged, held
+
+PARAMETERS = ("mass", "damping", "friction", "breakaway", "spring", "pull_in", "closing")
+"""Factor of the stage's mass; [N s/m]; dry friction in motion [N]; how much more of it at rest [N]; closing spring [N/m]; of a
+soft close: the force with which it draws the part in [N], its damping while the part closes [N s/m]."""
 SHARPNESS = wp.constant(6.0)
 """How sharply dry friction goes over from what holds a body to what it is in motion; an infinite one is Coulomb's law."""
-STRIBECK = wp.constant(0.05)
-"""[m/s] From rest, where it is greatest, dry friction falls to that in motion: exp(-(v / STRIBECK)^2)."""
 
 
 @wp.struct
@@ -22,6 +23,7 @@ class Recordings:
         inertia: mass at the grasp point, of the stage's mass [kg], shape [world].
         turns: 1 for a hinge, 0 for a slide, shape [world].
         gravity: force along the path [N], of the stage's mass: g0 cos(turns q) + g1 sin(turns q), shape [world] of vec2.
+        reach: opening below which a soft close acts [m], shape [world].
         gain: corrections of opening [1] and speed [1/s] by innovation, shape [world 2].
         weight: 1 / (2 variance) of an innovation [1/m^2], shape [world].
     """
@@ -33,6 +35,7 @@ class Recordings:
     inertia: wp.array(dtype=float)
     turns: wp.array(dtype=float)
     gravity: wp.array(dtype=wp.vec2)
+    reach: wp.array(dtype=float)
     gain: wp.array2d(dtype=float)
     weight: wp.array(dtype=float)
 
@@ -54,8 +57,8 @@ def resisted(before: float, free: float, inverse: float, damping: float, frictio
     """
     half = 0.5 * inverse * damping
     damped = (free - half * before) / (1.0 + half)
-    u, slow = damped * (1.0 + half) / inverse, damped / STRIBECK
-    most = friction + breakaway * wp.exp(-slow * slow) + 1.0e-4
+    u = damped * (1.0 + half) / inverse
+    most = friction + breakaway * held(damped) + 1.0e-4
     both = wp.pow(wp.pow(wp.abs(u), SHARPNESS) + wp.pow(most, SHARPNESS), 1.0 / SHARPNESS)
     return (free - damped) / inverse + u * most / both / (1.0 + half)
 
@@ -80,12 +83,14 @@ def drive(
     joint, lever = r.joint[world], r.lever[world]
     s, v = joint_q[world] * lever, joint_qd[world] * lever
     pulled = (1.0 - later) * r.force[sample, world] + later * r.force[sample + 1, world]
-    force = wp.where(wp.isnan(pulled), 0.0, pulled) - parameters[joint, 4] * s
+    acts = engaged(s, r.reach[world])
+    force = wp.where(wp.isnan(pulled), 0.0, pulled) - parameters[joint, 4] * s - parameters[joint, 5] * acts
     inverse = dt / (parameters[joint, 0] * r.inertia[world])
     turn, g = r.turns[world] * joint_q[world], r.gravity[world]
     weight = parameters[joint, 0] * (g[0] * wp.cos(turn) + g[1] * wp.sin(turn))  # the solver adds it by itself
     free = v + inverse * (force + weight)
-    force -= resisted(v, free, inverse, parameters[joint, 1], parameters[joint, 2], parameters[joint, 3])
+    damping = parameters[joint, 1] + wp.where(v < 0.0, parameters[joint, 6] * acts, 0.0)
+    force -= resisted(v, free, inverse, damping, parameters[joint, 2], parameters[joint, 3])
     joint_f[world] = force * lever / parameters[joint, 0]
 
 

@@ -1,8 +1,9 @@
 """Joints that are pulled, many at once, and the gradient of how well their dynamics explain it.
 
 A world holds one body on its joint. Newton's Featherstone solver moves it, wp.Tape goes back; contacts are none. What resists is
-a kernel here: m a = F - d v - f(v) - k s, all at the grasp point, s its path. Mass is a factor of the stage's; the other forces
-are divided by it, so that one model of unit factor serves all.
+a kernel here: m a = F - d v - f(v) - k s, all at the grasp point, s its path; near shut a soft close adds its force and, while
+the part closes, its damping. Mass is a factor of the stage's; the other forces are divided by it, so that one model of unit
+factor serves all.
 
 The force that drives a world is measured, with noise whose double integral would soon outweigh that of the positions. So samples
 correct the world as a steady Kalman filter would; what it had predicted wrongly, the innovation, is white where the dynamics are
@@ -136,6 +137,7 @@ def _record(
     r.inertia = wp.array([bodies[i].inertia for i in owner], dtype=float)
     r.turns = wp.array([float(bodies[i].joint.kind == "revolute") for i in owner], dtype=float)
     r.gravity = wp.array([bodies[i].gravity for i in owner], dtype=wp.vec2)
+    r.reach = wp.array([bodies[i].reach for i in owner], dtype=float)
     r.gain = wp.array(filters[:, :2], dtype=float)
     r.weight = wp.array(0.5 / filters[:, 2], dtype=float)
     return r

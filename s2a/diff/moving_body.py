@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,6 +11,9 @@ from s2a.articulation import lever_arm, open_limit
 from s2a.scene import Joint
 from s2a.usd.sim_scene import Mass, SimRoom
 from s2a.usd.sim_stage import GRAVITY
+
+REACH = 0.04
+"""[m] Of a soft close of which nothing is known."""
 
 
 @dataclass(frozen=True)
@@ -21,11 +24,13 @@ class Moving:
         joint: scene coordinates.
         mass: of all that moves, in the same frame.
         point: grasp point [m], shape [3].
+        reach: path of the grasp point from shut over which a soft close acts, if the part has one [m].
     """
 
     joint: Joint
     mass: Mass
     point: np.ndarray
+    reach: float = REACH
 
     @property
     def lever(self) -> float:
@@ -54,10 +59,18 @@ class Moving:
         return weight * first[2], weight * np.cross(axis, first)[2]
 
 
-def moving(room: SimRoom, part: str) -> Moving:
-    """Return an articulated part of a room as a body on its joint; what carries it stands still."""
+def moving(room: SimRoom, part: str, reach: float = REACH) -> Moving:
+    """Return an articulated part of a room as a body on its joint; what carries it stands still.
+
+    Args:
+        room: with the part.
+        part: its id.
+        reach: of a soft close [m], where the stage says nothing of it.
+    """
     found = room.articulations[part]
-    return Moving(found.joint, room.bodies[part].mass, np.array(found.grasp.point))
+    body = Moving(found.joint, room.bodies[part].mass, np.array(found.grasp.point), reach)
+    soft = found.resistance and found.resistance.soft_close
+    return replace(body, reach=soft.reach * abs(body.lever)) if soft else body
 
 
 def inertia_tensor(mass: Mass) -> np.ndarray:

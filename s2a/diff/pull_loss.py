@@ -1,4 +1,4 @@
-"""What a pull costs: time, work, the greatest force, and what it misses of arriving at rest.
+"""What a pull costs: time, work, the greatest force, what it misses of arriving at rest, and of one that closes, slamming.
 
 The variables of a pull, all from 0 to 1: its time between `min_seconds` and `max_seconds`, then the free coefficients of its
 set-point's B-spline, of the goal and `beyond`. The first two coefficients are 0 and the last two alike, so that the set-point
@@ -24,6 +24,8 @@ NORM = 30.0
 """The greatest force is the root of the mean of so high a power, which is smooth."""
 SOON = 0.02
 """[s] In which the end's cost sets in."""
+ARREST = 0.1
+"""[s] A part that closes shall not be faster than its way to shut over this: it slams else."""
 LIMIT = 1.0e3
 """Cost of a mean square of 1 by which the set-point exceeds the arm's speed and acceleration, in units of them."""
 ROOM = 0.9
@@ -63,6 +65,7 @@ class PullLoss:
         goal = np.array([each.goal for each in pulled])
         arms = [each.arm for each in pulled]
         end = goal - [each.offset for each in pulled]
+        self._closing = torch.tensor(np.repeat([float(each.closing) for each in pulled], copies))
         columns = (low, high, goal, end, [arm.speed for arm in arms], [arm.acceleration for arm in arms])
         self._low, self._high, self._goal, self._end, self._speed, self._acceleration = (
             torch.tensor(np.repeat(np.asarray(x, float), copies)) for x in columns
@@ -144,13 +147,15 @@ class PullLoss:
         after = torch.sigmoid((self._begun - dt - seconds) / SOON)
         missed = ((opening - self._end) / c.end) ** 2 + (speed / c.end_speed) ** 2
         end = (after * missed).sum(dim=0) / after.sum(dim=0)
+        allowed = c.end_speed + torch.relu(self._end - opening) / ARREST
+        slam = self._closing * ((torch.relu(speed - allowed) / c.end_speed) ** 2).sum(dim=0) * dt / ARREST
         work = torch.relu(force * speed).sum(dim=0) * dt
         scale = force.abs().amax(dim=0).detach().clamp(min=1e-6)
         peak = scale * ((force / scale).abs() ** NORM).mean(dim=0) ** (1.0 / NORM)
         fast = (path @ self._splines[1].T) / (seconds * ROOM * self._speed)[:, None]
         hard = (path @ self._splines[2].T) / (seconds**2 * ROOM * self._acceleration)[:, None]
         over = sum((torch.relu(x.abs() - 1.0) ** 2).mean(dim=1) for x in (fast, hard))
-        return c.time * seconds + c.energy * work + c.peak * peak + end + LIMIT * over
+        return c.time * seconds + c.energy * work + c.peak * peak + end + slam + LIMIT * over
 
 
 def _spline(knots: int) -> BSpline:

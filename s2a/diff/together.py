@@ -37,12 +37,13 @@ def minimize_together(
     Args:
         evaluate: of all problems at once; a problem that has ended is evaluated where it ended.
         starts: shape [problem variable].
-        lower: bounds, shape [variable].
+        lower: bounds, shape [variable] or [problem variable].
         upper: likewise.
         rounds: at most, about.
         chosen: which problems to minimise, shape [problem]; the others stay at their starts, of infinite value.
     """
     points = starts.copy()
+    low, high = (np.broadcast_to(bound, starts.shape) for bound in (lower, upper))
     asked: queue.Queue[int] = queue.Queue()
     answers: list[queue.Queue[tuple[float, np.ndarray]]] = [queue.Queue() for _ in starts]
     values = np.full(len(starts), np.inf)
@@ -54,7 +55,7 @@ def minimize_together(
             return answers[i].get()
 
         try:
-            limits = list(zip(lower, upper, strict=True))
+            limits = list(zip(low[i], high[i], strict=True))
             found = minimize(ask, starts[i], jac=True, method="L-BFGS-B", bounds=limits, options={"maxfun": rounds})
             points[i], values[i] = found.x, found.fun
         finally:

@@ -52,18 +52,15 @@ class Recorder:
 
     def _add(self) -> None:
         sim, data = self._sim, self._sim.solver.mjw_data
-        q, qd = (
-            [getattr(each, name).reshape((sim.num_envs, -1)) for each in (sim.before, sim.state)]
-            for name in ("joint_q", "joint_qd")
-        )
-        inputs = [*q, data.qfrc_actuator, *qd, self._brakes, self._joints, self._sums]
+        q = sim.before.joint_q.reshape((sim.num_envs, -1))
+        qd = [each.joint_qd.reshape((sim.num_envs, -1)) for each in (sim.before, sim.state)]
+        inputs = [q, data.qfrc_actuator, *qd, self._brakes, self._joints, self._sums]
         wp.launch(_add, dim=(sim.num_envs, self._joints + self._arm), inputs=inputs, device=sim.device)
 
 
 @wp.kernel
 def _add(
-    q_before: wp.array2d(dtype=float),
-    q_after: wp.array2d(dtype=float),
+    q: wp.array2d(dtype=float),
     motor: wp.array2d(dtype=float),
     qd_before: wp.array2d(dtype=float),
     qd_after: wp.array2d(dtype=float),
@@ -71,9 +68,10 @@ def _add(
     joints: int,
     sums: wp.array2d(dtype=float),
 ):
+    # The force of a step turns the position before it: (q[k + 1] - 2 q[k] + q[k - 1]) / dt^2 is the acceleration by force k.
     world, column = wp.tid()
     if column < joints:
-        sums[world, column] += 0.5 * (q_before[world, column] + q_after[world, column])
+        sums[world, column] += q[world, column]
     else:
         i = column - joints
         sums[world, column] += motor[world, i] - brake[world, i] * (qd_after[world, i] - qd_before[world, i])

@@ -13,6 +13,7 @@ from s2a import robot
 from s2a.errors import InputError
 from s2a.sim.build import WorldSettings, build_worlds
 from s2a.sim.layout import Layout, layout
+from s2a.sim.resistance import hooks
 from s2a.sim.solver import IGNORED_OVERFLOWS, SimConfig, make_solver
 from s2a.sim.vary import vary
 from s2a.sim.world import SimStage, body_index
@@ -89,11 +90,11 @@ class Simulation:
             self.state, self.before = self.model.state(), self.model.state()
             self.control = self.model.control()
             newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
+            self.before_substep: list[Callable[[], None]] = hooks(self, worlds)
         self.joint_q = wp.to_torch(self.state.joint_q).view(num_envs, -1)
         self.joint_qd = wp.to_torch(self.state.joint_qd).view(num_envs, -1)
         self.body_q = wp.to_torch(self.state.body_q).view(num_envs, -1, 7)
         self.joint_target_q = wp.to_torch(self.control.joint_target_q).view(num_envs, -1)
-        self.before_substep: list[Callable[[], None]] = []
         self.after_substep: list[Callable[[], None]] = []
 
     def body(self, name: str) -> int:

@@ -48,14 +48,15 @@ class JointConfig:
         A force of k s at the grasp point, s = L q along its path, turns a hinge of lever arm L by the moment k L^2 q. For a
         slide L is 1.
         """
-        if part.resistance is not None:
+        if part.resistance is not None and part.resistance.stiffness is not None:
             return part.resistance.stiffness
         arm = lever_arm(part.joint, np.array(part.grasp.point)) if self.spring == "grasp" else 1.0
         return self.stiffness * arm**2
 
     def joint_damping(self, part: Articulation) -> float:
         """Return the damping of a part's joint [N s/m] or [N m s/rad]: the stage's, if it has one."""
-        return self.damping if part.resistance is None else part.resistance.damping
+        known = None if part.resistance is None else part.resistance.damping
+        return self.damping if known is None else known
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,9 @@ from pathlib import Path
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
-from s2a.usd.sim_scene import Mass, Resistance
+from s2a.usd import resistance as joint_resistance
+from s2a.usd.resistance import Resistance
+from s2a.usd.sim_scene import Mass
 from s2a.usd.stage import ROOT, save_layer, write_attribute
 
 
@@ -22,20 +24,14 @@ def scaled(mass: Mass, factor: float) -> Mass:
     )
 
 
-def write_resistance(joint: Usd.Prim, resistance: Resistance) -> None:
-    """Write what resists beside dry friction on a joint."""
-    write_attribute(joint, "damping", Sdf.ValueTypeNames.Double, resistance.damping)
-    write_attribute(joint, "stiffness", Sdf.ValueTypeNames.Double, resistance.stiffness)
-
-
-def write(below: str, part: str, mass: Mass, friction: float, resistance: Resistance, path: Path) -> None:
+def write(below: str, part: str, mass: Mass | None, friction: float | None, resistance: Resistance, path: Path) -> None:
     """Write a layer over a room in which a part's body and joint have other dynamics.
 
     Args:
         below: path of the simulation-ready file, or of another such layer, relative to the folder of the layer.
         part: id of the articulated part.
-        mass: of its body.
-        friction: dry friction of its joint [N] or [N m].
+        mass: of its body; None: it stays.
+        friction: dry friction of its joint in motion [N] or [N m]; None: it stays.
         resistance: what else resists.
         path: ends in .usda.
 
@@ -47,12 +43,14 @@ def write(below: str, part: str, mass: Mass, friction: float, resistance: Resist
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     stage.SetDefaultPrim(stage.OverridePrim(ROOT))
     body, joint = stage.OverridePrim(f"{ROOT}/{part}"), stage.OverridePrim(f"{ROOT}/joints/{part}")
-    api = UsdPhysics.MassAPI(body)
-    api.CreateMassAttr(mass.mass)
-    api.CreateDiagonalInertiaAttr(Gf.Vec3f(*mass.inertia))
-    write_attribute(body, "massSource", Sdf.ValueTypeNames.String, mass.source)
-    joint.CreateAttribute("newton:friction", Sdf.ValueTypeNames.Float).Set(friction)
-    write_resistance(joint, resistance)
+    if mass is not None:
+        api = UsdPhysics.MassAPI(body)
+        api.CreateMassAttr(mass.mass)
+        api.CreateDiagonalInertiaAttr(Gf.Vec3f(*mass.inertia))
+        write_attribute(body, "massSource", Sdf.ValueTypeNames.String, mass.source)
+    if friction is not None:
+        joint.CreateAttribute("newton:friction", Sdf.ValueTypeNames.Float).Set(friction)
+    joint_resistance.write(joint, resistance)
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.TransferContent(stage.GetRootLayer())  # a layer alone opens nothing that it names
     layer.subLayerPaths.append(below)

@@ -10,7 +10,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from s2a.errors import InputError
 from s2a.scene import Mesh, Vec3
-from s2a.usd import refinement
+from s2a.usd import refinement, resistance
 from s2a.usd.joints import KINDS, read_joint
 from s2a.usd.sim_scene import (
     PREPARE_AGAIN,
@@ -21,7 +21,6 @@ from s2a.usd.sim_scene import (
     Mass,
     Quat,
     Reduction,
-    Resistance,
     SimBody,
     SimRoom,
 )
@@ -144,14 +143,9 @@ def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
         friction=joint.GetAttribute("newton:friction").Get() or 0.0,
         filtered=tuple(path.name for path in pairs.GetTargets()) if pairs else (),
         notes=_strings(prim, "notes"),
-        resistance=_resistance(joint),
+        resistance=resistance.read(joint),
         refinement=refinement.read(prim, moved),
     )
-
-
-def _resistance(joint: Usd.Prim) -> Resistance | None:
-    found = [read_attribute(joint, name, float) for name in ("damping", "stiffness")]
-    return None if None in found else Resistance(*found)
 
 
 def _grasp(prim: Usd.Prim) -> Grasp:

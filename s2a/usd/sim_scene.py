@@ -10,6 +10,7 @@ import numpy as np
 from s2a.errors import InputError
 from s2a.scene import Joint, Mesh, Vec3
 from s2a.usd.refinement import Refinement
+from s2a.usd.resistance import Resistance
 
 Quat = tuple[float, float, float, float]
 DEFAULT_ROBOT = "panda"
@@ -119,19 +120,6 @@ class Base:
     free: bool = True
     pedestal: float = 0.0
     radius: float = 0.12
-
-
-@dataclass(frozen=True)
-class Resistance:
-    """What was identified of a joint beside its dry friction, per unit of its coordinate.
-
-    Attributes:
-        damping: [N s/m] or [N m s/rad].
-        stiffness: of the spring that draws the part to its scanned pose [N/m] or [N m/rad].
-    """
-
-    damping: float
-    stiffness: float
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from s2a.scene import Mesh
-from s2a.usd import dynamics, refinement
+from s2a.usd import refinement, resistance
 from s2a.usd.joints import write_body, write_fixed_joint, write_joint, write_site
 from s2a.usd.sim_read import FLAVOUR, open_physics, read
 from s2a.usd.sim_scene import Articulation, Base, Collider, Grasp, Quat, Reduction, SimBody, SimRoom
@@ -188,7 +188,7 @@ def _write_articulation(stage: Usd.Stage, part: str, articulation: Articulation)
     joint.ApplyAPI("NewtonJointAPI")
     joint.GetAttribute("newton:friction").Set(articulation.friction)
     if articulation.resistance is not None:
-        dynamics.write_resistance(joint, articulation.resistance)
+        resistance.write(joint, articulation.resistance)
     prim = stage.GetPrimAtPath(path)
     write_attribute(prim, "notes", Types.StringArray, list(articulation.notes))
     if articulation.refinement is not None:

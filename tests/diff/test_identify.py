@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from settings import load
 
 from s2a import cli
 from s2a.commands.identify import write_layer
-from s2a.diff.identify import Dynamics, identify
+from s2a.diff.dynamics import Dynamics
+from s2a.diff.identify import identify
 from s2a.diff.joint_kernels import PARAMETERS
 from s2a.diff.moving_body import moving
 from s2a.diff.pull import Noise, Pull, read
@@ -24,10 +26,17 @@ from s2a.scene import Joint
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
 from s2a.usd import sim_stage
-from s2a.usd.sim_scene import Resistance
+from s2a.usd.resistance import Resistance, SoftClose
 
 NOISE = Noise(0.001, 0.5)
 TRUTH = Truth(mass=0.7, damping=8.0, friction=3.0, spring=5.0)
+
+
+def exact(mass: float = 1.0, **values: float) -> Dynamics:
+    """Return dynamics that are known, 0 where none are given."""
+    return Dynamics(
+        np.array([mass, *(values.get(name, 0.0) for name in PARAMETERS[1:])]), np.zeros(len(PARAMETERS)), 1.0
+    )
 
 
 def write_csv(pull: Pull, path: Path) -> Path:
@@ -52,7 +61,7 @@ def test_minima_are_found_together_and_those_left_out_stay() -> None:
 
 def test_what_was_found_is_a_layer_that_the_simulation_uses(tmp_path: Path) -> None:
     stage, layer = write_cabinet(tmp_path / "room.usda"), tmp_path / "identified.usda"
-    found = Dynamics(np.array([0.7, 8.0, 3.0, 1.0, 5.0]), np.ones(5), 1.0)
+    found = exact(mass=0.7, damping=8.0, friction=3.0, breakaway=1.0, spring=5.0, pull_in=4.0, closing=30.0)
     before = sim_stage.read(stage)
     write_layer(stage, layer, layer, "drawer_2", found, moving(before, "drawer_2"))
     after = sim_stage.read(layer)
@@ -60,7 +69,8 @@ def test_what_was_found_is_a_layer_that_the_simulation_uses(tmp_path: Path) -> N
     inertia = np.array(before.bodies["drawer_2"].mass.inertia)
     assert np.array(after.bodies["drawer_2"].mass.inertia) == pytest.approx(0.7 * inertia)
     part = after.articulations["drawer_2"]
-    assert part.friction == pytest.approx(3.0) and part.resistance == Resistance(8.0, 5.0)
+    assert part.friction == pytest.approx(3.0)
+    assert part.resistance == Resistance(8.0, 5.0, 1.0, SoftClose(4.0, 30.0, 0.04))
     assert before.articulations["drawer_2"].resistance is None
     sim = Simulation(read_stage(layer), load(SimConfig, "sim/planner"), 1)
     dof = sim.layout.part_dof
@@ -74,12 +84,15 @@ def test_what_was_found_is_a_layer_that_the_simulation_uses(tmp_path: Path) -> N
 def test_at_the_grasp_point_of_a_door_the_lever_arm_counts(tmp_path: Path) -> None:
     door = Joint("revolute", (0.0, 0.0, 1.0), (HANDLE[0], HANDLE[1] + 0.4, 0.0), (-1.5, 0.0))
     stage, layer = write_cabinet(tmp_path / "room.usda", joint=door), tmp_path / "identified.usda"
-    found = Dynamics(np.array([1.0, 8.0, 3.0, 0.0, 5.0]), np.ones(5), 1.0)
+    found = exact(damping=8.0, friction=3.0, breakaway=1.0, spring=5.0, pull_in=4.0, closing=30.0)
     write_layer(stage, layer, layer, "drawer_2", found, moving(sim_stage.read(stage), "drawer_2"))
     part = sim_stage.read(layer).articulations["drawer_2"]
     assert part.friction == pytest.approx(3.0 * 0.4)
     assert part.resistance is not None
     assert (part.resistance.damping, part.resistance.stiffness) == pytest.approx((8.0 * 0.16, 5.0 * 0.16))
+    assert part.resistance.breakaway == pytest.approx(0.4) and part.resistance.soft_close is not None
+    # 4 N at 0.4 m, 30 N s/m at 0.4 m, 0.04 m of the way on a radius of 0.4 m.
+    assert astuple(part.resistance.soft_close) == pytest.approx((1.6, 4.8, 0.1))
 
 
 def test_a_drawer_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -106,7 +119,8 @@ def test_a_drawer_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_intervals_hold_the_truth_of_drawers_doors_and_lids() -> None:
     rng = np.random.default_rng(5)
     bodies = [DRAWER, DOOR, LID] * 4
-    truths = [Truth(*np.exp(rng.uniform(np.log([0.5, 1, 0.5, 1]), np.log([2, 15, 5, 20])))) for _ in bodies]
+    values = [np.exp(rng.uniform(np.log([0.5, 1, 0.5, 1]), np.log([2, 15, 5, 20]))) for _ in bodies]
+    truths = [Truth(*each[:3], spring=each[3]) for each in values]
     pulls = [
         [record(b, t, NOISE, 10 * i + k) for k in range(4)] for i, (b, t) in enumerate(zip(bodies, truths, strict=True))
     ]

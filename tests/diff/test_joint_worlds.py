@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import joint_model
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from s2a.diff.pull import Noise, Pull
 
 NOISE = Noise(0.001, 0.5)
 TRUTH = Truth(mass=1.4, damping=6.0, friction=2.0, spring=12.0)
+SOFT = Truth(mass=1.4, damping=6.0, friction=2.0, breakaway=1.0, spring=12.0, pull_in=5.0, closing=40.0)
 
 
 def test_what_resists_at_the_handle_follows_from_the_body() -> None:
@@ -33,9 +36,9 @@ def test_a_filter_trusts_what_is_exact() -> None:
 
 @pytest.mark.parametrize("body", [DRAWER, DOOR, LID], ids=["drawer", "door", "lid"])
 def test_gradients_are_central_differences_of_the_law_in_double_precision(body: Moving) -> None:
-    pulls = [record(body, TRUTH, NOISE, seed, seconds=0.8) for seed in range(2)]
+    pulls = [record(body, SOFT, NOISE, seed, seconds=0.8) for seed in range(2)]
     worlds = JointWorlds([body], [pulls], pulls[0].step, NOISE)
-    at = np.array([[1.2, 4.0, 2.5, 0.5, 15.0]])
+    at = np.array([[1.2, 4.0, 2.5, 0.5, 15.0, 3.0, 20.0]])
     found = worlds.loss(at)[1][0]
     expected = joint_model.gradient(at[0], body, pulls, NOISE, round(pulls[0].step * RATE))
     assert found @ expected / np.linalg.norm(found) / np.linalg.norm(expected) > 0.999999
@@ -47,20 +50,20 @@ def test_innovations_of_the_truth_are_as_large_as_expected() -> None:
     bodies = [DRAWER, DOOR, LID]
     pulls = [[record(body, TRUTH, NOISE, seed) for seed in range(2)] for body in bodies]
     worlds = JointWorlds(bodies, pulls, pulls[0][0].step, NOISE)
-    truth = np.tile([TRUTH.mass, TRUTH.damping, TRUTH.friction, 0.0, TRUTH.spring], (3, 1))
+    truth = np.tile(astuple(TRUTH), (3, 1))
     expected = sum(len(pull.opening) - 1 for pull in pulls[0]) / 2
     right = worlds.loss(truth)[0]
     assert (np.abs(right / expected - 1.0) < 4.0 / np.sqrt(expected)).all()
-    for k in range(5):
+    for k, more in enumerate([0.0, 0.0, 0.0, 3.0, 0.0, 5.0]):
         wrong = truth.copy()
-        wrong[:, k] = truth[:, k] * 1.5 + (k == 3) * 3.0
+        wrong[:, k] = truth[:, k] * 1.5 + more
         assert (worlds.loss(wrong)[0] > right + 4.0).all(), k
 
 
 def test_recordings_of_different_lengths_share_a_batch() -> None:
     long = record(DRAWER, TRUTH, NOISE, 0, seconds=1.0)
     short = Pull(long.opening[:30], long.force[:30], long.step)
-    at = np.array([[1.4, 6.0, 2.0, 0.1, 12.0]])
+    at = np.array([[1.4, 6.0, 2.0, 0.1, 12.0, 1.0, 5.0]])
     alone = [JointWorlds([DRAWER], [[pull]], pull.step, NOISE).loss(at) for pull in (long, short)]
     both = JointWorlds([DRAWER, DRAWER], [[long], [short]], long.step, NOISE).loss(np.repeat(at, 2, axis=0))
     for i, (loss, gradient) in enumerate(alone):

@@ -56,3 +56,31 @@ def test_stated_intervals_hold_the_truth_as_often_as_they_say() -> None:
 def test_pulls_that_hardly_move_are_refused() -> None:
     with pytest.raises(InputError, match="half a second or longer"):
         fit(DRAWER, [Pull(np.linspace(0.0, 0.002, 60), np.zeros(60), STEP)], 0.3)
+
+
+@pytest.mark.parametrize("body", [DRAWER, DOOR], ids=["drawer", "door"])
+def test_a_soft_close_is_found_and_none_is_invented(body: Moving) -> None:
+    given = [drawn_in(body, pull, 6.0) for pull in pulls(body, 0.3)]
+    found, k = fit(body, given, 0.3), PARAMETERS.index("pull_in")
+    low, high = found.interval("pull_in")
+    assert low <= 6.0 <= high and found.values[k] == pytest.approx(6.0, rel=0.1)
+    assert np.isinf(found.deviations[PARAMETERS.index("closing")])  # nothing closed
+    without = fit(body, pulls(body, 0.3), 0.3)
+    assert without.values[k] == 0.0 and without.determined[k]
+
+
+def drawn_in(body: Moving, pull: Pull, force: float) -> Pull:
+    """Return a pull against a soft close too, at full force but for the last quarter of its reach [N]."""
+    acts = np.clip((body.reach - pull.opening) / (0.25 * body.reach), 0.0, 1.0)
+    return Pull(pull.opening, pull.force + force * acts, pull.step)
+
+
+def test_an_error_that_lasts_all_along_a_pull_widens_the_intervals() -> None:
+    """Each pull's force is off by a factor of its own, as by a grip that rolls: neighbours alike tell nothing of that."""
+    held = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        off = [Pull(p.opening, p.force * (1.0 + rng.normal(0.0, 0.03)), p.step) for p in pulls(DRAWER, 0.1, seed)]
+        found = fit(DRAWER, off, 0.1)
+        held += [found.interval(name)[0] <= value <= found.interval(name)[1] for name, value in TRUTH.items()]
+    assert np.mean(held) > 0.75

@@ -10,7 +10,7 @@ from s2a.diff.joint_worlds import kalman
 from s2a.diff.moving_body import Moving
 from s2a.diff.pull import Noise, Pull
 
-SHARPNESS, STRIBECK = 6.0, 0.05
+SHARPNESS, STRIBECK, EDGE = 6.0, 0.05, 0.25
 
 
 def loss(parameters: np.ndarray, body: Moving, pulls: Sequence[Pull], noise: Noise, substeps: int) -> float:
@@ -27,7 +27,7 @@ def gradient(parameters: np.ndarray, *args: object) -> np.ndarray:
 
 
 def _one(parameters: np.ndarray, body: Moving, pull: Pull, noise: Noise, substeps: int) -> float:
-    mass, damping, friction, breakaway, spring = parameters
+    mass, damping, friction, breakaway, spring, pull_in, closing = parameters
     onto, speed_onto, variance = kalman(body.inertia, pull.step, noise)
     first, second = body.gravity
     opening, force = (values.astype(np.float32).astype(float) for values in (pull.opening, pull.force))
@@ -37,9 +37,10 @@ def _one(parameters: np.ndarray, body: Moving, pull: Pull, noise: Noise, substep
         for i in range(substeps):
             turn = s / body.lever if body.joint.kind == "revolute" else 0.0
             drive = force[sample] + i / substeps * (force[sample + 1] - force[sample])
-            drive += mass * (first * np.cos(turn) + second * np.sin(turn)) - spring * s
+            acts = np.clip((body.reach - s) / (EDGE * body.reach), 0, 1)
+            drive += mass * (first * np.cos(turn) + second * np.sin(turn)) - spring * s - pull_in * acts
             inverse = dt / heavy
-            free, half = v + inverse * drive, 0.5 * inverse * damping
+            free, half = v + inverse * drive, 0.5 * inverse * (damping + (v < 0) * closing * acts)
             damped = (free - half * v) / (1 + half)
             u = damped * (1 + half) / inverse
             most = friction + breakaway * np.exp(-((damped / STRIBECK) ** 2)) + 1e-4

@@ -28,7 +28,8 @@ class ClosePartTask(part.PartTask):
         self.thresholds = {"closed": metrics.closed_opening}
         with wp.ScopedDevice(sim.device):
             h = self.handles = mdp.ClosePart()
-            h.p = part_handles.bind(sim, ContactSensor(sim, config.contact_distance), config)
+            self.sensor = ContactSensor(sim, config.contact_distance)
+            h.p = part_handles.bind(sim, self.sensor, config)
             h.closed = wp.zeros(sim.num_envs, dtype=float)
             h.closed_opening = metrics.closed_opening
         self.observations = part_observation.length(sim, config)

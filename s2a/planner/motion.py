@@ -85,7 +85,8 @@ class Planner:
     def __init__(self, env: VecEnv, config: PlannerConfig) -> None:
         """Plan for an environment's stage; InputError if the arm cannot reach along the whole path."""
         sim = env.sim
-        self._env, self.trajectory = env, plan(sim, config, partial(env.task.tool_path, config=env.task.config))
+        follows_path = partial(env.task.tool_path, config=env.task.config)
+        self._env, self.trajectory = env, env.task.trajectory(config) or plan(sim, config, follows_path)
         self.grasp_steps = self.trajectory.reach_steps + self.trajectory.closed
         self.steps = self.trajectory.reach_steps + len(self.trajectory.targets)
         if self.steps >= env.max_episode_length:

@@ -32,8 +32,8 @@ CARRIED, LOOSE, STILL, DRIFT, DISTURBED, TOUCHED, GRASPED = (wp.constant(i) for 
 """Columns of `progress`: path while pinched and else [m]; steps at rest at the place; displacement since the last touch [m]; of
 other bodies [m]; whether the robot touched the object in this control step; whether it was ever pinched."""
 PROGRESS = 7
-JITTER = wp.constant(2e-5)
-"""[m] Of a physics step, 5 mm/s: what a body at rest creeps and trembles is no path."""
+STRIDE = wp.constant(0.003)
+"""[m] Of which the object's path is made: what stands trembles by less."""
 
 
 @wp.struct
@@ -49,7 +49,7 @@ class PickPlace:
         goal: planned pose of the object.
         others: bodies that must not move, shape [other].
         progress: of the running episode, shape [world column].
-        last: the object's position after the last physics step [m], shape [world].
+        last: the object's position where its path was last measured [m], shape [world].
         released: where the robot last touched it [m], shape [world].
         origin: where the others were at the start [m], shape [world other].
         contact_force, velocity_scale, observation_limit, position_tolerance, angle_tolerance, rest_speed, rest_rate,
@@ -193,12 +193,12 @@ def track(body_q: wp.array2d(dtype=wp.transform), h: PickPlace):
     c = h.contacts
     now = wp.transform_get_translation(body_q[world, h.body])
     moved = wp.length(now - h.last[world])
-    if moved > JITTER:
+    if moved > STRIDE:
         column = LOOSE
         if is_pinched(h, world):
             column = CARRIED
         h.progress[world, column] += moved
-    h.last[world] = now
+        h.last[world] = now
     if is_pinched(h, world):
         h.progress[world, GRASPED] = 1.0
     touch = c.on_region[world, 0] + c.on_region[world, 1] + c.off_region[world, 0] + c.off_region[world, 1]

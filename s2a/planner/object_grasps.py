@@ -20,7 +20,7 @@ CONE = 0.95
 """Cosine between closing axis and surface normal down to which a contact holds: 18 degrees, half the friction cone of mu 0.7."""
 CLEARANCE = 0.004
 """[m] Between an open finger and the object, and around the gripper."""
-DEPTHS = (0.0, 0.012)
+DEPTHS = (0.0, -0.006, 0.012)
 """[m] How far the object's axis of contact lies behind the tool frame's origin, towards the gripper body."""
 SURFACE = 300
 """Points on the surface that must stay out of the gripper."""
@@ -142,7 +142,9 @@ def _inside_gripper(tool: np.ndarray, surface: np.ndarray, gripper: GripperSpec)
         some = tool[k : k + 512]
         local = surface @ some[:, :3, :3] - some[:, None, :3, 3] @ some[:, :3, :3]
         for low, high in boxes:
-            found[k : k + 512] |= ((local > low - CLEARANCE / 2) & (local < high + CLEARANCE / 2)).all(axis=2).any(axis=1)
+            found[k : k + 512] |= (
+                ((local > low - CLEARANCE / 2) & (local < high + CLEARANCE / 2)).all(axis=2).any(axis=1)
+            )
     return found
 
 

@@ -74,7 +74,9 @@ class _Misses:
 
     stage: int = -1
     depth: float = math.inf
-    text: str = ""
+    text: str = (
+        "base: there is no free floor within the arm's reach of start and place; choose a place nearer to free floor"
+    )
 
     def note(self, stage: int, depth: float, text: str) -> None:
         """Keep the failure of an attempt that came farther than all before, or missed by less."""
@@ -82,7 +84,9 @@ class _Misses:
             self.stage, self.depth, self.text = stage, depth, text
 
 
-def plan_pick(room: SimRoom, target: str, start: np.ndarray, goal: np.ndarray, spec: RobotSpec, seed: int = 0) -> PickPlan:
+def plan_pick(
+    room: SimRoom, target: str, start: np.ndarray, goal: np.ndarray, spec: RobotSpec, seed: int = 0
+) -> PickPlan:
     """Return how a robot picks an object at a pose and places it at another; 7-vectors of its body frame, scene frame.
 
     Raises:
@@ -164,11 +168,13 @@ class _Search:
         places = sorted(
             itertools.product(distances, angles, PEDESTALS), key=lambda p: abs(p[0] - distances[0]) + 0.3 * p[2]
         )
-        spots = np.array([[*(self._middle[:2] + r * np.array([np.cos(a), np.sin(a)])), self._middle[2]] for r, a, _ in places])
+        spots = np.array(
+            [[*(self._middle[:2] + r * np.array([np.cos(a), np.sin(a)])), self._middle[2]] for r, a, _ in places]
+        )
         floor, _ = self._near.below(spots)
         lowest = floor[np.isfinite(floor)].min(initial=np.inf)
         for (_, angle, pedestal), spot, height in zip(places, spots, floor, strict=True):
-            if not height <= lowest + 0.05:
+            if not math.isfinite(height) or height > lowest + 0.05:
                 continue
             pose = np.eye(4)
             pose[:3, :3] = Rotation.from_euler("z", angle + np.pi).as_matrix()
@@ -218,13 +224,17 @@ class _Search:
         kin = self._shape.kin
         home = np.array(kin.spec.home)
         tool = self._start @ grasp
-        poses = np.concatenate([_line(tool, -APPROACH * tool[:3, 2], 0.0)[::-1], _line(tool, np.array([0, 0, LIFT]), 0.0)[1:]])
+        poses = np.concatenate(
+            [_line(tool, -APPROACH * tool[:3, 2], 0.0)[::-1], _line(tool, np.array([0, 0, LIFT]), 0.0)[1:]]
+        )
         at = round(APPROACH / STEP)
         for path in self._free_paths(poses, base, home, "approach and lift", 1)[:3]:
             held = np.linalg.inv(kin.tool(path[at : at + 1])[0]) @ np.linalg.inv(base) @ self._start
             tool = self._goal @ np.linalg.inv(held)
             tool[2, 3] += DROP
-            down = np.concatenate([_line(tool, np.array([0, 0, LIFT]), 0.0)[::-1], _line(tool, -APPROACH * tool[:3, 2], 0.0)[1:]])
+            down = np.concatenate(
+                [_line(tool, np.array([0, 0, LIFT]), 0.0)[::-1], _line(tool, -APPROACH * tool[:3, 2], 0.0)[1:]]
+            )
             lowers = self._free_paths(down, base, path[-1], "lowering and retreat", 2, flip=False)
             low = round(LIFT / STEP)
             for lower in lowers[:3]:
@@ -251,7 +261,9 @@ class _Search:
             turn = np.einsum("pij,ij->p", kin.tool(paths[:, 0])[:, :3, :3], wanted[:3, :3])
             paths = paths[turn > 2.9]  # the trace of a rotation by 0: 3; by half a turn: -1
         if not len(paths):
-            self._misses.note(stage, 1.0, f"{name}: the arm cannot follow the straight path; choose a place with more room")
+            self._misses.note(
+                stage, 1.0, f"{name}: the arm cannot follow the straight path; choose a place with more room"
+            )
             return []
         found = []
         for path in paths[np.argsort(np.abs(paths[:, 0] - near).max(axis=1))]:
@@ -259,7 +271,9 @@ class _Search:
             if depth <= SLACK:
                 found.append(path)
             else:
-                self._misses.note(stage, depth, f"{name}: the arm reaches {1000 * depth:.0f} mm into the room or itself")
+                self._misses.note(
+                    stage, depth, f"{name}: the arm reaches {1000 * depth:.0f} mm into the room or itself"
+                )
         return found
 
     def _move(
@@ -289,7 +303,9 @@ class _Search:
             return ok & np.array([o and self._shape.self_penetration(each[None])[0] <= SLACK for o, each in zip(ok, q)])
 
         if worst > SLACK:
-            self._misses.note(stage, worst, f"{name}: an end of the motion reaches {1000 * worst:.0f} mm into something")
+            self._misses.note(
+                stage, worst, f"{name}: an end of the motion reaches {1000 * worst:.0f} mm into something"
+            )
             return None
         path = free_motion(start, goal, kin.lower, kin.upper, free, SEARCH, self._seed)
         if path is None:

@@ -101,7 +101,8 @@ def free_spot(room: SimRoom, name: str, support: str, other: np.ndarray) -> np.n
     points = surface_points([c.mesh for c in body.colliders], 200) @ turn.T
     foot = _footprint(points)
     spots = [
-        np.array([x, y]) for x, y in itertools.product(np.arange(low[0], high[0], GRID), np.arange(low[1], high[1], GRID))
+        np.array([x, y])
+        for x, y in itertools.product(np.arange(low[0], high[0], GRID), np.arange(low[1], high[1], GRID))
     ]
     spots = [s for s in spots if np.linalg.norm(s - other[:2]) >= APART]
     for spot in sorted(spots, key=lambda s: float(np.linalg.norm(s - other[:2]))):
@@ -114,7 +115,9 @@ def free_spot(room: SimRoom, name: str, support: str, other: np.ndarray) -> np.n
         if len(beside) and near.depth(beside, np.full(len(beside), MARGIN)) > 0.0:
             continue
         return np.array([*spot, z, *body.orientation])
-    raise InputError(f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands")
+    raise InputError(
+        f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands"
+    )
 
 
 def _footprint(points: np.ndarray) -> np.ndarray:

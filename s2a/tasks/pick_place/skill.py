@@ -46,7 +46,9 @@ class PickStage(SimStage):
     plan: PickPlan
 
 
-def read_stage(path: Path, part: str | None, robot: str | None, also: Sequence[str], config: PickPlaceConfig) -> PickStage:
+def read_stage(
+    path: Path, part: str | None, robot: str | None, also: Sequence[str], config: PickPlaceConfig
+) -> PickStage:
     """Read a room and plan for an object of it, which decides where the robot stands.
 
     Raises:
@@ -82,7 +84,9 @@ def read_stage(path: Path, part: str | None, robot: str | None, also: Sequence[s
 def _ends(room: sim_stage.SimRoom, target: str, config: PickPlaceConfig) -> tuple[np.ndarray, np.ndarray]:
     """Return where the object starts and where it is to be placed, 7-vectors."""
     if config.start == config.place:
-        raise InputError(f"task.start and task.place are both {config.place!r}; give the id of a support, a pose or a record")
+        raise InputError(
+            f"task.start and task.place are both {config.place!r}; give the id of a support, a pose or a record"
+        )
     here = scanned(room, target)
     if config.start is None or config.start.endswith(".json"):
         start = place_pose(room, target, config.start, here)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -37,8 +38,7 @@ def free_motion(
         from ompl import base, geometric, util
     except ImportError as error:
         raise InputError("planning around obstacles needs OMPL; install the extra: pip install 's2a[sim]'") from error
-    util.setLogLevel(util.LogLevel.LOG_ERROR)
-    util.RNG.setSeed(seed + 1)
+    _seed_once(util, seed)
     count = len(start)
     space, bounds = base.RealVectorStateSpace(count), base.RealVectorBounds(count)
     for i in range(count):
@@ -64,6 +64,20 @@ def free_motion(
     path = setup.getSolutionPath()
     corners = np.array([_joints(path.getState(i), count) for i in range(path.getStateCount())])
     return _rounded(corners, free)
+
+
+@cache
+def _once(util: object) -> list[int]:
+    """Return the seed that OMPL was given in this process, if any: it takes one before its first number alone."""
+    return []
+
+
+def _seed_once(util: object, seed: int) -> None:
+    """Seed OMPL's random numbers, once a process, and keep its log to errors."""
+    if not _once(util):
+        util.setLogLevel(util.LogLevel.LOG_ERROR)  # type: ignore[attr-defined]
+        util.RNG.setSeed(seed + 1)  # type: ignore[attr-defined]
+        _once(util).append(seed)
 
 
 def _joints(state: object, count: int) -> np.ndarray:

@@ -146,8 +146,8 @@ class _Search:
         free = depth <= 0.0
         if not free.any():
             raise Unreachable(
-                f"{self._target!r}: grasp: the gripper reaches at least {1000 * depth.min():.0f} mm into what is around the object "
-                "or its place; choose a place with more room around it"
+                f"{self._target!r}: grasp: the gripper reaches at least {1000 * depth.min():.0f} mm into what is around the "
+                "object or its place; choose a place with more room around it"
             )
         return _diverse(found.tool[free])
 
@@ -300,7 +300,9 @@ class _Search:
 
         def free(q: np.ndarray) -> np.ndarray:
             ok = depth(q) <= SLACK
-            return ok & np.array([o and self._shape.self_penetration(each[None])[0] <= SLACK for o, each in zip(ok, q)])
+            return ok & np.array(
+                [o and self._shape.self_penetration(each[None])[0] <= SLACK for o, each in zip(ok, q, strict=True)]
+            )
 
         if worst > SLACK:
             self._misses.note(

@@ -11,6 +11,7 @@ import warp as wp
 
 from s2a.env.state import State
 from s2a.env.task import Task
+from s2a.errors import InputError
 from s2a.planner.trajectory import Trajectory
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
@@ -26,10 +27,14 @@ class PickPlaceTask(Task):
     REWARDS, METRICS, VALUES, METRICS_VERSION = mdp.REWARDS, mdp.METRICS, mdp.VALUES, 1
     LOGGED = ("success", "placed", "carried", "grasped")
 
+    stage: skill.PickStage
+
     def __init__(self, sim: Simulation, config: PickPlaceConfig, metrics: PickPlaceMetrics) -> None:
         """Bind the task to worlds of a PickStage."""
         self.sim, self.config, self.error_fraction = sim, config, metrics.error_fraction
-        self.stage: Any = sim.stage
+        if not isinstance(sim.stage, skill.PickStage):
+            raise InputError("task pick_place needs the stage that its own read_stage returns")
+        self.stage = sim.stage
         rate = 1.0 / (sim.config.dt * sim.config.substeps)
         self.thresholds = {
             "position": config.position_tolerance,

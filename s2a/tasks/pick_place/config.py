@@ -10,7 +10,9 @@ from s2a.ranges import Fraction, NotNegative, Positive
 
 @dataclass(frozen=True)
 class PickPlaceConfig(MdpConfig):
-    """The decision process. `start` and `place` are each null (where the object stands in the room), the id of a support
+    """The decision process.
+
+    `start` and `place` are each null (where the object stands in the room), the id of a support
     (its nearest free spot, see `s2a.planner.places`), a pose "x y z [yaw in degrees]" of the object's origin, or the
     insert.json of an insertion of it.
 

@@ -265,8 +265,8 @@ def _write(s: State, h: PickPlace, world: int, first: int, values: wp.vec3):
 def observe(s: State, h: PickPlace):
     """Write the observation, shape [world 2 * joints + 15].
 
-    Joint positions scaled to their range and velocities; in the robot's base frame the vectors from tool to object and from object
-    to place [m], the object's x and y axes, and the rotation vector from its orientation to the planned one.
+    Joint positions scaled to their range and velocities; in the robot's base frame the vectors from tool to object and from
+    object to place [m], the object's x and y axes, and the rotation vector from its orientation to the planned one.
     """
     world = wp.tid()
     limit = h.observation_limit

@@ -93,7 +93,7 @@ def _antipodal(
         grows = open_end.any(axis=1)
         leave[grows] = end[grows, best[grows]]
         facing[grows] = back[grows, best[grows]]
-    covered = ((start < -1e-4) & (end > 1e-4)).any(axis=1)  # within another hull: no surface
+    covered = ((start < -1e-3) & (end > -1e-4)).any(axis=1)  # another hull begins before: no outer surface
     good = ~covered & (facing >= CONE) & (leave > 1e-3) & (leave <= widest)
     return points[good], axis[good], leave[good]
 

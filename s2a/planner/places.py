@@ -62,7 +62,7 @@ def place_pose(room: SimRoom, name: str, said: str | None, other: np.ndarray) ->
     try:
         numbers = [float(x) for x in said.replace(",", " ").split()]
     except ValueError:
-        return free_spot(room, name, said, other)
+        return free_placement(room, name, said, other)
     if len(numbers) not in (3, 4):
         raise InputError(f"{said!r} is no pose; expected 'x y z' or 'x y z yaw', metres and degrees")
     yaw = Rotation.from_euler("z", numbers[3] if len(numbers) == 4 else 0.0, degrees=True)
@@ -81,7 +81,7 @@ def _inserted(room: SimRoom, name: str, record: Path) -> np.ndarray:
     return scanned(room, name)
 
 
-def free_spot(room: SimRoom, name: str, support: str, other: np.ndarray) -> np.ndarray:
+def free_placement(room: SimRoom, name: str, support: str, other: np.ndarray) -> np.ndarray:
     """Return a pose at which an object stands on a support, level and clear of all else, turned as it is in the file.
 
     The nearest one to `other` (7-vector) that is APART from it.

@@ -14,7 +14,7 @@ from s2a.errors import InputError
 from s2a.planner.free_motion import free_motion
 from s2a.planner.object_grasps import matrix
 from s2a.planner.pick_place import PickPlan, Unreachable, plan_pick
-from s2a.planner.places import APART, free_spot, place_pose
+from s2a.planner.places import APART, free_placement, place_pose
 from s2a.robot.kinematics import kinematics
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import SimRoom
@@ -74,8 +74,8 @@ def test_a_place_in_something_is_said(tmp_path: Path) -> None:
         plan_pick(room_of(tmp_path, beside=walls), "cube_9", START, GOAL, PANDA)
 
 
-def test_a_free_spot_is_level_apart_and_on_the_support(tmp_path: Path) -> None:
-    pose = free_spot(room_of(tmp_path), "cube_9", "cabinet_1", START)
+def test_a_free_placement_is_level_apart_and_on_the_support(tmp_path: Path) -> None:
+    pose = free_placement(room_of(tmp_path), "cube_9", "cabinet_1", START)
     assert np.linalg.norm(pose[:2] - START[:2]) >= APART
     assert pose[2] == pytest.approx(0.802 + 0.025 + 0.001, abs=1e-3)
     assert abs(pose[0]) < 0.305 - 0.025

@@ -13,7 +13,7 @@ class PickPlaceConfig(MdpConfig):
     """The decision process.
 
     `start` and `place` are each null (where the object stands in the room), the id of a support
-    (its nearest free spot, see `s2a.planner.places`), a pose "x y z [yaw in degrees]" of the object's origin, or the
+    (its nearest free placement, see `s2a.planner.places`), a pose "x y z [yaw in degrees]" of the object's origin, or the
     insert.json of an insertion of it.
 
     Attributes:

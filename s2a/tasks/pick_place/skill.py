@@ -15,7 +15,7 @@ from s2a.geometry.mesh_ops import merge
 from s2a.planner.motion import PlannerConfig
 from s2a.planner.pick_place import LIFT, PickPlan, plan_pick
 from s2a.planner.places import free_object, place_pose, scanned
-from s2a.planner.trajectory import Trajectory, closing, reach_steps, timed
+from s2a.planner.trajectory import USED, Trajectory, closing, reach_steps, timed
 from s2a.scene import Joint
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
@@ -125,7 +125,9 @@ def trajectory(sim: Simulation, plan: PickPlan, config: PlannerConfig) -> Trajec
     go(plan.retreat, wide, config.approach_time)
     arms, fingers = np.concatenate(arm), np.concatenate(finger)[:, None]
     home = np.array(spec.home)
-    reach = reach_steps(home, arms[0], config.start_noise, 0.5 * config.reach_time, limits, rate)
+    # The fingers may start closed; an eased motion's peak is 4/3 of its mean speed.
+    opening = 4.0 / 3.0 * wide / (USED * spec.gripper.finger_speed)
+    reach = reach_steps(home, arms[0], config.start_noise, max(0.5 * config.reach_time, opening), limits, rate)
     return Trajectory(np.concatenate([arms, fingers, fingers], axis=1), np.zeros(len(arms)), reach, closed)
 
 

@@ -19,7 +19,7 @@ HELD_RADIUS = 0.005
 """[m] Clearance of the held object's surface."""
 
 
-class Obstacles:
+class RoomHulls:
     """The hulls of a room around a point, but for the object that is picked.
 
     Attributes:

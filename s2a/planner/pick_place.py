@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from s2a.errors import InputError
 from s2a.planner.free_motion import free_motion
 from s2a.planner.object_grasps import ObjectGrasps, matrix, object_grasps
-from s2a.planner.obstacles import HELD_RADIUS, Obstacles, gripper_spheres, surface_points
+from s2a.planner.obstacles import HELD_RADIUS, RoomHulls, gripper_spheres, surface_points
 from s2a.robot.collision import SLACK, RobotShape, robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
@@ -106,7 +106,7 @@ class _Search:
         self._object = room.free[target]
         self._start, self._goal = matrix(start), matrix(goal)
         self._middle = (start[:3] + goal[:3]) / 2
-        self._near = Obstacles(room, {target}, self._middle)
+        self._near = RoomHulls(room, {target}, self._middle)
         hulls = [c.mesh for c in self._object.colliders]
         self._points = surface_points(hulls)
         self._misses = _Misses()

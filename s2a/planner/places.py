@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
 from s2a.planner.object_grasps import matrix
-from s2a.planner.obstacles import Obstacles, surface_points
+from s2a.planner.obstacles import RoomHulls, surface_points
 from s2a.usd.sim_scene import SimRoom
 
 GRID = 0.04
@@ -89,7 +89,7 @@ def free_placement(room: SimRoom, name: str, support: str, other: np.ndarray) ->
     Raises:
         InputError: no such support near the object, or no free spot on it.
     """
-    near = Obstacles(room, {name}, other[:3])
+    near = RoomHulls(room, {name}, other[:3])
     hulls = near.hulls_of(support)
     if not hulls:
         known = ", ".join(dict.fromkeys(near.names))

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a import robot
+from s2a import robot, tasks
 from s2a.errors import InputError
 from s2a.planner.motion import PlannerConfig
 from s2a.ranges import Count, CountFromZero
 from s2a.robot.spec import RobotSpec
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig
-from s2a.sim.world import SimStage, read_stage
+from s2a.sim.world import SimStage
 from s2a.tasks import MdpSettings, MetricSettings
 from s2a.usd.sim_check import refuse_unphysical
 
@@ -63,6 +63,7 @@ class WorldsConfig:
         if pool.is_index(self.stage):
             raise InputError(f"{self.stage} is the index of a pool, which s2a train takes; give a sim.usd")
         refuse_unphysical(self.stage)
-        stage = read_stage(self.stage, self.part, robot=self.robot.name, also=self.also)
+        reader = tasks.task(self.task.name).read_stage
+        stage = reader(self.stage, self.part, self.robot.name, self.also, self.task)
         robot.check_unchanged(self.robot)
         return stage

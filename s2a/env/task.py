@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -16,7 +17,7 @@ from s2a.errors import InputError
 from s2a.ranges import AtLeast, CountFromZero, NotNegative, Positive
 from s2a.robot.tool_path import PathSettings, ToolPath
 from s2a.sim.simulation import Simulation
-from s2a.sim.world import SimStage
+from s2a.sim.world import SimStage, read_stage
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,15 @@ class Task:
     def tool_path(stage: SimStage, motion: PathSettings, config: Any) -> ToolPath:
         """Return the path of the tool frame that does the task, of these settings, in a stage: what the planner follows."""
         raise NotImplementedError
+
+    @staticmethod
+    def read_stage(path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any) -> SimStage:
+        """Return the stage that the task, of these settings, is done in; see `s2a.sim.world.read_stage`."""
+        return read_stage(path, part, robot=robot, also=also)
+
+    def trajectory(self, settings: Any) -> Any:
+        """Return the trajectory (`s2a.planner.trajectory`) of these planner settings; None: the planner follows `tool_path`."""
+        return None
 
     def __init__(self, sim: Simulation, config: Any, metrics: Any) -> None:
         """Bind the task to worlds."""

@@ -87,7 +87,8 @@ class Planner:
         sim = self._sim = env.sim
         self._env = env
         planned = [_from_home(sim, motion, config) for motion in motions]
-        self.trajectories = planned or [plan(sim, config, partial(env.task.tool_path, config=env.task.config))]
+        follows_path = partial(env.task.tool_path, config=env.task.config)
+        self.trajectories = planned or [env.task.trajectory(config) or plan(sim, config, follows_path)]
         self.grasp_steps = self.trajectories[0].reach_steps + self.trajectories[0].closed
         self.steps = max(each.reach_steps + len(each.targets) for each in self.trajectories)
         if self.steps >= env.max_episode_length:

@@ -151,7 +151,7 @@ def touched(stage: SimStage) -> Mesh:
     No scanner sees behind a handle, where a finger presses. A hull completes the region if it stands for another part than the
     target, which is the handle's way to be one, and lies nowhere farther than SECTION from the scanned region.
     """
-    hulls = [c.mesh for c in stage.room.bodies[stage.target].colliders if c.part != stage.target]
+    hulls = [c.mesh for c in (stage.room.bodies | stage.room.free)[stage.target].colliders if c.part != stage.target]
     surface = ray_mesh(stage.region.vertices, stage.region.faces)
     return merge([stage.region, *(h for h in hulls if (nearest_faces(surface, h.vertices, SECTION)[0] >= 0).all())])
 

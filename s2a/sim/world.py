@@ -231,7 +231,8 @@ def joint_index(builder: newton.ModelBuilder, name: str) -> int:
 
 def axis_of(builder: newton.ModelBuilder, part: str, kind: str) -> tuple[int, int]:
     """Return coordinate and velocity of a part's slide or hinge within a world; of two axes the slide is the first."""
-    joint = joint_index(builder, part)
+    body = body_index(builder, part)  # a free joint has no name of its own
+    joint = builder.joint_child.index(body)
     further = int(kind == "revolute" and sum(builder.joint_dof_dim[joint]) == 2)
     return builder.joint_q_start[joint] + further, builder.joint_qd_start[joint] + further
 

@@ -1,0 +1,176 @@
+"""Grasps of a free object by a parallel gripper: antipodal pairs of points on its collision hulls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from s2a.robot.spec import GripperSpec
+from s2a.scene import Mesh
+
+SAMPLES = 250
+"""Points on the surface that are tried as the first contact."""
+ROLLS = 12
+"""Approach directions about each closing axis."""
+CONE = 0.95
+"""Cosine between closing axis and surface normal down to which a contact holds: 18 degrees, half the friction cone of mu 0.7."""
+CLEARANCE = 0.004
+"""[m] Between an open finger and the object, and around the gripper."""
+DEPTHS = (0.0, -0.006, 0.012)
+"""[m] How far the object's axis of contact lies behind the tool frame's origin, towards the gripper body."""
+SURFACE = 300
+"""Points on the surface that must stay out of the gripper."""
+
+
+@dataclass(frozen=True)
+class ObjectGrasps:
+    """Grasps in the object's body frame, the best first.
+
+    Attributes:
+        tool: poses of the tool frame when the fingers close, shape [grasp 4 4].
+        width: distance of the pads in the grasp [m], shape [grasp].
+        score: lower is better; roughly metres of lever arm, shape [grasp].
+    """
+
+    tool: np.ndarray
+    width: np.ndarray
+    score: np.ndarray
+
+
+def solids(hulls: Sequence[Mesh]) -> list[np.ndarray]:
+    """Return the planes of convex hulls, inside where n.x + d <= 0, shape [plane 4] each."""
+    found = []
+    for hull in hulls:
+        mesh = trimesh.convex.convex_hull(np.asarray(hull.vertices, float))
+        found.append(np.c_[mesh.face_normals, -(mesh.face_normals * mesh.triangles[:, 0]).sum(axis=1)])
+    return found
+
+
+def object_grasps(hulls: Sequence[Mesh], center: np.ndarray, gripper: GripperSpec, seed: int = 0) -> ObjectGrasps:
+    """Return the grasps at which both pads meet the surface squarely and gripper body and open fingers keep clear of it.
+
+    Args:
+        hulls: the object's collision hulls, in its body frame.
+        center: of mass, shape [3], in that frame.
+        gripper: which grasps; widths up to its opening less clearance.
+        seed: of the points that are sampled.
+    """
+    planes = solids(hulls)
+    mesh = trimesh.util.concatenate([trimesh.convex.convex_hull(np.asarray(h.vertices, float)) for h in hulls])
+    points, face = trimesh.sample.sample_surface(mesh, SAMPLES, seed=seed)
+    normals = mesh.face_normals[face]
+    first, axis, width = _antipodal(np.asarray(points), normals, planes, gripper.max_opening - 2 * CLEARANCE)
+    tool = _poses(first + 0.5 * width[:, None] * axis, axis)
+    width = np.repeat(width, ROLLS * len(DEPTHS))
+    surface = np.asarray(trimesh.sample.sample_surface(mesh, SURFACE, seed=seed)[0])
+    free = ~_inside_gripper(tool, surface, gripper)
+    tool, width = tool[free], width[free]
+    # A long lever arm lets the object turn between the pads; wide grasps leave no room for the arm's error.
+    away = np.linalg.norm(tool[:, :3, 3] - center, axis=1)
+    score = away + 0.1 * width
+    order = np.argsort(score, kind="stable")
+    return ObjectGrasps(tool[order], width[order], score[order])
+
+
+def _antipodal(
+    points: np.ndarray, normals: np.ndarray, planes: Sequence[np.ndarray], widest: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return first contacts [pair 3], closing axes into the object [pair 3] and widths [pair] of what can be pinched.
+
+    Each line into the surface at a point ends where the union of the hulls around it does; the normal there must face back.
+    """
+    axis = -normals
+    start, end, back = _chords(points, axis, planes)
+    leave = np.zeros(len(points))
+    facing = np.zeros(len(points))
+    for _ in planes:  # intervals that begin before the current end extend it, one hull further each time
+        open_end = (start <= leave[:, None] + 1e-4) & (end > leave[:, None])
+        best = np.where(open_end, end, -np.inf).argmax(axis=1)
+        grows = open_end.any(axis=1)
+        leave[grows] = end[grows, best[grows]]
+        facing[grows] = back[grows, best[grows]]
+    covered = ((start < -1e-3) & (end > -1e-4)).any(axis=1)  # another hull begins before: no outer surface
+    good = ~covered & (facing >= CONE) & (leave > 1e-3) & (leave <= widest)
+    return points[good], axis[good], leave[good]
+
+
+def _chords(
+    points: np.ndarray, axis: np.ndarray, planes: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return where lines enter and leave each hull, and the cosine of line and normal where they leave, [line hull] each."""
+    start, end, back = (np.zeros((len(points), len(planes))) for _ in range(3))
+    for k, plane in enumerate(planes):
+        slope = axis @ plane[:, :3].T
+        value = points @ plane[:, :3].T + plane[:, 3]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = -value / slope
+        enter = np.where(slope < -1e-9, at, -np.inf).max(axis=1)
+        leaves = np.where(slope > 1e-9, at, np.inf)
+        exits = leaves.argmin(axis=1)
+        out = np.take_along_axis(leaves, exits[:, None], axis=1)[:, 0]
+        missed = (enter > out) | ((np.abs(slope) <= 1e-9) & (value > 1e-6)).any(axis=1)
+        start[:, k] = np.where(missed, np.inf, enter)
+        end[:, k] = np.where(missed, -np.inf, out)
+        back[:, k] = np.take_along_axis(slope, exits[:, None], axis=1)[:, 0]
+    return start, end, back
+
+
+def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Return tool poses [pair * roll * depth, 4 4] that close along axes [pair 3] about their middles [pair 3]."""
+    helper = np.where(np.abs(axis[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    side = np.cross(axis, helper)
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    angle = 2 * np.pi * np.arange(ROLLS) / ROLLS
+    forward = np.cos(angle)[:, None] * side[:, None] + np.sin(angle)[:, None] * np.cross(axis, side)[:, None]
+    y = np.broadcast_to(axis[:, None], forward.shape)
+    rotation = np.stack([np.cross(y, forward), y, forward], axis=-1)
+    poses = np.tile(np.eye(4), (len(axis), ROLLS, len(DEPTHS), 1, 1))
+    poses[..., :3, :3] = rotation[:, :, None]
+    poses[..., :3, 3] = middle[:, None, None] + np.array(DEPTHS)[:, None] * forward[:, :, None]
+    return poses.reshape(-1, 4, 4)
+
+
+def _inside_gripper(tool: np.ndarray, surface: np.ndarray, gripper: GripperSpec) -> np.ndarray:
+    """Return which grasps [grasp] have a point of the surface [point 3] in an open finger or in the gripper body."""
+    found = np.zeros(len(tool), bool)
+    boxes = gripper_boxes(gripper)
+    for k in range(0, len(tool), 512):
+        some = tool[k : k + 512]
+        local = surface @ some[:, :3, :3] - some[:, None, :3, 3] @ some[:, :3, :3]
+        for low, high in boxes:
+            found[k : k + 512] |= (
+                ((local > low - CLEARANCE / 2) & (local < high + CLEARANCE / 2)).all(axis=2).any(axis=1)
+            )
+    return found
+
+
+def gripper_boxes(gripper: GripperSpec) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the lower and upper corners [m] of both open fingers and of the gripper body, in the tool frame."""
+    half = gripper.max_opening / 2
+    x, thick, _ = gripper.finger_box
+    front = -gripper.body_behind
+    fingers = [
+        (np.array([-x / 2, low, front]), np.array([x / 2, low + thick, gripper.tip_ahead]))
+        for low in (half, -half - thick)
+    ]
+    body = np.array(gripper.body_box)
+    return [
+        *fingers,
+        (np.array([-body[0] / 2, -body[1] / 2, front - body[2]]), np.array([body[0] / 2, body[1] / 2, front])),
+    ]
+
+
+def moved(poses: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Return poses [pose 4 4] of a body's frame in the world, the body at a 7-vector (position, quaternion xyzw)."""
+    return matrix(vector) @ poses
+
+
+def matrix(vector: np.ndarray) -> np.ndarray:
+    """Return a 7-vector (position, quaternion xyzw) as a matrix [4 4]."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = Rotation.from_quat(vector[3:]).as_matrix(), vector[:3]
+    return pose

@@ -1,0 +1,103 @@
+"""What an arm and the object in its gripper can run into in a room: all collision hulls, without simulating."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+import trimesh
+
+from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
+from s2a.planner.object_grasps import gripper_boxes
+from s2a.robot.spec import GripperSpec
+from s2a.scene import Mesh
+from s2a.usd.sim_scene import SimRoom, in_scene
+
+RADIUS = 2.0
+"""[m] About the object: what is farther away is out of every arm's reach."""
+HELD_RADIUS = 0.005
+"""[m] Clearance of the held object's surface."""
+
+
+class RoomHulls:
+    """The hulls of a room around a point, but for the object that is picked.
+
+    Attributes:
+        names: ids of the parts they stand for.
+    """
+
+    def __init__(self, room: SimRoom, without: Collection[str], about: np.ndarray, extra: Mesh | None = None) -> None:
+        """Take the hulls near a point [3]; `extra` is a further one, such as a pedestal."""
+        self._meshes: list[Mesh] = []
+        self.names: list[str] = []
+        self.structure: list[bool] = []
+        for body in (*room.bodies.values(), *room.free.values()):
+            if body.id not in without:
+                for collider in body.colliders:
+                    self._add(Mesh(in_scene(body, collider.mesh), collider.mesh.faces), collider.part, about, False)
+        for collider in room.static_colliders:
+            self._add(collider.mesh, collider.part, about, collider.structure)
+        if extra is not None:
+            self._add(extra, "pedestal", about, False)
+        faces, first = [], 0
+        for mesh in self._meshes:
+            faces.append(np.asarray(mesh.faces) + first)
+            first += len(mesh.vertices)
+        self._vertices = np.concatenate([np.asarray(m.vertices, float) for m in self._meshes])
+        self._faces = np.concatenate(faces)
+        self._owner = np.repeat(np.arange(len(self._meshes)), [len(m.faces) for m in self._meshes])
+        self._tree = ray_mesh(self._vertices, self._faces)
+
+    def _add(self, mesh: Mesh, part: str, about: np.ndarray, structure: bool) -> None:
+        points = np.asarray(mesh.vertices, float)
+        low, high = points.min(axis=0), points.max(axis=0)
+        if (np.linalg.norm(np.clip(about, low, high) - about) <= RADIUS) and len(mesh.faces):
+            self._meshes.append(Mesh(points, mesh.faces))
+            self.names.append(part)
+            self.structure.append(structure)
+
+    def hulls_of(self, part: str) -> list[Mesh]:
+        """Return the hulls that stand for a part."""
+        return [mesh for mesh, name in zip(self._meshes, self.names, strict=True) if name == part]
+
+    def depth(self, centers: np.ndarray, radii: np.ndarray) -> np.ndarray:
+        """Return how deep spheres [... sphere 3] of radii [sphere] reach into the hulls' surfaces [m], shape [...]."""
+        shape = centers.shape[:-1]
+        flat = centers.reshape(-1, 3)
+        face, gap = nearest_faces(self._tree, flat, reach=float(radii.max()))
+        depth = np.where(face >= 0, np.broadcast_to(radii, shape).ravel() - gap, 0.0)
+        return np.clip(depth.reshape(shape), 0.0, None).max(axis=-1)
+
+    def deepest(self, centers: np.ndarray, radii: np.ndarray) -> tuple[float, str]:
+        """Return the depth of the sphere that is deepest in a surface [m], and the part that it is of; 0 for none."""
+        face, gap = nearest_faces(self._tree, centers.reshape(-1, 3), reach=float(radii.max()))
+        depth = np.where(face >= 0, np.broadcast_to(radii, centers.shape[:-1]).ravel() - gap, 0.0)
+        k = int(depth.argmax())
+        return (float(depth[k]), self.names[self._owner[face[k]]]) if depth[k] > 0.0 else (0.0, "")
+
+    def below(self, points: np.ndarray) -> tuple[np.ndarray, list[str]]:
+        """Return the heights of the first surfaces below points [point 3] [m], -inf for none, and the parts they are of."""
+        drop = first_hits(self._tree, points, np.broadcast_to([0.0, 0.0, -1.0], points.shape))
+        hit = np.isfinite(drop)
+        face, _ = nearest_faces(self._tree, points - np.where(hit, drop, 0.0)[:, None] * [0.0, 0.0, 1.0])
+        return np.where(hit, points[:, 2] - drop, -np.inf), [self.names[k] for k in self._owner[face]]
+
+
+def gripper_spheres(gripper: GripperSpec) -> tuple[np.ndarray, np.ndarray]:
+    """Return spheres along the open fingers and the gripper body in the tool frame: centers [sphere 3], radii [sphere]."""
+    centers, radii = [], []
+    for low, high in gripper_boxes(gripper):
+        along = int(np.argmax(high - low))
+        radius = float(np.sort(high - low)[:2].mean()) / 2
+        count = max(2, int(np.ceil((high - low)[along] / radius)))
+        middle = np.tile((low + high) / 2, (count, 1))
+        middle[:, along] = np.linspace(low[along] + radius, high[along] - radius, count)
+        centers.append(middle)
+        radii.append(np.full(count, radius))
+    return np.concatenate(centers), np.concatenate(radii)
+
+
+def surface_points(hulls: Sequence[Mesh], count: int = 80) -> np.ndarray:
+    """Return points on hulls [point 3], for a body that is tested as small spheres."""
+    mesh = trimesh.util.concatenate([trimesh.Trimesh(h.vertices, h.faces, process=False) for h in hulls])
+    return np.asarray(trimesh.sample.sample_surface(mesh, count, seed=0)[0])

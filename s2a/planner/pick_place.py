@@ -1,0 +1,340 @@
+"""Picking a free object and placing it: base, grasp and joint path, or the segment that fails and by how much."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.errors import InputError
+from s2a.planner.free_motion import free_motion
+from s2a.planner.object_grasps import ObjectGrasps, matrix, object_grasps
+from s2a.planner.obstacles import HELD_RADIUS, RoomHulls, gripper_spheres, surface_points
+from s2a.robot.collision import SLACK, RobotShape, robot_shape
+from s2a.robot.joint_path import follow
+from s2a.robot.spec import RobotSpec
+from s2a.usd.sim_scene import SimRoom
+
+APPROACH, LIFT = 0.10, 0.08
+"""[m] Straight paths before the grasp and after the release, and above start and place."""
+STEP = 0.02
+"""[m] Between poses of a straight path."""
+DROP = 0.001
+"""[m] Above the planned place the fingers open, so that the object is not pressed onto its support."""
+PEDESTALS = (0.0, 0.2, 0.4, 0.6)
+"""[m] Heights of what the robot may stand on; as `s2a prepare` has them, but for the highest."""
+DIRECTIONS = 16
+"""Directions from which the robot may face the object."""
+GRASPS, BASES, PAIRS = 16, 24, 24
+"""Grasps and bases that are tried, and pairs of both that are planned to the end."""
+IK_SEEDS = 12
+"""Starts of the inverse kinematics."""
+SEARCH = 5.0
+"""[s] For each collision-free motion."""
+
+
+@dataclass(frozen=True)
+class PickPlan:
+    """A way to pick and place an object.
+
+    Attributes:
+        base: pose of the robot's base, 7-vector, scene frame.
+        pedestal: height of what it stands on [m].
+        reach: joints from home to the point of approach, shape [pose arm].
+        approach: from there to the grasp.
+        lift: from the grasp to above it.
+        carry: from there to above the place.
+        lower: from there to the place.
+        retreat: from there with open fingers, back from the object.
+        grasp: tool frame in the object's body frame when the fingers close, shape [4 4].
+    """
+
+    base: np.ndarray
+    pedestal: float
+    reach: np.ndarray
+    approach: np.ndarray
+    lift: np.ndarray
+    carry: np.ndarray
+    lower: np.ndarray
+    retreat: np.ndarray
+    grasp: np.ndarray
+
+
+class Unreachable(InputError):
+    """No plan: which segment fails, by how much, and what to change."""
+
+
+@dataclass
+class _Misses:
+    """How far attempts came: the last segment that any attempt failed in, and its nearest miss [m]."""
+
+    stage: int = -1
+    depth: float = math.inf
+    text: str = (
+        "base: there is no free floor within the arm's reach of start and place; choose a place nearer to free floor"
+    )
+
+    def note(self, stage: int, depth: float, text: str) -> None:
+        """Keep the failure of an attempt that came farther than all before, or missed by less."""
+        if (stage, -depth) > (self.stage, -self.depth):
+            self.stage, self.depth, self.text = stage, depth, text
+
+
+def plan_pick(
+    room: SimRoom, target: str, start: np.ndarray, goal: np.ndarray, spec: RobotSpec, seed: int = 0
+) -> PickPlan:
+    """Return how a robot picks an object at a pose and places it at another; 7-vectors of its body frame, scene frame.
+
+    Raises:
+        Unreachable: no grasp, base or path was found.
+    """
+    return _Search(room, target, start, goal, spec, seed).plan()
+
+
+class _Search:
+    """The search for base, grasp and path, cheapest tests first."""
+
+    def __init__(
+        self, room: SimRoom, target: str, start: np.ndarray, goal: np.ndarray, spec: RobotSpec, seed: int
+    ) -> None:
+        self._spec, self._seed, self._target = spec, seed, target
+        self._shape: RobotShape = robot_shape(spec)
+        self._object = room.free[target]
+        self._start, self._goal = matrix(start), matrix(goal)
+        self._middle = (start[:3] + goal[:3]) / 2
+        self._near = RoomHulls(room, {target}, self._middle)
+        hulls = [c.mesh for c in self._object.colliders]
+        self._points = surface_points(hulls)
+        self._misses = _Misses()
+        self._grasps = object_grasps(hulls, np.array(self._object.mass.center), spec.gripper, seed)
+
+    def plan(self) -> PickPlan:
+        """Return the first plan found."""
+        grasps = self._clear_grasps()
+        tried = 0
+        for bases in _chunks(self._bases(), BASES):
+            for base, pedestal, k in self._reached(bases, grasps):
+                found = self._plan_from(base, pedestal, grasps[k])
+                if found is not None:
+                    return found
+                tried += 1
+                if tried >= PAIRS:
+                    raise self._failure()
+        raise self._failure()
+
+    def _failure(self) -> Unreachable:
+        return Unreachable(f"{self._target!r} cannot be picked and placed so: {self._misses.text}")
+
+    def _clear_grasps(self) -> np.ndarray:
+        """Return tool poses in the object's frame, shape [grasp 4 4], at which the gripper is free at start and goal."""
+        found: ObjectGrasps = self._grasps
+        widest = self._spec.gripper.max_opening
+        if not len(found.tool):
+            size = np.ptp(self._points, axis=0).min()
+            raise Unreachable(
+                f"{self._target!r}: grasp: no two opposite faces fit between the fingers, which open {1000 * widest:.0f} mm; "
+                f"the object's thinnest extent is {1000 * size:.0f} mm; choose a smaller object or another robot="
+            )
+        depth = np.zeros(len(found.tool))
+        for at in (self._start, self._goal):
+            depth = np.maximum(depth, self._gripper_depth(at @ found.tool))
+        # Only those that keep clear; the arm comes from somewhere above or beside, never from below.
+        free = depth <= 0.0
+        if not free.any():
+            raise Unreachable(
+                f"{self._target!r}: grasp: the gripper reaches at least {1000 * depth.min():.0f} mm into what is around the "
+                "object or its place; choose a place with more room around it"
+            )
+        return _diverse(found.tool[free])
+
+    def _gripper_depth(self, tool: np.ndarray) -> np.ndarray:
+        """Return how deep the open gripper reaches into the room on the straight path to tool poses [grasp 4 4]."""
+        centers, radii = gripper_spheres(self._spec.gripper)
+        depth = np.zeros(len(tool))
+        for back in np.linspace(0.0, APPROACH, 4):
+            offset = centers - [0.0, 0.0, back]
+            places = offset @ tool[:, :3, :3].transpose(0, 2, 1) + tool[:, None, :3, 3]
+            depth = np.maximum(depth, self._near.depth(places, radii + 0.002))
+        return depth
+
+    def _bases(self) -> Iterator[tuple[np.ndarray, float]]:
+        """Yield poses [4 4] where the base can stand, and the pedestal's height [m], the preferred ones first."""
+        spec, distances = self._spec.base, self._spec.base.distances
+        angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+        places = sorted(
+            itertools.product(distances, angles, PEDESTALS), key=lambda p: abs(p[0] - distances[0]) + 0.3 * p[2]
+        )
+        spots = np.array(
+            [[*(self._middle[:2] + r * np.array([np.cos(a), np.sin(a)])), self._middle[2]] for r, a, _ in places]
+        )
+        floor, _ = self._near.below(spots)
+        lowest = floor[np.isfinite(floor)].min(initial=np.inf)
+        for (_, angle, pedestal), spot, height in zip(places, spots, floor, strict=True):
+            if not math.isfinite(height) or height > lowest + 0.05:
+                continue
+            pose = np.eye(4)
+            pose[:3, :3] = Rotation.from_euler("z", angle + np.pi).as_matrix()
+            pose[:3, 3] = [spot[0], spot[1], height + pedestal]
+            top = height + pedestal + spec.shoulder_height
+            column = np.arange(height + 0.05 + spec.radius, top + spec.radius, spec.radius)
+            stand = np.c_[np.tile(spot[:2], (len(column), 1)), column]
+            shoulder = np.array([*spot[:2], top])
+            reach = max(np.linalg.norm(at[:3, 3] - shoulder) for at in (self._start, self._goal))
+            if reach > spec.reach + 0.1 or self._near.depth(stand, np.full(len(stand), spec.radius)) > 0.0:
+                continue
+            home = np.array([self._spec.home])
+            if self._arm_depth(home, pose)[0] <= SLACK:
+                yield pose, pedestal
+
+    def _arm_depth(self, q: np.ndarray, base: np.ndarray, *, fingers: bool = True) -> np.ndarray:
+        """Return how deep the arm in joints [pose arm] reaches into the room [m], shape [pose]."""
+        chosen = self._shape.moving & (~self._shape.fingers | fingers)
+        centers = self._shape.centers(q)[:, chosen] @ base[:3, :3].T + base[:3, 3]
+        return self._near.depth(centers, self._shape.radii[chosen])
+
+    def _reached(
+        self, bases: list[tuple[np.ndarray, float]], grasps: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, float, int]]:
+        """Yield bases and grasps whose tool poses at start and goal inverse kinematics reach, in the bases' order."""
+        if not bases:
+            return
+        inverse = np.linalg.inv(np.stack([pose for pose, _ in bases]))
+        kin, seeds = self._shape.kin, 4
+        ok = np.ones((len(bases), len(grasps)), bool)
+        starts = np.random.default_rng(self._seed).uniform(kin.lower, kin.upper, (seeds, len(kin.lower)))
+        starts[0] = kin.spec.home
+        for name, at in (("grasp", self._start), ("place", self._goal)):
+            wanted = inverse[:, None] @ (at @ grasps)[None]
+            targets = np.repeat(wanted.reshape(-1, 4, 4), seeds, axis=0)
+            q, left = kin.solve(targets, np.tile(starts, (len(targets) // seeds, 1)), iterations=30, damping=1e-2)
+            miss = np.linalg.norm(kin.tool(q)[:, :3, 3] - targets[:, :3, 3], axis=1)
+            good = (left < 1e-3).reshape(*ok.shape, seeds).any(axis=2)
+            text = f"{name}: the arm's nearest miss is {1000 * miss.min():.0f} mm; choose a place nearer to free floor"
+            self._misses.note(0, float(miss.min()), text)
+            ok &= good
+        for b, k in np.argwhere(ok):
+            yield bases[b][0], bases[b][1], int(k)
+
+    def _plan_from(self, base: np.ndarray, pedestal: float, grasp: np.ndarray) -> PickPlan | None:
+        """Return the plan for a base and a grasp; None where a segment fails, which is noted."""
+        kin = self._shape.kin
+        home = np.array(kin.spec.home)
+        tool = self._start @ grasp
+        poses = np.concatenate(
+            [_line(tool, -APPROACH * tool[:3, 2], 0.0)[::-1], _line(tool, np.array([0, 0, LIFT]), 0.0)[1:]]
+        )
+        at = round(APPROACH / STEP)
+        for path in self._free_paths(poses, base, home, "approach and lift", 1)[:3]:
+            held = np.linalg.inv(kin.tool(path[at : at + 1])[0]) @ np.linalg.inv(base) @ self._start
+            tool = self._goal @ np.linalg.inv(held)
+            tool[2, 3] += DROP
+            down = np.concatenate(
+                [_line(tool, np.array([0, 0, LIFT]), 0.0)[::-1], _line(tool, -APPROACH * tool[:3, 2], 0.0)[1:]]
+            )
+            lowers = self._free_paths(down, base, path[-1], "lowering and retreat", 2, flip=False)
+            low = round(LIFT / STEP)
+            for lower in lowers[:3]:
+                reach = self._move(home, path[0], base, None, "reach", 3)
+                carry = self._move(path[-1], lower[0], base, held, "carry", 4) if reach is not None else None
+                if reach is None or carry is None:
+                    continue
+                x, y, z = base[:3, 3]
+                quat = Rotation.from_matrix(base[:3, :3]).as_quat()
+                return PickPlan(
+                    np.array([x, y, z, *quat]), pedestal, reach, path[: at + 1], path[at:], carry,
+                    lower[: low + 1], lower[low:], np.linalg.inv(held),
+                )  # fmt: skip
+        return None
+
+    def _free_paths(
+        self, poses: np.ndarray, base: np.ndarray, near: np.ndarray, name: str, stage: int, flip: bool = True
+    ) -> list[np.ndarray]:
+        """Return joint paths along tool poses [pose 4 4] on which the arm collides with nothing, nearest to joints first."""
+        kin = self._shape.kin
+        (paths,) = follow(kin, poses, base[None], IK_SEEDS, self._seed)
+        if len(paths) and not flip:
+            wanted = np.linalg.inv(base) @ poses[0]
+            turn = np.einsum("pij,ij->p", kin.tool(paths[:, 0])[:, :3, :3], wanted[:3, :3])
+            paths = paths[turn > 2.9]  # the trace of a rotation by 0: 3; by half a turn: -1
+        if not len(paths):
+            self._misses.note(
+                stage, 1.0, f"{name}: the arm cannot follow the straight path; choose a place with more room"
+            )
+            return []
+        found = []
+        for path in paths[np.argsort(np.abs(paths[:, 0] - near).max(axis=1))]:
+            depth = max(float(self._arm_depth(path, base, fingers=False).max()), self._shape.self_penetration(path)[0])
+            if depth <= SLACK:
+                found.append(path)
+            else:
+                self._misses.note(
+                    stage, depth, f"{name}: the arm reaches {1000 * depth:.0f} mm into the room or itself"
+                )
+        return found
+
+    def _move(
+        self, start: np.ndarray, goal: np.ndarray, base: np.ndarray, held: np.ndarray | None, name: str, stage: int
+    ) -> np.ndarray | None:
+        """Return a collision-free motion [pose arm]; with an object of pose `held` [4 4] in the tool frame, or past it."""
+        kin = self._shape.kin
+        body = np.linalg.inv(base) @ self._start
+        room_frame = self._points @ body[:3, :3].T + body[:3, 3]
+
+        def depth(q: np.ndarray) -> np.ndarray:
+            found = self._arm_depth(q, base)
+            if held is not None:
+                carried = base @ kin.tool(q) @ held
+                points = self._points @ carried[:, :3, :3].transpose(0, 2, 1) + carried[:, None, :3, 3]
+                near = self._near.depth(points, np.full(len(self._points), HELD_RADIUS))
+                return np.maximum(found, np.where(near > 0.0, near + SLACK, 0.0))
+            chosen = self._shape.moving
+            gaps = np.linalg.norm(self._shape.centers(q)[:, chosen][:, :, None] - room_frame, axis=3).min(axis=2)
+            return np.maximum(found, (self._shape.radii[chosen] - gaps).max(axis=1))
+
+        ends = np.stack([start, goal])
+        worst = float(depth(ends).max())
+
+        def free(q: np.ndarray) -> np.ndarray:
+            ok = depth(q) <= SLACK
+            return ok & np.array(
+                [o and self._shape.self_penetration(each[None])[0] <= SLACK for o, each in zip(ok, q, strict=True)]
+            )
+
+        if worst > SLACK:
+            self._misses.note(
+                stage, worst, f"{name}: an end of the motion reaches {1000 * worst:.0f} mm into something"
+            )
+            return None
+        path = free_motion(start, goal, kin.lower, kin.upper, free, SEARCH, self._seed)
+        if path is None:
+            self._misses.note(stage, 0.0, f"{name}: no collision-free motion was found in {SEARCH:.0f} s")
+        return path
+
+
+def _line(tool: np.ndarray, offset: np.ndarray, first: float) -> np.ndarray:
+    """Return poses from a tool pose [4 4] to the same shifted by an offset [3], STEP apart, shape [pose 4 4]."""
+    count = round(float(np.linalg.norm(offset)) / STEP) + 1
+    poses = np.tile(tool, (count, 1, 1))
+    poses[:, :3, 3] += np.linspace(first, 1.0, count)[:, None] * offset
+    return poses
+
+
+def _diverse(tool: np.ndarray) -> np.ndarray:
+    """Return up to GRASPS of tool poses [grasp 4 4], in order, no two of nearly the same direction."""
+    kept: list[np.ndarray] = []
+    for pose in tool:
+        if all(np.trace(pose[:3, :3].T @ other[:3, :3]) < 1 + 2 * math.cos(0.5) for other in kept):
+            kept.append(pose)
+        if len(kept) == GRASPS:
+            break
+    return np.stack(kept)
+
+
+def _chunks(items: Iterator[tuple[np.ndarray, float]], size: int) -> Iterator[list[tuple[np.ndarray, float]]]:
+    """Yield lists of some items."""
+    while some := list(itertools.islice(items, size)):
+        yield some

@@ -1,0 +1,63 @@
+"""Grasps of boxes, whose antipodal pairs are known by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cabinet import box
+
+from s2a import robot
+from s2a.planner.object_grasps import ObjectGrasps, gripper_boxes, object_grasps
+from s2a.scene import Mesh
+
+GRIPPER = robot.load("panda").gripper
+
+
+def grasps(*hulls: Mesh) -> ObjectGrasps:
+    return object_grasps(hulls, np.zeros(3), GRIPPER)
+
+
+def test_a_cube_is_pinched_across_opposite_faces() -> None:
+    found = grasps(box((0, 0, 0), (0.025, 0.025, 0.025)))
+    assert len(found.tool) > 100
+    np.testing.assert_allclose(found.width, 0.05, atol=1e-6)
+    np.testing.assert_allclose(np.abs(found.tool[:, :3, 1]).max(axis=1), 1.0, atol=1e-6)
+
+
+def test_a_board_is_pinched_across_its_thin_side_alone() -> None:
+    found = grasps(box((0, 0, 0), (0.06, 0.06, 0.01)))
+    np.testing.assert_allclose(np.abs(found.tool[:, 2, 1]), 1.0, atol=1e-6)
+
+
+def test_what_is_wider_than_the_gripper_has_no_grasp() -> None:
+    assert len(grasps(box((0, 0, 0), (0.04, 0.04, 0.04))).tool) == 0
+
+
+def test_two_hulls_side_by_side_are_one_width() -> None:
+    halves = [box((x, 0, 0), (0.015, 0.03, 0.03)) for x in (-0.015, 0.015)]
+    found = grasps(*halves)
+    along_x = np.abs(found.tool[:, 0, 1]) > 0.99
+    assert along_x.any()
+    np.testing.assert_allclose(found.width, 0.06, atol=1e-6)
+
+
+def test_a_wide_body_is_grasped_by_its_handle() -> None:
+    body, handle = box((0, 0, 0), (0.05, 0.05, 0.05)), box((0.09, 0, 0), (0.04, 0.005, 0.01))
+    found = grasps(body, handle)
+    assert len(found.tool)
+    assert (found.tool[:, 0, 3] > 0.05).all()
+
+
+def test_no_grasp_has_the_object_in_a_finger_or_in_the_gripper_body() -> None:
+    half = np.array([0.03, 0.02, 0.1])
+    found = grasps(box((0, 0, 0), tuple(half)))
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+    for tool in found.tool:
+        local = (corners - tool[:3, 3]) @ tool[:3, :3]
+        for low, high in gripper_boxes(GRIPPER):
+            assert not ((local > low) & (local < high)).all(axis=1).any()
+
+
+def test_the_best_grasp_is_nearest_to_the_center_of_mass() -> None:
+    found = object_grasps([box((0, 0, 0), (0.1, 0.02, 0.02))], np.array([0.06, 0.0, 0.0]), GRIPPER)
+    assert found.tool[0, 0, 3] == pytest.approx(0.06, abs=0.02)

@@ -1,0 +1,117 @@
+"""A plan to pick and place: its ends, its clearance, and what is said where there is none."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cabinet import box, free_cube, write_cabinet
+
+from s2a import robot
+from s2a.errors import InputError
+from s2a.planner.free_motion import free_motion
+from s2a.planner.object_grasps import matrix
+from s2a.planner.pick_place import PickPlan, Unreachable, plan_pick
+from s2a.planner.places import APART, free_placement, place_pose
+from s2a.robot.kinematics import kinematics
+from s2a.usd import sim_stage
+from s2a.usd.sim_scene import SimRoom
+
+PANDA = robot.load("panda")
+START, GOAL = np.array([0.2, 0.1, 0.828, 0, 0, 0, 1.0]), np.array([0.2, -0.2, 0.828, 0, 0, 0, 1.0])
+
+
+def room_of(tmp_path: Path, side: float = 0.05, **more) -> SimRoom:  # noqa: ANN003
+    """Return a cabinet of 0.802 m with a cube on it."""
+    cube = free_cube("cube_9", tuple(START[:3]), side, 0.2)
+    return sim_stage.read(write_cabinet(tmp_path / "sim.usda", free=[cube], **more), visuals=False)
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> PickPlan:
+    """Of the cube, 0.3 m to the side."""
+    return plan_pick(room_of(tmp_path_factory.mktemp("plan")), "cube_9", START, GOAL, PANDA)
+
+
+def test_the_path_is_whole_and_begins_at_home(plan: PickPlan) -> None:
+    segments = [plan.reach, plan.approach, plan.lift, plan.carry, plan.lower, plan.retreat]
+    np.testing.assert_allclose(plan.reach[0], PANDA.home, atol=1e-9)
+    for one, following in zip(segments[:-1], segments[1:], strict=True):
+        np.testing.assert_allclose(one[-1], following[0], atol=1e-9)
+
+
+def test_the_tool_is_at_the_same_grasp_at_both_ends(plan: PickPlan) -> None:
+    tool = matrix(plan.base) @ kinematics(PANDA).tool(np.stack([plan.approach[-1], plan.lower[-1]]))
+    np.testing.assert_allclose(tool[0], matrix(START) @ plan.grasp, atol=1e-3)
+    np.testing.assert_allclose(tool[1][:3, 3], (matrix(GOAL) @ plan.grasp)[:3, 3], atol=2e-3)  # 1 mm above
+
+
+def test_the_object_is_lifted_and_put_down_straight(plan: PickPlan) -> None:
+    kin = kinematics(PANDA)
+    for path in (plan.lift, plan.lower):
+        points = (matrix(plan.base) @ kin.tool(path))[:, :3, 3]
+        assert np.ptp(points[:, :2], axis=0).max() < 1e-3
+        assert np.ptp(points[:, 2]) == pytest.approx(0.08, abs=1e-3)
+
+
+def test_what_is_too_wide_is_said_with_its_size(tmp_path: Path) -> None:
+    with pytest.raises(Unreachable, match=r"grasp: no two opposite faces .* open 80 mm; .* is 100 mm; choose"):
+        plan_pick(room_of(tmp_path, side=0.1), "cube_9", START, GOAL, PANDA)
+
+
+def test_a_place_out_of_reach_is_said(tmp_path: Path) -> None:
+    far = np.array([0.2, -4.0, 0.828, 0, 0, 0, 1.0])
+    with pytest.raises(Unreachable, match="base: .*; choose a place"):
+        plan_pick(room_of(tmp_path), "cube_9", START, far, PANDA)
+
+
+def test_a_place_in_something_is_said(tmp_path: Path) -> None:
+    walls = [box((0.2, -0.2 + y, 0.9), (0.06, 0.01, 0.098)) for y in (-0.045, 0.045)]
+    walls += [box((0.2 + x, -0.2, 0.9), (0.01, 0.06, 0.098)) for x in (-0.045, 0.045)]
+    with pytest.raises(Unreachable, match=r"the gripper reaches at least \d+ mm into"):
+        plan_pick(room_of(tmp_path, beside=walls), "cube_9", START, GOAL, PANDA)
+
+
+def test_a_free_placement_is_level_apart_and_on_the_support(tmp_path: Path) -> None:
+    pose = free_placement(room_of(tmp_path), "cube_9", "cabinet_1", START)
+    assert np.linalg.norm(pose[:2] - START[:2]) >= APART
+    assert pose[2] == pytest.approx(0.802 + 0.025 + 0.001, abs=1e-3)
+    assert abs(pose[0]) < 0.305 - 0.025
+    assert abs(pose[1]) < 0.381 - 0.025
+
+
+def test_a_record_of_another_object_is_refused(tmp_path: Path) -> None:
+    room, record = room_of(tmp_path), tmp_path / "insert.json"
+    record.write_text(json.dumps({"objects": [{"id": "mug_3"}]}))
+    with pytest.raises(InputError, match="did not insert 'cube_9'; it inserted: mug_3"):
+        place_pose(room, "cube_9", str(record), START)
+
+
+def test_a_pose_may_be_turned(tmp_path: Path) -> None:
+    pose = place_pose(room_of(tmp_path), "cube_9", "0.1 0.2 0.9 90", START)
+    np.testing.assert_allclose(matrix(pose)[:3, 0], [0.0, 1.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(pose[:3], [0.1, 0.2, 0.9])
+
+
+def test_a_motion_goes_around_what_is_in_its_way() -> None:
+    def free(q: np.ndarray) -> np.ndarray:
+        return ~((np.abs(q[:, 0]) < 0.3) & (q[:, 1] < 0.5))
+
+    start, goal = np.array([-1.0, -1.0]), np.array([1.0, -1.0])
+    path = free_motion(start, goal, np.full(2, -2.0), np.full(2, 2.0), free, 2.0, 0)
+    assert path is not None
+    assert free(path).all()
+    np.testing.assert_allclose(path[[0, -1]], [start, goal])
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() < 0.1
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    assert steps.sum() < 6.0  # straight over the corners: 4.3
+
+
+def test_no_motion_through_a_wall() -> None:
+    def free(q: np.ndarray) -> np.ndarray:
+        return np.abs(q[:, 0]) > 0.3
+
+    start, goal = np.array([-1.0, 0.0]), np.array([1.0, 0.0])
+    assert free_motion(start, goal, np.full(2, -2.0), np.full(2, 2.0), free, 0.3, 0) is None

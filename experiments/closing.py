@@ -19,18 +19,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from motion_parts import drawn, settings_of
+from motion_parts import drawn, pull_and_motion, settings_of
 from replayed import Replay, replay
 
 from s2a import config, tasks
 from s2a.diff.pull_config import PullConfig
 from s2a.diff.pull_optimize import optimize
-from s2a.diff.pulled import pulled
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
-from s2a.planner.motion import plan, planned_path
 from s2a.provenance import provenance
-from s2a.sim.simulation import Simulation
 
 RESULTS = Path(__file__).parent / "results/closing.json"
 TASK = ("task=close_part", "sim.joint.stiffness=0")
@@ -85,9 +82,7 @@ def planned(rooms: Sequence[Path], joints: int, seed: int, folder: Path) -> tupl
         settings = settings_of(stage, TASK)
         tool_path = partial(tasks.task("close_part").tool_path, config=settings.task)
         try:
-            sim = Simulation(stage, settings.sim, 1)
-            target = pulled(sim, *planned_path(sim, settings.planner, tool_path))
-            motion = plan(sim, settings.planner, tool_path)
+            target, motion = pull_and_motion(stage, settings, tool_path)
         except InputError as error:
             skipped[name] = str(error).split(": ", 1)[-1]
             continue

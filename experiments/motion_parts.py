@@ -14,9 +14,10 @@ from s2a.commands.evaluate import Config
 from s2a.commands.identify import write_layer
 from s2a.diff.dynamics import Dynamics
 from s2a.diff.moving_body import moving
-from s2a.diff.pulled import pulled
+from s2a.diff.pulled import Pulled, pulled
 from s2a.errors import InputError
-from s2a.planner.motion import plan, planned_path
+from s2a.planner.motion import Skill, plan, planned_path
+from s2a.planner.trajectory import Trajectory
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.open_part.skill import tool_path
@@ -29,6 +30,12 @@ SOFT_CLOSE = ((0.0, 4.0, 30.0), (2.0, 10.0, 80.0))
 """[N], [N], [N s/m] Least and most breakaway, and of a soft close force and damping; dynamics drawn with these have no spring."""
 
 
+def pull_and_motion(stage: SimStage, settings: Config, skill: Skill) -> tuple[Pulled, Trajectory]:
+    """Return what pulls a stage's part along a tool path, and the planner's motion; InputError: out of reach."""
+    sim = Simulation(stage, settings.sim, 1)
+    return pulled(sim, *planned_path(sim, settings.planner, skill)), plan(sim, settings.planner, skill)
+
+
 def planned(
     rooms: Sequence[Path], joints: int, seed: int, folder: Path, only: Container[str] | None = None
 ) -> tuple[list[dict[str, Any]], dict[str, str]]:
@@ -39,9 +46,7 @@ def planned(
             continue
         settings = settings_of(stage)
         try:
-            sim = Simulation(stage, settings.sim, 1)
-            target = pulled(sim, *planned_path(sim, settings.planner, tool_path))
-            motion = plan(sim, settings.planner, tool_path)
+            target, motion = pull_and_motion(stage, settings, tool_path)
         except InputError as error:
             skipped[name] = str(error).split(": ", 1)[-1]
             continue

@@ -78,7 +78,10 @@ def run(config: Config) -> str:
     config.out.mkdir(parents=True, exist_ok=True)
     made = list(track(_all(config, specs), "rooms", len(specs)))
     entries = [
-        pool.PoolPart(**entry) for room in made for entry in room["parts"] if entry["handle"] not in config.leave_out
+        pool.PoolPart(**entry)
+        for room in made
+        for entry in room["parts"]
+        if not set(entry["handle"].split(", ")) & set(config.leave_out)
     ]
     left_out = {part: why for room in made for part, why in room["left_out"].items()}
     about = {"first": config.first, "count": config.count, "rooms": config.rooms, "leave_out": config.leave_out}

@@ -69,7 +69,7 @@ def run(config: Config) -> str:
     seed = processes.own_seed(config.seed, first)
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
-    sim = Simulation(processes.own_share(config.read_stages()), config.sim, config.num_envs, device)
+    sim = Simulation(processes.own_items(config.read_stages()), config.sim, config.num_envs, device)
     demo = None
     if config.demo_reset_fraction > 0.0:
         demo = DemoStarts(_motions(config, sim), config.demo_reset_fraction, config.demo_moved_fraction)
@@ -120,7 +120,7 @@ def _start_of(config: Config) -> Path | None:
 def _motions(config: Config, sim: Simulation) -> list[Demonstration]:
     """Return a motion for each stage: those of the pool, or the planner's."""
     if pool.is_index(config.stage):
-        return processes.own_share(starts.of_pool(config.stage))
+        return processes.own_items(starts.of_pool(config.stage))
     return [demonstration(sim, config.planner, partial(task(config.task.name).tool_path, config=config.task))]
 
 

@@ -61,7 +61,9 @@ class WorldsConfig:
     def read_stage(self) -> SimStage:
         """Read the stage; InputError for a wrong or unphysical one, or a robot that was changed on the command line."""
         if pool.is_index(self.stage):
-            raise InputError(f"{self.stage} is the index of a pool, which s2a train takes; give a sim.usd")
+            raise InputError(
+                f"{self.stage} is the index of a pool, which s2a train and s2a evaluate take; give a sim.usd"
+            )
         refuse_unphysical(self.stage)
         reader = tasks.task(self.task.name).read_stage
         stage = reader(self.stage, self.part, self.robot.name, self.also, self.task)

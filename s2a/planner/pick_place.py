@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.errors import InputError
 from s2a.planner.free_motion import free_motion
+from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.object_grasps import ObjectGrasps, matrix, object_grasps
 from s2a.planner.obstacles import HELD_RADIUS, RoomHulls, gripper_spheres, surface_points
+from s2a.planner.pick_base import arm_depth, bases, chunks, reached
 from s2a.robot.collision import SLACK, RobotShape, robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
@@ -25,10 +24,6 @@ STEP = 0.02
 """[m] Between poses of a straight path."""
 DROP = 0.001
 """[m] Above the planned place the fingers open, so that the object is not pressed onto its support."""
-PEDESTALS = (0.0, 0.2, 0.4, 0.6)
-"""[m] Heights of what the robot may stand on; as `s2a prepare` has them, but for the highest."""
-DIRECTIONS = 16
-"""Directions from which the robot may face the object."""
 GRASPS, BASES, PAIRS = 16, 24, 24
 """Grasps and bases that are tried, and pairs of both that are planned to the end."""
 IK_SEEDS = 12
@@ -64,26 +59,6 @@ class PickPlan:
     grasp: np.ndarray
 
 
-class Unreachable(InputError):
-    """No plan: which segment fails, by how much, and what to change."""
-
-
-@dataclass
-class _Misses:
-    """How far attempts came: the last segment that any attempt failed in, and its nearest miss [m]."""
-
-    stage: int = -1
-    depth: float = math.inf
-    text: str = (
-        "base: there is no free floor within the arm's reach of start and place; choose a place nearer to free floor"
-    )
-
-    def note(self, stage: int, depth: float, text: str) -> None:
-        """Keep the failure of an attempt that came farther than all before, or missed by less."""
-        if (stage, -depth) > (self.stage, -self.depth):
-            self.stage, self.depth, self.text = stage, depth, text
-
-
 def plan_pick(
     room: SimRoom, target: str, start: np.ndarray, goal: np.ndarray, spec: RobotSpec, seed: int = 0
 ) -> PickPlan:
@@ -105,19 +80,19 @@ class _Search:
         self._shape: RobotShape = robot_shape(spec)
         self._object = room.free[target]
         self._start, self._goal = matrix(start), matrix(goal)
-        self._middle = (start[:3] + goal[:3]) / 2
-        self._near = RoomHulls(room, {target}, self._middle)
+        self._near = RoomHulls(room, {target}, (start[:3] + goal[:3]) / 2)
         hulls = [c.mesh for c in self._object.colliders]
         self._points = surface_points(hulls)
-        self._misses = _Misses()
+        self._misses = Misses()
         self._grasps = object_grasps(hulls, np.array(self._object.mass.center), spec.gripper, seed)
 
     def plan(self) -> PickPlan:
         """Return the first plan found."""
         grasps = self._clear_grasps()
         tried = 0
-        for bases in _chunks(self._bases(), BASES):
-            for base, pedestal, k in self._reached(bases, grasps):
+        places = {"grasp": self._start, "place": self._goal}
+        for some in chunks(bases(self._shape, self._near, self._start, self._goal), BASES):
+            for base, pedestal, k in reached(self._shape, places, some, grasps, self._seed, self._misses):
                 found = self._plan_from(base, pedestal, grasps[k])
                 if found is not None:
                     return found
@@ -160,64 +135,6 @@ class _Search:
             places = offset @ tool[:, :3, :3].transpose(0, 2, 1) + tool[:, None, :3, 3]
             depth = np.maximum(depth, self._near.depth(places, radii + 0.002))
         return depth
-
-    def _bases(self) -> Iterator[tuple[np.ndarray, float]]:
-        """Yield poses [4 4] where the base can stand, and the pedestal's height [m], the preferred ones first."""
-        spec, distances = self._spec.base, self._spec.base.distances
-        angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-        places = sorted(
-            itertools.product(distances, angles, PEDESTALS), key=lambda p: abs(p[0] - distances[0]) + 0.3 * p[2]
-        )
-        spots = np.array(
-            [[*(self._middle[:2] + r * np.array([np.cos(a), np.sin(a)])), self._middle[2]] for r, a, _ in places]
-        )
-        floor, _ = self._near.below(spots)
-        lowest = floor[np.isfinite(floor)].min(initial=np.inf)
-        for (_, angle, pedestal), spot, height in zip(places, spots, floor, strict=True):
-            if not math.isfinite(height) or height > lowest + 0.05:
-                continue
-            pose = np.eye(4)
-            pose[:3, :3] = Rotation.from_euler("z", angle + np.pi).as_matrix()
-            pose[:3, 3] = [spot[0], spot[1], height + pedestal]
-            top = height + pedestal + spec.shoulder_height
-            column = np.arange(height + 0.05 + spec.radius, top + spec.radius, spec.radius)
-            stand = np.c_[np.tile(spot[:2], (len(column), 1)), column]
-            shoulder = np.array([*spot[:2], top])
-            reach = max(np.linalg.norm(at[:3, 3] - shoulder) for at in (self._start, self._goal))
-            if reach > spec.reach + 0.1 or self._near.depth(stand, np.full(len(stand), spec.radius)) > 0.0:
-                continue
-            home = np.array([self._spec.home])
-            if self._arm_depth(home, pose)[0] <= SLACK:
-                yield pose, pedestal
-
-    def _arm_depth(self, q: np.ndarray, base: np.ndarray, *, fingers: bool = True) -> np.ndarray:
-        """Return how deep the arm in joints [pose arm] reaches into the room [m], shape [pose]."""
-        chosen = self._shape.moving & (~self._shape.fingers | fingers)
-        centers = self._shape.centers(q)[:, chosen] @ base[:3, :3].T + base[:3, 3]
-        return self._near.depth(centers, self._shape.radii[chosen])
-
-    def _reached(
-        self, bases: list[tuple[np.ndarray, float]], grasps: np.ndarray
-    ) -> Iterator[tuple[np.ndarray, float, int]]:
-        """Yield bases and grasps whose tool poses at start and goal inverse kinematics reach, in the bases' order."""
-        if not bases:
-            return
-        inverse = np.linalg.inv(np.stack([pose for pose, _ in bases]))
-        kin, seeds = self._shape.kin, 4
-        ok = np.ones((len(bases), len(grasps)), bool)
-        starts = np.random.default_rng(self._seed).uniform(kin.lower, kin.upper, (seeds, len(kin.lower)))
-        starts[0] = kin.spec.home
-        for name, at in (("grasp", self._start), ("place", self._goal)):
-            wanted = inverse[:, None] @ (at @ grasps)[None]
-            targets = np.repeat(wanted.reshape(-1, 4, 4), seeds, axis=0)
-            q, left = kin.solve(targets, np.tile(starts, (len(targets) // seeds, 1)), iterations=30, damping=1e-2)
-            miss = np.linalg.norm(kin.tool(q)[:, :3, 3] - targets[:, :3, 3], axis=1)
-            good = (left < 1e-3).reshape(*ok.shape, seeds).any(axis=2)
-            text = f"{name}: the arm's nearest miss is {1000 * miss.min():.0f} mm; choose a place nearer to free floor"
-            self._misses.note(0, float(miss.min()), text)
-            ok &= good
-        for b, k in np.argwhere(ok):
-            yield bases[b][0], bases[b][1], int(k)
 
     def _plan_from(self, base: np.ndarray, pedestal: float, grasp: np.ndarray) -> PickPlan | None:
         """Return the plan for a base and a grasp; None where a segment fails, which is noted."""
@@ -267,7 +184,10 @@ class _Search:
             return []
         found = []
         for path in paths[np.argsort(np.abs(paths[:, 0] - near).max(axis=1))]:
-            depth = max(float(self._arm_depth(path, base, fingers=False).max()), self._shape.self_penetration(path)[0])
+            depth = max(
+                float(arm_depth(self._shape, self._near, path, base, fingers=False).max()),
+                self._shape.self_penetration(path)[0],
+            )
             if depth <= SLACK:
                 found.append(path)
             else:
@@ -285,7 +205,7 @@ class _Search:
         room_frame = self._points @ body[:3, :3].T + body[:3, 3]
 
         def depth(q: np.ndarray) -> np.ndarray:
-            found = self._arm_depth(q, base)
+            found = arm_depth(self._shape, self._near, q, base)
             if held is not None:
                 carried = base @ kin.tool(q) @ held
                 points = self._points @ carried[:, :3, :3].transpose(0, 2, 1) + carried[:, None, :3, 3]
@@ -332,9 +252,3 @@ def _diverse(tool: np.ndarray) -> np.ndarray:
         if len(kept) == GRASPS:
             break
     return np.stack(kept)
-
-
-def _chunks(items: Iterator[tuple[np.ndarray, float]], size: int) -> Iterator[list[tuple[np.ndarray, float]]]:
-    """Yield lists of some items."""
-    while some := list(itertools.islice(items, size)):
-        yield some

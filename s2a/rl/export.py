@@ -15,8 +15,8 @@ from s2a.outputs import atomic_write
 def export(model: nn.Module, checkpoint: Path) -> list[Path]:
     """Write model_N.torchscript and model_N.onnx beside a checkpoint.
 
-    Both take observations "obs" [world 23], as the environment gives them, and return the mean "actions" [world 9], which
-    the environment clamps to [-1, 1]; any number of worlds.
+    Both take observations "obs" [world observation], as the environment gives them, and return the mean "actions" [world action],
+    which the environment clamps to [-1, 1]; any number of worlds.
 
     Args:
         model: rsl-rl's network of the policy.

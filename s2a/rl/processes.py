@@ -45,7 +45,7 @@ def own_seed(seed: int, iteration: int = 0) -> int:
     return seed + 1_000_003 * rank() + 7_919 * iteration
 
 
-def own_share(items: Sequence[Item]) -> list[Item]:
+def own_items(items: Sequence[Item]) -> list[Item]:
     """Return every n-th of some items for n processes, so that each is one process's; all where there are fewer than n."""
     return list(items[rank() :: count()]) if len(items) >= count() else list(items)
 

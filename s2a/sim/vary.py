@@ -35,12 +35,12 @@ class Variation:
     seed: CountFromZero
 
 
-def vary(model: newton.Model, layouts: Layout, part_dof: np.ndarray, settings: Variation) -> None:
+def vary(model: newton.Model, layout: Layout, part_dof: np.ndarray, settings: Variation) -> None:
     """Multiply each world's values in a model that no solver has read yet.
 
     Args:
         model: of all worlds.
-        layouts: of a world.
+        layout: of a world.
         part_dof: the part's velocity in each world, shape [world].
         settings: the factors.
     """
@@ -52,13 +52,13 @@ def vary(model: newton.Model, layouts: Layout, part_dof: np.ndarray, settings: V
     every, part = np.arange(worlds), (np.arange(worlds), part_dof)
     _multiply(model.joint_friction, worlds, part, factors(settings.joint_friction))
     _multiply(model.joint_target_kd, worlds, part, factors(settings.joint_damping))
-    mass, body = factors(settings.mass), (every, layouts.part_body)
+    mass, body = factors(settings.mass), (every, layout.part_body)
     for array, power in (("body_mass", 1), ("body_inertia", 1), ("body_inv_mass", -1), ("body_inv_inertia", -1)):
         _multiply(getattr(model, array), worlds, body, mass**power)
     world = model.shape_world.numpy()
     friction = model.shape_material_mu.numpy()
     model.shape_material_mu.assign(friction * np.append(factors(settings.contact_friction), 1.0)[world])
-    gains, arm = factors(settings.gains)[:, None], (every[:, None], np.arange(layouts.arm_joints)[None])
+    gains, arm = factors(settings.gains)[:, None], (every[:, None], np.arange(layout.arm_joints)[None])
     for array in ("joint_target_ke", "joint_target_kd"):
         _multiply(getattr(model, array), worlds, arm, gains)
 

@@ -7,6 +7,7 @@ import warp as wp
 
 from s2a.env.state import State
 from s2a.sim.simulation import Simulation
+from s2a.tasks.observation import observe_joints, observe_vector
 from s2a.tasks.part_functions import frames, is_grasped, opening_of
 from s2a.tasks.part_handles import PartHandles, PartMdp
 
@@ -73,24 +74,14 @@ def _observe(s: State, h: PartHandles):
     """
     world = wp.tid()
     limit, p = h.observation_limit, h.part[world]
-    for i in range(s.joints):
-        scaled = 2.0 * (s.joint_q[world, i] - s.lower[i]) / (s.upper[i] - s.lower[i]) - 1.0
-        s.observation[world, i] = wp.clamp(scaled, -limit, limit)
-        s.observation[world, s.joints + i] = wp.clamp(h.velocity_scale * s.joint_qd[world, i], -limit, limit)
+    observe_joints(s, world, h.velocity_scale, limit)
     f = frames(s, h, world)
     grasp = wp.transform_point(f.grasp, wp.transform_get_translation(h.seen[world]))
     between = grasp - wp.transform_get_translation(f.tool)
     seen = wp.quat_rotate_inv(h.part[world].base, between)
-    for i in range(3):
-        s.observation[world, 2 * s.joints + i] = wp.clamp(seen[i], -limit, limit)
+    observe_vector(s, world, 2 * s.joints, seen, limit)
     s.observation[world, 2 * s.joints + 3] = wp.clamp(s.joint_q[world, p.coord], -limit, limit)
     s.observation[world, 2 * s.joints + 4] = wp.clamp(s.joint_qd[world, p.dof], -limit, limit)
-
-
-@wp.func
-def _write(s: State, h: PartHandles, world: int, first: int, values: wp.vec3):
-    for i in range(3):
-        s.observation[world, first + i] = wp.clamp(values[i], -h.observation_limit, h.observation_limit)
 
 
 @wp.kernel
@@ -117,13 +108,13 @@ def _describe(s: State, h: PartHandles):
         along = wp.normalize(wp.cross(axis, wp.transform_get_translation(f.grasp) - p.origin))
     arm = wp.where(p.slides == 1, 0.0, wp.abs(p.lever_arm))
     first = s.observation.shape[1] - DESCRIBED
-    _write(s, h, world, first, wp.transform_get_translation(grasp))
-    _write(s, h, world, first + 3, wp.transform_vector(grasp, y))
-    _write(s, h, world, first + 6, wp.transform_vector(grasp, z))
-    _write(s, h, world, first + 9, wp.quat_rotate_inv(p.base, axis))
-    _write(s, h, world, first + 12, wp.quat_rotate_inv(p.base, along))
-    _write(s, h, world, first + 15, p.size)
-    _write(s, h, world, first + 18, wp.vec3(float(p.slides), arm, p.travel))
+    observe_vector(s, world, first, wp.transform_get_translation(grasp), limit)
+    observe_vector(s, world, first + 3, wp.transform_vector(grasp, y), limit)
+    observe_vector(s, world, first + 6, wp.transform_vector(grasp, z), limit)
+    observe_vector(s, world, first + 9, wp.quat_rotate_inv(p.base, axis), limit)
+    observe_vector(s, world, first + 12, wp.quat_rotate_inv(p.base, along), limit)
+    observe_vector(s, world, first + 15, p.size, limit)
+    observe_vector(s, world, first + 18, wp.vec3(float(p.slides), arm, p.travel), limit)
     s.observation[world, first + 21] = wp.clamp(opening_of(s, h, world), -limit, limit)
 
 

@@ -55,3 +55,13 @@ def test_two_processes_on_a_cpu_train_one_policy_and_one_of_them_writes(tmp_path
     assert sorted(file.name for file in out.glob("model_*")) == ["model_0.pt", "model_2.pt"]
     state = torch.load(out / "model_2.pt", weights_only=True)["actor_state_dict"]
     assert int(state["obs_normalizer.count"]) == 3 * 8 * 2 * 2, "the normaliser has seen the worlds of both"
+
+
+def test_each_item_is_one_processs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WORLD_SIZE", "3")
+    mine = []
+    for rank in range(3):
+        monkeypatch.setenv("RANK", str(rank))
+        mine.append(processes.own_items(range(7)))
+        assert processes.own_items([5, 6]) == [5, 6], "too few to be divided: every process has all"
+    assert sorted(sum(mine, [])) == list(range(7)) and min(map(len, mine)) == 2

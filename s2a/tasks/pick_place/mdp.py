@@ -7,6 +7,7 @@ from s2a.env.kernels import is_sound
 from s2a.env.state import State
 from s2a.env.task import columns
 from s2a.sim.contacts import PartContacts
+from s2a.tasks.observation import observe_joints, observe_vector
 from s2a.tasks.part_functions import OPPOSED, squared_action
 
 METRICS = (
@@ -255,12 +256,6 @@ def write_result(s: State, h: PickPlace):
         s.result[world, Result.disturbance] = h.progress[world, DISTURBED]
 
 
-@wp.func
-def _write(s: State, h: PickPlace, world: int, first: int, values: wp.vec3):
-    for i in range(3):
-        s.observation[world, first + i] = wp.clamp(values[i], -h.observation_limit, h.observation_limit)
-
-
 @wp.kernel
 def observe(s: State, h: PickPlace):
     """Write the observation, shape [world 2 * joints + 15].
@@ -270,16 +265,15 @@ def observe(s: State, h: PickPlace):
     """
     world = wp.tid()
     limit = h.observation_limit
-    for i in range(s.joints):
-        scaled = 2.0 * (s.joint_q[world, i] - s.lower[i]) / (s.upper[i] - s.lower[i]) - 1.0
-        s.observation[world, i] = wp.clamp(scaled, -limit, limit)
-        s.observation[world, s.joints + i] = wp.clamp(h.velocity_scale * s.joint_qd[world, i], -limit, limit)
+    observe_joints(s, world, h.velocity_scale, limit)
     pose, first = s.body_q[world, h.body], 2 * s.joints
     at, turn = wp.transform_get_translation(pose), wp.transform_get_rotation(pose)
-    _write(s, h, world, first, wp.quat_rotate_inv(h.base, at - tool_of(s, h, world)))
-    _write(s, h, world, first + 3, wp.quat_rotate_inv(h.base, wp.transform_get_translation(h.goal) - at))
-    _write(s, h, world, first + 6, wp.quat_rotate_inv(h.base, wp.quat_rotate(turn, wp.vec3(1.0, 0.0, 0.0))))
-    _write(s, h, world, first + 9, wp.quat_rotate_inv(h.base, wp.quat_rotate(turn, wp.vec3(0.0, 1.0, 0.0))))
+    observe_vector(s, world, first, wp.quat_rotate_inv(h.base, at - tool_of(s, h, world)), limit)
+    observe_vector(s, world, first + 3, wp.quat_rotate_inv(h.base, wp.transform_get_translation(h.goal) - at), limit)
+    observe_vector(s, world, first + 6, wp.quat_rotate_inv(h.base, wp.quat_rotate(turn, wp.vec3(1.0, 0.0, 0.0))), limit)
+    observe_vector(s, world, first + 9, wp.quat_rotate_inv(h.base, wp.quat_rotate(turn, wp.vec3(0.0, 1.0, 0.0))), limit)
     between = wp.transform_get_rotation(h.goal) * wp.quat_inverse(turn)
     side = wp.where(between[3] < 0.0, -2.0, 2.0)
-    _write(s, h, world, first + 12, wp.quat_rotate_inv(h.base, side * wp.vec3(between[0], between[1], between[2])))
+    observe_vector(
+        s, world, first + 12, wp.quat_rotate_inv(h.base, side * wp.vec3(between[0], between[1], between[2])), limit
+    )

@@ -1,0 +1,110 @@
+"""Where a robot may stand to pick an object and place it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.planner.misses import Misses
+from s2a.planner.obstacles import RoomHulls
+from s2a.robot.collision import SLACK, RobotShape
+
+PEDESTALS = (0.0, 0.2, 0.4, 0.6)
+"""[m] Heights of what the robot may stand on; as `s2a prepare` has them, but for the highest."""
+DIRECTIONS = 16
+"""Directions from which the robot may face the object."""
+
+
+def bases(
+    shape: RobotShape, near: RoomHulls, start: np.ndarray, goal: np.ndarray
+) -> Iterator[tuple[np.ndarray, float]]:
+    """Yield poses [4 4] where the base can stand, and the pedestal's height [m], the preferred ones first.
+
+    Args:
+        shape: the robot.
+        near: the room around the object.
+        start: pose of the object [4 4] where it is picked.
+        goal: that where it is placed.
+    """
+    spec, distances = shape.kin.spec.base, shape.kin.spec.base.distances
+    middle = (start[:3, 3] + goal[:3, 3]) / 2
+    angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    places = sorted(
+        itertools.product(distances, angles, PEDESTALS), key=lambda p: abs(p[0] - distances[0]) + 0.3 * p[2]
+    )
+    spots = np.array([[*(middle[:2] + r * np.array([np.cos(a), np.sin(a)])), middle[2]] for r, a, _ in places])
+    floor, _ = near.below(spots)
+    lowest = floor[np.isfinite(floor)].min(initial=np.inf)
+    for (_, angle, pedestal), spot, height in zip(places, spots, floor, strict=True):
+        if not math.isfinite(height) or height > lowest + 0.05:
+            continue
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_euler("z", angle + np.pi).as_matrix()
+        pose[:3, 3] = [spot[0], spot[1], height + pedestal]
+        top = height + pedestal + spec.shoulder_height
+        column = np.arange(height + 0.05 + spec.radius, top + spec.radius, spec.radius)
+        stand = np.c_[np.tile(spot[:2], (len(column), 1)), column]
+        shoulder = np.array([*spot[:2], top])
+        reach = max(np.linalg.norm(at[:3, 3] - shoulder) for at in (start, goal))
+        if reach > spec.reach + 0.1 or near.depth(stand, np.full(len(stand), spec.radius)) > 0.0:
+            continue
+        home = np.array([shape.kin.spec.home])
+        if arm_depth(shape, near, home, pose)[0] <= SLACK:
+            yield pose, pedestal
+
+
+def arm_depth(
+    shape: RobotShape, near: RoomHulls, q: np.ndarray, base: np.ndarray, *, fingers: bool = True
+) -> np.ndarray:
+    """Return how deep the arm in joints [pose arm] reaches into the room [m], shape [pose]."""
+    chosen = shape.moving & (~shape.fingers | fingers)
+    centers = shape.centers(q)[:, chosen] @ base[:3, :3].T + base[:3, 3]
+    return near.depth(centers, shape.radii[chosen])
+
+
+def reached(
+    shape: RobotShape,
+    places: Mapping[str, np.ndarray],
+    bases: list[tuple[np.ndarray, float]],
+    grasps: np.ndarray,
+    seed: int,
+    misses: Misses,
+) -> Iterator[tuple[np.ndarray, float, int]]:
+    """Yield bases and grasps whose tool poses inverse kinematics reaches, in the bases' order.
+
+    Args:
+        shape: the robot.
+        places: poses of the object [4 4] by what is done there.
+        bases: poses and pedestals.
+        grasps: tool poses in the object's frame, shape [grasp 4 4].
+        seed: of the starts.
+        misses: is told how far the arm misses.
+    """
+    if not bases:
+        return
+    inverse = np.linalg.inv(np.stack([pose for pose, _ in bases]))
+    kin, seeds = shape.kin, 4
+    ok = np.ones((len(bases), len(grasps)), bool)
+    starts = np.random.default_rng(seed).uniform(kin.lower, kin.upper, (seeds, len(kin.lower)))
+    starts[0] = kin.spec.home
+    for name, at in places.items():
+        wanted = inverse[:, None] @ (at @ grasps)[None]
+        targets = np.repeat(wanted.reshape(-1, 4, 4), seeds, axis=0)
+        q, left = kin.solve(targets, np.tile(starts, (len(targets) // seeds, 1)), iterations=30, damping=1e-2)
+        miss = np.linalg.norm(kin.tool(q)[:, :3, 3] - targets[:, :3, 3], axis=1)
+        good = (left < 1e-3).reshape(*ok.shape, seeds).any(axis=2)
+        text = f"{name}: the arm's nearest miss is {1000 * miss.min():.0f} mm; choose a place nearer to free floor"
+        misses.note(0, float(miss.min()), text)
+        ok &= good
+    for b, k in np.argwhere(ok):
+        yield bases[b][0], bases[b][1], int(k)
+
+
+def chunks(items: Iterator[tuple[np.ndarray, float]], size: int) -> Iterator[list[tuple[np.ndarray, float]]]:
+    """Yield lists of some items."""
+    while some := list(itertools.islice(items, size)):
+        yield some

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -81,13 +81,18 @@ def run(config: Config) -> str:
         pool.PoolPart(**entry)
         for room in made
         for entry in room["parts"]
-        if not set(entry["handle"].split(", ")) & set(config.leave_out)
+        if is_taken(entry["handle"], config.leave_out)
     ]
     left_out = {part: why for room in made for part, why in room["left_out"].items()}
     about = {"first": config.first, "count": config.count, "rooms": config.rooms, "leave_out": config.leave_out}
     pool.write(config.out / INDEX, entries, left_out, {**about, **provenance("cpu")})
     slides = sum(entry.kind == "prismatic" for entry in entries)
     return f"{config.out / INDEX}: {len(entries)} parts of {len(specs)} rooms, {slides} of them slide; {len(left_out)} left out"
+
+
+def is_taken(handle: str, leave_out: Collection[str]) -> bool:
+    """Return whether none of a part's handles, "bar, knob", is of a family or style that is left out."""
+    return not set(handle.split(", ")) & set(leave_out)
 
 
 def _all(config: Config, specs: list[tuple[RoomKind, int]]) -> Iterator[Made]:

@@ -10,6 +10,7 @@ import torch
 from cabinet import HANDLE, write_cabinet
 
 from s2a import cli
+from s2a.commands.pool import is_taken
 from s2a.errors import InputError
 from s2a.scene import Joint
 from s2a.sim import pool
@@ -92,6 +93,11 @@ def test_what_a_pool_cannot_do_is_said(
     small = SMALL if command == "train" else ["device=cpu"]
     assert cli.main([command, f"stage={index}", *small, *keys, f"out={tmp_path / 'out'}"]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_a_part_with_one_handle_that_is_left_out_is_not_taken() -> None:
+    assert is_taken("bar, knob", ["edge"]) and not is_taken("bar, edge", ["edge"])
+    assert is_taken("edge", []) and is_taken("wedge", ["edge"])
 
 
 @pytest.mark.slow

@@ -15,6 +15,8 @@ from s2a.usd.sim_scene import SimRoom, in_scene
 
 RADIUS = 2.0
 """[m] About the object: what is farther away is out of every arm's reach."""
+INSIDE = 0.3
+"""[m] Up to which depth a center within a hull is noticed."""
 HELD_RADIUS = 0.005
 """[m] Clearance of the held object's surface."""
 
@@ -45,6 +47,9 @@ class RoomHulls:
             first += len(mesh.vertices)
         self._vertices = np.concatenate([np.asarray(m.vertices, float) for m in self._meshes])
         self._faces = np.concatenate(faces)
+        corners = self._vertices[self._faces]
+        self._corner = corners[:, 0]
+        self._normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self._owner = np.repeat(np.arange(len(self._meshes)), [len(m.faces) for m in self._meshes])
         self._tree = ray_mesh(self._vertices, self._faces)
 
@@ -61,19 +66,17 @@ class RoomHulls:
         return [mesh for mesh, name in zip(self._meshes, self.names, strict=True) if name == part]
 
     def depth(self, centers: np.ndarray, radii: np.ndarray) -> np.ndarray:
-        """Return how deep spheres [... sphere 3] of radii [sphere] reach into the hulls' surfaces [m], shape [...]."""
+        """Return how deep spheres [... sphere 3] of radii [sphere] reach into the hulls [m], shape [...]; 0 where they are clear.
+
+        A center behind the nearest face is within that hull: of a convex hull the nearest face of any point outside faces it.
+        """
         shape = centers.shape[:-1]
         flat = centers.reshape(-1, 3)
-        face, gap = nearest_faces(self._tree, flat, reach=float(radii.max()))
-        depth = np.where(face >= 0, np.broadcast_to(radii, shape).ravel() - gap, 0.0)
+        face, gap = nearest_faces(self._tree, flat, reach=float(radii.max()) + INSIDE)
+        behind = np.einsum("pi,pi->p", flat - self._corner[face], self._normal[face]) < 0.0
+        reached = np.broadcast_to(radii, shape).ravel() + np.where(behind, gap, -gap)
+        depth = np.where(face >= 0, reached, 0.0)
         return np.clip(depth.reshape(shape), 0.0, None).max(axis=-1)
-
-    def deepest(self, centers: np.ndarray, radii: np.ndarray) -> tuple[float, str]:
-        """Return the depth of the sphere that is deepest in a surface [m], and the part that it is of; 0 for none."""
-        face, gap = nearest_faces(self._tree, centers.reshape(-1, 3), reach=float(radii.max()))
-        depth = np.where(face >= 0, np.broadcast_to(radii, centers.shape[:-1]).ravel() - gap, 0.0)
-        k = int(depth.argmax())
-        return (float(depth[k]), self.names[self._owner[face[k]]]) if depth[k] > 0.0 else (0.0, "")
 
     def below(self, points: np.ndarray) -> tuple[np.ndarray, list[str]]:
         """Return the heights of the first surfaces below points [point 3] [m], -inf for none, and the parts they are of."""

@@ -13,6 +13,7 @@ from s2a import robot
 from s2a.errors import InputError
 from s2a.planner.free_motion import free_motion
 from s2a.planner.object_grasps import matrix
+from s2a.planner.obstacles import RoomHulls
 from s2a.planner.pick_place import PickPlan, Unreachable, plan_pick
 from s2a.planner.places import APART, free_placement, place_pose
 from s2a.robot.kinematics import kinematics
@@ -54,6 +55,14 @@ def test_the_object_is_lifted_and_put_down_straight(plan: PickPlan) -> None:
         points = (matrix(plan.base) @ kin.tool(path))[:, :3, 3]
         assert np.ptp(points[:, :2], axis=0).max() < 1e-3
         assert np.ptp(points[:, 2]) == pytest.approx(0.08, abs=1e-3)
+
+
+def test_what_is_within_a_hull_is_in_it(tmp_path: Path) -> None:
+    block = box((3.0, 0.0, 1.0), (0.2, 0.2, 0.2))
+    hulls = RoomHulls(room_of(tmp_path), {"cube_9"}, np.array([3.0, 0.0, 1.0]), block)
+    points = np.array([[[3.0, 0.0, 1.0]], [[3.15, 0.0, 1.0]], [[3.203, 0.0, 1.0]], [[3.21, 0.21, 1.0]]])
+    # 0.2 m to the surface from its middle, 0.05 from near it; 3 mm and 14 mm (past an edge) before it.
+    assert hulls.depth(points, np.array([0.005])) == pytest.approx([0.205, 0.055, 0.002, 0.0], abs=1e-5)
 
 
 def test_what_is_too_wide_is_said_with_its_size(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ TASK = SimpleNamespace(
     METRICS=("success", "tidy_success", "opening"),
     VALUES=("opening",),
     LOGGED=("tidy_success", "success"),
+    privileged=0,
 )
 """What a task says of itself to those who log."""
 

@@ -1,7 +1,7 @@
 """A task of two kernels, for tests of what the environment does by itself: raise the first joint of the arm."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import warp as wp
 from settings import load
@@ -70,8 +70,8 @@ class LiftTask(Task):
     def __init__(self, sim: Simulation, **changes: object) -> None:
         """Bind the task to worlds, with numbers that differ from those of opening."""
         settings = load(dict, "task/open_part")
-        shared = {name: settings[name] for name in ("episode_steps", "action_scale", "finger_speed", "start_noise")}
-        self.config = MdpConfig(**{"name": "lift", **shared, **changes})
+        shared = {name: settings[name] for name in (each.name for each in fields(MdpConfig))}
+        self.config = MdpConfig(**{**shared, "name": "lift", **changes})
         self.observations, self.thresholds = 1, {"high": HIGH}
         self.handles = Lift()
         with wp.ScopedDevice(sim.device):

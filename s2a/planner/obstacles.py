@@ -49,7 +49,8 @@ class RoomHulls:
         self._faces = np.concatenate(faces)
         corners = self._vertices[self._faces]
         self._corner = corners[:, 0]
-        self._normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self._normal = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
         self._owner = np.repeat(np.arange(len(self._meshes)), [len(m.faces) for m in self._meshes])
         self._tree = ray_mesh(self._vertices, self._faces)
 
@@ -68,12 +69,14 @@ class RoomHulls:
     def depth(self, centers: np.ndarray, radii: np.ndarray) -> np.ndarray:
         """Return how deep spheres [... sphere 3] of radii [sphere] reach into the hulls [m], shape [...]; 0 where they are clear.
 
-        A center behind the nearest face is within that hull: of a convex hull the nearest face of any point outside faces it.
+        A center within a convex hull is as far behind the plane of the nearest face as from the face; one outside is before that
+        plane or, past an edge, in it.
         """
         shape = centers.shape[:-1]
         flat = centers.reshape(-1, 3)
         face, gap = nearest_faces(self._tree, flat, reach=float(radii.max()) + INSIDE)
-        behind = np.einsum("pi,pi->p", flat - self._corner[face], self._normal[face]) < 0.0
+        before = np.einsum("pi,pi->p", flat - self._corner[face], self._normal[face])
+        behind = before < -0.5 * gap
         reached = np.broadcast_to(radii, shape).ravel() + np.where(behind, gap, -gap)
         depth = np.where(face >= 0, reached, 0.0)
         return np.clip(depth.reshape(shape), 0.0, None).max(axis=-1)

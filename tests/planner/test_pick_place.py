@@ -61,6 +61,8 @@ def test_what_is_within_a_hull_is_in_it(tmp_path: Path) -> None:
     block = box((3.0, 0.0, 1.0), (0.2, 0.2, 0.2))
     hulls = RoomHulls(room_of(tmp_path), {"cube_9"}, np.array([3.0, 0.0, 1.0]), block)
     points = np.array([[[3.0, 0.0, 1.0]], [[3.15, 0.0, 1.0]], [[3.203, 0.0, 1.0]], [[3.21, 0.21, 1.0]]])
+    in_plane = np.array([[[x, 0.2, 1.2]] for x in np.linspace(3.2 + 1e-4, 3.4, 500)])  # nearest to an edge
+    assert hulls.depth(in_plane, np.array([0.005])).max() <= 0.005
     # 0.2 m to the surface from its middle, 0.05 from near it; 3 mm and 14 mm (past an edge) before it.
     assert hulls.depth(points, np.array([0.005])) == pytest.approx([0.205, 0.055, 0.002, 0.0], abs=1e-5)
 

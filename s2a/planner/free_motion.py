@@ -57,8 +57,8 @@ def free_motion(
     info = setup.getSpaceInformation()
     info.setStateValidityCheckingResolution(TURN / float(np.linalg.norm(upper - lower)))
     setup.setPlanner(geometric.RRTConnect(info))
-    solved = setup.solve(seconds)
-    if not solved or "Exact" not in str(solved):
+    setup.solve(seconds)
+    if not setup.haveExactSolutionPath():
         return None
     setup.simplifySolution(min(1.0, seconds))
     path = setup.getSolutionPath()

@@ -164,11 +164,6 @@ def gripper_boxes(gripper: GripperSpec) -> list[tuple[np.ndarray, np.ndarray]]:
     ]
 
 
-def moved(poses: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Return poses [pose 4 4] of a body's frame in the world, the body at a 7-vector (position, quaternion xyzw)."""
-    return matrix(vector) @ poses
-
-
 def matrix(vector: np.ndarray) -> np.ndarray:
     """Return a 7-vector (position, quaternion xyzw) as a matrix [4 4]."""
     pose = np.eye(4)

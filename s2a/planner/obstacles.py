@@ -32,15 +32,14 @@ class RoomHulls:
         """Take the hulls near a point [3]; `extra` is a further one, such as a pedestal."""
         self._meshes: list[Mesh] = []
         self.names: list[str] = []
-        self.structure: list[bool] = []
         for body in (*room.bodies.values(), *room.free.values()):
             if body.id not in without:
                 for collider in body.colliders:
-                    self._add(Mesh(in_scene(body, collider.mesh), collider.mesh.faces), collider.part, about, False)
+                    self._add(Mesh(in_scene(body, collider.mesh), collider.mesh.faces), collider.part, about)
         for collider in room.static_colliders:
-            self._add(collider.mesh, collider.part, about, collider.structure)
+            self._add(collider.mesh, collider.part, about)
         if extra is not None:
-            self._add(extra, "pedestal", about, False)
+            self._add(extra, "pedestal", about)
         faces, first = [], 0
         for mesh in self._meshes:
             faces.append(np.asarray(mesh.faces) + first)
@@ -54,13 +53,12 @@ class RoomHulls:
         self._owner = np.repeat(np.arange(len(self._meshes)), [len(m.faces) for m in self._meshes])
         self._tree = ray_mesh(self._vertices, self._faces)
 
-    def _add(self, mesh: Mesh, part: str, about: np.ndarray, structure: bool) -> None:
+    def _add(self, mesh: Mesh, part: str, about: np.ndarray) -> None:
         points = np.asarray(mesh.vertices, float)
         low, high = points.min(axis=0), points.max(axis=0)
         if (np.linalg.norm(np.clip(about, low, high) - about) <= RADIUS) and len(mesh.faces):
             self._meshes.append(Mesh(points, mesh.faces))
             self.names.append(part)
-            self.structure.append(structure)
 
     def hulls_of(self, part: str) -> list[Mesh]:
         """Return the hulls that stand for a part."""

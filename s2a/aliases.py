@@ -124,7 +124,9 @@ def settings(values: Mapping[str, Any], group: str) -> dict[str, Any]:
         values: without nested ones that have been renamed.
         group: name of their group at that time, such as "policy".
     """
-    return {RENAMED.get(f"{group}.{key}", key): value for key, value in values.items()}
+    now = RENAMED.get(group, group)
+    added = {key.removeprefix(f"{now}."): value for key, value in ADDED.items() if key.startswith(f"{now}.")}
+    return added | {RENAMED.get(f"{group}.{key}", key): value for key, value in values.items()}
 
 
 ADDED = {
@@ -135,6 +137,7 @@ ADDED = {
     "task.grasp_error": (0.0, 0.0),
     "task.grasp_turn": (0.0, 0.0),
     "task.action_delay": (0, 0),
+    "ppo.imitation_iterations": 0,
 }
 """Dotted key that older runs did not have -> the value by which they ran."""
 

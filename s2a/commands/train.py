@@ -18,7 +18,7 @@ from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
 from s2a.outputs import atomic_write, full_disk
-from s2a.planner.motion import demonstration
+from s2a.planner.motion import Planner, demonstration
 from s2a.provenance import provenance
 from s2a.ranges import Fraction
 from s2a.rl import ppo, processes, run_folder
@@ -70,17 +70,22 @@ def run(config: Config) -> str:
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
     sim = Simulation(processes.own_items(config.read_stages()), config.sim, config.num_envs, device)
-    demo = None
-    if config.demo_reset_fraction > 0.0:
-        demo = DemoStarts(_motions(config, sim), config.demo_reset_fraction, config.demo_moved_fraction)
+    imitates = first < config.ppo.imitation_iterations
+    motions = _motions(config, sim) if config.demo_reset_fraction > 0.0 or imitates else []
+    demo = (
+        DemoStarts(motions, config.demo_reset_fraction, config.demo_moved_fraction)
+        if config.demo_reset_fraction
+        else None
+    )
     env = make_env(sim, config.task, config.metrics, config.reward, seed, demo=demo)
+    teacher = Planner(env, config.planner, motions) if imitates else None
     try:
         if lead:
             config.out.mkdir(parents=True, exist_ok=True)
             run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(sim.stages))
             begun = run_folder.keep_start(config.out, first, config.stage, provenance(sim.device))
             write_world(config.sim, config.task, config.out)
-        metrics = ppo.train(env, config.ppo, config.out, checkpoint, config.init)
+        metrics = ppo.train(env, config.ppo, config.out, checkpoint, config.init, teacher)
         return _report(config, env, metrics | {"starts": begun}) if lead else ""
     except OSError as error:  # checkpoints and logs are not written by atomic_write
         if (told := full_disk(config.out, error)) is None:
@@ -95,6 +100,10 @@ def _start_of(config: Config) -> Path | None:
         InputError: there are more mini-batches than samples; `out` is a file; it holds something, and the run is not to go
             on; or it has done all its iterations.
     """
+    if config.ppo.imitation_iterations and not config.ppo.cuda_graph:
+        raise InputError(
+            "key 'ppo.imitation_iterations' needs ppo.cuda_graph=true; rsl-rl's own update does not imitate"
+        )
     samples = config.num_envs * config.ppo.num_steps_per_env
     if config.ppo.num_mini_batches > samples:
         raise InputError(

@@ -125,6 +125,7 @@ def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_ma
                     s.past[world, k, i] = 0.0
         s.rng[world] = rng
         s.step[world] = 0
+        s.begun[world] = wp.where(near < 1.0, -1, at)
         s.terminated[world] = 0
         s.dropped[world, 0] = 0
         s.dropped[world, 1] = 0

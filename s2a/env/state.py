@@ -29,6 +29,7 @@ class State:
         terminated: 1 where the task ends the episode, shape [world].
         done, time_out: 1 where the episode ended, and where it did by its length alone, shape [world].
         step: control steps since the reset, shape [world].
+        begun: step of the demonstration on which the episode began, -1 where it began before the first, shape [world].
         uncounted: 1 where the running episode shall not be counted, shape [world].
         overflow: mujoco_warp's overflow bits since the last control step, shape [world].
         dropped: 1 where the episode lost constraint rows (0), contacts (1), shape [world 2].
@@ -59,6 +60,7 @@ class State:
     done: wp.array(dtype=int)
     time_out: wp.array(dtype=int)
     step: wp.array(dtype=int)
+    begun: wp.array(dtype=int)
     uncounted: wp.array(dtype=int)
     overflow: wp.array(dtype=int)
     dropped: wp.array2d(dtype=int)
@@ -102,6 +104,6 @@ def allocate(sim: Simulation, observations: int, privileged: int, terms: int, co
     )
     s.dropped = wp.zeros((n, 2), dtype=int)
     s.past = wp.zeros((n, delays + 1 if delays else 0, s.joints), dtype=float)
-    for name in ("terminated", "done", "time_out", "step", "uncounted", "overflow", "delay"):
+    for name in ("terminated", "done", "time_out", "step", "begun", "uncounted", "overflow", "delay"):
         setattr(s, name, wp.zeros(n, dtype=int))
     return s

@@ -43,6 +43,7 @@ class VecEnv:
         result: how each world's last finished episode went, shape [world column].
         counts: number of finished episodes, then the sums of `result`, since they were last set to zero, shape [1 + column].
         episode_step: control steps since the reset, shape [world], int32.
+        begun: step of the demonstration on which the episode began, -1 where it began before the first, shape [world], int32.
         uncounted: 1 where the running episode shall not be counted, shape [world], int32.
     """
 
@@ -199,7 +200,7 @@ class VecEnv:
         self.result, self.counts = map(wp.to_torch, (s.result, s.counts))
         self.final_observation = wp.to_torch(self._final if self._final is not None else s.observation)
         self.privileged = wp.to_torch(s.privileged)
-        self.episode_step, self.uncounted = map(wp.to_torch, (s.step, s.uncounted))
+        self.episode_step, self.begun, self.uncounted = map(wp.to_torch, (s.step, s.begun, s.uncounted))
 
 
 def _motion(sim: Simulation, task: Task, demo: DemoStarts | None) -> kernels.Motion:

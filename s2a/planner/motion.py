@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -99,20 +99,33 @@ class Planner:
             padded([each.targets for each in self.trajectories]), dtype=torch.float32, device=sim.device
         )
         self._stage = torch.tensor(stage, device=sim.device)
-        self._reach = torch.tensor([self.trajectories[i].reach_steps for i in stage], device=sim.device)
+        reaches = [each.reach_steps for each in self.trajectories]
+        ramps = padded([eased(np.arange(1, steps + 1) / steps)[:, None] for steps in reaches])[..., 0]
+        self._ramps = torch.tensor(ramps, dtype=torch.float32, device=sim.device)
+        self._reach = torch.tensor(reaches, device=sim.device)[self._stage]
         self._start = sim.joint_target_q[:, : self._targets.shape[2]].clone()
         self._clock = torch.zeros(env.num_envs, dtype=torch.long, device=sim.device)
+
+    def state_dict(self) -> dict[str, torch.Tensor]:
+        """Return copies of what differs between control steps: where on its trajectory each world is, and where it began."""
+        return {"clock": self._clock.clone(), "start": self._start.clone()}
+
+    def load_state_dict(self, state: Mapping[str, torch.Tensor]) -> None:
+        """Go on from what `state_dict` returned."""
+        self._clock, self._start = state["clock"].clone(), state["start"].clone()
 
     def __call__(self, observation: torch.Tensor) -> torch.Tensor:
         """Return the action [world joint] that brings the joint targets onto the trajectory; observations are not needed.
 
-        The trajectory waits where a controller with limits holds a target back, by more than BEHIND, for a joint that lags.
+        An episode that began on the demonstration goes on from there. The trajectory waits where a target is held back, by
+        more than BEHIND: by a controller with limits for a joint that lags, or by somebody else who acts.
         """
-        began, reach = self._env.episode_step == 0, self._reach
+        began, begun, reach = self._env.episode_step == 0, self._env.begun, self._reach
         now = self._sim.joint_target_q[:, : self._targets.shape[2]]
         self._start = torch.where(began[:, None], now, self._start)
-        step = self._clock = torch.where(began, 0, self._clock)
-        fraction = torch.from_numpy(eased(((step + 1).double() / reach).cpu().numpy())).to(now)[:, None]
+        first = torch.where(begun < 0, 0, reach + begun)
+        step = self._clock = torch.where(began, first, self._clock)
+        fraction = self._ramps[self._stage, step.clamp(max=self._ramps.shape[1] - 1)][:, None]
         reaching = self._start + fraction * (self._targets[self._stage, 0] - self._start)
         following = self._targets[self._stage, (step - reach + 1).clamp(0, self._targets.shape[1] - 1)]
         action = (torch.where((step < reach)[:, None], reaching, following) - now) / self._env.action_step

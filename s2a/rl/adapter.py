@@ -11,9 +11,13 @@ from tensordict import TensorDict
 
 from s2a.env.kernels import ERRORS
 from s2a.env.vec_env import VecEnv
+from s2a.planner.motion import Planner
 
 RECENT = 0.999
 """Factor a control step by which finished episodes count less in the logged rates: about two episodes' length."""
+
+TEACHER = "teacher"
+"""Name of the teacher's actions among the observations."""
 
 
 class RslRlEnv(RslRlVecEnv):
@@ -29,9 +33,17 @@ class RslRlEnv(RslRlVecEnv):
     """
 
     def __init__(
-        self, env: VecEnv, reward_scale: float, on_step: Callable[[], object] = lambda: None, log_every: int = 1
+        self,
+        env: VecEnv,
+        reward_scale: float,
+        on_step: Callable[[], object] = lambda: None,
+        log_every: int = 1,
+        teacher: Planner | None = None,
     ) -> None:
-        """Wrap an environment; `on_step` is called after every control step, every `log_every`th one is logged."""
+        """Wrap an environment; `on_step` is called after every control step, every `log_every`th one is logged.
+
+        What the teacher would do is among the observations, for the algorithm alone.
+        """
         self.env, self._reward_scale, self._on_step = env, reward_scale, on_step
         self.num_envs, self.num_actions = env.num_envs, env.num_actions
         self.max_episode_length = env.max_episode_length
@@ -42,6 +54,7 @@ class RslRlEnv(RslRlVecEnv):
         self.recent = torch.zeros(len(self.names), device=self.device)
         self._terms = torch.zeros(len(env.task.REWARDS), device=self.device)
         self._log_every, self._steps = log_every, 0
+        self._teacher, self._taught = teacher, self._advice(teacher)
 
     @property
     def episode_length_buf(self) -> torch.Tensor:
@@ -69,6 +82,8 @@ class RslRlEnv(RslRlVecEnv):
         seen = {"policy": self.env.observation.clone()}
         if self.env.task.privileged:
             seen["privileged"] = self.env.privileged.clone()
+        if self._taught is not None:
+            seen[TEACHER] = self._taught
         return TensorDict(seen, batch_size=[self.num_envs])
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
@@ -81,10 +96,15 @@ class RslRlEnv(RslRlVecEnv):
         self._terms.add_(env.terms.mean(dim=0))
         self._on_step()
         self._steps += 1
+        self._taught = self._advice(self._teacher)
         extras: dict[str, Any] = {"time_outs": env.time_out.float()}
         if self._steps % self._log_every == 0:
             extras["log"] = self._log()
         return self.get_observations(), env.reward * self._reward_scale, env.done.long(), extras
+
+    def _advice(self, teacher: Planner | None) -> torch.Tensor | None:
+        """Return what a teacher would do in the present state, once a control step."""
+        return None if teacher is None else teacher(self.env.observation).clamp(-1.0, 1.0)
 
     def state_dict(self) -> dict[str, Any]:
         """Return all that an interrupted run needs to go on as if it had not been: worlds, random states, counts."""
@@ -92,7 +112,15 @@ class RslRlEnv(RslRlVecEnv):
         if torch.device(self.device).type == "cuda":
             states["cuda"] = torch.cuda.get_rng_state(self.device)
         sums = {"counted": self.counted.clone(), "recent": self.recent.clone(), "terms": self._terms.clone()}
-        return {"worlds": self.env.state_dict(), "rng": states, "steps": self._steps, "names": self.names, **sums}
+        taught = {"teacher": self._teacher.state_dict(), "taught": self._taught} if self._teacher else {}
+        return {
+            "worlds": self.env.state_dict(),
+            "rng": states,
+            "steps": self._steps,
+            "names": self.names,
+            **sums,
+            **taught,
+        }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from what `state_dict` returned."""
@@ -105,6 +133,9 @@ class RslRlEnv(RslRlVecEnv):
                 getattr(self, name)[i] = state[name][k]
         if len(state["terms"]) == len(self._terms):
             self._terms.copy_(state["terms"])
+        if self._teacher:
+            self._teacher.load_state_dict(state["teacher"])
+            self._taught = state["taught"]
         torch.set_rng_state(state["rng"]["torch"].cpu())
         if "cuda" in state["rng"] and torch.device(self.device).type == "cuda":
             torch.cuda.set_rng_state(state["rng"]["cuda"].cpu(), self.device)

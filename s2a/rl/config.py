@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from s2a.ranges import Count, Fraction, NotEmpty, NotNegative, Positive
+from s2a.ranges import Count, CountFromZero, Fraction, NotEmpty, NotNegative, Positive
 
 BROKEN = (
     "the policy has non-finite parameters; go on from the last checkpoint (resume=true), or train again with a smaller "
@@ -36,6 +36,9 @@ class PpoConfig:
         max_grad_norm: where the gradient is cut.
         hidden_dims: widths of the layers of actor and critic (ELU).
         init_std: standard deviation of the first policy's actions.
+        imitation_iterations: number of the first iterations, in which the policy does not improve by its own reward, but imitates
+            the planner in the states to which it comes itself, as DAgger does (Ross et al. 2011); the critic learns meanwhile.
+            Needs `cuda_graph`.
         save_interval: iterations between checkpoints.
         cuda_graph: collecting and updating never wait for the device, and an update is replayed as captured graphs on a GPU;
             the arithmetic is the same. Of the two below, it needs neither.
@@ -59,6 +62,7 @@ class PpoConfig:
     max_grad_norm: Positive
     hidden_dims: Annotated[tuple[Count, ...], NotEmpty()]
     init_std: Positive
+    imitation_iterations: CountFromZero
     save_interval: Count
     cuda_graph: bool
     fused_adam: bool
@@ -74,6 +78,7 @@ def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, An
         "obs_normalization": True,
     }
     gaussian = "s2a.rl.cuda_graph_ppo:LazyGaussian" if config.cuda_graph else "GaussianDistribution"
+    imitation = {"imitation_iterations": config.imitation_iterations} if config.cuda_graph else {}
     distribution = {"class_name": gaussian, "init_std": config.init_std, "std_type": "scalar"}
     return {
         "num_steps_per_env": config.num_steps_per_env,
@@ -95,6 +100,7 @@ def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, An
             "value_loss_coef": config.value_loss_coef,
             "entropy_coef": config.entropy_coef,
             "max_grad_norm": config.max_grad_norm,
+            **imitation,
         },
         "actor": {**network, "distribution_cfg": distribution},
         "critic": network,

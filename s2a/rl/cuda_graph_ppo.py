@@ -19,6 +19,7 @@ from torch import nn
 
 from s2a.errors import InputError
 from s2a.rl import processes
+from s2a.rl.adapter import TEACHER
 from s2a.rl.config import BROKEN
 
 
@@ -39,9 +40,14 @@ class GraphPpo(PPO):
 
     learning_rate: float
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        """Build rsl-rl's algorithm, with an optimiser whose learning rate is a tensor."""
+    def __init__(self, *args: Any, imitation_iterations: int = 0, **kwargs: Any) -> None:
+        """Build rsl-rl's algorithm, with an optimiser whose learning rate is a tensor.
+
+        In the first `imitation_iterations` updates the actor's loss is the squared difference of its mean action to the
+        teacher's, summed over the joints, at the first learning rate; nothing else of the update is different.
+        """
         super().__init__(*args, **kwargs)
+        self._imitating, self._first_rate = imitation_iterations, self.learning_rate
         self._cuda = torch.device(self.device).type == "cuda"
         self._rate = torch.tensor(self.learning_rate, device=self.device)
         self._parameters = list(chain(self._raw_actor.parameters(), self._raw_critic.parameters()))
@@ -77,6 +83,10 @@ class GraphPpo(PPO):
                 processes.add_up(self._packed)
                 apply()
         self._updates += 1
+        if self._imitating:
+            self._imitating -= 1
+            if not self._imitating:  # another arithmetic is captured from here on
+                self._updates, self._replays = 0, ()
         count = self.num_learning_epochs * self.num_mini_batches
         with torch.no_grad():
             norms = torch.stack([p.norm() for p in self._parameters])
@@ -104,6 +114,8 @@ class GraphPpo(PPO):
         self._rate.fill_(self.learning_rate)
         group.update(lr=self._rate, fused=True, capturable=self._cuda)
         self._updates, self._replays = 0, ()
+        if with_iteration:
+            self._imitating = max(0, self._imitating - 1 - loaded_dict["iter"])
         return with_iteration
 
     def _fill(self) -> None:
@@ -112,6 +124,8 @@ class GraphPpo(PPO):
         observations = st.observations.flatten(0, 1)
         new = [model.get_latent(observations) for model in (self._raw_actor, self._raw_critic)]
         new.append(st.advantages.flatten(0, 1).squeeze(1))
+        if self._imitating:
+            self._taught = st.observations[TEACHER].flatten(0, 1)
         if not self._batch:
             kept = (st.actions, st.values, st.returns, st.actions_log_prob.squeeze(2), *st.distribution_params)
             self._batch = (*(torch.empty_like(x) for x in new), *(x.flatten(0, 1) for x in kept))
@@ -140,13 +154,16 @@ class GraphPpo(PPO):
         ratio = torch.exp(policy.log_prob(action) - old_log)
         limited = ratio.clamp(1.0 - self.clip_param, 1.0 + self.clip_param)
         surrogate = torch.max(-advantage * ratio, -advantage * limited).mean()
+        if self._imitating:
+            surrogate = (policy.mean - self._taught[self._index]).square().sum(dim=1).mean()
         value = self._raw_critic.mlp(judged)
         error = (value - goal).square()
         if self.use_clipped_value_loss:
             near = old_value + (value - old_value).clamp(-self.clip_param, self.clip_param)
             error = torch.max(error, (near - goal).square())
         value_loss, entropy = error.mean(), policy.entropy.mean()
-        loss = surrogate + self.value_loss_coef * value_loss - self.entropy_coef * entropy
+        curious = 0.0 if self._imitating else self.entropy_coef
+        loss = surrogate + self.value_loss_coef * value_loss - curious * entropy
         gradients = torch.autograd.grad(loss, self._parameters)
         self._packed.copy_(torch.cat([*(g.flatten() for g in gradients), divergence[None]]))
         self._losses.add_(torch.stack([value_loss, surrogate, entropy]).detach())
@@ -157,7 +174,10 @@ class GraphPpo(PPO):
         divergence, rate = self._packed[-1], self._rate
         slower, faster = (rate / 1.5).clamp(min=1e-5), (rate * 1.5).clamp(max=1e-2)
         timid = (divergence < 0.5 * self.desired_kl) & (divergence > 0.0)
-        rate.copy_(torch.where(divergence > 2.0 * self.desired_kl, slower, torch.where(timid, faster, rate)))
+        if self._imitating:
+            rate.fill_(self._first_rate)
+        else:
+            rate.copy_(torch.where(divergence > 2.0 * self.desired_kl, slower, torch.where(timid, faster, rate)))
         nn.utils.clip_grad_norm_(self._raw_actor.parameters(), self.max_grad_norm)
         nn.utils.clip_grad_norm_(self._raw_critic.parameters(), self.max_grad_norm)
         self.optimizer.step()

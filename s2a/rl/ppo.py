@@ -14,6 +14,7 @@ import torch
 
 from s2a.env.kernels import ERRORS
 from s2a.env.vec_env import VecEnv
+from s2a.planner.motion import Planner
 from s2a.progress import track
 from s2a.rl import processes, run_folder
 from s2a.rl.adapter import RslRlEnv
@@ -32,7 +33,12 @@ def make_runner(env: RslRlEnv, config: PpoConfig, log_dir: Path | None) -> Runne
 
 
 def train(
-    env: VecEnv, config: PpoConfig, out: Path, checkpoint: Path | None = None, init: Path | None = None
+    env: VecEnv,
+    config: PpoConfig,
+    out: Path,
+    checkpoint: Path | None = None,
+    init: Path | None = None,
+    teacher: Planner | None = None,
 ) -> dict[str, Any]:
     """Train a policy and write checkpoints, the TensorBoard log and rsl-rl's own report (train.log) into `out`.
 
@@ -41,6 +47,7 @@ def train(
         config: rsl-rl's settings.
         out: the folder.
         checkpoint: one in `out`, after which training goes on; None: it begins.
+        teacher: whom the policy imitates in the first iterations, if it does.
         init: of another run, with whose networks a training begins that does not go on; None: with random ones.
 
     Returns:
@@ -57,7 +64,8 @@ def train(
     todo = max(0, config.iterations - first)
     steps = iter(track(range(todo * config.num_steps_per_env), "train") if lead else range(0))
     with Path(out / "train.log" if lead else os.devnull).open("a") as log, contextlib.redirect_stdout(log):
-        adapter = RslRlEnv(env, config.reward_scale, lambda: next(steps, None), log_every=config.num_steps_per_env)
+        each = config.num_steps_per_env
+        adapter = RslRlEnv(env, config.reward_scale, lambda: next(steps, None), log_every=each, teacher=teacher)
         runner = make_runner(adapter, config, out)
         if checkpoint:
             runner.resume(checkpoint)

@@ -18,7 +18,7 @@ from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
 from s2a.outputs import atomic_write, full_disk
-from s2a.planner.motion import Planner, demonstration
+from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner, demonstration
 from s2a.provenance import provenance
 from s2a.ranges import Fraction
 from s2a.rl import ppo, processes, run_folder
@@ -78,7 +78,7 @@ def run(config: Config) -> str:
         else None
     )
     env = make_env(sim, config.task, config.metrics, config.reward, seed, demo=demo)
-    teacher = Planner(env, config.planner, motions) if imitates else None
+    teacher = Planner(env, config.planner, motions, TEACHING_GAIN, TEACHING_BEHIND) if imitates else None
     try:
         if lead:
             config.out.mkdir(parents=True, exist_ok=True)

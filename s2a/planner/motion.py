@@ -70,7 +70,10 @@ MARGIN = 0.002
 SAME_GOAL = 1e-3
 """[m] By which the goal of a pull law may be off the end of the path."""
 BEHIND = 3.0
-"""Steps at full velocity that a joint target may be behind the trajectory before this waits for it."""
+"""Steps at full velocity that a joint target may be behind the trajectory before the planner waits for it."""
+TEACHING_GAIN, TEACHING_BEHIND = 1 / 30, 10.0
+"""Of a planner that teaches: who sees the trajectory in no other way than by the room cannot learn to be on it within a step
+(0.007 rad). At a gain of 1 nearly all of the actions to imitate are at their limits."""
 
 
 class Planner:
@@ -82,8 +85,27 @@ class Planner:
         steps: control steps of the longest whole motion.
     """
 
-    def __init__(self, env: VecEnv, config: PlannerConfig, motions: Sequence[Demonstration] = ()) -> None:
-        """Take motions that were planned before, one a stage, or plan for the only stage; InputError: out of reach."""
+    def __init__(
+        self,
+        env: VecEnv,
+        config: PlannerConfig,
+        motions: Sequence[Demonstration] = (),
+        gain: float = 1.0,
+        behind: float = BEHIND,
+    ) -> None:
+        """Take motions that were planned before, one a stage, or plan for the only stage.
+
+        Args:
+            env: in which it acts.
+            config: the motion in numbers.
+            motions: planned before.
+            gain: fraction of the distance from the last target of the trajectory that an action makes up for, beside the
+                trajectory's own velocity.
+            behind: steps at full velocity that a joint target may be behind the trajectory before this waits for it.
+
+        Raises:
+            InputError: out of reach.
+        """
         sim = self._sim = env.sim
         self._env = env
         planned = [_from_home(sim, motion, config) for motion in motions]
@@ -103,16 +125,17 @@ class Planner:
         ramps = padded([eased(np.arange(1, steps + 1) / steps)[:, None] for steps in reaches])[..., 0]
         self._ramps = torch.tensor(ramps, dtype=torch.float32, device=sim.device)
         self._reach = torch.tensor(reaches, device=sim.device)[self._stage]
-        self._start = sim.joint_target_q[:, : self._targets.shape[2]].clone()
+        self._gain, self._behind, self._arm = gain, behind, len(sim.robot.arm_joints)
+        self._start = self._last = sim.joint_target_q[:, : self._targets.shape[2]].clone()
         self._clock = torch.zeros(env.num_envs, dtype=torch.long, device=sim.device)
 
     def state_dict(self) -> dict[str, torch.Tensor]:
         """Return copies of what differs between control steps: where on its trajectory each world is, and where it began."""
-        return {"clock": self._clock.clone(), "start": self._start.clone()}
+        return {"clock": self._clock.clone(), "start": self._start.clone(), "last": self._last.clone()}
 
     def load_state_dict(self, state: Mapping[str, torch.Tensor]) -> None:
         """Go on from what `state_dict` returned."""
-        self._clock, self._start = state["clock"].clone(), state["start"].clone()
+        self._clock, self._start, self._last = (state[name].clone() for name in ("clock", "start", "last"))
 
     def __call__(self, observation: torch.Tensor) -> torch.Tensor:
         """Return the action [world joint] that brings the joint targets onto the trajectory; observations are not needed.
@@ -128,9 +151,13 @@ class Planner:
         fraction = self._ramps[self._stage, step.clamp(max=self._ramps.shape[1] - 1)][:, None]
         reaching = self._start + fraction * (self._targets[self._stage, 0] - self._start)
         following = self._targets[self._stage, (step - reach + 1).clamp(0, self._targets.shape[1] - 1)]
-        action = (torch.where((step < reach)[:, None], reaching, following) - now) / self._env.action_step
-        arm = len(self._sim.robot.arm_joints)
-        self._clock = step + (action[:, :arm].abs().amax(dim=1) <= BEHIND)
+        following = torch.where((step < reach)[:, None], reaching, following)
+        self._last = torch.where(began[:, None], now, self._last)
+        action = (following - now - (1.0 - self._gain) * (self._last - now)) / self._env.action_step
+        behind = (following - now)[:, : self._arm] / self._env.action_step[: self._arm]
+        goes_on = behind.abs().amax(dim=1) <= self._behind
+        self._clock = step + goes_on
+        self._last = torch.where(goes_on[:, None], following, self._last)
         return action
 
 

@@ -125,8 +125,8 @@ def settings(values: Mapping[str, Any], group: str) -> dict[str, Any]:
         group: name of their group at that time, such as "policy".
     """
     now = RENAMED.get(group, group)
-    added = {key.removeprefix(f"{now}."): value for key, value in ADDED.items() if key.startswith(f"{now}.")}
-    return added | {RENAMED.get(f"{group}.{key}", key): value for key, value in values.items()}
+    own = {key.rpartition(".")[2]: value for key, value in ADDED.items() if key.rpartition(".")[0] == now}
+    return own | {RENAMED.get(f"{group}.{key}", key): value for key, value in values.items()}
 
 
 ADDED = {

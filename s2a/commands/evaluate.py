@@ -21,6 +21,7 @@ from s2a.planner.motion import Planner
 from s2a.provenance import provenance
 from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.export import export
+from s2a.rl.policy_file import PolicyFile
 from s2a.rl.run_world import read_world
 from s2a.sim import pool
 from s2a.sim.camera import Camera, CameraConfig
@@ -37,6 +38,8 @@ class Config(WorldsConfig):
     Attributes:
         out: the metrics.json to write.
         checkpoint: model_N.pt of a training run, or null: the planner.
+        policy: who acts instead: a trained policy as `s2a train export=true` writes it, model_N.onnx; or pretrained: the one
+            that comes with s2a and opens parts that it has never seen; or null.
         agent: who acts instead, as a baseline: zero (actions of 0), random (uniform in [-1, 1]), extreme (-1 and 1, held for up
             to four seconds); or null.
         export: write the checkpoint as TorchScript and ONNX too, beside it.
@@ -47,6 +50,7 @@ class Config(WorldsConfig):
 
     out: Path
     checkpoint: Path | None
+    policy: Path | None
     agent: Agent | None
     export: bool
     images: Path | None
@@ -84,17 +88,21 @@ class Album:
             Image.fromarray(camera.image(pose)).save(folder / f"{name}.png")
 
 
-def _policy(config: Config, env: VecEnv) -> Policy:
+def _policy(config: Config, env: VecEnv, file: PolicyFile | None) -> Policy:
     """Return who acts; the planner has motions for a pool."""
     if config.agent:
         return baseline(config.agent, env, config.seed)
+    if file:
+        return file.bound(env)
     if config.checkpoint:
         return load_policy(env, config.checkpoint)
     return Planner(env, config.planner, starts.of_pool(config.stage) if pool.is_index(config.stage) else ())
 
 
 def _who(config: Config) -> str:
-    """Return who acts: an agent, a checkpoint with its folder, or the planner."""
+    """Return who acts: an agent, a policy's file, a checkpoint with its folder, or the planner."""
+    if config.policy:
+        return config.policy.name
     trained = config.checkpoint and f"{config.checkpoint.absolute().parent.name}/{config.checkpoint.name}"
     return config.agent or trained or "planner"
 
@@ -103,10 +111,10 @@ def _refuse_contradictions(config: Config) -> None:
     """Raise for keys that cannot go together, before an evaluation is spent on them."""
     if config.export and not config.checkpoint:
         raise InputError("key 'export' is true, and there is no checkpoint to export; give checkpoint=.../model_N.pt")
-    if config.agent and config.checkpoint:
-        raise InputError(
-            f"keys 'agent' ({config.agent}) and 'checkpoint' ({config.checkpoint}): only one can act; drop the other"
-        )
+    actors = {name: getattr(config, name) for name in ("agent", "checkpoint", "policy") if getattr(config, name)}
+    if len(actors) > 1:
+        given = " and ".join(f"{name!r} ({value})" for name, value in actors.items())
+        raise InputError(f"keys {given}: only one can act; drop the other")
     if pool.is_index(config.stage):
         _refuse_of_a_pool(config)
     for name, folder in (("images", config.images), ("recordings", config.recordings)):
@@ -129,13 +137,14 @@ def _refuse_of_a_pool(config: Config) -> None:
 def run(config: Config) -> str:
     """Run one episode in every world, write the metrics, and return the rates."""
     _refuse_contradictions(config)
-    world = read_world(config.checkpoint) if config.checkpoint else None
+    file = PolicyFile(config.policy) if config.policy else None
+    world = file.world if file else read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
         sim = Simulation(config.read_stages(), sim_config, config.num_envs, device_of(config.device))
         recorder = Recorder(sim) if config.recordings else None
         env = make_env(sim, task, config.metrics, {}, config.seed)
-        policy = _policy(config, env)
+        policy = _policy(config, env, file)
         album, use = Album(env), LimitUse(sim)
 
         def watch() -> None:

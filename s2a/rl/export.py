@@ -10,13 +10,15 @@ import torch
 from torch import nn
 
 from s2a.outputs import atomic_write
+from s2a.rl import run_world
+from s2a.rl.policy_file import note_world
 
 
 def export(model: nn.Module, checkpoint: Path) -> list[Path]:
     """Write model_N.torchscript and model_N.onnx beside a checkpoint.
 
     Both take observations "obs" [world observation], as the environment gives them, and return the mean "actions" [world action],
-    which the environment clamps to [-1, 1]; any number of worlds.
+    which the environment clamps to [-1, 1]; any number of worlds. The ONNX file also says in which world it was trained.
 
     Args:
         model: rsl-rl's network of the policy.
@@ -43,4 +45,7 @@ def export(model: nn.Module, checkpoint: Path) -> list[Path]:
             external_data=False,
             verbose=False,
         )
+        world = checkpoint.parent / run_world.FILE
+        if world.is_file():
+            note_world(out, world.read_text())
     return [script, graph]

@@ -32,7 +32,20 @@ def read_world(checkpoint: Path) -> tuple[SimConfig, MdpConfig] | None:
     if not file.is_file():
         return None
     try:
-        values = json.loads(file.read_text())
+        text = file.read_text()
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: cannot be read ({error}); train again") from error
+    return world_of(text, file)
+
+
+def world_of(text: str, file: Path) -> tuple[SimConfig, MdpConfig]:
+    """Return the world that a world.json describes.
+
+    Raises:
+        InputError: it was written by another version, or is damaged.
+    """
+    try:
+        values = json.loads(text)
         aliases.complete(values)
         sim, task = (aliases.settings(values[group], group) for group in ("sim", "task"))
         return load(SimConfig, sim), load(tasks.of(values).Config, task)

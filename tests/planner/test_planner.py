@@ -19,7 +19,7 @@ from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
 from s2a.planner.collision import most_clear
-from s2a.planner.motion import Planner, PlannerConfig, demonstration, joint_paths
+from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner, PlannerConfig, demonstration, joint_paths
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
 from s2a.sim.simulation import SimConfig, Simulation
@@ -75,6 +75,39 @@ def test_a_moved_part_is_in_the_grip_of_who_starts_there(tmp_path: Path, sim: st
     assert torch.allclose(openings, first, atol=0.006)
     assert torch.allclose(env.terms[:, paid], openings, atol=0.006), "what the demonstration opened was grasped"
     assert float(env.task.handles.p.region_force.numpy().min()) > 5.0
+
+
+def test_a_planner_that_teaches_goes_on_from_where_an_episode_began(tmp_path: Path) -> None:
+    sims = Simulation(read_stage(write_cabinet(tmp_path / "sim.usda")), load(SimConfig, "sim/planner"), 16)
+    task, metrics = task_settings(start_noise=0.0), metric_settings()
+    planner = load(PlannerConfig, "planner/default")
+    motion = demonstration(sims, planner, partial(tool_path, config=task))
+    env = tasks.make_env(sims, task, metrics, load(dict, "reward/grasped"), 0, demo=DemoStarts([motion], 1.0, 1.0))
+    teacher = Planner(env, planner, [motion], TEACHING_GAIN, TEACHING_BEHIND)
+    begun = env.begun.long()
+    assert begun.min() >= motion.grasped - 1
+    action = teacher(env.observation)
+    targets = torch.tensor(motion.targets, dtype=torch.float32)
+    ahead = targets[(begun + 1).clamp(max=len(targets) - 1)] - targets[begun]
+    assert torch.allclose(action[:, :7], (ahead / env.action_step)[:, :7], atol=1e-4)
+
+
+def test_a_planner_that_teaches_corrects_by_its_gain_and_waits_for_who_is_behind(tmp_path: Path) -> None:
+    env = planner_env(write_cabinet(tmp_path / "sim.usda"))
+    settings = load(PlannerConfig, "planner/default")
+    exact, teacher = Planner(env, settings), Planner(env, settings, (), 0.1, 5.0)
+    assert torch.equal(exact(env.observation), teacher(env.observation)), "both begin where the arm is"
+    actions = []
+    for _ in range(200):
+        env.step(torch.zeros(2, env.num_actions))  # nobody moves
+        actions.append(teacher(env.observation).clone())
+    assert torch.equal(actions[-1], actions[-2]), "it waits"
+    last, led = teacher._last, env.sim.joint_target_q[:, :9]
+    steps = ((last - led) / env.action_step)[:, :7].abs().amax(dim=1)
+    assert torch.all(steps <= 5.0) and torch.all(steps > 4.0)
+    # One gain of the distance, beside the trajectory's own step, which is less than one at full velocity.
+    correction = 0.1 * ((last - led) / env.action_step)[:, :7]
+    assert torch.all((actions[-1][:, :7] - correction).abs() <= 1.0)
 
 
 @pytest.mark.slow

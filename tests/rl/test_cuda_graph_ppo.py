@@ -8,6 +8,7 @@ import pytest
 import torch
 from counting_env import OBSERVATIONS, CountingEnv
 from settings import load
+from tensordict import TensorDict
 
 from s2a.errors import InputError
 from s2a.rl.adapter import RslRlEnv
@@ -106,6 +107,81 @@ def test_a_policy_that_is_no_number_any_more_ends_the_training(bad: float) -> No
     with pytest.raises(InputError, match="the policy has non-finite parameters; go on from the last checkpoint"):
         runner.learn(3)
     assert env.steps == 16  # two iterations of 8
+
+
+class Teacher:
+    """Who always does what the first observations say, up to 0.5."""
+
+    def __call__(self, observation: torch.Tensor) -> torch.Tensor:
+        """Return the actions to imitate."""
+        return observation[:, :9].clamp(-0.5, 0.5)
+
+    def state_dict(self) -> dict[str, torch.Tensor]:
+        """Return nothing."""
+        return {}
+
+    def load_state_dict(self, state: dict[str, torch.Tensor]) -> None:
+        """Take nothing."""
+
+
+def imitating(iterations: int, folder: Path | None = None) -> Runner:
+    """Return a runner that imitates for some iterations."""
+    torch.manual_seed(0)
+    settings = load(PpoConfig, "ppo/default", **SMALL, cuda_graph=True, imitation_iterations=iterations)
+    adapter = RslRlEnv(NoisyEnv(), 1.0, teacher=Teacher())
+    return make_runner(adapter, settings, str(folder) if folder else None)
+
+
+def differences(runner: Runner) -> float:
+    """Return the mean squared difference of the policy's mean action to the teacher's."""
+    seen = torch.randn(256, OBSERVATIONS, generator=torch.Generator().manual_seed(5))
+    policy = runner.get_inference_policy(device="cpu")
+    with torch.no_grad():
+        return float((policy(TensorDict({"policy": seen}, [256])) - Teacher()(seen)).square().mean())
+
+
+def test_the_first_iterations_imitate_at_the_first_learning_rate_and_those_after_them_do_not() -> None:
+    runner = imitating(150)
+    before = differences(runner)
+    runner.learn(150)
+    after = differences(runner)
+    assert after < 0.3 * before
+    assert runner.alg.learning_rate == pytest.approx(5e-4)
+    runner.learn(1)
+    assert runner.alg.learning_rate != pytest.approx(5e-4), "the divergence adapts it again"
+
+
+def test_imitation_alone_moves_the_actor_and_rewards_the_critic() -> None:
+    class Unpaid(NoisyEnv):
+        def step(self, action: torch.Tensor) -> None:
+            super().step(action)
+            self.reward.zero_()
+
+    paid, unpaid = imitating(9), imitating(9)
+    unpaid.env.env.__class__ = Unpaid
+    torch.manual_seed(1)
+    paid.learn(3)
+    torch.manual_seed(1)
+    unpaid.learn(3)
+    states = [runner.alg.save() for runner in (paid, unpaid)]
+    for name, value in states[0]["actor_state_dict"].items():
+        assert torch.equal(value, states[1]["actor_state_dict"][name]), name
+    assert any(
+        not torch.equal(value, states[1]["critic_state_dict"][name])
+        for name, value in states[0]["critic_state_dict"].items()
+    )
+
+
+@pytest.mark.parametrize(("done", "left"), [(0, 3), (2, 1), (3, 0), (9, 0)])
+def test_a_run_that_goes_on_imitates_for_the_rest_of_its_iterations(done: int, left: int, tmp_path: Path) -> None:
+    first = imitating(4)
+    torch.save(first.alg.save() | {"iter": done, "infos": {}}, tmp_path / "model.pt")
+    second = imitating(4)
+    second.load(str(tmp_path / "model.pt"))
+    assert second.alg._imitating == left
+    networks = imitating(4)
+    networks.load(str(tmp_path / "model.pt"), {"actor": True, "critic": True})
+    assert networks.alg._imitating == 4, "another run's networks are no iterations of this one"
 
 
 class GpuEnv(NoisyEnv):

@@ -85,7 +85,13 @@ def plot(runs: list[dict[str, Any]], image: Path) -> None:
     figure.supxlabel("environment steps, millions", fontsize="medium")
     figure.supylabel("fraction of recent episodes [%]", fontsize="medium")
     labels = dict(zip(*panels.flat[0].get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(labels.values(), labels.keys(), loc="outside upper center", ncols=len(labels) if columns > 1 else 2, frameon=False)
+    figure.legend(
+        labels.values(),
+        labels.keys(),
+        loc="outside upper center",
+        ncols=len(labels) if columns > 1 else 2,
+        frameon=False,
+    )
     figure.savefig(image, dpi=110)
     plt.close(figure)
 

@@ -147,8 +147,11 @@ def test_the_first_iterations_imitate_at_the_first_learning_rate_and_those_after
     after = differences(runner)
     assert after < 0.3 * before
     assert runner.alg.learning_rate == pytest.approx(5e-4)
-    runner.learn(1)
-    assert runner.alg.learning_rate != pytest.approx(5e-4), "the divergence adapts it again"
+    rates = []
+    for _ in range(4):
+        runner.learn(1)
+        rates.append(runner.alg.learning_rate)
+    assert len(set(rates)) > 1, "the divergence adapts it again"
 
 
 def test_imitation_alone_moves_the_actor_and_rewards_the_critic() -> None:

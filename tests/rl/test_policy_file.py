@@ -1,0 +1,99 @@
+"""A policy as one file that knows its world, and the one that comes with s2a."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+import torch
+from counting_env import CountingEnv
+from settings import load
+
+from s2a.env.task import MdpConfig
+from s2a.errors import InputError
+from s2a.rl.checkpoint import load_model, load_policy
+from s2a.rl.config import PpoConfig
+from s2a.rl.export import export
+from s2a.rl.policy_file import PRETRAINED, PolicyFile
+from s2a.rl.ppo import train
+from s2a.rl.run_world import FILE, write_world
+from s2a.sim.simulation import SimConfig
+from s2a.tasks.open_part.config import OpenPartConfig
+
+SMALL = {"num_steps_per_env": 8, "iterations": 1, "num_learning_epochs": 1, "num_mini_batches": 2, "hidden_dims": [8]}
+
+
+def settings() -> tuple[SimConfig, MdpConfig]:
+    """Return a world that no default describes."""
+    return load(SimConfig, "sim/paper", dt=0.002), load(OpenPartConfig, "task/open_part", episode_steps=77)
+
+
+@pytest.fixture
+def exported(tmp_path: Path) -> Path:
+    """Return the ONNX file of a short training."""
+    train(CountingEnv(), load(PpoConfig, "ppo/default", **SMALL), tmp_path)
+    write_world(*settings(), tmp_path)
+    return export(load_model(CountingEnv(), tmp_path / "model_0.pt"), tmp_path / "model_0.pt")[1]
+
+
+def test_it_acts_as_its_checkpoint_in_the_world_it_was_trained_in(exported: Path) -> None:
+    file = PolicyFile(exported)
+    assert file.world == settings() and file.name == "model_0.onnx"
+    observation = torch.randn(5, 23, generator=torch.Generator().manual_seed(0)) + 10.0
+    expected = load_policy(CountingEnv(), exported.with_suffix(".pt"))(observation).detach()
+    assert torch.allclose(file.bound(CountingEnv())(observation), expected, atol=1e-5)
+    assert float(expected.abs().max()) > 1e-2
+
+
+def test_another_robots_or_tasks_observations_are_refused(exported: Path) -> None:
+    env = CountingEnv()
+    env.observation = torch.zeros(2, 24)
+    with pytest.raises(
+        InputError, match="model_0.onnx: for 23 observations and 9 actions; this robot and task have 24 and 9"
+    ):
+        PolicyFile(exported).bound(env)
+
+
+@pytest.mark.parametrize("content", [b"", b"no network", b"\x08\x07" + bytes(range(256))])
+def test_what_is_no_network_is_one_line(content: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "p.onnx"
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=r"p\.onnx: not a policy \(.*\); give an \.onnx that s2a train wrote") as error:
+        PolicyFile(file)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_file_says_what_there_is() -> None:
+    with pytest.raises(
+        InputError, match="'nowhere.onnx': no such file; give an .onnx that s2a train wrote, or pretrained"
+    ):
+        PolicyFile(Path("nowhere.onnx"))
+
+
+def test_a_network_that_does_not_know_its_world_is_refused(exported: Path) -> None:
+    model = onnx.load(exported)
+    del model.metadata_props[:]
+    onnx.save(model, exported)
+    with pytest.raises(InputError, match="does not say in which world it was trained; export it again from its run"):
+        PolicyFile(exported)
+
+
+def test_a_run_of_another_program_is_exported_without_a_world(exported: Path) -> None:
+    folder = exported.parent
+    (folder / FILE).unlink()
+    again = export(load_model(CountingEnv(), folder / "model_0.pt"), folder / "model_0.pt")[1]
+    assert not onnx.load(again).metadata_props
+
+
+def test_the_policy_in_the_box_is_small_and_was_trained_as_it_is_said(tmp_path: Path) -> None:
+    file = PolicyFile(Path(PRETRAINED))
+    sim, task = file.world
+    assert isinstance(task, OpenPartConfig) and task.describe_part and sim.limits is not None and sim.vary is not None
+    path = Path(__file__).parents[2] / "s2a/policies/open_part.onnx"
+    assert path.stat().st_size < 2e6
+    env = CountingEnv(4)
+    env.observation = torch.zeros(4, 63)
+    actions = file.bound(env)(torch.randn(4, 63, generator=torch.Generator().manual_seed(0)))
+    assert actions.shape == (4, 9) and np.isfinite(actions.numpy()).all()

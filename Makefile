@@ -20,6 +20,8 @@ demo: $(INSTALLED)
 		prompt="put it next to the keyboard" llm=rules out=$(DEMO)/insert image=$(DEMO)/insert.png
 	$(BIN)/s2a prepare stage=$(DEMO)/geometric.usd targets=all robot=$(ROBOT) out=$(DEMO)/room.usd
 	$(BIN)/s2a evaluate stage=$(DEMO)/room.usd part=drawer_7 robot=$(ROBOT) out=$(DEMO)/planner.json images=$(DEMO)
+	if [ $(ROBOT) = panda ]; then $(BIN)/s2a evaluate stage=$(DEMO)/room.usd part=drawer_7 policy=pretrained \
+		out=$(DEMO)/pretrained.json; fi
 	$(BIN)/s2a train stage=$(DEMO)/room.usd part=drawer_7 robot=$(ROBOT) num_envs=16 ppo.iterations=3 \
 		out=$(DEMO)/ppo
 	$(BIN)/python tools/joint_table.py $(DEMO)/geometric.usd $(DEMO)/scan/truth/truth.usda

@@ -42,6 +42,7 @@ COMMANDS = {
     "pool": "prepare the parts of many virtual rooms, to train one policy on all",
     "train": "train a policy by reinforcement learning (PPO)",
     "evaluate": "measure the success of a policy or of the planner",
+    "bench": "measure a policy on furniture that nobody trains on, part by part",
     "zoo": "write a hundred labelled objects, as untidy as downloads, to insert",
     "view": "show a scan or a stage: its tree as text, or an image",
 }

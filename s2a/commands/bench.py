@@ -1,0 +1,154 @@
+"""A policy on furniture that nobody trains on -> its rates, part by part and over parts (docs/benchmark.md)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from s2a import robot
+from s2a.env import starts
+from s2a.env.task import MdpConfig
+from s2a.env.vec_env import VecEnv
+from s2a.errors import InputError
+from s2a.evaluate import Policy, baseline, run_episodes
+from s2a.outputs import atomic_write
+from s2a.part_results import by_part
+from s2a.planner.motion import Planner, PlannerConfig
+from s2a.progress import track
+from s2a.provenance import provenance
+from s2a.ranges import Count, CountFromZero
+from s2a.rl.checkpoint import load_policy
+from s2a.rl.policy_file import PolicyFile
+from s2a.rl.run_world import read_world
+from s2a.robot.spec import RobotSpec
+from s2a.sim import pool
+from s2a.sim.simulation import SimConfig, Simulation, device_of
+from s2a.sim.world import SimStage
+from s2a.tasks import MdpSettings, MetricSettings, make_env
+
+PLANNER, RANDOM = "planner", "random"
+Actor = Callable[[VecEnv, Sequence[starts.Demonstration]], Policy]
+"""An environment and the planner's motions of its parts -> who acts in it."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a bench`.
+
+    Attributes:
+        stage: the index of the parts, as `s2a pool +split=test` makes them.
+        policy: planner, random, pretrained, or the file of a trained policy: model_N.onnx or model_N.pt.
+        out: the results, a JSON file.
+        episodes: of each part.
+        steps: control steps of an episode, the same for all policies.
+        num_envs: worlds that are stepped together, at most.
+        device: cpu, cuda:0, or auto: a GPU where there is one.
+        seed: of start noise and of what differs between worlds.
+        robot: the robot that the parts were prepared for.
+        sim: how physics is stepped, the same for all policies.
+        task: what the robot has to do; a trained policy has its own settings of what it observes.
+        metrics: what is reported of an episode.
+        planner: the planner's motion.
+    """
+
+    stage: Path
+    policy: str
+    out: Path
+    episodes: Count
+    steps: Count
+    num_envs: Count
+    device: str
+    seed: CountFromZero
+    robot: RobotSpec
+    sim: SimConfig
+    task: MdpSettings
+    metrics: MetricSettings
+    planner: PlannerConfig
+
+
+def run(config: Config) -> str:
+    """Run the episodes, write the results, and return a table of them."""
+    if config.num_envs < config.episodes:
+        raise InputError(
+            f"key 'num_envs' is {config.num_envs}, and a part has {config.episodes} episodes; give num_envs={config.episodes} "
+            "or more, or fewer episodes"
+        )
+    who, task, act = _actor(config)
+    robot.check_unchanged(config.robot)
+    entries, motions = pool.read(config.stage), starts.of_pool(config.stage)
+    batches = list(_batches(pool.stages(config.stage, config.robot.name), config.num_envs // config.episodes))
+    device = device_of(config.device)
+    columns: dict[str, list[torch.Tensor]] = {}
+    for first, stages in track(batches, "bench"):
+        sim = Simulation(stages, config.sim, len(stages) * config.episodes, device)
+        env = make_env(sim, task, config.metrics, {}, config.seed + first)
+        done = run_episodes(env, act(env, motions[first : first + len(stages)]))
+        for name in (name for name in env.task.METRICS if name not in env.task.VALUES):
+            columns.setdefault(name, []).append(_by_stage(done[name], sim.stage_of_env))
+    rates = {name: torch.cat(values).numpy() for name, values in columns.items()}
+    found = by_part(rates, entries, np.repeat(np.arange(len(entries)), config.episodes), config.seed)
+    about = {"policy": who, "episodes_a_part": config.episodes, "steps": config.steps, "seed": config.seed}
+    with atomic_write(config.out) as file:
+        file.write_text(json.dumps({**about, **found, **provenance(device)}, indent=1))
+    return "\n".join([f"{config.out}: {who}, {config.episodes} episodes a part", *_table(found["over_parts"])])
+
+
+def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
+    """Return the policy's name, the task as it observes it, and who acts.
+
+    Raises:
+        InputError: there is no such policy, or it was trained on an arm with other limits.
+    """
+    plain = replace(config.task, episode_steps=config.steps)
+    if config.policy == PLANNER:
+        return PLANNER, plain, lambda env, motions: Planner(env, config.planner, motions)
+    if config.policy == RANDOM:
+        return RANDOM, plain, lambda env, motions: baseline("random", env, config.seed)
+    path = Path(config.policy)
+    if path.suffix == ".pt":
+        known, name = read_world(path), f"{path.absolute().parent.name}_{path.stem}"
+    else:
+        file = PolicyFile(path)
+        known, name = file.world, Path(file.name).stem
+    if known is None:
+        raise InputError(
+            f"policy {config.policy!r}: no world.json beside it; give a checkpoint in the folder of its run"
+        )
+    sim, task = known
+    if sim.limits != config.sim.limits:
+        raise InputError(
+            f"policy {config.policy!r}: trained on an arm with limits {sim.limits}, and the benchmark's has {config.sim.limits}; "
+            "train with sim=real or sim=varied"
+        )
+    task = replace(task, episode_steps=config.steps)
+    if path.suffix == ".pt":
+        return name, task, lambda env, motions: load_policy(env, path)
+    return name, task, lambda env, motions: file.bound(env)
+
+
+def _batches(stages: Sequence[SimStage], most: int) -> Iterator[tuple[int, list[SimStage]]]:
+    """Yield the stages in batches of at most `most`, with the index of each one's first."""
+    for first in range(0, len(stages), most):
+        yield first, list(stages[first : first + most])
+
+
+def _by_stage(values: torch.Tensor, stage: np.ndarray) -> torch.Tensor:
+    """Return the episodes' values in the order of their stages."""
+    return values[torch.from_numpy(np.argsort(stage, kind="stable"))]
+
+
+def _table(over_parts: dict[str, Any]) -> list[str]:
+    """Return lines of the rates of opening and grasping, with intervals."""
+    groups = [("all", over_parts["all"])]
+    groups += [(f"{by} {name}", row) for by in ("kind", "handle", "room") for name, row in over_parts[by].items()]
+    lines = [f"  {'':24}{'parts':>6}  {'opened':25}grasped"]
+    for name, row in groups:
+        cells = [f"{r['rate']:6.1%} [{r['low']:.1%}, {r['high']:.1%}]" for r in (row["success"], row["grasp_success"])]
+        lines.append(f"  {name:24}{row['parts']:6}  {cells[0]:25}{cells[1]}")
+    return lines

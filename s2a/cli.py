@@ -43,6 +43,8 @@ COMMANDS = {
     "train": "train a policy by reinforcement learning (PPO)",
     "evaluate": "measure the success of a policy or of the planner",
     "bench": "measure a policy on furniture that nobody trains on, part by part",
+    "collect": "collect demonstrations with cameras, as a LeRobot dataset",
+    "replay": "play demonstrations again: do they succeed?",
     "zoo": "write a hundred labelled objects, as untidy as downloads, to insert",
     "view": "show a scan or a stage: its tree as text, or an image",
 }

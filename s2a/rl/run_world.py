@@ -19,7 +19,12 @@ FILE = "world.json"
 def write_world(sim: SimConfig, task: MdpConfig, out: Path) -> None:
     """Write how physics is stepped and what the robot has to do into the folder of a training run."""
     with atomic_write(out / FILE) as new:
-        new.write_text(json.dumps({"sim": asdict(sim), "task": asdict(task)}, indent=1))
+        new.write_text(world_json(sim, task))
+
+
+def world_json(sim: SimConfig, task: MdpConfig) -> str:
+    """Return the content of world.json."""
+    return json.dumps({"sim": asdict(sim), "task": asdict(task)}, indent=1)
 
 
 def read_world(checkpoint: Path) -> tuple[SimConfig, MdpConfig] | None:

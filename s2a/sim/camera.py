@@ -51,14 +51,8 @@ class Camera:
 
     def __init__(self, stage: SimStage, config: CameraConfig) -> None:
         """Load the visuals; takes seconds, so make one camera and take many images."""
-        builder = newton.ModelBuilder()
-        newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-        add_robot(builder, robot.load(stage.robot), wp.transform(*stage.base[:3], *stage.base[3:]), visuals=True)
-        file = open_physics(stage.path)
-        add_room(builder, stage.room, file, stage.active, static=False, hide_collision_shapes=True, load_sites=False)
-        _add_visuals(builder, stage)
         with wp.ScopedDevice("cpu"):
-            self._model = builder.finalize()
+            self._model = visible_model(stage).finalize()
             self._state = self._model.state()
             self._camera = SensorCamera(self._model)
             # Scans are open shells with light from everywhere: no shadows, both sides visible.
@@ -68,7 +62,7 @@ class Camera:
             self._camera.default_render_config.enable_backface_culling = False
             self._rays = SensorCamera.compute_camera_rays_pinhole(config.width, config.height, camera_fov=config.fov)
             self._image = self._camera.allocate_image_color(1, config.width, config.height)
-            self._pose = wp.array([_pose(stage, config)], dtype=wp.transformf)
+            self._pose = wp.array([camera_pose(stage, config)], dtype=wp.transformf)
 
     def image(self, joint_q: torch.Tensor) -> np.ndarray:
         """Return RGB [height width 3], uint8, for the joint coordinates of a world, shape [coord]."""
@@ -80,6 +74,17 @@ class Camera:
             self._camera.update(self._state, self._pose, self._rays, color_image=self._image)
             rgba = self._image.numpy()[0].copy().view(np.uint8).reshape(*self._image.shape[1:], 4)
         return rgba[..., :3]
+
+
+def visible_model(stage: SimStage) -> newton.ModelBuilder:
+    """Return a world with everything that can be seen; its coordinates are those of the simulation's worlds."""
+    builder = newton.ModelBuilder()
+    newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+    add_robot(builder, robot.load(stage.robot), wp.transform(*stage.base[:3], *stage.base[3:]), visuals=True)
+    file = open_physics(stage.path)
+    add_room(builder, stage.room, file, stage.active, static=False, hide_collision_shapes=True, load_sites=False)
+    _add_visuals(builder, stage)
+    return builder
 
 
 def _add_visuals(builder: newton.ModelBuilder, stage: SimStage) -> None:
@@ -110,7 +115,7 @@ def _add_visual(builder: newton.ModelBuilder, body: int, mesh: Mesh) -> None:
     builder.add_shape_mesh(body, mesh=surface, cfg=seen, color=(1.0, 1.0, 1.0))
 
 
-def _pose(stage: SimStage, config: CameraConfig) -> wp.transformf:
+def camera_pose(stage: SimStage, config: CameraConfig) -> wp.transformf:
     """Return the pose of a camera that looks along -z, y up, at the space between the robot and the handle."""
     place, middle = viewpoint(stage, config.distance, config.azimuth, config.elevation)
     back = (place - middle) / np.linalg.norm(place - middle)

@@ -33,11 +33,16 @@ class Recorder:
 
     def watch(self, done: torch.Tensor) -> None:
         """Take a sample after a control step; `done` [world] tells which worlds were reset in it."""
-        sums = wp.to_torch(self._sums)
-        self._samples.append(sums / self._sim.config.substeps)
-        sums.zero_()
+        self._samples.append(self.sample())
         before = self._alive[-1] if self._alive else torch.ones_like(done)
         self._alive.append(before & ~done)
+
+    def sample(self) -> torch.Tensor:
+        """Return the means over the control step that has ended, shape [world column], and begin anew."""
+        sums = wp.to_torch(self._sums)
+        found = sums / self._sim.config.substeps
+        sums.zero_()
+        return found
 
     def save(self, folder: Path) -> None:
         """Write a CSV file of `RobotSpec.recorded` for each world, pull_0.csv and so on."""

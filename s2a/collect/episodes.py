@@ -12,12 +12,12 @@ import torch
 
 from s2a.collect.lerobot import LeRobotDataset, Stats
 from s2a.collect.video import ColourVideo, DepthVideo
-from s2a.sim.views import CAMERAS, Views
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import Policy
 from s2a.outputs import atomic_write
 from s2a.sim.recorder import Recorder
+from s2a.sim.views import CAMERAS, Views
 
 REPLAY = "replay/episode_{index:06d}.npz"
 DEPTH = "depth/{camera}/episode_{index:06d}.mkv"
@@ -111,8 +111,10 @@ class Collector:
         seen = at_rest
         frames: dict[str, list[np.ndarray]] = {"observation.state": [], "observation.part": [], "action": []}
         actions: list[np.ndarray] = []
-        for step in range(env.max_episode_length - 1):
-            if step % self._every == 0:
+        last = env.max_episode_length - 2  # which resets the worlds: a frame is over before it
+        for step in range(last + 1):
+            whole = step - step % self._every + self._every <= last
+            if whole and step % self._every == 0:
                 self._look(colour, depth)
                 frames["observation.state"].append(seen.cpu().numpy().copy())
                 frames["observation.part"].append(self._part())
@@ -120,7 +122,7 @@ class Collector:
             actions.append(action.cpu().numpy().copy())
             env.step(action)
             seen = self._recorder.sample()
-            if step % self._every == self._every - 1 or step == env.max_episode_length - 2:
+            if whole and step % self._every == self._every - 1:
                 frames["action"].append(sim.joint_target_q[:, :joints].cpu().numpy().copy())
         if not bool(env.done.all()):
             raise InputError("an episode ended before the others; set task.termination_opening so high that none does")

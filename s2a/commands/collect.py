@@ -9,7 +9,6 @@ from pathlib import Path
 
 from s2a.collect.episodes import Collector, temporary, write
 from s2a.collect.lerobot import LeRobotDataset
-from s2a.sim.views import Views, ViewsConfig
 from s2a.commands.worlds import WorldsConfig
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
@@ -21,6 +20,7 @@ from s2a.rl.run_world import world_json
 from s2a.sim import pool
 from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import Simulation, device_of
+from s2a.sim.views import Views, ViewsConfig
 from s2a.tasks import make_env
 
 ABOUT = "meta/s2a.json"

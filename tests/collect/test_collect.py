@@ -1,0 +1,90 @@
+"""`s2a collect` and `s2a replay`: demonstrations of the planner that can be played again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from cabinet import write_cabinet
+
+from s2a import cli, robot
+from s2a.collect.episodes import REPLAY
+
+QUICK = ["device=cpu", "num_envs=2", "every=20", "views.width=32", "views.height=32"]
+
+
+@pytest.fixture(scope="module")
+def collected(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("collect")
+    stage, out = write_cabinet(folder / "sim.usda"), folder / "set"
+    assert cli.main(["collect", f"stage={stage}", "episodes=1", f"out={out}", *QUICK]) == 0
+    assert cli.main(["collect", f"stage={stage}", "episodes=3", f"out={out}", *QUICK]) == 0  # goes on
+    return stage, out
+
+
+def test_kept_episodes_hold_what_the_robot_did(collected: tuple[Path, Path]) -> None:
+    _, out = collected
+    info = json.loads((out / "meta/info.json").read_text())
+    assert (info["total_episodes"], info["fps"], info["robot_type"]) == (3, 3, "panda")
+    spec = robot.load("panda")
+    assert info["features"]["observation.state"]["names"] == list(spec.recorded[1:])
+    for i in range(3):
+        table = pq.read_table(out / f"data/chunk-000/file-00{i}.parquet").to_pydict()
+        state, action = np.array(table["observation.state"]), np.array(table["action"])
+        assert state.shape == (24, 16) and action.shape == (24, 9)
+        assert np.abs(state[0, :7] - np.array(spec.start)[:7]).max() <= 0.13, "it begins near home"
+        assert np.abs(state[-1, :7] - action[-1, :7]).max() < 0.1, "the arm is where it is asked to be"
+        assert 0.2 < table["observation.part"][-1] < 0.32 and table["observation.part"][0] == 0.0
+        assert (out / f"depth/wrist/episode_00000{i}.mkv").is_file()
+    starts = [np.load(out / REPLAY.format(index=i))["start.joint_q"] for i in range(3)]
+    assert not np.allclose(starts[0], starts[1]) and not np.allclose(starts[1], starts[2]), "none is there twice"
+    assert not list(out.glob(".unfinished*"))
+
+
+def test_kept_episodes_succeed_when_played_again(
+    collected: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    stage, out = collected
+    assert cli.main(["replay", f"stage={stage}", f"dataset={out}", "num_envs=2", "device=cpu"]) == 0
+    assert "3 of 3 episodes succeed when played again" in capsys.readouterr().out
+
+
+def test_an_episode_that_fails_when_played_again_is_named(
+    collected: tuple[Path, Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    stage, out = collected
+    file = out / REPLAY.format(index=1)
+    kept = file.read_bytes()
+    with np.load(file) as found:
+        content = dict(found)
+    np.savez(file, **{**content, "actions": 0.0 * content["actions"]})
+    assert cli.main(["replay", f"stage={stage}", f"dataset={out}", "device=cpu"]) == 0
+    told = capsys.readouterr().out
+    file.write_bytes(kept)
+    assert "2 of 3 episodes succeed" in told and "episode 1 does not" in told
+
+
+def test_what_never_succeeds_ends_in_one_line(
+    collected: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keys = [
+        f"stage={collected[0]}",
+        "episodes=1",
+        f"out={tmp_path / 'none'}",
+        *QUICK,
+        "task.episode_steps=3",
+        "every=1",
+    ]
+    assert cli.main(["collect", *keys]) == 2
+    error = capsys.readouterr().err
+    assert "none of 10 episodes succeeded; see what s2a evaluate says of this part" in error
+
+
+def test_a_folder_that_is_no_dataset_is_one_line(
+    collected: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["replay", f"stage={collected[0]}", f"dataset={tmp_path}"]) == 2
+    assert "not a dataset of s2a collect" in capsys.readouterr().err

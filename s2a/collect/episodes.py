@@ -29,7 +29,7 @@ class Batch:
     """What one episode in every world came to.
 
     Attributes:
-        success: whether it is kept, shape [world].
+        success: True where it is kept, shape [world].
         columns: of the dataset's features, shape [world frame n].
         actions: of every control step, shape [step world action].
         start: what `VecEnv.state_dict` has of each world at the start, shape [world ...].

@@ -38,7 +38,7 @@ class Recorder:
         self._alive.append(before & ~done)
 
     def sample(self) -> torch.Tensor:
-        """Return the means over the control step that has ended, shape [world column], and begin anew."""
+        """Return the means over the control step that has ended, shape [world column], and begin the next."""
         sums = wp.to_torch(self._sums)
         found = sums / self._sim.config.substeps
         sums.zero_()

@@ -33,7 +33,7 @@ class ViewsConfig:
         height: [pixel].
         wrist_fov: vertical field of view of the wrist's camera [rad].
         scene: the camera before the furniture; its width and height are not used.
-        jitter: how far the scene's camera is shifted in each direction, at most, anew in each episode [m].
+        jitter: how far the scene's camera is shifted in each direction, at most [m]; drawn for each episode.
         light: least and greatest brightness of the light from everywhere, drawn for each batch of episodes.
     """
 

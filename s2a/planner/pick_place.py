@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,6 +12,7 @@ from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.object_grasps import ObjectGrasps, matrix, object_grasps
 from s2a.planner.obstacles import HELD_RADIUS, RoomHulls, gripper_spheres, surface_points
 from s2a.planner.pick_base import arm_depth, bases, chunks, reached
+from s2a.planner.pick_plan import PickPlan
 from s2a.robot.collision import SLACK, RobotShape, robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
@@ -30,33 +30,6 @@ IK_SEEDS = 12
 """Starts of the inverse kinematics."""
 SEARCH = 5.0
 """[s] For each collision-free motion."""
-
-
-@dataclass(frozen=True)
-class PickPlan:
-    """A way to pick and place an object.
-
-    Attributes:
-        base: pose of the robot's base, 7-vector, scene frame.
-        pedestal: height of what it stands on [m].
-        reach: joints from home to the point of approach, shape [pose arm].
-        approach: from there to the grasp.
-        lift: from the grasp to above it.
-        carry: from there to above the place.
-        lower: from there to the place.
-        retreat: from there with open fingers, back from the object.
-        grasp: tool frame in the object's body frame when the fingers close, shape [4 4].
-    """
-
-    base: np.ndarray
-    pedestal: float
-    reach: np.ndarray
-    approach: np.ndarray
-    lift: np.ndarray
-    carry: np.ndarray
-    lower: np.ndarray
-    retreat: np.ndarray
-    grasp: np.ndarray
 
 
 def plan_pick(
@@ -92,7 +65,7 @@ class _Search:
         tried = 0
         places = {"grasp": self._start, "place": self._goal}
         for some in chunks(bases(self._shape, self._near, self._start, self._goal), BASES):
-            for base, pedestal, k in reached(self._shape, places, some, grasps, self._seed, self._misses):
+            for base, pedestal, k in reached(self._shape, self._near, places, some, grasps, self._seed, self._misses):
                 found = self._plan_from(base, pedestal, grasps[k])
                 if found is not None:
                     return found
@@ -145,18 +118,18 @@ class _Search:
             [_line(tool, -APPROACH * tool[:3, 2], 0.0)[::-1], _line(tool, np.array([0, 0, LIFT]), 0.0)[1:]]
         )
         at = round(APPROACH / STEP)
-        for path in self._free_paths(poses, base, home, "approach and lift", 1)[:3]:
+        for path in self._free_paths(poses, base, home, "approach and lift", 2)[:3]:
             held = np.linalg.inv(kin.tool(path[at : at + 1])[0]) @ np.linalg.inv(base) @ self._start
             tool = self._goal @ np.linalg.inv(held)
             tool[2, 3] += DROP
             down = np.concatenate(
                 [_line(tool, np.array([0, 0, LIFT]), 0.0)[::-1], _line(tool, -APPROACH * tool[:3, 2], 0.0)[1:]]
             )
-            lowers = self._free_paths(down, base, path[-1], "lowering and retreat", 2, flip=False)
+            lowers = self._free_paths(down, base, path[-1], "lowering and retreat", 3, flip=False)
             low = round(LIFT / STEP)
             for lower in lowers[:3]:
-                reach = self._move(home, path[0], base, None, "reach", 3)
-                carry = self._move(path[-1], lower[0], base, held, "carry", 4) if reach is not None else None
+                reach = self._move(home, path[0], base, None, "reach", 4)
+                carry = self._move(path[-1], lower[0], base, held, "carry", 5) if reach is not None else None
                 if reach is None or carry is None:
                     continue
                 x, y, z = base[:3, 3]

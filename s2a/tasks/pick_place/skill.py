@@ -13,10 +13,13 @@ from s2a import robot as robots
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
 from s2a.planner.motion import PlannerConfig
-from s2a.planner.pick_place import LIFT, PickPlan, plan_pick
+from s2a.planner.obstacles import surface_points
+from s2a.planner.pick_place import LIFT, plan_pick
+from s2a.planner.pick_plan import PickPlan
 from s2a.planner.places import free_object, place_pose, scanned
 from s2a.planner.trajectory import USED, Trajectory, closing, reach_steps, timed
 from s2a.scene import Joint
+from s2a.sim.nearby import Workspace
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 from s2a.tasks.pick_place.config import PickPlaceConfig
@@ -44,6 +47,12 @@ class PickStage(SimStage):
     start: np.ndarray
     goal: np.ndarray
     plan: PickPlan
+
+    def workspace(self) -> Workspace:
+        """Return where the plan, and what lies free, pass."""
+        found, spec = super().workspace(), robots.load(self.robot)
+        points = self.plan.swept(spec, surface_points([c.mesh for c in self.room.free[self.target].colliders]))
+        return Workspace(np.concatenate([found.points, points]), found.shoulder, found.reach, planned=True)
 
 
 def read_stage(

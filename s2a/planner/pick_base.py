@@ -74,10 +74,11 @@ def reached(
     grasps: np.ndarray,
     seed: int,
     misses: Misses,
-) -> Iterator[tuple[np.ndarray, float, int]]:
-    """Yield bases and grasps whose tool poses inverse kinematics reaches with the arm clear of the room.
+) -> Iterator[tuple[np.ndarray, float, int, bool]]:
+    """Yield bases and grasps whose tool poses inverse kinematics reaches, and whether with the arm clear of the room.
 
-    Each base's best grasp comes first, then each one's second: bases differ more than the grasps from one.
+    Each base's best grasp comes first, then each one's second: bases differ more than the grasps from one. Where the arm is
+    not clear, another elbow may be.
 
     Args:
         shape: the robot.
@@ -93,6 +94,7 @@ def reached(
     poses = np.stack([pose for pose, _ in bases])
     kin, seeds = shape.kin, 4
     ok = np.ones((len(bases), len(grasps)), bool)
+    clear = ok.copy()
     starts = np.random.default_rng(seed).uniform(kin.lower, kin.upper, (seeds, len(kin.lower)))
     starts[0] = kin.spec.home
     for name, at in places.items():
@@ -103,15 +105,15 @@ def reached(
         good = left < 1e-3
         text = f"{name}: the arm's nearest miss is {1000 * miss.min():.0f} mm; choose a place nearer to free floor"
         misses.note(0, float(miss.min()), text)
-        if good.any():
-            depth = arm_depth(shape, near, q[good], np.repeat(poses, len(grasps) * seeds, axis=0)[good], fingers=False)
-            text = f"{name}: the arm reaches {1000 * depth.min():.0f} mm into the room; choose a place with more room"
-            misses.note(1, float(depth.min()), text)
-            good[good] = depth <= SLACK
-        ok &= good.reshape(*ok.shape, seeds).any(axis=2)
+        depth = np.full(len(q), np.inf)
+        owner = np.repeat(poses, len(grasps) * seeds, axis=0)
+        depth[good] = arm_depth(shape, near, q[good], owner[good], fingers=False)
+        least = depth.reshape(*ok.shape, seeds).min(axis=2)
+        ok &= np.isfinite(least)
+        clear &= least <= SLACK
     rank = np.cumsum(ok, axis=1)
     for b, k in sorted(np.argwhere(ok), key=lambda pair: (rank[tuple(pair)], *pair)):
-        yield *bases[b], int(k)
+        yield *bases[b], int(k), bool(clear[b, k])
 
 
 def chunks(items: Iterator[tuple[np.ndarray, float]], size: int) -> Iterator[list[tuple[np.ndarray, float]]]:

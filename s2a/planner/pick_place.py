@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -28,19 +29,29 @@ GRASPS, BASES, PAIRS = 16, 24, 24
 """Grasps and bases that are tried, and pairs of both that are planned to the end."""
 IK_SEEDS = 12
 """Starts of the inverse kinematics."""
+Fits = Callable[[list[tuple[np.ndarray, float]]], list[tuple[np.ndarray, float]]]
+"""Poses [4 4] and pedestals of bases [m] -> those of them that will do."""
 SEARCH = 5.0
 """[s] For each collision-free motion."""
 
 
 def plan_pick(
-    room: SimRoom, target: str, start: np.ndarray, goal: np.ndarray, spec: RobotSpec, seed: int = 0
+    room: SimRoom,
+    target: str,
+    start: np.ndarray,
+    goal: np.ndarray,
+    spec: RobotSpec,
+    seed: int = 0,
+    fits: Fits | None = None,
 ) -> PickPlan:
     """Return how a robot picks an object at a pose and places it at another; 7-vectors of its body frame, scene frame.
+
+    `fits` says which bases will do, of those where the robot can stand.
 
     Raises:
         Unreachable: no grasp, base or path was found.
     """
-    return _Search(room, target, start, goal, spec, seed).plan()
+    return _Search(room, target, start, goal, spec, seed).plan(fits)
 
 
 class _Search:
@@ -59,20 +70,31 @@ class _Search:
         self._misses = Misses()
         self._grasps = object_grasps(hulls, np.array(self._object.mass.center), spec.gripper, seed)
 
-    def plan(self) -> PickPlan:
+    def plan(self, fits: Fits | None) -> PickPlan:
         """Return the first plan found."""
-        grasps = self._clear_grasps()
-        tried = 0
-        places = {"grasp": self._start, "place": self._goal}
-        for some in chunks(bases(self._shape, self._near, self._start, self._goal), BASES):
-            for base, pedestal, k in reached(self._shape, self._near, places, some, grasps, self._seed, self._misses):
-                found = self._plan_from(base, pedestal, grasps[k])
-                if found is not None:
-                    return found
-                tried += 1
-                if tried >= PAIRS:
-                    raise self._failure()
+        grasps, tried = self._clear_grasps(), 0
+        for base, pedestal, k in self._pairs(grasps, fits):
+            found = self._plan_from(base, pedestal, grasps[k])
+            if found is not None:
+                return found
+            tried += 1
+            if tried >= PAIRS:
+                break
         raise self._failure()
+
+    def _pairs(self, grasps: np.ndarray, fits: Fits | None) -> Iterator[tuple[np.ndarray, float, int]]:
+        """Yield bases, pedestals and indices of grasps that reach, those where the arm was found to be clear first."""
+        places = {"grasp": self._start, "place": self._goal}
+        later: list[tuple[np.ndarray, float, int]] = []
+        for some in chunks(bases(self._shape, self._near, self._start, self._goal), BASES):
+            kept = some if fits is None else fits(some)
+            found = reached(self._shape, self._near, places, kept, grasps, self._seed, self._misses)
+            for base, pedestal, k, clear in found:
+                if clear:
+                    yield base, pedestal, k
+                else:
+                    later.append((base, pedestal, k))
+        yield from later
 
     def _failure(self) -> Unreachable:
         return Unreachable(f"{self._target!r} cannot be picked and placed so: {self._misses.text}")
@@ -84,8 +106,9 @@ class _Search:
         if not len(found.tool):
             size = np.ptp(self._points, axis=0).min()
             raise Unreachable(
-                f"{self._target!r}: grasp: no two opposite faces fit between the fingers, which open {1000 * widest:.0f} mm; "
-                f"the object's thinnest extent is {1000 * size:.0f} mm; choose a smaller object or another robot="
+                f"{self._target!r}: grasp: no two opposite faces as wide as the pads fit between the fingers, which "
+                f"open {1000 * widest:.0f} mm; the object's thinnest extent is {1000 * size:.0f} mm; choose a smaller "
+                "object or another robot="
             )
         depth = np.zeros(len(found.tool))
         for at in (self._start, self._goal):
@@ -118,18 +141,18 @@ class _Search:
             [_line(tool, -APPROACH * tool[:3, 2], 0.0)[::-1], _line(tool, np.array([0, 0, LIFT]), 0.0)[1:]]
         )
         at = round(APPROACH / STEP)
-        for path in self._free_paths(poses, base, home, "approach and lift", 2)[:3]:
+        for path in self._free_paths(poses, base, home, "approach and lift", 1)[:3]:
             held = np.linalg.inv(kin.tool(path[at : at + 1])[0]) @ np.linalg.inv(base) @ self._start
             tool = self._goal @ np.linalg.inv(held)
             tool[2, 3] += DROP
             down = np.concatenate(
                 [_line(tool, np.array([0, 0, LIFT]), 0.0)[::-1], _line(tool, -APPROACH * tool[:3, 2], 0.0)[1:]]
             )
-            lowers = self._free_paths(down, base, path[-1], "lowering and retreat", 3, flip=False)
+            lowers = self._free_paths(down, base, path[-1], "lowering and retreat", 2, flip=False)
             low = round(LIFT / STEP)
             for lower in lowers[:3]:
-                reach = self._move(home, path[0], base, None, "reach", 4)
-                carry = self._move(path[-1], lower[0], base, held, "carry", 5) if reach is not None else None
+                reach = self._move(home, path[0], base, None, "reach", 3)
+                carry = self._move(path[-1], lower[0], base, held, "carry", 4) if reach is not None else None
                 if reach is None or carry is None:
                     continue
                 x, y, z = base[:3, 3]

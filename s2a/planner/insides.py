@@ -96,6 +96,11 @@ def inside_placements(room: SimRoom, name: str, part: str, q: float) -> list[tup
     return sorted(found, key=lambda each: float(np.linalg.norm(each[0][:2] - middle)))
 
 
+def at_zero(room: SimRoom, part: str, pose: np.ndarray, q: float) -> np.ndarray:
+    """Return the pose (7-vector) that a body in a part at coordinate q has with the part at zero."""
+    return pose_at(room.articulations[part].joint, pose, -q)
+
+
 def joint_local(joint: object, points: np.ndarray, q: float) -> np.ndarray:
     """Return points [point 3] of a part at coordinate q as they are with the part at zero."""
     back = np.linalg.inv(transform(joint, q))  # type: ignore[arg-type]

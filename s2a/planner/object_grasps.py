@@ -26,7 +26,7 @@ PAD = (0.004, 0.006)
 """[m] Beside the line of contact, across and along the fingers, where the pads must find the surface too."""
 FLAT = 0.002
 """[m] Up to which it may lie off the pads there; they creep on a narrower one until the object slips out."""
-HELD = 0.5
+HELD = 0.75
 """Least share of these points that both pads find."""
 SURFACE = 300
 """Points on the surface that must stay out of the gripper."""
@@ -141,8 +141,8 @@ def _held(tool: np.ndarray, width: np.ndarray, planes: Sequence[np.ndarray]) -> 
     for across, along in offsets:
         points = tool[:, :3, 3] + across * tool[:, :3, 0] + along * tool[:, :3, 2] - far * y
         start, end, _ = _chords(points, y, planes)
-        first, last = start.min(axis=1) - far, end.max(axis=1) - far
-        share += (np.abs(first + width / 2) <= FLAT) & (np.abs(last - width / 2) <= FLAT)
+        near = np.abs(start - far + width[:, None] / 2).min(axis=1) <= FLAT
+        share += near & (np.abs(end - far - width[:, None] / 2).min(axis=1) <= FLAT)
     return share / len(offsets)
 
 

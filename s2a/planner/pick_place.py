@@ -25,7 +25,7 @@ STEP = 0.02
 """[m] Between poses of a straight path."""
 DROP = 0.001
 """[m] Above the planned place the fingers open, so that the object is not pressed onto its support."""
-GRASPS, BASES, PAIRS = 16, 24, 24
+GRASPS, BASES, PAIRS = 16, 24, 96
 """Grasps and bases that are tried, and pairs of both that are planned to the end."""
 IK_SEEDS = 12
 """Starts of the inverse kinematics."""

@@ -39,12 +39,15 @@ class PickPlan:
 
     def swept(self, spec: RobotSpec, surface: np.ndarray) -> np.ndarray:
         """Return points [point 3] that the arm, from home on, and the object's surface [point 3] in its hand pass."""
-        shape, base = robot_shape(spec), matrix(self.base)
         to_start = np.linspace(spec.home, self.reach[0], 9)
         carried = np.concatenate([self.lift, self.carry, self.lower])
-        arm = shape.centers(np.concatenate([to_start, self.reach, self.approach, carried, self.retreat]))[
-            :, shape.moving
-        ]
-        body = shape.kin.tool(carried) @ np.linalg.inv(self.grasp)
+        arm = self.passed(spec, np.concatenate([to_start, self.reach, self.approach, carried, self.retreat]))
+        base = matrix(self.base)
+        body = base @ robot_shape(spec).kin.tool(carried) @ np.linalg.inv(self.grasp)
         held = surface @ body[:, :3, :3].transpose(0, 2, 1) + body[:, None, :3, 3]
-        return np.concatenate([arm.reshape(-1, 3), held.reshape(-1, 3)]) @ base[:3, :3].T + base[:3, 3]
+        return np.concatenate([arm, held.reshape(-1, 3)])
+
+    def passed(self, spec: RobotSpec, arm: np.ndarray) -> np.ndarray:
+        """Return points [point 3] within the arm in joints [pose arm], scene frame."""
+        shape, base = robot_shape(spec), matrix(self.base)
+        return shape.centers(arm)[:, shape.moving].reshape(-1, 3) @ base[:3, :3].T + base[:3, 3]

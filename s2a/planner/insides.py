@@ -71,6 +71,8 @@ def inside_placements(room: SimRoom, name: str, part: str, q: float) -> list[tup
         surface_points([c.mesh for c in body.colliders], 200) @ matrix(np.array([0, 0, 0, *body.orientation]))[:3, :3].T
     )
     low, high, foot = own.min(axis=0), own.max(axis=0), footprint(points)
+    # What is below the floor is near its lowest points.
+    upper = points[points[:, 2] > points[:, 2].min() + 2 * ABOVE]
     found, low_by = [], math.inf
     for x, y in itertools.product(np.arange(low[0], high[0], GRID / 2), np.arange(low[1], high[1], GRID / 2)):
         height, names = near.below(np.c_[foot + [x, y], np.full(len(foot), high[2] + 0.3)])
@@ -81,7 +83,7 @@ def inside_placements(room: SimRoom, name: str, part: str, q: float) -> list[tup
         inside = inside_of(room, part, q, floor)
         if inside is None or _beside(inside, joint_local(joint, points + at[:3], q)) < BESIDE:
             continue
-        low_by = min(low_by, depth := _shut_depth(others, room, part, points + at[:3], q))
+        low_by = min(low_by, depth := _shut_depth(others, room, part, upper + at[:3], q))
         if depth <= 0.0:
             found.append((at, inside))
     if not found and math.isfinite(low_by):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cabinet import box
 from drawer_room import DEPTH, FLOOR, HALF_WIDTH, WALL_TOP, drawer_room
 
 from s2a.errors import InputError
@@ -32,6 +33,12 @@ def test_places_are_on_the_floor_within_the_walls_and_open_above(tmp_path: Path)
 def test_what_is_higher_than_the_gap_does_not_go_in(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"of 0.125 m height .* meets what is above as that is shut, by \d+ mm"):
         inside_placements(drawer_room(tmp_path / "sim.usda", side=0.125), "cube_9", "drawer_2", 0.3)
+
+
+def test_what_is_below_the_floor_does_not_count(tmp_path: Path) -> None:
+    below = [box((0.1, 0.0, FLOOR - 0.01), (0.2, 0.3, 0.01))]  # as the drawer below may be: as high as this one's floor
+    room = drawer_room(tmp_path / "sim.usda", beside=below)
+    assert inside_placements(room, "cube_9", "drawer_2", 0.3)
 
 
 def test_a_drawer_without_a_floor_takes_nothing(tmp_path: Path) -> None:

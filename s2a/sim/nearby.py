@@ -28,7 +28,7 @@ class Workspace:
         points: of the paths of all that moves, and of the space between the robot's shoulder and them [m], shape [point 3].
         shoulder: of the robot [m], shape [3].
         reach: of its arm [m].
-        planned: The points are of all that the arm, too, passes on a plan: their distance alone says what matters.
+        planned: The points are of all that the arm, too, passes on a plan: what is around them matters most.
     """
 
     points: np.ndarray
@@ -47,8 +47,9 @@ class Workspace:
 def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, room: str) -> None:
     """Deactivate, in the stage's edit target, all but the `MAX_STATIC` colliders that matter most.
 
-    Walls, floor and ceiling come first, but for a plan, then what is nearest to the workspace. What is out of the arm's reach
-    and off the path of all that moves is not needed. Logs what is left out; warns where the arm could have touched it.
+    What a plan passes comes first, then walls, floor and ceiling, then what is nearest to the workspace. What is out of the
+    arm's reach and off the path of all that moves is not needed. Logs what is left out; warns where the arm could have
+    touched it, or a plan passes it.
 
     Args:
         stage: the world's stage.
@@ -61,8 +62,8 @@ def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, 
     reached = np.array([_distance(space.shoulder[None], p) for p in planes]) <= space.reach
     structure = np.array([bool(prim.GetAttribute("s2a:structure").Get()) for prim in colliders], bool)
     needed = reached | (distance <= BESIDE)
-    first = distance <= AROUND if space.planned else structure
-    order = np.lexsort((distance, ~first, ~needed))
+    first = (distance <= AROUND) & space.planned
+    order = np.lexsort((distance, ~structure, ~first, ~needed))
     count = min(int(needed.sum()), MAX_STATIC)
     kept, left = order[:count], order[count:]
     for k in left:

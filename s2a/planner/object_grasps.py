@@ -22,6 +22,12 @@ CLEARANCE = 0.004
 """[m] Between an open finger and the object, and around the gripper."""
 DEPTHS = (0.0, -0.006, 0.012)
 """[m] How far the object's axis of contact lies behind the tool frame's origin, towards the gripper body."""
+PAD = (0.004, 0.006)
+"""[m] Beside the line of contact, across and along the fingers, where the pads must find the surface too."""
+FLAT = 0.002
+"""[m] Up to which it may lie off the pads there; they creep on a narrower one until the object slips out."""
+HELD = 0.75
+"""Least share of these points that both pads find."""
 SURFACE = 300
 """Points on the surface that must stay out of the gripper."""
 
@@ -69,9 +75,11 @@ def object_grasps(hulls: Sequence[Mesh], center: np.ndarray, gripper: GripperSpe
     surface = np.asarray(trimesh.sample.sample_surface(mesh, SURFACE, seed=seed)[0])
     free = ~_inside_gripper(tool, surface, gripper)
     tool, width = tool[free], width[free]
+    held = _held(tool, width, planes)
+    tool, width, held = tool[held >= HELD], width[held >= HELD], held[held >= HELD]
     # A long lever arm lets the object turn between the pads; wide grasps leave no room for the arm's error.
     away = np.linalg.norm(tool[:, :3, 3] - center, axis=1)
-    score = away + 0.1 * width
+    score = away + 0.1 * width + 0.05 * (1.0 - held)
     order = np.argsort(score, kind="stable")
     return ObjectGrasps(tool[order], width[order], score[order])
 
@@ -117,6 +125,25 @@ def _chords(
         end[:, k] = np.where(missed, -np.inf, out)
         back[:, k] = np.take_along_axis(slope, exits[:, None], axis=1)[:, 0]
     return start, end, back
+
+
+def _held(tool: np.ndarray, width: np.ndarray, planes: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the share of the points about the lines of contact at which both pads find the surface, shape [grasp].
+
+    Args:
+        tool: poses of the tool frame [grasp 4 4].
+        width: distance of the pads [m], shape [grasp].
+        planes: of the hulls.
+    """
+    share = np.zeros(len(tool))
+    y, far = tool[:, :3, 1], 1.0
+    offsets = [(across, along) for across in (-PAD[0], 0.0, PAD[0]) for along in (-PAD[1], 0.0, PAD[1])]
+    for across, along in offsets:
+        points = tool[:, :3, 3] + across * tool[:, :3, 0] + along * tool[:, :3, 2] - far * y
+        start, end, _ = _chords(points, y, planes)
+        near = np.abs(start - far + width[:, None] / 2).min(axis=1) <= FLAT
+        share += near & (np.abs(end - far - width[:, None] / 2).min(axis=1) <= FLAT)
+    return share / len(offsets)
 
 
 def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:

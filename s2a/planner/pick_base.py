@@ -60,24 +60,29 @@ def bases(
 def arm_depth(
     shape: RobotShape, near: RoomHulls, q: np.ndarray, base: np.ndarray, *, fingers: bool = True
 ) -> np.ndarray:
-    """Return how deep the arm in joints [pose arm] reaches into the room [m], shape [pose]."""
+    """Return how deep the arm in joints [pose arm] reaches into the room [m], shape [pose]; base: [4 4] or [pose 4 4]."""
     chosen = shape.moving & (~shape.fingers | fingers)
-    centers = shape.centers(q)[:, chosen] @ base[:3, :3].T + base[:3, 3]
+    centers = shape.centers(q)[:, chosen] @ np.swapaxes(base[..., :3, :3], -1, -2) + base[..., None, :3, 3]
     return near.depth(centers, shape.radii[chosen])
 
 
 def reached(
     shape: RobotShape,
+    near: RoomHulls,
     places: Mapping[str, np.ndarray],
     bases: list[tuple[np.ndarray, float]],
     grasps: np.ndarray,
     seed: int,
     misses: Misses,
-) -> Iterator[tuple[np.ndarray, float, int]]:
-    """Yield bases and grasps whose tool poses inverse kinematics reaches, in the bases' order.
+) -> Iterator[tuple[np.ndarray, float, int, bool]]:
+    """Yield bases and grasps whose tool poses inverse kinematics reaches, and whether with the arm clear of the room.
+
+    Each base's best grasp comes first, then each one's second: bases differ more than the grasps from one. Where the arm is
+    not clear, another elbow may be.
 
     Args:
         shape: the robot.
+        near: the room around the object.
         places: poses of the object [4 4] by what is done there.
         bases: poses and pedestals.
         grasps: tool poses in the object's frame, shape [grasp 4 4].
@@ -86,22 +91,29 @@ def reached(
     """
     if not bases:
         return
-    inverse = np.linalg.inv(np.stack([pose for pose, _ in bases]))
+    poses = np.stack([pose for pose, _ in bases])
     kin, seeds = shape.kin, 4
     ok = np.ones((len(bases), len(grasps)), bool)
+    clear = ok.copy()
     starts = np.random.default_rng(seed).uniform(kin.lower, kin.upper, (seeds, len(kin.lower)))
     starts[0] = kin.spec.home
     for name, at in places.items():
-        wanted = inverse[:, None] @ (at @ grasps)[None]
+        wanted = np.linalg.inv(poses)[:, None] @ (at @ grasps)[None]
         targets = np.repeat(wanted.reshape(-1, 4, 4), seeds, axis=0)
         q, left = kin.solve(targets, np.tile(starts, (len(targets) // seeds, 1)), iterations=30, damping=1e-2)
         miss = np.linalg.norm(kin.tool(q)[:, :3, 3] - targets[:, :3, 3], axis=1)
-        good = (left < 1e-3).reshape(*ok.shape, seeds).any(axis=2)
+        good = left < 1e-3
         text = f"{name}: the arm's nearest miss is {1000 * miss.min():.0f} mm; choose a place nearer to free floor"
         misses.note(0, float(miss.min()), text)
-        ok &= good
-    for b, k in np.argwhere(ok):
-        yield bases[b][0], bases[b][1], int(k)
+        depth = np.full(len(q), np.inf)
+        owner = np.repeat(poses, len(grasps) * seeds, axis=0)
+        depth[good] = arm_depth(shape, near, q[good], owner[good], fingers=False)
+        least = depth.reshape(*ok.shape, seeds).min(axis=2)
+        ok &= np.isfinite(least)
+        clear &= least <= SLACK
+    rank = np.cumsum(ok, axis=1)
+    for b, k in sorted(np.argwhere(ok), key=lambda pair: (rank[tuple(pair)], *pair)):
+        yield *bases[b], int(k), bool(clear[b, k])
 
 
 def chunks(items: Iterator[tuple[np.ndarray, float]], size: int) -> Iterator[list[tuple[np.ndarray, float]]]:

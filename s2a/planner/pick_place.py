@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,6 +13,7 @@ from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.object_grasps import ObjectGrasps, matrix, object_grasps
 from s2a.planner.obstacles import HELD_RADIUS, RoomHulls, gripper_spheres, surface_points
 from s2a.planner.pick_base import arm_depth, bases, chunks, reached
+from s2a.planner.pick_plan import PickPlan
 from s2a.robot.collision import SLACK, RobotShape, robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
@@ -24,50 +25,33 @@ STEP = 0.02
 """[m] Between poses of a straight path."""
 DROP = 0.001
 """[m] Above the planned place the fingers open, so that the object is not pressed onto its support."""
-GRASPS, BASES, PAIRS = 16, 24, 24
+GRASPS, BASES, PAIRS = 16, 24, 96
 """Grasps and bases that are tried, and pairs of both that are planned to the end."""
 IK_SEEDS = 12
 """Starts of the inverse kinematics."""
+Fits = Callable[[list[tuple[np.ndarray, float]]], list[tuple[np.ndarray, float]]]
+"""Poses [4 4] and pedestals of bases [m] -> those of them that will do."""
 SEARCH = 5.0
 """[s] For each collision-free motion."""
 
 
-@dataclass(frozen=True)
-class PickPlan:
-    """A way to pick and place an object.
-
-    Attributes:
-        base: pose of the robot's base, 7-vector, scene frame.
-        pedestal: height of what it stands on [m].
-        reach: joints from home to the point of approach, shape [pose arm].
-        approach: from there to the grasp.
-        lift: from the grasp to above it.
-        carry: from there to above the place.
-        lower: from there to the place.
-        retreat: from there with open fingers, back from the object.
-        grasp: tool frame in the object's body frame when the fingers close, shape [4 4].
-    """
-
-    base: np.ndarray
-    pedestal: float
-    reach: np.ndarray
-    approach: np.ndarray
-    lift: np.ndarray
-    carry: np.ndarray
-    lower: np.ndarray
-    retreat: np.ndarray
-    grasp: np.ndarray
-
-
 def plan_pick(
-    room: SimRoom, target: str, start: np.ndarray, goal: np.ndarray, spec: RobotSpec, seed: int = 0
+    room: SimRoom,
+    target: str,
+    start: np.ndarray,
+    goal: np.ndarray,
+    spec: RobotSpec,
+    seed: int = 0,
+    fits: Fits | None = None,
 ) -> PickPlan:
     """Return how a robot picks an object at a pose and places it at another; 7-vectors of its body frame, scene frame.
+
+    `fits` says which bases will do, of those where the robot can stand.
 
     Raises:
         Unreachable: no grasp, base or path was found.
     """
-    return _Search(room, target, start, goal, spec, seed).plan()
+    return _Search(room, target, start, goal, spec, seed).plan(fits)
 
 
 class _Search:
@@ -86,20 +70,31 @@ class _Search:
         self._misses = Misses()
         self._grasps = object_grasps(hulls, np.array(self._object.mass.center), spec.gripper, seed)
 
-    def plan(self) -> PickPlan:
+    def plan(self, fits: Fits | None) -> PickPlan:
         """Return the first plan found."""
-        grasps = self._clear_grasps()
-        tried = 0
-        places = {"grasp": self._start, "place": self._goal}
-        for some in chunks(bases(self._shape, self._near, self._start, self._goal), BASES):
-            for base, pedestal, k in reached(self._shape, places, some, grasps, self._seed, self._misses):
-                found = self._plan_from(base, pedestal, grasps[k])
-                if found is not None:
-                    return found
-                tried += 1
-                if tried >= PAIRS:
-                    raise self._failure()
+        grasps, tried = self._clear_grasps(), 0
+        for base, pedestal, k in self._pairs(grasps, fits):
+            found = self._plan_from(base, pedestal, grasps[k])
+            if found is not None:
+                return found
+            tried += 1
+            if tried >= PAIRS:
+                break
         raise self._failure()
+
+    def _pairs(self, grasps: np.ndarray, fits: Fits | None) -> Iterator[tuple[np.ndarray, float, int]]:
+        """Yield bases, pedestals and indices of grasps that reach, those where the arm was found to be clear first."""
+        places = {"grasp": self._start, "place": self._goal}
+        later: list[tuple[np.ndarray, float, int]] = []
+        for some in chunks(bases(self._shape, self._near, self._start, self._goal), BASES):
+            kept = some if fits is None else fits(some)
+            found = reached(self._shape, self._near, places, kept, grasps, self._seed, self._misses)
+            for base, pedestal, k, clear in found:
+                if clear:
+                    yield base, pedestal, k
+                else:
+                    later.append((base, pedestal, k))
+        yield from later
 
     def _failure(self) -> Unreachable:
         return Unreachable(f"{self._target!r} cannot be picked and placed so: {self._misses.text}")
@@ -111,8 +106,9 @@ class _Search:
         if not len(found.tool):
             size = np.ptp(self._points, axis=0).min()
             raise Unreachable(
-                f"{self._target!r}: grasp: no two opposite faces fit between the fingers, which open {1000 * widest:.0f} mm; "
-                f"the object's thinnest extent is {1000 * size:.0f} mm; choose a smaller object or another robot="
+                f"{self._target!r}: grasp: no two opposite faces as wide as the pads fit between the fingers, which "
+                f"open {1000 * widest:.0f} mm; the object's thinnest extent is {1000 * size:.0f} mm; choose a smaller "
+                "object or another robot="
             )
         depth = np.zeros(len(found.tool))
         for at in (self._start, self._goal):

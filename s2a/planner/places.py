@@ -99,7 +99,7 @@ def free_placement(room: SimRoom, name: str, support: str, other: np.ndarray) ->
     body = room.free[name]
     turn = matrix(scanned(room, name))[:3, :3]
     points = surface_points([c.mesh for c in body.colliders], 200) @ turn.T
-    foot = _footprint(points)
+    foot = footprint(points)
     spots = [
         np.array([x, y])
         for x, y in itertools.product(np.arange(low[0], high[0], GRID), np.arange(low[1], high[1], GRID))
@@ -120,7 +120,7 @@ def free_placement(room: SimRoom, name: str, support: str, other: np.ndarray) ->
     )
 
 
-def _footprint(points: np.ndarray) -> np.ndarray:
+def footprint(points: np.ndarray) -> np.ndarray:
     """Return points on the ground below an object [point 3] and on its bounds with some margin, shape [point 2]."""
     low, high = points[:, :2].min(axis=0) - 0.01, points[:, :2].max(axis=0) + 0.01
     sides = [np.linspace(a, b, 3) for a, b in zip(low, high, strict=True)]

@@ -14,6 +14,8 @@ _log = logging.getLogger(__name__)
 
 MAX_STATIC = 64
 """Colliders of the room in a world: each costs time even where nothing touches it (7 % of a step for 60 of them)."""
+AROUND = 0.1
+"""[m] Around a planned path: what the arm may touch as it follows it."""
 BESIDE = 0.05
 """[m] What is so near to the path of what moves is needed though the arm does not reach it."""
 
@@ -26,11 +28,13 @@ class Workspace:
         points: of the paths of all that moves, and of the space between the robot's shoulder and them [m], shape [point 3].
         shoulder: of the robot [m], shape [3].
         reach: of its arm [m].
+        planned: The points are of all that the arm, too, passes on a plan: what is around them matters most.
     """
 
     points: np.ndarray
     shoulder: np.ndarray
     reach: float
+    planned: bool = False
 
     @classmethod
     def around(cls, paths: np.ndarray, held: np.ndarray, shoulder: np.ndarray, reach: float) -> Workspace:
@@ -43,8 +47,9 @@ class Workspace:
 def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, room: str) -> None:
     """Deactivate, in the stage's edit target, all but the `MAX_STATIC` colliders that matter most.
 
-    Walls, floor and ceiling come first, then what is nearest to the workspace. What is out of the arm's reach and off the
-    path of all that moves is not needed. Logs what is left out; warns where the arm could have touched it.
+    What a plan passes comes first, then walls, floor and ceiling, then what is nearest to the workspace. What is out of the
+    arm's reach and off the path of all that moves is not needed. Logs what is left out; warns where the arm could have
+    touched it, or a plan passes it.
 
     Args:
         stage: the world's stage.
@@ -57,12 +62,13 @@ def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, 
     reached = np.array([_distance(space.shoulder[None], p) for p in planes]) <= space.reach
     structure = np.array([bool(prim.GetAttribute("s2a:structure").Get()) for prim in colliders], bool)
     needed = reached | (distance <= BESIDE)
-    order = np.lexsort((distance, ~structure, ~needed))
+    first = (distance <= AROUND) & space.planned
+    order = np.lexsort((distance, ~structure, ~first, ~needed))
     count = min(int(needed.sum()), MAX_STATIC)
     kept, left = order[:count], order[count:]
     for k in left:
         colliders[k].SetActive(False)
-    missed = [k for k in left if reached[k]]
+    missed = [k for k in left if reached[k] and (first[k] or not space.planned)]
     _log.info("%s: %d of %d static colliders are loaded", room, len(kept), len(colliders))
     if missed:
         names = dict.fromkeys(str(colliders[k].GetAttribute("s2a:part").Get()) for k in missed)

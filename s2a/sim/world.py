@@ -19,6 +19,7 @@ from s2a.robot.model import add_robot
 from s2a.robot.spec import Gains, RobotSpec
 from s2a.scene import Joint, Mesh
 from s2a.sim.freezing import kept_bodies
+from s2a.sim.nearby import Workspace
 from s2a.sim.room import add_pedestal, add_room, open_physics, pedestal, workspace
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
@@ -104,6 +105,10 @@ class SimStage:
     def travel(self) -> float:
         """Path length of the grasp point from the scanned pose to the open limit [m]."""
         return travel(self.joint, self.grasp[:3])
+
+    def workspace(self) -> Workspace:
+        """Return where something can be touched: near which colliders of the room are loaded."""
+        return workspace(self.room, self.active, self.base, self.robot)
 
 
 def read_stage(path: Path, part: str | None = None, *, robot: str | None = None, also: Sequence[str] = ()) -> SimStage:
@@ -210,7 +215,7 @@ def empty_world() -> newton.ModelBuilder:
 
 def _add_room(builder: newton.ModelBuilder, stage: SimStage, *, static: bool, both_kinds: bool) -> None:
     """Add what is active of a room, what it hangs on, and the colliders near it."""
-    space = workspace(stage.room, stage.active, stage.base, stage.robot)
+    space = stage.workspace()
     doubled = [stage.target] if both_kinds else []
     opened = open_physics(stage.path)
     add_room(builder, stage.room, opened, stage.active, space=space, static=static, both_kinds=doubled)

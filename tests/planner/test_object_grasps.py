@@ -61,3 +61,12 @@ def test_no_grasp_has_the_object_in_a_finger_or_in_the_gripper_body() -> None:
 def test_the_best_grasp_is_nearest_to_the_center_of_mass() -> None:
     found = object_grasps([box((0, 0, 0), (0.1, 0.02, 0.02))], np.array([0.06, 0.0, 0.0]), GRIPPER)
     assert found.tool[0, 0, 3] == pytest.approx(0.06, abs=0.02)
+
+
+def test_pads_do_not_hold_by_an_edge() -> None:
+    """A jar too wide to be held, with a lid of 4 mm: pads of 12 mm find no 6 mm of it. With one of 30 mm they do."""
+    body = box((0, 0, 0), (0.045, 0.045, 0.05))
+    assert not len(grasps(body, box((0, 0, 0.052), (0.03, 0.03, 0.002))).tool)
+    found = grasps(body, box((0, 0, 0.065), (0.03, 0.03, 0.015)))
+    assert len(found.tool)
+    assert (found.tool[:, 2, 3] > 0.05).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 
@@ -12,11 +13,16 @@ from cabinet import box, free_cube, write_cabinet
 from s2a import robot
 from s2a.errors import InputError
 from s2a.planner.free_motion import free_motion
-from s2a.planner.object_grasps import matrix
+from s2a.planner.misses import Misses
+from s2a.planner.object_grasps import matrix, object_grasps
 from s2a.planner.obstacles import RoomHulls
-from s2a.planner.pick_place import PickPlan, Unreachable, plan_pick
+from s2a.planner.pick_base import bases, reached
+from s2a.planner.pick_place import Unreachable, plan_pick
+from s2a.planner.pick_plan import PickPlan
 from s2a.planner.places import APART, free_placement, place_pose
+from s2a.robot.collision import robot_shape
 from s2a.robot.kinematics import kinematics
+from s2a.scene import Mesh
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import SimRoom
 
@@ -126,3 +132,40 @@ def test_no_motion_through_a_wall() -> None:
 
     start, goal = np.array([-1.0, 0.0]), np.array([1.0, 0.0])
     assert free_motion(start, goal, np.full(2, -2.0), np.full(2, 2.0), free, 0.3, 0) is None
+
+
+def shelf_view(tmp_path: Path, *extra: Mesh) -> list[tuple[np.ndarray, float, int, bool]]:
+    """Return the bases and grasps that reach the cube at both ends, with a further hull in the room."""
+    room, shape = room_of(tmp_path), robot_shape(PANDA)
+    bare = RoomHulls(room, {"cube_9"}, START[:3])
+    near = RoomHulls(room, {"cube_9"}, START[:3], *extra)
+    grasps = object_grasps([c.mesh for c in room.free["cube_9"].colliders], np.zeros(3), PANDA.gripper).tool
+    down = grasps[grasps[:, 2, 2] < -0.99]
+    down = down[:: max(1, len(down) // 8)]
+    some = list(itertools.islice(bases(shape, bare, matrix(START), matrix(GOAL)), 48))
+    return list(reached(shape, near, {"grasp": matrix(START), "place": matrix(GOAL)}, some, down, 0, Misses()))
+
+
+def test_every_base_is_tried_before_any_base_s_second_grasp(tmp_path: Path) -> None:
+    found = shelf_view(tmp_path)
+    tried = [base[:3, 3].tobytes() for base, *_ in found]
+    nth = [tried[:i].count(base) for i, base in enumerate(tried)]
+    assert len(set(tried)) > 1
+    assert max(nth) >= 1
+    assert nth == sorted(nth)
+    assert any(clear for *_, clear in found)
+
+
+def test_an_arm_within_the_room_is_said(tmp_path: Path) -> None:
+    around = box((0.2, -0.05, 1.2), (0.6, 0.6, 0.25))  # what comes from above passes it
+    found = shelf_view(tmp_path, around)
+    assert found
+    assert not any(clear for *_, clear in found)
+
+
+def test_a_plan_passes_home_and_both_ends(plan: PickPlan) -> None:
+    swept = plan.swept(PANDA, np.zeros((1, 3)))
+    for end in (START, GOAL):
+        assert np.linalg.norm(swept - end[:3], axis=1).min() < 0.005
+    home = matrix(plan.base) @ kinematics(PANDA).tool(np.array([PANDA.home]))[0]
+    assert np.linalg.norm(swept - home[:3, 3], axis=1).min() < 0.1

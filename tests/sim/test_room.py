@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import newton
@@ -20,7 +20,7 @@ from s2a.prepare import prepare
 from s2a.scene import Mesh
 from s2a.sim import nearby
 from s2a.sim.simulation import SimConfig, Simulation
-from s2a.sim.world import JointConfig, build_world, read_stage
+from s2a.sim.world import JointConfig, SimStage, build_world, read_stage
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import Base
 
@@ -160,6 +160,32 @@ def test_the_nearest_to_the_path_are_loaded(tmp_path: Path) -> None:
     assert heights[0] == pytest.approx(0.2) or heights[-1] == pytest.approx(0.2 + 0.015 * 79)
     assert min(abs(height - HANDLE[2]) for height in heights) < 0.01
     assert np.diff(heights).max() == pytest.approx(0.015)  # what is left out is farthest, not here and there
+
+
+class PlannedStage(SimStage):
+    """A part of a room in which a plan passes the lowest of the boxes."""
+
+    def workspace(self) -> nearby.Workspace:
+        found = super().workspace()
+        return replace(found, points=np.array([[HANDLE[0] + 0.3, 0.3, 0.2]]), planned=True)
+
+
+def test_what_is_nearest_to_a_plan_comes_before_walls_and_handles(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = crowded(tmp_path, 80, 0.015)
+    room = sim_stage.read(path)
+    sim_stage.write(replace(room, static_colliders=tuple(replace(c, structure=c.mesh.vertices[:, 2].max() < 0.1)
+                                                         for c in room.static_colliders)), path)  # fmt: skip
+    stage = PlannedStage(**{f.name: getattr(read_stage(path, "drawer_2"), f.name) for f in fields(SimStage)})
+    with caplog.at_level(logging.WARNING):
+        names = static(build_world(stage, FREE, 1 / 240))
+    # Box k is 0.015 k above the plan. The floor, on which things may fall, is left out for none but those it passes.
+    assert any(name.endswith("room_3_00") for name in names)
+    boxes = sorted(k for name in names if (k := int(name[-2:]) - 2) >= 0)
+    assert len(names) == nearby.MAX_STATIC
+    assert boxes == list(range(len(boxes)))
+    assert "not loaded" not in caplog.text  # what is left out is 0.9 m off the plan
 
 
 def test_what_no_arm_reaches_and_nothing_meets_is_not_loaded_in_silence(

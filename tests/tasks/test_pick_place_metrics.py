@@ -14,7 +14,7 @@ from settings import load
 
 from s2a import tasks
 from s2a.env.vec_env import VecEnv
-from s2a.planner.pick_place import PickPlan
+from s2a.planner.pick_plan import PickPlan
 from s2a.scene import Joint
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics

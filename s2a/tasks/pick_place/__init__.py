@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
 
 from s2a.env.state import State
-from s2a.env.task import Task
+from s2a.env.task import MdpConfig, Task
 from s2a.errors import InputError
 from s2a.planner.trajectory import Trajectory
 from s2a.sim.contacts import ContactSensor
@@ -22,12 +22,18 @@ from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
 class PickPlaceTask(Task):
     """Pick the object of every world and place it; observations are those of `mdp.observe`."""
 
-    Config, Metrics = PickPlaceConfig, PickPlaceMetrics
-    Handles, PERSISTENT = mdp.PickPlace, ("progress", "last", "released", "origin")
-    REWARDS, METRICS, VALUES, METRICS_VERSION = mdp.REWARDS, mdp.METRICS, mdp.VALUES, 1
+    Config: ClassVar[type[MdpConfig]] = PickPlaceConfig
+    Metrics: ClassVar[type] = PickPlaceMetrics
+    Handles: ClassVar[Any] = mdp.PickPlace
+    PERSISTENT: ClassVar[tuple[str, ...]] = ("progress", "last", "released", "origin")
+    REWARDS, METRICS_VERSION = mdp.REWARDS, 1
+    METRICS: ClassVar[tuple[str, ...]] = mdp.METRICS
+    VALUES: ClassVar[tuple[str, ...]] = mdp.VALUES
     LOGGED = ("success", "placed", "carried", "grasped")
+    KERNELS: ClassVar[Any] = mdp
 
     stage: skill.PickStage
+    others: list[int]
 
     def __init__(self, sim: Simulation, config: PickPlaceConfig, metrics: PickPlaceMetrics) -> None:
         """Bind the task to worlds of a PickStage."""
@@ -63,7 +69,7 @@ class PickPlaceTask(Task):
         h.base = wp.quat(*self.stage.base[3:])
         h.goal = wp.transform(*self.stage.goal[:3], *self.stage.goal[3:])
         bodies = sim.model.body_count // sim.num_envs
-        others = [i for i in range(bodies) if i not in (*sim.layout.robot_bodies, sim.layout.part_body)]
+        others = self.others = [i for i in range(bodies) if i not in (*sim.layout.robot_bodies, sim.layout.part_body)]
         n = sim.num_envs
         h.others = wp.array(others, dtype=int)
         h.progress = wp.zeros((n, mdp.PROGRESS), dtype=float)
@@ -81,7 +87,7 @@ class PickPlaceTask(Task):
 
     @staticmethod
     def read_stage(
-        path: Path, part: str | None, robot: str | None, also: Sequence[str], config: PickPlaceConfig
+        path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any
     ) -> skill.PickStage:
         """Read the room, and plan for the object."""
         return skill.read_stage(path, part, robot, also, config)
@@ -103,11 +109,11 @@ class PickPlaceTask(Task):
 
     def reset(self, state: State) -> None:
         """Start a new episode where one ended."""
-        self.launch(mdp.reset, state, self._start)
+        self.launch(self.KERNELS.reset, state, self._start)
 
     def before_step(self, state: State) -> None:
         """Forget the touch of the control step before."""
-        self.launch(mdp.begin, state)
+        self.launch(self.KERNELS.begin, state)
 
     def after_substep(self, state: State) -> None:
         """Read the contacts, and attribute the object's path to what held it."""
@@ -118,15 +124,15 @@ class PickPlaceTask(Task):
 
     def update(self, state: State) -> None:
         """Count the steps at rest at the place."""
-        self.launch(mdp.update, state, self.sim.state.body_qd.reshape(state.body_q.shape))
+        self.launch(self.KERNELS.update, state, self.sim.state.body_qd.reshape(state.body_q.shape))
 
     def observe(self, state: State) -> None:
         """Write the observations."""
-        self.launch(mdp.observe, state)
+        self.launch(self.KERNELS.observe, state)
 
     def result(self, state: State) -> None:
         """Write how finished episodes went."""
-        self.launch(mdp.write_result, state)
+        self.launch(self.KERNELS.write_result, state)
 
 
 TASK = PickPlaceTask

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +12,14 @@ from s2a import robot as robots
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
 from s2a.planner.motion import PlannerConfig
-from s2a.planner.pick_place import LIFT, PickPlan, plan_pick
+from s2a.planner.obstacles import surface_points
+from s2a.planner.pick_place import LIFT, plan_pick
+from s2a.planner.pick_plan import PickPlan
 from s2a.planner.places import free_object, place_pose, scanned
-from s2a.planner.trajectory import USED, Trajectory, closing, reach_steps, timed
+from s2a.planner.segments import Segments
+from s2a.planner.trajectory import Trajectory
 from s2a.scene import Joint
+from s2a.sim.nearby import Workspace
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 from s2a.tasks.pick_place.config import PickPlaceConfig
@@ -25,10 +28,6 @@ from s2a.usd.sim_scene import DEFAULT_ROBOT
 
 NEIGHBOURS = 0.4
 """[m] From start or place: free objects up to there can move."""
-SPEED = 0.6
-"""[rad] Of all joints together that a carried object is moved in a second."""
-SETTLE = 0.7
-"""[s] Between two motions: the arm's controller lags by 0.2 s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +44,12 @@ class PickStage(SimStage):
     goal: np.ndarray
     plan: PickPlan
 
+    def workspace(self) -> Workspace:
+        """Return where the plan, and what lies free, pass."""
+        found, spec = super().workspace(), robots.load(self.robot)
+        points = self.plan.swept(spec, surface_points([c.mesh for c in self.room.free[self.target].colliders]))
+        return Workspace(np.concatenate([found.points, points]), found.shoulder, found.reach, planned=True)
+
 
 def read_stage(
     path: Path, part: str | None, robot: str | None, also: Sequence[str], config: PickPlaceConfig
@@ -58,10 +63,7 @@ def read_stage(
     target, name = free_object(room, part), robot or DEFAULT_ROBOT
     start, goal = _ends(room, target, config)
     plan = plan_pick(room, target, start, goal, robots.load(name))
-    near = [
-        i for i, body in room.free.items()
-        if i != target and min(np.linalg.norm(np.subtract(body.position, at[:3])) for at in (start, goal)) < NEIGHBOURS
-    ]  # fmt: skip
+    near = neighbours(room, target, start, goal)
     surface = merge([c.mesh for c in room.free[target].colliders])
     return PickStage(
         path=path,
@@ -81,6 +83,14 @@ def read_stage(
     )
 
 
+def neighbours(room: sim_stage.SimRoom, target: str, start: np.ndarray, goal: np.ndarray) -> list[str]:
+    """Return the free objects that can move too: those near start or place (7-vectors) of the one that is picked."""
+    return [
+        i for i, body in room.free.items()
+        if i != target and min(np.linalg.norm(np.subtract(body.position, at[:3])) for at in (start, goal)) < NEIGHBOURS
+    ]  # fmt: skip
+
+
 def _ends(room: sim_stage.SimRoom, target: str, config: PickPlaceConfig) -> tuple[np.ndarray, np.ndarray]:
     """Return where the object starts and where it is to be placed, 7-vectors."""
     if config.start == config.place:
@@ -97,40 +107,25 @@ def _ends(room: sim_stage.SimRoom, target: str, config: PickPlaceConfig) -> tupl
 
 def trajectory(sim: Simulation, plan: PickPlan, config: PlannerConfig) -> Trajectory:
     """Return the joint targets that do a plan, from home on."""
-    spec, limits = sim.robot, sim.plan_limits
+    found = segments(sim, plan.reach[0], config)
+    pick(found, plan, config)
+    return found.trajectory(config.start_noise, config.reach_time)
+
+
+def segments(sim: Simulation, first: np.ndarray, config: PlannerConfig) -> Segments:
+    """Return the beginning of a motion in a simulation, at joints [arm]."""
     rate = 1.0 / (sim.config.dt * sim.config.substeps)
-    wide, still = spec.gripper.finger_joint_open, math.ceil(SETTLE * rate)
-    shut = closing(spec.gripper, config.close_time, rate)
-    arm, finger = [plan.reach[:1]], [np.full(1, wide)]
-    closed = 0
+    return Segments(first, sim.robot, sim.plan_limits, rate, config.close_time)
 
-    def go(path: np.ndarray, fingers: float, seconds: float) -> None:
-        moved = timed(path, seconds, limits, rate)
-        arm.append(np.concatenate([moved, np.tile(moved[-1], (still, 1))]))
-        finger.append(np.full(len(arm[-1]), fingers))
 
-    def grip(values: np.ndarray) -> None:
-        arm.append(np.tile(arm[-1][-1], (len(values), 1)))
-        finger.append(values)
-
-    go(plan.reach, wide, max(config.reach_time, _length(plan.reach) / SPEED))
-    go(plan.approach, wide, config.approach_time)
-    grip(shut)
-    closed = sum(map(len, arm))
+def pick(found: Segments, plan: PickPlan, config: PlannerConfig) -> None:
+    """Add the segments of a plan to a motion."""
     straight = config.approach_time * LIFT / config.approach
-    go(plan.lift, 0.0, straight)
-    go(plan.carry, 0.0, max(config.reach_time, _length(plan.carry) / SPEED))
-    go(plan.lower, 0.0, 2.0 * straight)
-    grip(wide - shut)
-    go(plan.retreat, wide, config.approach_time)
-    arms, fingers = np.concatenate(arm), np.concatenate(finger)[:, None]
-    home = np.array(spec.home)
-    # The fingers may start closed; an eased motion's peak is 4/3 of its mean speed.
-    opening = 4.0 / 3.0 * wide / (USED * spec.gripper.finger_speed)
-    reach = reach_steps(home, arms[0], config.start_noise, max(0.5 * config.reach_time, opening), limits, rate)
-    return Trajectory(np.concatenate([arms, fingers, fingers], axis=1), np.zeros(len(arms)), reach, closed)
-
-
-def _length(path: np.ndarray) -> float:
-    """Return the length of a joint path [pose arm] [rad]."""
-    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    found.between(plan.reach, config.reach_time)
+    found.go(plan.approach, config.approach_time)
+    found.close()
+    found.go(plan.lift, straight)
+    found.between(plan.carry, config.reach_time)
+    found.go(plan.lower, 2.0 * straight)
+    found.open()
+    found.go(plan.retreat, config.approach_time)

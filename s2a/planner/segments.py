@@ -1,0 +1,75 @@
+"""Joint targets of a motion that is made of segments: paths of the arm, and a gripper that closes and opens between them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from s2a.planner.trajectory import USED, Trajectory, closing, reach_steps, timed
+from s2a.robot.spec import JointLimits, RobotSpec
+
+SPEED = 0.6
+"""[rad] Of all joints together that the arm moves in a second between two straight paths."""
+SETTLE = 0.7
+"""[s] Between two motions: the arm's controller lags by 0.2 s."""
+
+
+class Segments:
+    """Collects targets, from one joint position with open fingers on.
+
+    Attributes:
+        closed: index of the first target with the gripper closed for the first time; 0: it has not.
+    """
+
+    def __init__(self, first: np.ndarray, spec: RobotSpec, limits: JointLimits, rate: float, close_time: float) -> None:
+        """Begin at joints [arm].
+
+        Args:
+            first: joints [arm].
+            spec: the robot.
+            limits: that the arm keeps.
+            rate: control steps a second.
+            close_time: for the fingers to close [s].
+        """
+        self._spec, self._limits, self._rate = spec, limits, rate
+        self._shut = closing(spec.gripper, close_time, rate)
+        self._wide = self._fingers = spec.gripper.finger_joint_open
+        self._arm, self._finger = [first[None]], [np.full(1, self._wide)]
+        self.closed = 0
+
+    def go(self, path: np.ndarray, seconds: float) -> None:
+        """Follow a path [pose arm] in `seconds` or more, and wait for the arm."""
+        moved = timed(path, seconds, self._limits, self._rate)
+        still = np.tile(moved[-1], (math.ceil(SETTLE * self._rate), 1))
+        self._arm.append(np.concatenate([moved, still]))
+        self._finger.append(np.full(len(self._arm[-1]), self._fingers))
+
+    def between(self, path: np.ndarray, seconds: float) -> None:
+        """Follow a path [pose arm] between straight ones, at SPEED or slower."""
+        length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+        self.go(path, max(seconds, length / SPEED))
+
+    def close(self) -> None:
+        """Close the fingers on what is between them."""
+        self._grip(self._shut)
+        self.closed = self.closed or sum(map(len, self._arm))
+
+    def open(self) -> None:
+        """Open the fingers."""
+        self._grip(self._wide - self._shut)
+
+    def _grip(self, values: np.ndarray) -> None:
+        self._arm.append(np.tile(self._arm[-1][-1], (len(values), 1)))
+        self._finger.append(values)
+        self._fingers = float(values[-1])
+
+    def trajectory(self, noise: float, reach_time: float) -> Trajectory:
+        """Return the targets, after a motion to the first from home, up to `noise` [rad] off, in half of `reach_time` [s]."""
+        arms, fingers = np.concatenate(self._arm), np.concatenate(self._finger)[:, None]
+        # The fingers may start closed; an eased motion's peak is 4/3 of its mean speed.
+        opening = 4.0 / 3.0 * self._wide / (USED * self._spec.gripper.finger_speed)
+        home = np.array(self._spec.home)
+        reach = reach_steps(home, arms[0], noise, max(0.5 * reach_time, opening), self._limits, self._rate)
+        targets = np.concatenate([arms, fingers, fingers], axis=1)
+        return Trajectory(targets, np.zeros(len(arms)), reach, self.closed)

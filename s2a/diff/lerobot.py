@@ -87,10 +87,10 @@ def _columns(info: dict[str, Any]) -> dict[str, Column]:
         given, short = about.get("names"), feature.removeprefix(OBSERVED)
         if isinstance(given, dict):  # {"motors": [...]}, of older recorders
             given = next(iter(given.values()), None)
-        if list(about.get("shape", ())) == [1] and not given:
-            found.setdefault(_name(short, False), (feature, None))
-        for i, name in enumerate(given or ()):
-            found.setdefault(_name(str(name), short.split(".")[-1] in TORQUES), (feature, i))
+        single = list(about.get("shape", ())) == [1]  # a number a row then, no list
+        for i, name in enumerate(given or ([short] if single else [])):
+            torque = short.split(".")[-1] in TORQUES and name != short
+            found.setdefault(_name(str(name), torque), (feature, None if single else i))
     return found
 
 

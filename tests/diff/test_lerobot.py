@@ -75,6 +75,25 @@ def test_episodes_are_chosen_by_number(dataset: Path) -> None:
         read(dataset, [7])
 
 
+@pytest.mark.parametrize("names", [["opening", "force"], [None, None]])
+def test_a_feature_of_one_number_has_it_without_a_list(dataset: Path, names: list[str | None]) -> None:
+    info = json.loads((dataset / "meta/info.json").read_text())
+    for file in (0, 1):
+        path = dataset / PATH.format(chunk_index=0, file_index=file)
+        table = pq.read_table(path)
+        values = np.array(table["observation.state"].to_pylist(), np.float32)
+        table = table.drop(["observation.state"])
+        for k, one in enumerate(("observation.opening", "observation.force")):
+            table = table.append_column(one, pa.array(values[:, k]))
+            name = names[k] and [names[k]]
+            info["features"][one] = {"dtype": "float32", "shape": [1], "names": name}
+        pq.write_table(table, path)
+    info["features"].pop("observation.state", None)
+    (dataset / "meta/info.json").write_text(json.dumps(info))
+    assert [pull.opening[-1] for pull in read(dataset)] == pytest.approx([0.1, 0.2, 0.3])
+    assert read(dataset)[2].force[-1] == pytest.approx(3.0)
+
+
 def test_frames_are_in_their_order(dataset: Path) -> None:
     file = dataset / PATH.format(chunk_index=0, file_index=0)
     table = pq.read_table(file)

@@ -3,7 +3,7 @@
     python experiments/gradients.py ROOM.usd ... [--joints 64] [--batches 1 64 1024] [--device cpu] [--out FILE]
 
 Losses are those of `s2a identify`: parts of prepared rooms, each with random dynamics, pulled twice (`recorded_pulls`). Gradient:
-SciPy's L-BFGS-B with Warp's tape. Black box: the same with forward differences, an evaluation for each of the five variables and
+SciPy's L-BFGS-B with Warp's tape. Black box: the same with forward differences, an evaluation for each of the seven variables and
 one more. CMA-ES: the package cma, from the same start, of a standard deviation that reaches the truths. A joint is solved where
 its loss comes within 0.5 of the least that any of them found, half a unit of log-likelihood: less, noise does not tell.
 Then seconds of one evaluation of loss and gradient for batches of joints. Rows are kept by device in the file.
@@ -140,7 +140,9 @@ def by_differences(evaluate: Counted, joints: int) -> None:
         return values, np.stack([(each - values) / DIFFERENCE for each in ahead], axis=1)
 
     begin = np.repeat(variables(STARTS[:1]), joints, axis=0)
-    minimize_together(differences, begin, variables(LOWER), variables(UPPER), BUDGET // 6, np.ones(joints, bool))
+    minimize_together(
+        differences, begin, variables(LOWER), variables(UPPER), BUDGET // (1 + STARTS.shape[1]), np.ones(joints, bool)
+    )
 
 
 def by_cma(evaluate: Counted, joints: int) -> None:

@@ -125,9 +125,9 @@ def compare(bodies: list[Moving], pulls: list[list[Pull]], device: str) -> dict[
     }
 
 
-def quantile(evaluations: np.ndarray, share: float) -> float | None:
-    """Return after how many evaluations [joint] so many of the joints are solved; None where they never are."""
-    found = float(np.quantile(evaluations, share, method="inverted_cdf"))
+def quantile(evaluations: np.ndarray, fraction: float) -> float | None:
+    """Return after how many evaluations [joint] that fraction of the joints is solved; None where they never are."""
+    found = float(np.quantile(evaluations, fraction, method="inverted_cdf"))
     return found if np.isfinite(found) else None
 
 

@@ -3,7 +3,7 @@
     python experiments/gradients.py ROOM.usd ... [--joints 64] [--batches 1 64 1024] [--device cpu] [--out FILE]
 
 Losses are those of `s2a identify`: parts of prepared rooms, each with random dynamics, pulled twice (`recorded_pulls`). Gradient:
-SciPy's L-BFGS-B with Warp's tape. Black box: the same with forward differences, an evaluation for each of the five variables and
+SciPy's L-BFGS-B with Warp's tape. Black box: the same with forward differences, an evaluation for each of the seven variables and
 one more. CMA-ES: the package cma, from the same start, of a standard deviation that reaches the truths. A joint is solved where
 its loss comes within 0.5 of the least that any of them found, half a unit of log-likelihood: less, noise does not tell.
 Then seconds of one evaluation of loss and gradient for batches of joints. Rows are kept by device in the file.
@@ -99,7 +99,7 @@ def main() -> None:
     print(json.dumps(row, indent=1))
 
 
-def compare(bodies: list[Moving], pulls: list[list[Pull]], device: str) -> dict[str, dict[str, float]]:
+def compare(bodies: list[Moving], pulls: list[list[Pull]], device: str) -> dict[str, dict[str, float | None]]:
     """Return for each method how many joints it solves, by how many evaluations and in how many seconds."""
     worlds = JointWorlds(bodies, pulls, pulls[0][0].step, NOISE, device)
 
@@ -116,13 +116,19 @@ def compare(bodies: list[Moving], pulls: list[list[Pull]], device: str) -> dict[
     return {
         name: {
             "solved": float(np.isfinite(run.until(target)).mean()),
-            "evaluations_median": float(np.median(run.until(target))),
-            "evaluations_p90": float(np.percentile(run.until(target), 90)),
+            "evaluations_median": quantile(run.until(target), 0.5),
+            "evaluations_p90": quantile(run.until(target), 0.9),
             "evaluations_in_all": len(run.least) - 1,
             "seconds_in_all": times[name],
         }
         for name, run in runs.items()
     }
+
+
+def quantile(evaluations: np.ndarray, fraction: float) -> float | None:
+    """Return after how many evaluations [joint] that fraction of the joints is solved; None where they never are."""
+    found = float(np.quantile(evaluations, fraction, method="inverted_cdf"))
+    return found if np.isfinite(found) else None
 
 
 def by_gradient(evaluate: Counted, joints: int) -> None:
@@ -140,7 +146,9 @@ def by_differences(evaluate: Counted, joints: int) -> None:
         return values, np.stack([(each - values) / DIFFERENCE for each in ahead], axis=1)
 
     begin = np.repeat(variables(STARTS[:1]), joints, axis=0)
-    minimize_together(differences, begin, variables(LOWER), variables(UPPER), BUDGET // 6, np.ones(joints, bool))
+    minimize_together(
+        differences, begin, variables(LOWER), variables(UPPER), BUDGET // (1 + STARTS.shape[1]), np.ones(joints, bool)
+    )
 
 
 def by_cma(evaluate: Counted, joints: int) -> None:

@@ -25,6 +25,7 @@ MODULES = {
     ),
     "learn": ("rsl_rl", "tensorboard", "tensordict", "torch"),
     "llm": ("httpx2", "openai"),
+    "collect": ("pyarrow",),
 }
 """Top-level modules by the extra that installs them."""
 

@@ -50,7 +50,9 @@ class Config:
         stage: the sim.usd.
         part: id of the articulated part; null: the only one of the stage.
         pulls: recordings, CSV files: of a hand with the columns time [s], opening [m] (path of the grasp point) and force [N]
-            (along it); or of the robot, with its joints and their torques, as `s2a evaluate recordings=...` writes them.
+            (along it); or of the robot, with its joints and their torques, as `s2a evaluate recordings=...` writes them. Or
+            folders of LeRobot datasets, whose features have these names; an episode is a recording.
+        episodes: of each dataset, by number; none: all.
         robot: the robot of its own recordings; it stood where the stage has its base.
         torques_carry_weight: Take the recorded torques as carrying the robot's own weight too.
         soft_close_reach: path of the grasp point from shut over which a soft close acts, if the part has one and the stage does
@@ -64,6 +66,7 @@ class Config:
     stage: Path
     part: str | None
     pulls: tuple[Path, ...]
+    episodes: tuple[int, ...]
     robot: RobotSpec
     torques_carry_weight: bool
     soft_close_reach: Positive
@@ -98,9 +101,9 @@ def run(config: Config) -> str:
 def _identified(config: Config, body: Moving, part: str) -> Dynamics:
     """Return the dynamics that recordings of a hand tell, or of the robot: those with a column of one of its joints."""
     spec = config.robot
-    by_robot = [path.is_file() and bool({*spec.joints} & {*header(path)}) for path in config.pulls]
+    by_robot = [bool({*spec.joints} & {*header(path)}) for path in config.pulls]
     if not any(by_robot):
-        pulls = [read(path) for path in config.pulls]
+        pulls = [each for path in config.pulls for each in read(path, config.episodes)]
         (found,) = identify([body], [pulls], Noise(**asdict(config.noise)), device_of(config.device))
         return found
     if not all(by_robot):
@@ -109,7 +112,7 @@ def _identified(config: Config, body: Moving, part: str) -> Dynamics:
         )
     robot.check_unchanged(spec)
     base = read_stage(config.stage, part, robot=spec.name).base
-    recordings = [robot_pull.read(path, spec) for path in config.pulls]
+    recordings = [each for path in config.pulls for each in robot_pull.read(path, spec, config.episodes)]
     pulls = [robot_pull.pull(each, spec, base, body, config.torques_carry_weight) for each in recordings]
     return known_motion.fit(body, pulls, config.noise.force)
 

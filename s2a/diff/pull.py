@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from s2a.diff import lerobot
 from s2a.errors import InputError
 
 COLUMNS = ("time", "opening", "force")
@@ -45,26 +46,44 @@ class Noise:
     force: float
 
 
-def read(path: Path) -> Pull:
-    """Read a recording: a CSV file with the columns COLUMNS; see `table`."""
-    rows, step = table(path, COLUMNS)
-    return Pull(rows[:, 1], rows[:, 2], step)
+def read(path: Path, episodes: Sequence[int] = ()) -> list[Pull]:
+    """Read recordings with the columns COLUMNS; see `tables`."""
+    return [Pull(rows[:, 1], rows[:, 2], step) for rows, step in tables(path, COLUMNS, episodes)]
 
 
 def header(path: Path) -> tuple[str, ...]:
-    """Return the names of a CSV file's columns; none where it has no text."""
+    """Return the names of a CSV file's columns, or of a LeRobot dataset's; none where there is no file or no text in it."""
+    if path.is_dir():
+        return lerobot.names(path)
+    if not path.is_file():
+        return ()
     with path.open(errors="replace") as file:
         return tuple(name.strip() for name in file.readline().split(","))
 
 
-def table(path: Path, columns: Sequence[str]) -> tuple[np.ndarray, float]:
-    """Return columns of a CSV file, shape [sample column], and the time between its samples [s]; the first is `time`.
+def tables(path: Path, columns: Sequence[str], episodes: Sequence[int] = ()) -> list[tuple[np.ndarray, float]]:
+    """Return columns of recordings, shape [sample column], and the time between samples [s]; the first column is `time`.
+
+    Args:
+        path: a CSV file, one recording; or the folder of a LeRobot dataset, a recording an episode.
+        columns: their names.
+        episodes: of a dataset, by number; none: all.
 
     Raises:
         InputError: no such file; a column is missing; not numbers; times that do not rise evenly; fewer than 10 samples.
     """
+    if path.is_dir():
+        return [(rows, _step(where, rows)) for where, rows in lerobot.tables(path, columns, episodes)]
+    rows = _csv(path, columns)
+    return [(rows, _step(str(path), rows))]
+
+
+def _csv(path: Path, columns: Sequence[str]) -> np.ndarray:
+    """Return columns of a CSV file, shape [sample column]."""
     if not path.is_file():
-        raise InputError(f"no recording {str(path)!r}; give a CSV file with the columns {', '.join(columns)}")
+        raise InputError(
+            f"no recording {str(path)!r}; give a CSV file with the columns {', '.join(columns)}, or a LeRobot dataset's folder"
+        )
     if not path.read_bytes().strip():
         raise InputError(f"{path}: empty; give the columns {', '.join(columns)}")
     try:
@@ -77,15 +96,19 @@ def table(path: Path, columns: Sequence[str]) -> tuple[np.ndarray, float]:
         raise InputError(
             f"{path}: no column {missing[0]!r} among {', '.join(names) or 'none'}; it needs {', '.join(columns)}"
         )
-    rows = np.stack([np.atleast_1d(found[name]) for name in columns], axis=1)
+    return np.stack([np.atleast_1d(found[name]) for name in columns], axis=1)
+
+
+def _step(where: str, rows: np.ndarray) -> float:
+    """Return the time between samples [s] of a recording, shape [sample column]; `where` is what to call it."""
     if len(rows) < 10 or not np.isfinite(rows).all():
         raise InputError(
-            f"{path}: {len(rows)} samples, or one that is not a number; record 10 or more numbers in each column"
+            f"{where}: {len(rows)} samples, or one that is not a number; record 10 or more numbers in each column"
         )
     gaps = np.diff(rows[:, 0])
     if gaps.min() <= 0.0 or np.abs(gaps - gaps.mean()).max() > JITTER * gaps.mean():
-        raise InputError(f"{path}: samples {gaps.min():.4g} to {gaps.max():.4g} s apart; resample them at one rate")
-    return rows, float(gaps.mean())
+        raise InputError(f"{where}: samples {gaps.min():.4g} to {gaps.max():.4g} s apart; resample them at one rate")
+    return float(gaps.mean())
 
 
 def same_step(pulls: Sequence[Pull]) -> float:

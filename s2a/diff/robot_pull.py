@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from s2a.articulation import displace
 from s2a.diff.arm_dynamics import ArmDynamics
 from s2a.diff.moving_body import Moving
-from s2a.diff.pull import Pull, table
+from s2a.diff.pull import Pull, tables
 from s2a.errors import InputError
 from s2a.robot.kinematics import kinematics
 from s2a.robot.spec import RobotSpec
@@ -42,11 +43,11 @@ class Recording:
     step: float
 
 
-def read(path: Path, spec: RobotSpec) -> Recording:
-    """Read a CSV file with the columns `spec.recorded`; InputError as for a hand's pull."""
-    rows, step = table(path, spec.recorded)
+def read(path: Path, spec: RobotSpec, episodes: Sequence[int] = ()) -> list[Recording]:
+    """Read recordings with the columns `spec.recorded`; see `s2a.diff.pull.tables`."""
     joints = len(spec.joints)
-    return Recording(rows[:, 1 : 1 + joints], rows[:, 1 + joints :], step)
+    found = tables(path, spec.recorded, episodes)
+    return [Recording(rows[:, 1 : 1 + joints], rows[:, 1 + joints :], step) for rows, step in found]
 
 
 def pull(recording: Recording, spec: RobotSpec, base: np.ndarray, body: Moving, gravity: bool) -> Pull:

@@ -23,7 +23,9 @@ def plain(name: str) -> str:
 
 
 EXTRAS = PROJECT["optional-dependencies"]
-LOCKED = [text for extra in ("sim", "learn", "llm", "dev") for text in EXTRAS[extra] if not text.startswith("s2a[")]
+LOCKED = [
+    text for extra in ("sim", "learn", "llm", "collect", "dev") for text in EXTRAS[extra] if not text.startswith("s2a[")
+]
 
 
 @pytest.mark.parametrize("text", [*PROJECT["dependencies"], *LOCKED])

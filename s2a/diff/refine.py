@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a.articulation import opening_sign
+from s2a.diff.refine_caution import dared
 from s2a.diff.refine_config import RefineConfig
 from s2a.diff.refine_loss import TILT, ZERO
 from s2a.diff.refine_room import JointedRoom, RoomFit, fit, joints_of, loss_of, prior_sigma, priors
@@ -97,17 +98,26 @@ def _results(
     results = {}
     for i, part in enumerate(room.parts):
         values, told = found.values.copy(), known[i]
+        values[i], away = _cautious(values[i], np.where(told, found.sigma[i], 0.0), config)
+        moved = values[i].copy()
         after = loss_of(room, i, values, found.turns, terms)
         values[i] = 0.0
         before = loss_of(room, i, values, found.turns, terms)
         kept = after <= before
         if not kept:
             told = np.zeros_like(told)
-        moved = found.values[i] if kept else values[i]
+            moved, away = values[i], np.zeros_like(away)
         joint = _moved(room, i, moved, bool(told[ZERO]))
-        change = _change(room, i, joint, moved, told, np.where(told, found.sigma[i], prior[i]))
+        change = _change(room, i, joint, moved, told, np.hypot(np.where(told, found.sigma[i], prior[i]), away))
         results[part] = Refined(joint, change, before, after if kept else before)
     return results
+
+
+def _cautious(values: np.ndarray, sigma: np.ndarray, config: RefineConfig) -> tuple[np.ndarray, np.ndarray]:
+    """Return a joint's parameters [5], its axis moved no farther than `dared`, and how far that leaves them from the best [5]."""
+    tilt, found = list(TILT), values.copy()
+    found[tilt] *= dared(values[tilt], sigma[tilt], config.worse, config.risk)
+    return found, np.abs(values - found)
 
 
 def _moved(room: JointedRoom, number: int, values: np.ndarray, ajar: bool) -> Joint:

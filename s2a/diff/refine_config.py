@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from s2a.ranges import Fraction, Positive
+from s2a.ranges import Fraction, NotNegative, Positive
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,8 @@ class RefineConfig:
         penetration: of a part into the rest of the scan on its path [m].
         cut: residual from which a term counts less and less, in standard deviations.
         known: largest fraction of the annotation's standard deviation that is left where a direction counts as known.
+        worse: an axis may get farther from the true one by this [rad] where the annotation happened to be good.
+        risk: probability with which it may get farther by more; a move is shortened accordingly.
         sure: a closed coordinate is changed from so many standard deviations on.
     """
 
@@ -45,4 +47,6 @@ class RefineConfig:
     penetration: Positive
     cut: Positive
     known: Fraction
+    worse: NotNegative
+    risk: Fraction
     sure: Positive

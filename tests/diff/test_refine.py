@@ -59,6 +59,12 @@ def test_the_truth_lies_within_three_standard_deviations(refined) -> None:
         assert angle(found.joint, TRUE[part]) < 3.0 * np.sqrt(2.0) * np.degrees(found.change.angle_sigma)
 
 
+def test_who_dares_nothing_leaves_every_axis_and_says_how_far_off_it_may_be() -> None:
+    for part, found in refine(cabinet(WRONG), replace(SETTINGS, worse=0.0, risk=0.0)).items():
+        assert found.joint.axis == pytest.approx(WRONG[part].axis, abs=1e-12)
+        assert np.degrees(found.change.angle_sigma) > 1.0  # of 2 degrees in two directions
+
+
 def test_a_fit_is_a_minimum() -> None:
     room = joints_of(cabinet(WRONG), SETTINGS)
     found = fit(room, HASTY, room.free, SETTINGS)

@@ -23,9 +23,9 @@ MODULES = {
         "vhacdx",
         "warp",
     ),
-    "learn": ("rsl_rl", "tensorboard", "tensordict", "torch"),
+    "learn": ("onnx", "onnxruntime", "rsl_rl", "tensorboard", "tensordict", "torch"),
     "llm": ("httpx2", "openai"),
-    "collect": ("pyarrow",),
+    "collect": ("av", "pyarrow"),
 }
 """Top-level modules by the extra that installs them."""
 

@@ -40,7 +40,12 @@ class ColourVideo:
         """Finish the file; return min, max, mean and std of the channels in [0, 1], shape [3 1 1], and the number of frames."""
         _finish(self._file, self._stream)
         mean, squares = self._sums[2:] / max(self._frames, 1)
-        found = {"min": self._sums[0], "max": self._sums[1], "mean": mean, "std": np.sqrt(np.maximum(squares - mean**2, 0.0))}
+        found = {
+            "min": self._sums[0],
+            "max": self._sums[1],
+            "mean": mean,
+            "std": np.sqrt(np.maximum(squares - mean**2, 0.0)),
+        }
         return {**{kind: each.reshape(3, 1, 1).tolist() for kind, each in found.items()}, "count": [self._frames]}
 
 

@@ -98,7 +98,7 @@ def _results(
     results = {}
     for i, part in enumerate(room.parts):
         values, told = found.values.copy(), known[i]
-        values[i], away = _cautious(values[i], np.where(told, found.sigma[i], 0.0), config)
+        values[i], away = _cautious(values[i], np.where(told, found.sigma[i], prior[i]), config)
         moved = values[i].copy()
         after = loss_of(room, i, values, found.turns, terms)
         values[i] = 0.0
@@ -116,7 +116,7 @@ def _results(
 def _cautious(values: np.ndarray, sigma: np.ndarray, config: RefineConfig) -> tuple[np.ndarray, np.ndarray]:
     """Return a joint's parameters [5], its axis moved no farther than `dared`, and how far that leaves them from the best [5]."""
     tilt, found = list(TILT), values.copy()
-    found[tilt] *= dared(values[tilt], sigma[tilt], config.worse, config.risk)
+    found[tilt] *= dared(values[tilt], sigma[tilt], config.worse, config.regret)
     return found, np.abs(values - found)
 
 

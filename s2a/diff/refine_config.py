@@ -28,7 +28,7 @@ class RefineConfig:
         cut: residual from which a term counts less and less, in standard deviations.
         known: largest fraction of the annotation's standard deviation that is left where a direction counts as known.
         worse: an axis may get farther from the true one by this [rad] where the annotation happened to be good.
-        risk: probability with which it may get farther by more; a move is shortened accordingly.
+        regret: getting farther by more counts as much as being off by this [rad]; moves are shortened accordingly.
         sure: a closed coordinate is changed from so many standard deviations on.
     """
 
@@ -48,5 +48,5 @@ class RefineConfig:
     cut: Positive
     known: Fraction
     worse: NotNegative
-    risk: Fraction
+    regret: NotNegative
     sure: Positive

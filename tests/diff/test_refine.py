@@ -59,8 +59,8 @@ def test_the_truth_lies_within_three_standard_deviations(refined) -> None:
         assert angle(found.joint, TRUE[part]) < 3.0 * np.sqrt(2.0) * np.degrees(found.change.angle_sigma)
 
 
-def test_who_risks_nothing_moves_what_is_sure_alone() -> None:
-    bold, shy = replace(SETTINGS, risk=1.0), replace(SETTINGS, worse=0.0, risk=0.0)
+def test_who_dreads_harm_moves_less_and_what_is_sure_all_the_same() -> None:
+    bold, shy = replace(SETTINGS, regret=0.0), replace(SETTINGS, worse=0.0, regret=0.1)
     right = [sum(each.change.angle for each in refine(cabinet(), one).values()) for one in (shy, bold)]
     assert right[0] < right[1]
     assert angle(refine(cabinet(WRONG), shy)["drawer_2"].joint, DRAWER) < 0.3

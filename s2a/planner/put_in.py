@@ -21,9 +21,9 @@ from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import ToolPath, part_path
 from s2a.usd.sim_scene import SimRoom
 
-SPOTS = 4
+PLACEMENTS = 4
 """Places in the part that are tried."""
-SPOT_STRIDE = 3
+PLACEMENT_STRIDE = 3
 """Of the places, which lie 2 cm apart, every third is tried."""
 Based = tuple[np.ndarray, float]
 """Pose [4 4] of a base and height of its pedestal [m]."""
@@ -87,7 +87,9 @@ def plan_put(task: PutTask, spec: RobotSpec, seed: int = 0) -> PutPlan:
         InputError: the part has no floor for the object.
     """
     last: Unreachable | None = None
-    for goal, inside in inside_placements(task.room, task.target, task.part, task.opening)[::SPOT_STRIDE][:SPOTS]:
+    for goal, inside in inside_placements(task.room, task.target, task.part, task.opening)[::PLACEMENT_STRIDE][
+        :PLACEMENTS
+    ]:
         try:
             return _Search(task, goal, inside, spec, seed).plan()
         except Unreachable as error:

@@ -67,6 +67,7 @@ def test_an_evaluation_tells_of_each_part(index: Path, tmp_path: Path) -> None:
 
 def test_a_run_begins_with_the_networks_of_another(index: Path, tmp_path: Path) -> None:
     keys = ["train", f"stage={index}", "+experiment=many", *SMALL, "demo_reset_fraction=0", "demo_moved_fraction=0"]
+    keys.append("ppo.imitation_iterations=0")  # the pool has no motions
     assert cli.main([*keys, f"out={tmp_path / 'first'}"]) == 0
     init = tmp_path / "first/model_0.pt"
     rate = "ppo.learning_rate=1e-12"

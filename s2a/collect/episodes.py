@@ -61,7 +61,12 @@ class Collector:
         """
         self._env, self._recorder, self._views, self._size, self._every = env, recorder, views, size, every
         sim = env.sim
-        self.fps = round(1.0 / (sim.config.dt * sim.config.substeps * every))
+        rate = 1.0 / (sim.config.dt * sim.config.substeps)
+        self.fps = round(rate / every)
+        if abs(self.fps * every - rate) > 1e-3 * rate:
+            raise InputError(
+                f"key 'every' is {every}, and {rate:.4g} control steps a second are no whole number of frames"
+            )
 
     def features(self) -> dict[str, dict[str, object]]:
         """Return the dataset's features."""

@@ -6,6 +6,7 @@ import json
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from s2a.collect.episodes import Collector, temporary, write
 from s2a.collect.lerobot import LeRobotDataset
@@ -22,6 +23,7 @@ from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.views import Views, ViewsConfig
 from s2a.tasks import make_env
+from s2a.usd.stamp import layer_hash
 
 ABOUT = "meta/s2a.json"
 PATIENCE = 5
@@ -53,6 +55,10 @@ def run(config: Config) -> str:
     """Collect episodes until there are enough, and return how many there are."""
     if pool.is_index(config.stage):
         raise InputError(f"{config.stage} is a pool; give a sim.usd and a part")
+    if config.views.width % 2 or config.views.height % 2:
+        raise InputError(
+            f"images of {config.views.width} x {config.views.height} pixels cannot be a video; give even numbers"
+        )
     file = PolicyFile(config.policy) if config.policy else None
     physics, task = file.world if file else (config.sim, config.task)
     if physics.vary:
@@ -69,11 +75,9 @@ def run(config: Config) -> str:
     dataset = LeRobotDataset(config.out, collector.fps, stage.robot, collector.features())
     words = config.instruction or f"open the {stage.target.rsplit('_', 1)[0].replace('_', ' ')}"
     about = {"part": stage.target, "robot": stage.robot, "seed": config.seed, "views": asdict(config.views)}
+    about |= {"stage_sha256": layer_hash(config.stage), "world": json.loads(world_json(physics, task))}
     with temporary(config.out) as folder:
-        (config.out / "meta").mkdir(parents=True, exist_ok=True)
-        with atomic_write(config.out / ABOUT) as out:
-            known = {**about, "world": json.loads(world_json(physics, task)), **provenance(sim.device)}
-            out.write_text(json.dumps(known, indent=1, default=str))
+        _keep(config.out / ABOUT, json.loads(json.dumps(about, default=str)), provenance(sim.device))
         began, first, run_episodes = time.perf_counter(), dataset.count, 0
         while dataset.count < config.episodes:
             if run_episodes >= PATIENCE * config.num_envs and dataset.count == first:
@@ -89,3 +93,16 @@ def run(config: Config) -> str:
         f"{config.out}: {dataset.count} episodes, {frames} frames at {collector.fps} a second; {made} of {run_episodes} episodes "
         f"kept, {60.0 * made / seconds:.1f} a minute"
     )
+
+
+def _keep(file: Path, about: dict[str, Any], made: dict[str, Any]) -> None:
+    """Write what a dataset is of; InputError where it is of something else: its episodes could not be played again."""
+    if file.is_file():
+        known = json.loads(file.read_text())
+        if other := [key for key in about if key != "seed" and known.get(key) != about[key]]:
+            raise InputError(
+                f"{file.parent.parent} was collected with another {', '.join(other)}; choose another place"
+            )
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(file) as out:
+        out.write_text(json.dumps({**about, **made}, indent=1))

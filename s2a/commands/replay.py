@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,5 +78,5 @@ def _episode(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
             return {name.removeprefix("start."): file[name] for name in file.files if name != "actions"}, file[
                 "actions"
             ]
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: cannot be read ({error})") from error

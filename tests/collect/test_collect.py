@@ -88,3 +88,32 @@ def test_a_folder_that_is_no_dataset_is_one_line(
 ) -> None:
     assert cli.main(["replay", f"stage={collected[0]}", f"dataset={tmp_path}"]) == 2
     assert "not a dataset of s2a collect" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        (["views.width=33"], "images of 33 x 32 pixels cannot be a video; give even numbers"),
+        (["every=7"], "key 'every' is 7, and 60 control steps a second are no whole number of frames"),
+        (["task.start_noise=0.1"], "was collected with another world; choose another place"),
+        (["views.jitter=0.5"], "was collected with another views"),
+    ],
+)
+def test_what_cannot_be_collected_is_one_line_and_leaves_the_dataset_alone(
+    keys: list[str], why: str, collected: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    stage, out = collected
+    before = {file: file.read_bytes() for file in out.rglob("*") if file.is_file()}
+    assert cli.main(["collect", f"stage={stage}", "episodes=4", f"out={out}", *QUICK, *keys]) == 2
+    assert why in capsys.readouterr().err
+    assert {file: file.read_bytes() for file in out.rglob("*") if file.is_file()} == before
+
+
+def test_a_damaged_episode_is_one_line(collected: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    stage, out = collected
+    file = out / REPLAY.format(index=2)
+    kept = file.read_bytes()
+    file.write_bytes(kept[:200])
+    assert cli.main(["replay", f"stage={stage}", f"dataset={out}", "device=cpu"]) == 2
+    file.write_bytes(kept)
+    assert "episode_000002.npz: cannot be read" in capsys.readouterr().err

@@ -22,7 +22,7 @@ from s2a.part_results import by_part
 from s2a.planner.motion import Planner, PlannerConfig
 from s2a.progress import track
 from s2a.provenance import provenance
-from s2a.ranges import Count, CountFromZero
+from s2a.ranges import Count, CountFromZero, NotNegative
 from s2a.rl.checkpoint import load_policy
 from s2a.rl.policy_file import PolicyFile
 from s2a.rl.run_world import read_world
@@ -55,6 +55,9 @@ class Config:
         task: what the robot has to do; a trained policy has its own settings of what it observes.
         metrics: what is reported of an episode.
         planner: the planner's motion.
+        grasp_error: how far from the true grasp policy and planner see it [m], in any direction; null: as far as in a trained
+            policy's training, and the planner knows the true one.
+        grasp_turn: by how much it is turned [degree], about any axis; null: likewise.
     """
 
     stage: Path
@@ -70,6 +73,8 @@ class Config:
     task: MdpSettings
     metrics: MetricSettings
     planner: PlannerConfig
+    grasp_error: NotNegative | None
+    grasp_turn: NotNegative | None
 
 
 def run(config: Config) -> str:
@@ -94,6 +99,7 @@ def run(config: Config) -> str:
     rates = {name: torch.cat(values).numpy() for name, values in columns.items()}
     found = by_part(rates, entries, np.repeat(np.arange(len(entries)), config.episodes), config.seed)
     about = {"policy": who, "episodes_a_part": config.episodes, "steps": config.steps, "seed": config.seed}
+    about |= {"grasp_error": config.grasp_error, "grasp_turn": config.grasp_turn}
     with atomic_write(config.out) as file:
         file.write_text(json.dumps({**about, **found, **provenance(device)}, indent=1))
     return "\n".join([f"{config.out}: {who}, {config.episodes} episodes a part", *_table(found["over_parts"])])
@@ -105,7 +111,7 @@ def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
     Raises:
         InputError: there is no such policy, or it was trained on an arm with other limits.
     """
-    plain = replace(config.task, episode_steps=config.steps)
+    plain = _asked(config, config.task)
     if config.policy == PLANNER:
         return PLANNER, plain, lambda env, motions: Planner(env, config.planner, motions)
     if config.policy == RANDOM:
@@ -126,10 +132,17 @@ def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
             f"policy {config.policy!r}: trained on an arm with limits {sim.limits}, and the benchmark's has {config.sim.limits}; "
             "train with sim=real or sim=varied"
         )
-    task = replace(task, episode_steps=config.steps)
+    task = _asked(config, task)
     if path.suffix == ".pt":
         return name, task, lambda env, motions: load_policy(env, path)
     return name, task, lambda env, motions: file.bound(env)
+
+
+def _asked(config: Config, task: MdpConfig) -> MdpConfig:
+    """Return a policy's task with what the benchmark asks instead: length of episodes, error of the grasp that is seen."""
+    errors = {name: getattr(config, name) for name in ("grasp_error", "grasp_turn")}
+    asked: dict[str, Any] = {name: (value, value) for name, value in errors.items() if value is not None}
+    return replace(task, episode_steps=config.steps, **asked)
 
 
 def _batches(stages: Sequence[SimStage], most: int) -> Iterator[tuple[int, list[SimStage]]]:

@@ -78,7 +78,9 @@ def run(config: Config) -> str:
         else None
     )
     env = make_env(sim, config.task, config.metrics, config.reward, seed, demo=demo)
-    teacher = Planner(env, config.planner, motions, TEACHING_GAIN, TEACHING_BEHIND) if imitates else None
+    teacher = (
+        Planner(env, config.planner, motions, TEACHING_GAIN, TEACHING_BEHIND, knows_grasp=True) if imitates else None
+    )
     try:
         if lead:
             config.out.mkdir(parents=True, exist_ok=True)

@@ -107,6 +107,10 @@ class Task:
         """Return the arrays that a later step reads before it writes them, by name."""
         return {name: getattr(self.handles, name) for name in self.PERSISTENT}
 
+    def seen_grasp(self) -> np.ndarray | None:
+        """Return the pose of the grasp that is seen in the true grasp's frame, shape [world 7]; None: they are the same."""
+        return None
+
     def reset(self, state: State) -> None:
         """Start a new episode where `state.done` is 1; the environment has put robot and room back."""
 

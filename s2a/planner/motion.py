@@ -20,6 +20,7 @@ from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.planner import pull_law
 from s2a.planner.collision import most_clear
+from s2a.planner.seen_grasp import SeenGrasp
 from s2a.planner.trajectory import Progress, Trajectory, closing, eased, reach_steps, sampled, timed
 from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 from s2a.robot.joint_path import follow
@@ -92,6 +93,7 @@ class Planner:
         motions: Sequence[Demonstration] = (),
         gain: float = 1.0,
         behind: float = BEHIND,
+        knows_grasp: bool = False,
     ) -> None:
         """Take motions that were planned before, one a stage, or plan for the only stage.
 
@@ -102,6 +104,7 @@ class Planner:
             gain: fraction of the distance from the last target of the trajectory that an action makes up for, beside the
                 trajectory's own velocity.
             behind: steps at full velocity that a joint target may be behind the trajectory before this waits for it.
+            knows_grasp: go to the true grasp, also where the task's observation has it elsewhere.
 
         Raises:
             InputError: out of reach.
@@ -126,6 +129,9 @@ class Planner:
         self._ramps = torch.tensor(ramps, dtype=torch.float32, device=sim.device)
         self._reach = torch.tensor(reaches, device=sim.device)[self._stage]
         self._gain, self._behind, self._arm = gain, behind, len(sim.robot.arm_joints)
+        self._seen = (
+            None if knows_grasp or env.task.seen_grasp() is None else SeenGrasp(sim, self.trajectories, self._stage)
+        )
         self._start = self._last = sim.joint_target_q[:, : self._targets.shape[2]].clone()
         self._clock = torch.zeros(env.num_envs, dtype=torch.long, device=sim.device)
 
@@ -148,9 +154,11 @@ class Planner:
         self._start = torch.where(began[:, None], now, self._start)
         first = torch.where(begun < 0, 0, reach + begun)
         step = self._clock = torch.where(began, first, self._clock)
+        if self._seen and bool(began.any()) and (seen := self._env.task.seen_grasp()) is not None:
+            self._seen.see(began, seen)
         fraction = self._ramps[self._stage, step.clamp(max=self._ramps.shape[1] - 1)][:, None]
-        reaching = self._start + fraction * (self._targets[self._stage, 0] - self._start)
-        following = self._targets[self._stage, (step - reach + 1).clamp(0, self._targets.shape[1] - 1)]
+        reaching = self._start + fraction * (self._target(torch.zeros_like(step)) - self._start)
+        following = self._target((step - reach + 1).clamp(0, self._targets.shape[1] - 1))
         following = torch.where((step < reach)[:, None], reaching, following)
         self._last = torch.where(began[:, None], now, self._last)
         action = (following - now - (1.0 - self._gain) * (self._last - now)) / self._env.action_step
@@ -159,6 +167,13 @@ class Planner:
         self._clock = step + goes_on
         self._last = torch.where(goes_on[:, None], following, self._last)
         return action
+
+    def _target(self, step: torch.Tensor) -> torch.Tensor:
+        """Return the targets of each world's trajectory [world joint] at these of its steps [world]."""
+        targets = self._targets[self._stage, step]
+        if self._seen:
+            targets[:, : self._arm] += self._seen(step)
+        return targets
 
 
 def _from_home(sim: Simulation, motion: Demonstration, config: PlannerConfig) -> Trajectory:

@@ -3,6 +3,7 @@
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from s2a.env.state import State
@@ -41,6 +42,10 @@ class PartTask(Task):
         """Return also the grasp that is seen, where it differs from the true one."""
         seen = {"seen": self.handles.p.seen} if part_observation.is_misplaced(self.config) else {}
         return super().persistent() | seen
+
+    def seen_grasp(self) -> np.ndarray | None:
+        """Return the grasp that is seen, where it differs from the true one."""
+        return self.handles.p.seen.numpy() if part_observation.is_misplaced(self.config) else None
 
     def reset(self, state: State) -> None:
         """Start a new episode where one ended, with a new error of the grasp that is seen."""

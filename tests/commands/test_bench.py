@@ -74,6 +74,26 @@ def test_a_result_stays_with_its_part(index: Path, tmp_path: Path, monkeypatch: 
     assert [part["success"] for part in json.loads(out.read_text())["parts"]] == [0.0, 1.0, 0.0]
 
 
+def test_policies_see_the_grasp_as_far_off_as_asked(
+    index: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+
+    def watched(env: object, policy: object) -> dict[str, torch.Tensor]:
+        env.reset_all()
+        seen.append(env.task.seen_grasp())
+        return {name: torch.zeros(env.num_envs) for name in env.task.METRICS}
+
+    monkeypatch.setattr(bench, "run_episodes", watched)
+    out = f"out={tmp_path / 'o.json'}"
+    asked = ["grasp_error=0.02", "grasp_turn=10"]
+    assert cli.main(["bench", f"stage={index}", "policy=random", out, *asked, *QUICK]) == 0
+    assert np.allclose(np.linalg.norm(seen[0][:, :3], axis=1), 0.02)
+    assert np.allclose(2 * np.degrees(np.arccos(np.abs(seen[0][:, 6]))), 10.0, atol=0.01)
+    assert cli.main(["bench", f"stage={index}", "policy=random", out, *QUICK]) == 0
+    assert seen[1] is None
+
+
 @pytest.mark.slow
 def test_the_planner_opens_what_it_has_a_motion_for(tmp_path: Path) -> None:
     write_cabinet(tmp_path / "a_0.usda")

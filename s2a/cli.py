@@ -10,6 +10,7 @@ import contextlib
 import importlib
 import itertools
 import os
+import re
 import signal
 import sys
 import time
@@ -42,6 +43,7 @@ COMMANDS = {
     "pool": "prepare the parts of many virtual rooms, to train one policy on all",
     "train": "train a policy by reinforcement learning (PPO)",
     "evaluate": "measure the success of a policy or of the planner",
+    "do": "do what a sentence says, in simulation: a language model or rules plan, the planner acts",
     "bench": "measure a policy on furniture that nobody trains on, part by part",
     "collect": "collect demonstrations with cameras, as a LeRobot dataset",
     "replay": "play demonstrations again: do they succeed?",
@@ -50,6 +52,8 @@ COMMANDS = {
 }
 OUTPUTS = ("out", "image", "images", "record")
 """Keys that name output files and folders."""
+ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")
+"""How an argument begins that is key=value, or removes a key."""
 FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 
 
@@ -201,8 +205,25 @@ def _dispatch(arguments: list[str]) -> int:
     elif "--multirun" in flags or "-m" in flags:
         sweep(command, overrides)
     else:
-        run(command, config.compose(command, overrides))
+        words, overrides = _words(command, overrides)
+        run(command, config.compose(command, overrides) | words)
     return 0
+
+
+def _words(command: str, arguments: list[str]) -> tuple[dict[str, str], list[str]]:
+    """Return the value of a command's key SENTENCE, which is given as words, and the other arguments.
+
+    Raises:
+        InputError: several arguments are no key=value.
+    """
+    key = getattr(_module(command), "SENTENCE", None)
+    words = [argument for argument in arguments if key and not ASSIGNMENT.match(argument)]
+    if len(words) > 1:
+        raise InputError(
+            f'{" ".join(words)[:80]!r} are {len(words)} arguments; put the {key} into quotation marks: "..."'
+        )
+    rest = [argument for argument in arguments if argument not in words]
+    return ({key: words[0]} if key and words else {}), rest
 
 
 def _unless(arguments: Sequence[str]) -> str:

@@ -1,0 +1,60 @@
+"""Opening and closing a part by its handle, and letting go of it."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from s2a.articulation import transform
+from s2a.env.starts import Demonstration
+from s2a.env.vec_env import VecEnv
+from s2a.errors import InputError
+from s2a.planner.motion import PlannerConfig, planned_path
+from s2a.planner.obstacles import RoomHulls
+from s2a.planner.pick_base import arm_depth
+from s2a.planner.segments import Segments
+from s2a.robot.collision import SLACK, robot_shape
+from s2a.robot.spec import RobotSpec
+from s2a.robot.tool_path import PathSettings, ToolPath, matrices
+from s2a.sim.world import SimStage
+
+
+def motion(env: VecEnv, config: PlannerConfig) -> tuple[Demonstration, np.ndarray]:
+    """Return the motion of a task that moves a part, and its joint path [pose arm]: grasp, move, let go, draw back.
+
+    Raises:
+        InputError: the arm cannot reach along the whole path.
+    """
+    sim = env.sim
+    path, arm = planned_path(sim, config, partial(_with_retreat, env=env))
+    last = len(path.poses) - 1 - path.grasp
+    rate = 1.0 / (sim.config.dt * sim.config.substeps)
+    found = Segments(arm[0], sim.robot, sim.plan_limits, rate, config.close_time)
+    found.go(arm[: path.grasp + 1], config.approach_time)
+    found.close()
+    found.go(arm[path.grasp : last + 1], config.pull_time)
+    found.open()
+    found.go(arm[last:], config.approach_time)
+    targets = found.trajectory(config.start_noise, config.reach_time).targets
+    part = np.full((len(targets), 1), path.q[path.grasp])
+    return Demonstration(targets, np.concatenate([targets, part], axis=1), found.closed), arm
+
+
+def _with_retreat(stage: SimStage, settings: PathSettings, env: VecEnv) -> ToolPath:
+    """Return the task's tool path, and after it the approach backwards, from where the part was moved to."""
+    path = env.task.tool_path(stage, settings, config=env.task.config)
+    moved = transform(stage.joint, float(path.q[-1])) @ np.linalg.inv(transform(stage.joint, float(path.q[path.grasp])))
+    back = moved @ path.poses[: path.grasp][::-1]
+    return ToolPath(np.concatenate([path.poses, back]), np.append(path.q, np.full(len(back), path.q[-1])), path.grasp)
+
+
+def refuse_collision(stage: SimStage, spec: RobotSpec, arm: np.ndarray) -> None:
+    """Raise InputError where the arm in joints [pose arm], or at home, meets the room as it stands; bases are of the shut one."""
+    near = RoomHulls(stage.room, {stage.target}, stage.grasp[:3])
+    (base,) = matrices(stage.base[None])
+    depth = arm_depth(robot_shape(spec), near, np.concatenate([arm, [spec.home]]), base, fingers=False).max()
+    if depth > SLACK:
+        raise InputError(
+            f"from its base for {stage.target!r} the arm reaches {1000 * depth:.0f} mm into the room as it stands now"
+        )

@@ -45,7 +45,7 @@ class Config:
         record: a file for the model's answers, to replay them, or null.
         plan_only: Plan and check, and execute nothing.
         retries: answers of the model that may be rejected, of each plan.
-        replans: plans that are asked for after a skill has failed.
+        replans: plans that a model is asked for after a skill has failed.
         device: cpu, cuda:0, or auto: a GPU where there is one.
         seed: of the start noise.
         robot: the robot that the stage was prepared for.
@@ -91,16 +91,10 @@ def run(config: Config) -> str:
     room = sim_stage.read(config.stage, visuals=config.images is not None)
     context = RoomContext(room, described, config.robot.name, config.skills.put_in.task.opening)
     usage = UsageLog(config.llm.prices)
+    replans = 0 if kind_of(config.llm) == "rules" else config.replans  # the rules have one plan a sentence
+    executor = None if config.plan_only else _executor(config, room)
     with atomic_write(config.out) as out:
-        result = do(
-            context,
-            sentence,
-            model,
-            config.retries,
-            config.replans,
-            usage,
-            None if config.plan_only else _executor(config, room),
-        )
+        result = do(context, sentence, model, config.retries, replans, usage, executor)
         out.write_text(json.dumps(_record(config, sentence, result, usage), indent=1, ensure_ascii=False) + "\n")
     if result.problem:
         raise CheckFailed(_summary(config, result))

@@ -109,7 +109,7 @@ def _episode(
     offsets = {i: 0.0 if i in own else q for i, q in state.joints.items()}
     began = _read(sim, stage, offsets)
     _refuse_jump(skill, room, state, began)
-    record["began"] |= {**began.plain(), "robot": "at home, its base at", "base": _rounded(stage.base)}
+    record["began"] |= {**began.plain(), "arm": "at home, with start noise", "base": _rounded(stage.base)}
     metrics, ended = _simulate(env, planner, sim, stage, offsets, image, config)
     after = state.with_(ended)
     success = metrics[SUCCESS[skill.skill]] == 1.0

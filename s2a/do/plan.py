@@ -119,7 +119,6 @@ def plan(
         InputError: no answer could be used.
     """
     known = {"label": sentence, "sentence": sentence, "room": lines(facts), "things": facts}
-    known |= {"failed": failed.reason if failed else ""}
     question = prompts.question(sentence, text(facts))
     request = Request("skills", prompts.SKILLS, (("user", question),), prompts.SCHEMA, known)
     if failed:

@@ -34,8 +34,6 @@ def rules(request: Request) -> Answer:
     """Answer the question for skills; what is wrong with an earlier answer is a reason to refuse."""
     facts, sentence = request.facts["things"], str(request.facts["sentence"])
     try:
-        if request.facts["failed"]:
-            raise Unresolved("impossible", f"the rules know no other plan; {request.facts['failed']}")
         if len(request.messages) > 1:
             raise Unresolved("impossible", request.messages[-1][1])
         found = Plan(tuple(_skills(sentence, facts)), None, "", ())

@@ -7,8 +7,9 @@ import re
 from dataclasses import asdict, dataclass
 
 from s2a.do.facts import Facts, Thing
-from s2a.do.nouns import Unresolved, resolve
+from s2a.do.nouns import resolve
 from s2a.do.plan import Name, Plan, Skill
+from s2a.do.where import Unresolved
 from s2a.llm.ask import Answer, Request
 
 POLITE = re.compile(
@@ -20,8 +21,10 @@ UNREAD = re.compile(
     r"all|every|each|both|any|either|or|two|three|everything|halfway|half|slightly|degrees|percent|cm|centimeters)\b"
 )
 """Negations, conditions, quantities: to overlook one would do the wrong thing."""
-OPEN = re.compile(r"^(?:open up|open|pull open|pull out|slide open|slide out)\s+(.+)$")
+TRAILING = re.compile(r"(?:\s+(?:please|again|now|for me|right away|gently|carefully|completely|fully))+$")
+OPEN = re.compile(r"^(?:open up|open|pull open|pull out|slide open|slide out|lift up|lift|raise)\s+(.+)$")
 CLOSE = re.compile(r"^(?:close|shut|push shut|push in|slide shut)\s+(.+)$")
+AROUND = re.compile(r"^(?:pull|push|slide|swing)\s+(.+)\s+(open|out|shut|closed|in)$")
 PUT = re.compile(
     r"^(?:put away|put|place|set down|set|lay|move|bring|stow|store|drop|stick|pop|transfer|carry|deposit)\s+(.+)$"
 )
@@ -44,11 +47,12 @@ def rules(request: Request) -> Answer:
 
 @dataclass
 class _Memory:
-    """What "it" means: the part and the object that were named last."""
+    """What "it" means: the part and the object that were named last, and the verb."""
 
     part: str | None = None
     object: str | None = None
     held: bool = False
+    verb: Name | None = None
 
 
 def _skills(sentence: str, facts: Facts) -> list[Skill]:
@@ -62,9 +66,11 @@ def _skills(sentence: str, facts: Facts) -> list[Skill]:
         raise Unresolved("impossible", f"the rules do not read {unread[0]!r}; say one thing at a time")
     clauses = [POLITE.sub("", each.strip()) for each in re.split(r"[,;.]|\band\b|\bthen\b", words)]
     memory, found = _Memory(), list[Skill]()
-    for clause in (" ".join(each.split()) for each in clauses):
+    for clause in (TRAILING.sub("", " ".join(each.split())) for each in clauses):
         if clause and clause != "please":
-            found += _clause(clause.removesuffix(" please"), facts, memory)
+            if found and clause.split()[0] in ("the", "a", "an") and memory.verb:  # "open the window and the door"
+                clause = f"{memory.verb} {clause}"
+            found += _clause(clause, facts, memory)
     if memory.held:
         raise Unresolved("impossible", "no skill holds an object; say where to put it")
     if not found:
@@ -74,12 +80,18 @@ def _skills(sentence: str, facts: Facts) -> list[Skill]:
 
 def _clause(clause: str, facts: Facts, memory: _Memory) -> list[Skill]:
     """Return the skills of one clause."""
+    if found := AROUND.match(clause):
+        clause = f"{'open' if found[2] in ('open', 'out') else 'close'} {found[1]}"
     turns: tuple[tuple[re.Pattern[str], Name], ...] = ((OPEN, "open"), (CLOSE, "close"))
     for pattern, name in turns:
         if found := pattern.match(clause):
+            memory.verb = name
             return [_turn(found[1], name, facts, memory)]
+    memory.verb = None
     if found := PUT.match(clause):
-        return [_put(found[1], facts, memory)]
+        if re.match(r"(?:me|us|him|her)\b", found[1]):
+            raise Unresolved("impossible", "no skill hands an object over")
+        return [_put(re.sub(r" (?:down|away|back)(?= )", "", found[1]), facts, memory)]
     if found := TAKE.match(clause):
         memory.object, memory.held = resolve(found[1], facts, _is_free, "lies free"), True
         return []
@@ -93,6 +105,8 @@ def _turn(words: str, name: Name, facts: Facts, memory: _Memory) -> Skill:
         if memory.part is None:
             raise Unresolved("ambiguous", f"what does {words!r} mean?")
         return Skill(name, memory.part, None, None)
+    if memory.part and re.search(r"\bones?$", words):  # "the bottom one"
+        words = f"{re.sub(r'ones?$', facts[memory.part].label, words)} of {facts[memory.part].parent or memory.part}"
     memory.part = resolve(words, facts, lambda thing: thing.moves, "opens")
     return Skill(name, memory.part, None, None)
 

@@ -67,7 +67,7 @@ def phrase(words: str, labels: Iterable[str]) -> Phrase:
     return Phrase(noun.replace(GLUE, " "), positions, context.replace(GLUE, " "))
 
 
-def resolve(words: str, facts: Facts, fits: Callable[[Thing], bool], what: str) -> str:
+def resolve(words: str, facts: Facts, fits: Callable[[Thing], bool], what: str, *, all_fit: bool = False) -> str:
     """Return the id of the one part that words mean.
 
     Args:
@@ -75,6 +75,7 @@ def resolve(words: str, facts: Facts, fits: Callable[[Thing], bool], what: str) 
         facts: the room.
         fits: which parts can be meant at all, such as those that open; of furniture, its parts that fit are meant.
         what: these in words, for refusals.
+        all_fit: What does not fit may be meant too: of two cups, one of which is fixed, either.
 
     Raises:
         Unresolved: none or several are meant.
@@ -89,10 +90,14 @@ def resolve(words: str, facts: Facts, fits: Callable[[Thing], bool], what: str) 
     found = [i for i in named if fits(facts[i])] or _fitting_parts(said.noun, named, facts, fits)
     if not found:
         raise Unresolved("impossible", f"{said.noun!r} is nothing that {what}", named)
+    if all_fit:
+        found = named if set(found) <= set(named) else found
     for position in said.positions:
         found = positioned(found, position, facts)
     if len(found) > 1:
         raise Unresolved("ambiguous", f"{len(found)} parts fit {words!r}", found)
+    if not fits(facts[found[0]]):
+        raise Unresolved("impossible", f"{found[0]} is nothing that {what}", found)
     return found[0]
 
 

@@ -93,7 +93,7 @@ def _clause(clause: str, facts: Facts, memory: _Memory) -> list[Skill]:
             raise Unresolved("impossible", "no skill hands an object over")
         return [_put(re.sub(r" (?:down|away|back)(?= )", "", found[1]), facts, memory)]
     if found := TAKE.match(clause):
-        memory.object, memory.held = resolve(found[1], facts, _is_free, "lies free"), True
+        memory.object, memory.held = resolve(found[1], facts, _is_free, "lies free", all_fit=True), True
         return []
     verb = clause.split()[0]
     raise Unresolved("impossible", f"no skill for {verb!r}; skills: open, close, put ... on, put ... into")
@@ -135,7 +135,7 @@ def _object(words: str, facts: Facts, memory: _Memory) -> str:
         if memory.object is None:
             raise Unresolved("ambiguous", f"what does {words!r} mean?")
         return memory.object
-    memory.object = resolve(words, facts, _is_free, "lies free; the room was prepared with it fixed")
+    memory.object = resolve(words, facts, _is_free, "lies free; the room was prepared with it fixed", all_fit=True)
     return memory.object
 
 

@@ -104,7 +104,7 @@ def _episode(
     stage = task.read_stage(path, skill.object or skill.part, config.robot, also, mdp)
     sim = Simulation(stage, config.sim, 1, device_of(config.device))
     env = tasks.make_env(sim, mdp, settings.metrics, {}, config.seed)
-    planner = _planner(skill, env, config, state)
+    planner = _planner(skill, env, config, state, record)
     env.reset_all()
     offsets = {i: 0.0 if i in own else q for i, q in state.joints.items()}
     began = _read(sim, stage, offsets)
@@ -126,14 +126,15 @@ def _mdp(skill: Skill, mdp: Any, room: SimRoom, state: State) -> Any:
     return mdp
 
 
-def _planner(skill: Skill, env: VecEnv, config: ExecutionConfig, state: State) -> Planner:
-    """Return the planner; after opening and closing it lets go of the handle and draws back."""
+def _planner(skill: Skill, env: VecEnv, config: ExecutionConfig, state: State, record: dict[str, Any]) -> Planner:
+    """Return the planner; after opening and closing it lets go of the handle and draws back, which goes into the record."""
     if skill.object:
         return Planner(env, config.planner)
-    demonstration, arm = motion(env, config.planner)
+    found = motion(env, config.planner)
     if state.joints or state.objects:
-        refuse_collision(env.sim.stage, env.sim.robot, arm)
-    return Planner(env, config.planner, [demonstration])
+        refuse_collision(env.sim.stage, env.sim.robot, found.arm)
+    record["retreat"] = round(found.retreat, 3)
+    return Planner(env, config.planner, [found.demonstration])
 
 
 @torch.inference_mode()

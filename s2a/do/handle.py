@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -19,34 +20,68 @@ from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import PathSettings, ToolPath, matrices
 from s2a.sim.world import SimStage
 
+RETREATS = (1.0, 0.5, 0.0)
+"""Fractions of the approach by which the gripper draws back in the end: bases are for the path to the handle and with it, and
+the opened part may be too near to the robot to draw back all the way."""
 
-def motion(env: VecEnv, config: PlannerConfig) -> tuple[Demonstration, np.ndarray]:
-    """Return the motion of a task that moves a part, and its joint path [pose arm]: grasp, move, let go, draw back.
+
+@dataclass(frozen=True)
+class HandleMotion:
+    """The motion of a task that moves a part: grasp, move, let go, draw back.
+
+    Attributes:
+        demonstration: its targets, as the planner takes them.
+        arm: its joint path, shape [pose arm].
+        retreat: how far the gripper draws back [m].
+    """
+
+    demonstration: Demonstration
+    arm: np.ndarray
+    retreat: float
+
+
+def motion(env: VecEnv, config: PlannerConfig) -> HandleMotion:
+    """Return the motion that does a task, with the longest of RETREATS that the arm reaches.
 
     Raises:
-        InputError: the arm cannot reach along the whole path.
+        InputError: the arm cannot reach along the path.
     """
+    for fraction in RETREATS:
+        try:
+            return _motion(env, config, fraction)
+        except InputError:
+            if fraction == RETREATS[-1]:
+                raise
+    raise AssertionError("the last one returns or raises")
+
+
+def _motion(env: VecEnv, config: PlannerConfig, fraction: float) -> HandleMotion:
+    """Return the motion that draws back by a fraction of the approach."""
     sim = env.sim
-    path, arm = planned_path(sim, config, partial(_with_retreat, env=env))
-    last = len(path.poses) - 1 - path.grasp
+    path, arm = planned_path(sim, config, partial(_with_retreat, env=env, fraction=fraction))
+    back = round(fraction * path.grasp)
+    last = len(path.poses) - 1 - back
     rate = 1.0 / (sim.config.dt * sim.config.substeps)
     found = Segments(arm[0], sim.robot, sim.plan_limits, rate, config.close_time)
     found.go(arm[: path.grasp + 1], config.approach_time)
     found.close()
     found.go(arm[path.grasp : last + 1], config.pull_time)
     found.open()
-    found.go(arm[last:], config.approach_time)
+    if back:
+        found.go(arm[last:], config.approach_time)
     targets = found.trajectory(config.start_noise, config.reach_time).targets
     part = np.full((len(targets), 1), path.q[path.grasp])
-    return Demonstration(targets, np.concatenate([targets, part], axis=1), found.closed), arm
+    demonstration = Demonstration(targets, np.concatenate([targets, part], axis=1), found.closed)
+    return HandleMotion(demonstration, arm, config.approach * back / max(1, path.grasp))
 
 
-def _with_retreat(stage: SimStage, settings: PathSettings, env: VecEnv) -> ToolPath:
-    """Return the task's tool path, and after it the approach backwards, from where the part was moved to."""
+def _with_retreat(stage: SimStage, settings: PathSettings, env: VecEnv, fraction: float) -> ToolPath:
+    """Return the task's tool path, and after it a fraction of the approach backwards, from where the part was moved to."""
     path = env.task.tool_path(stage, settings, config=env.task.config)
     moved = transform(stage.joint, float(path.q[-1])) @ np.linalg.inv(transform(stage.joint, float(path.q[path.grasp])))
-    back = moved @ path.poses[: path.grasp][::-1]
-    return ToolPath(np.concatenate([path.poses, back]), np.append(path.q, np.full(len(back), path.q[-1])), path.grasp)
+    back = moved @ path.poses[: path.grasp][::-1][: round(fraction * path.grasp)]
+    poses, q = np.concatenate([path.poses, back]), np.append(path.q, np.full(len(back), path.q[-1]))
+    return ToolPath(poses, q, path.grasp)
 
 
 def refuse_collision(stage: SimStage, spec: RobotSpec, arm: np.ndarray) -> None:

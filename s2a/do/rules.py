@@ -64,7 +64,7 @@ def _skills(sentence: str, facts: Facts) -> list[Skill]:
     words = re.sub(r"[\"!?“”]", " ", sentence.lower().replace("\N{RIGHT SINGLE QUOTATION MARK}", "'"))
     if unread := UNREAD.search(words):
         raise Unresolved("impossible", f"the rules do not read {unread[0]!r}; say one thing at a time")
-    clauses = [POLITE.sub("", each.strip()) for each in re.split(r"[,;.]|\band\b|\bthen\b", words)]
+    clauses = [POLITE.sub("", each.strip()) for each in re.split(r"[,;]|\.+(?:\s|$)|\band\b|\bthen\b", words)]
     memory, found = _Memory(), list[Skill]()
     for clause in (TRAILING.sub("", " ".join(each.split())) for each in clauses):
         if clause and clause != "please":
@@ -95,6 +95,8 @@ def _clause(clause: str, facts: Facts, memory: _Memory) -> list[Skill]:
     if found := TAKE.match(clause):
         memory.object, memory.held = resolve(found[1], facts, _is_free, "lies free", all_fit=True), True
         return []
+    if any(pattern.match(f"{clause} it") for pattern in (OPEN, CLOSE, PUT, TAKE)):
+        raise Unresolved("ambiguous", f"{clause} what?")
     verb = clause.split()[0]
     raise Unresolved("impossible", f"no skill for {verb!r}; skills: open, close, put ... on, put ... into")
 

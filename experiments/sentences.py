@@ -28,7 +28,7 @@ import yaml
 from scipy.stats import binomtest
 
 from s2a import config
-from s2a.do.plan import Plan, check_sentence
+from s2a.do.plan import SkillPlan, check_sentence
 from s2a.do.rules import rules
 from s2a.do.run import RoomContext, make_plan
 from s2a.errors import InputError
@@ -46,7 +46,7 @@ OPENING = 0.3
 
 
 def main() -> None:
-    """Plan every sentence and write how many plans are right."""
+    """SkillPlan every sentence and write how many plans are right."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--llm", default="rules", choices=["rules", "chat", "replay"])
     parser.add_argument("--recordings", type=Path, help="a model's answers")
@@ -77,7 +77,7 @@ def main() -> None:
 
 
 def _room(room: str, about: dict, model: Model, values: dict, runs: Path) -> list[dict]:
-    """Plan the sentences of a room; return a line a sentence."""
+    """SkillPlan the sentences of a room; return a line a sentence."""
     folder = _prepared(room, about, runs)
     stage = sim_stage.read(folder / "room.usd", visuals=False)
     context = RoomContext(stage, descriptive.read(folder / "descriptive.usda"), "panda", OPENING)
@@ -98,7 +98,7 @@ def _room(room: str, about: dict, model: Model, values: dict, runs: Path) -> lis
     return rows
 
 
-def _planned(found: Plan) -> dict[str, Any]:
+def _planned(found: SkillPlan) -> dict[str, Any]:
     """Return a plan as sentences.yaml writes it."""
     if found.refusal:
         return {"refuse": found.refusal, "reason": found.reason, "options": list(found.options)}

@@ -205,16 +205,15 @@ def _dispatch(arguments: list[str]) -> int:
     elif "--multirun" in flags or "-m" in flags:
         sweep(command, overrides)
     else:
-        words, overrides = _words(command, overrides)
-        run(command, config.compose(command, overrides) | words)
+        run(command, compose(command, overrides))
     return 0
 
 
-def _words(command: str, arguments: list[str]) -> tuple[dict[str, str], list[str]]:
-    """Return the value of a command's key SENTENCE, which is given as words, and the other arguments.
+def compose(command: str, arguments: Sequence[str]) -> dict[str, Any]:
+    """Return a command's values with its arguments: key=value, and words for its key SENTENCE, if it has one.
 
     Raises:
-        InputError: several arguments are no key=value.
+        InputError: an argument that cannot be read, an unknown key or option, or several arguments of words.
     """
     key = getattr(_module(command), "SENTENCE", None)
     words = [argument for argument in arguments if key and not ASSIGNMENT.match(argument)]
@@ -222,8 +221,8 @@ def _words(command: str, arguments: list[str]) -> tuple[dict[str, str], list[str
         raise InputError(
             f'{" ".join(words)[:80]!r} are {len(words)} arguments; put the {key} into quotation marks: "..."'
         )
-    rest = [argument for argument in arguments if argument not in words]
-    return ({key: words[0]} if key and words else {}), rest
+    values = config.compose(command, [argument for argument in arguments if argument not in words])
+    return values | ({key: words[0]} if key and words else {})
 
 
 def _unless(arguments: Sequence[str]) -> str:

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from s2a import robot as robots
-from s2a.do.facts import Facts, Thing
-from s2a.do.plan import Plan, Skill
+from s2a.do.facts import Facts, RoomPart
+from s2a.do.plan import Skill, SkillPlan
 from s2a.errors import InputError
 from s2a.llm.ask import ValidationFeedback
 from s2a.planner.insides import inside_placements
@@ -40,7 +40,7 @@ class Checker:
         self._reach = 2.0 * robots.load(robot).base.reach
         self.passed: list[str] = []
 
-    def __call__(self, plan: Plan) -> None:
+    def __call__(self, plan: SkillPlan) -> None:
         """Check a plan; ValidationFeedback tells what does not hold."""
         self._is_open = {i: thing.open > SHUT for i, thing in self._facts.items() if thing.moves}
         self._on = {i: thing.on for i, thing in self._facts.items() if thing.kind == "free"}
@@ -96,7 +96,7 @@ class Checker:
         self._on[object.id] = part.id
         return f"free, within reach; {part.id} {part.kind}, was shut, has {len(places)} places for it"
 
-    def _moving(self, name: str | None) -> Thing:
+    def _moving(self, name: str | None) -> RoomPart:
         """Return a part that moves on a joint, and hangs on nothing that is open."""
         part = self._facts[name or ""]
         if not part.moves:
@@ -109,7 +109,7 @@ class Checker:
                 )
         return part
 
-    def _free(self, name: str | None) -> Thing:
+    def _free(self, name: str | None) -> RoomPart:
         """Return an object that lies free, and not in a shut part."""
         object = self._facts[name or ""]
         if object.kind != "free":
@@ -122,7 +122,7 @@ class Checker:
             raise ValidationFeedback(f"{object.id!r} is in {inside!r}, which is shut; open that first.")
         return object
 
-    def _near(self, object: Thing, other: Thing) -> None:
+    def _near(self, object: RoomPart, other: RoomPart) -> None:
         """Raise where one base cannot reach both."""
         if _gap(object, other) > self._reach:
             raise ValidationFeedback(
@@ -131,7 +131,7 @@ class Checker:
             )
 
 
-def _gap(object: Thing, other: Thing) -> float:
+def _gap(object: RoomPart, other: RoomPart) -> float:
     """Return the horizontal distance of an object's middle from another's box, as if that were not turned [m]."""
     if object.center is None or other.center is None or other.size is None:
         return 0.0

@@ -16,7 +16,7 @@ from s2a.do import state as states
 from s2a.do.handle import motion, refuse_collision
 from s2a.do.plan import Skill
 from s2a.do.settings import ExecutionConfig
-from s2a.do.state import State
+from s2a.do.state import RoomChange
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.outputs import temporary_folder
@@ -48,12 +48,12 @@ class Outcome:
 
     success: bool
     reason: str
-    state: State
+    state: RoomChange
     record: dict[str, Any] = field(default_factory=dict)
 
 
 def execute(
-    skill: Skill, file: Path, room: SimRoom, state: State, config: ExecutionConfig, image: Path | None = None
+    skill: Skill, file: Path, room: SimRoom, state: RoomChange, config: ExecutionConfig, image: Path | None = None
 ) -> Outcome:
     """Execute a skill in an episode that begins in a state of the room.
 
@@ -89,13 +89,13 @@ def _episode(
     skill: Skill,
     path: Path,
     room: SimRoom,
-    state: State,
+    state: RoomChange,
     own: tuple[str, ...],
     config: ExecutionConfig,
     record: dict[str, Any],
     image: Path | None,
 ) -> Outcome:
-    """Plan and simulate the episode; fills the record."""
+    """SkillPlan and simulate the episode; fills the record."""
     settings = getattr(config.skills, skill.skill)
     mdp = _mdp(skill, settings.task, room, state)
     now = states.at_state(room, state)
@@ -117,16 +117,16 @@ def _episode(
     return Outcome(success, "" if success else _missed(skill, metrics), after)
 
 
-def _mdp(skill: Skill, mdp: Any, room: SimRoom, state: State) -> Any:
+def _mdp(skill: Skill, mdp: Any, room: SimRoom, state: RoomChange) -> Any:
     """Return the task's settings with what the skill says."""
     if skill.skill == "close":
-        return replace(mdp, start_opening=max(states.openings(room, state).get(skill.part or "", 0.0), 1e-3))
+        return replace(mdp, start_opening=max(states.opened_by(room, state).get(skill.part or "", 0.0), 1e-3))
     if skill.skill in ("pick_place", "put_in"):
         return replace(mdp, start=None, place=skill.support or skill.part)
     return mdp
 
 
-def _planner(skill: Skill, env: VecEnv, config: ExecutionConfig, state: State, record: dict[str, Any]) -> Planner:
+def _planner(skill: Skill, env: VecEnv, config: ExecutionConfig, state: RoomChange, record: dict[str, Any]) -> Planner:
     """Return the planner; after opening and closing it lets go of the handle and draws back, which goes into the record."""
     if skill.object:
         return Planner(env, config.planner)
@@ -146,7 +146,7 @@ def _simulate(
     offsets: dict[str, float],
     image: Path | None,
     config: ExecutionConfig,
-) -> tuple[dict[str, float], State]:
+) -> tuple[dict[str, float], RoomChange]:
     """Step until the episode ends; return the task's metrics, and the state one control step before the end."""
     ended, pose = _read(sim, stage, offsets), sim.joint_q[0].clone()
     for _ in range(env.max_episode_length):
@@ -160,7 +160,7 @@ def _simulate(
     return {name: round(value, 5) for name, value in zip(env.columns, values, strict=True)}, ended
 
 
-def _read(sim: Simulation, stage: SimStage, offsets: dict[str, float]) -> State:
+def _read(sim: Simulation, stage: SimStage, offsets: dict[str, float]) -> RoomChange:
     """Return coordinates and poses of what moves in world 0; `offsets`: coordinates that the file calls zero."""
     joints, objects = {}, {}
     coords, bodies = sim.joint_q[0].cpu().numpy(), sim.body_q[0].cpu().numpy()
@@ -170,13 +170,13 @@ def _read(sim: Simulation, stage: SimStage, offsets: dict[str, float]) -> State:
             joints[i] = float(coords[at]) + offsets.get(i, 0.0)
         else:
             objects[i] = tuple(map(float, bodies[sim.body(i)]))
-    return State(joints, objects)
+    return RoomChange(joints, objects)
 
 
-def _refuse_jump(skill: Skill, room: SimRoom, state: State, began: State) -> None:
+def _refuse_jump(skill: Skill, room: SimRoom, state: RoomChange, began: RoomChange) -> None:
     """Raise where an episode cannot begin as the one before left the part that it moves."""
     if skill.part and skill.part in state.joints:
-        was, now = (states.openings(room, each)[skill.part] for each in (state, began))
+        was, now = (states.opened_by(room, each)[skill.part] for each in (state, began))
         if abs(was - now) > START_ERROR:
             raise InputError(
                 f"{skill.part} was left open by {was:.3f} m, and its task can begin at {now:.3f} m at most; "

@@ -28,7 +28,7 @@ Kind = Literal["slides", "turns", "free", "fixed"]
 
 
 @dataclass(frozen=True)
-class Thing:
+class RoomPart:
     """A part of the room.
 
     Attributes:
@@ -61,20 +61,20 @@ class Thing:
         return self.kind in ("slides", "turns")
 
 
-Facts = Mapping[str, Thing]
+Facts = Mapping[str, RoomPart]
 """The parts of a room by id, parents before children."""
 
 
 def gather(
-    room: SimRoom, described: Mapping[str, DescribedPart] | None, openings: Mapping[str, float], robot: str
-) -> dict[str, Thing]:
+    room: SimRoom, described: Mapping[str, DescribedPart] | None, opened: Mapping[str, float], robot: str
+) -> dict[str, RoomPart]:
     """Return the facts of a room.
 
     Args:
         room: the simulation-ready room as it stands now.
         described: the descriptive flavour; None: labels are what ids say. What only the room has, such as what was inserted
             after the export, is added.
-        openings: by how much parts stand open [m], by id; a part that is left out is shut.
+        opened: by how much parts stand open [m], by id; a part that is left out is shut.
         robot: name of the robot.
 
     Raises:
@@ -90,7 +90,7 @@ def gather(
     points = _points(room)
     hidden = _hidden(described)
     ids = [*(i for i in described if i not in hidden), *(i for i in points if i not in described)]
-    found = {i: _thing(i, room, described.get(i), points.get(i), openings, robot) for i in ids}
+    found = {i: _thing(i, room, described.get(i), points.get(i), opened, robot) for i in ids}
     return {i: thing if thing.parent in found else _orphan(thing) for i, thing in found.items()}
 
 
@@ -139,9 +139,9 @@ def _thing(
     room: SimRoom,
     described: DescribedPart | None,
     points: np.ndarray | None,
-    openings: Mapping[str, float],
+    opened: Mapping[str, float],
     robot: str,
-) -> Thing:
+) -> RoomPart:
     """Return one part; its box is the described one unless it can move."""
     joint = room.articulations.get(i)
     kind: Kind = "free" if i in room.free else "fixed"
@@ -159,12 +159,12 @@ def _thing(
     on = _support(room, room.free[i]) if kind == "free" else None
     label = described.label if described else i.rpartition("_")[0].replace("_", " ") or i
     name = " ".join(printable(label).split())[:LABEL]
-    return Thing(i, name, parent, kind, center, size, facing, on, openings.get(i, 0.0), base)
+    return RoomPart(i, name, parent, kind, center, size, facing, on, opened.get(i, 0.0), base)
 
 
-def _orphan(thing: Thing) -> Thing:
+def _orphan(thing: RoomPart) -> RoomPart:
     """Return a part whose parent is not among the facts as one that belongs to none."""
-    return Thing(**{**vars(thing), "parent": None})
+    return RoomPart(**{**vars(thing), "parent": None})
 
 
 def _support(room: SimRoom, body: SimBody) -> str | None:
@@ -175,7 +175,7 @@ def _support(room: SimRoom, body: SimBody) -> str | None:
     return names[0] if np.isfinite(height[0]) else None
 
 
-def _line(thing: Thing) -> dict[str, Any]:
+def _line(thing: RoomPart) -> dict[str, Any]:
     """Return the description of one part."""
     line: dict[str, Any] = {"id": thing.id}
     if thing.label != thing.id.rpartition("_")[0].replace("_", " "):

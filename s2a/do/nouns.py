@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from s2a.do.facts import Facts, Thing
+from s2a.do.facts import Facts, RoomPart
 from s2a.do.where import POSITIONS, Unresolved, belongs, positioned
 
 ARTICLES = frozenset("the a an my your this that its some".split())
@@ -67,7 +67,7 @@ def phrase(words: str, labels: Iterable[str]) -> Phrase:
     return Phrase(noun.replace(GLUE, " "), positions, context.replace(GLUE, " "))
 
 
-def resolve(words: str, facts: Facts, fits: Callable[[Thing], bool], what: str, *, all_fit: bool = False) -> str:
+def resolve(words: str, facts: Facts, fits: Callable[[RoomPart], bool], what: str, *, all_fit: bool = False) -> str:
     """Return the id of the one part that words mean.
 
     Args:
@@ -101,7 +101,7 @@ def resolve(words: str, facts: Facts, fits: Callable[[Thing], bool], what: str, 
     return found[0]
 
 
-def _fitting_parts(noun: str, named: list[str], facts: Facts, fits: Callable[[Thing], bool]) -> list[str]:
+def _fitting_parts(noun: str, named: list[str], facts: Facts, fits: Callable[[RoomPart], bool]) -> list[str]:
     """Return the parts of furniture that fit; the one that bears its name, if there is one: the oven door of an oven."""
     parts = [i for i in facts if fits(facts[i]) and belongs(i, named, facts)]
     nouns = _nouns(noun)

@@ -13,9 +13,9 @@ from s2a.errors import InputError, printable
 from s2a.llm.ask import Model, Request, ValidationFeedback, ask, parse
 from s2a.llm.usage_log import UsageLog
 
-LONGEST = 500
+MAX_SENTENCE = 500
 """Characters of a sentence; the longest that we think of is 150 long."""
-MOST = 6
+MAX_SKILLS = 6
 """Skills of a plan."""
 REASON, OPTIONS = 300, 12
 """Characters of a refusal's reason, and ids that it lists."""
@@ -47,7 +47,7 @@ class Skill:
 
 
 @dataclass(frozen=True)
-class Plan:
+class SkillPlan:
     """The answer to a sentence.
 
     Attributes:
@@ -74,7 +74,7 @@ class Failure:
         reason: why the next one failed; goes back to the model.
     """
 
-    plan: Plan
+    plan: SkillPlan
     done: int
     reason: str
 
@@ -88,8 +88,10 @@ def check_sentence(sentence: str) -> str:
     stripped = " ".join(sentence.split())
     if not stripped:
         raise InputError('the sentence is empty; give one, such as s2a do "open the top drawer" stage=room.usd')
-    if len(stripped) > LONGEST:
-        raise InputError(f"the sentence has {len(stripped)} characters; expected {LONGEST} or fewer: give one task")
+    if len(stripped) > MAX_SENTENCE:
+        raise InputError(
+            f"the sentence has {len(stripped)} characters; expected {MAX_SENTENCE} or fewer: give one task"
+        )
     if printable(stripped) != stripped:
         raise InputError("the sentence holds characters that cannot be shown; write it in plain letters")
     return stripped
@@ -99,11 +101,11 @@ def plan(
     model: Model,
     sentence: str,
     facts: Facts,
-    check: Callable[[Plan], None],
+    check: Callable[[SkillPlan], None],
     retries: int,
     usage: UsageLog,
     failed: Failure | None = None,
-) -> Plan:
+) -> SkillPlan:
     """Ask a model for a plan.
 
     Args:
@@ -126,28 +128,28 @@ def plan(
     return ask(model, request, lambda answer: _accepted(answer, facts, check), retries, usage)
 
 
-def refused(sentence: str, answer: Plan, facts_text: str) -> InputError:
+def refused(sentence: str, answer: SkillPlan, facts_text: str) -> InputError:
     """Return the error of a refused sentence: what was asked, why not, what is possible."""
     between = f" ({', '.join(answer.options)})" if answer.options else ""
     return InputError(f"{sentence[:120]!r} is {answer.refusal}: {answer.reason}{between}; possible: {facts_text}")
 
 
-def _accepted(answer: str, facts: Facts, check: Callable[[Plan], None]) -> Plan:
+def _accepted(answer: str, facts: Facts, check: Callable[[SkillPlan], None]) -> SkillPlan:
     """Return a plan that fits schema and room; raise ValidationFeedback for any other."""
-    found = parse(answer, Plan, strict=True)
+    found = parse(answer, SkillPlan, strict=True)
     if bool(found.skills) == (found.refusal is not None):
         raise ValidationFeedback("Give skills and a null refusal, or no skills and a refusal.")
     if found.refusal is not None:
         return _tidy(found, facts)
-    if len(found.skills) > MOST:
-        raise ValidationFeedback(f"{len(found.skills)} skills were given; give {MOST} or fewer.")
+    if len(found.skills) > MAX_SKILLS:
+        raise ValidationFeedback(f"{len(found.skills)} skills were given; give {MAX_SKILLS} or fewer.")
     for skill in found.skills:
         _check_arguments(skill, facts)
     check(found)
     return found
 
 
-def _tidy(found: Plan, facts: Facts) -> Plan:
+def _tidy(found: SkillPlan, facts: Facts) -> SkillPlan:
     """Return a refusal whose words can be shown in a line, and whose options are in the room."""
     reason = " ".join(printable(found.reason).split())[:REASON].rstrip(".; ")
     options = tuple(i for i in dict.fromkeys(found.options) if i in facts)[:OPTIONS]

@@ -6,9 +6,9 @@ import json
 import re
 from dataclasses import asdict, dataclass
 
-from s2a.do.facts import Facts, Thing
+from s2a.do.facts import Facts, RoomPart
 from s2a.do.nouns import resolve
-from s2a.do.plan import Name, Plan, Skill
+from s2a.do.plan import Name, Skill, SkillPlan
 from s2a.do.where import Unresolved
 from s2a.llm.ask import Answer, Request
 
@@ -39,15 +39,15 @@ def rules(request: Request) -> Answer:
     try:
         if len(request.messages) > 1:
             raise Unresolved("impossible", request.messages[-1][1])
-        found = Plan(tuple(_skills(sentence, facts)), None, "", ())
+        found = SkillPlan(tuple(_skills(sentence, facts)), None, "", ())
     except Unresolved as why:
-        found = Plan((), why.kind, why.reason, why.options)  # type: ignore[arg-type]
+        found = SkillPlan((), why.kind, why.reason, why.options)  # type: ignore[arg-type]
     return Answer(json.dumps(asdict(found)), "rules")
 
 
 @dataclass
 class _Memory:
-    """What "it" means: the part and the object that were named last, and the verb."""
+    """What "it" means: the part and the object that were named last, and the skill that a bare noun goes on with."""
 
     part: str | None = None
     object: str | None = None
@@ -74,7 +74,7 @@ def _skills(sentence: str, facts: Facts) -> list[Skill]:
     if memory.held:
         raise Unresolved("impossible", "no skill holds an object; say where to put it")
     if not found:
-        raise Unresolved("impossible", "no verb is in the sentence")
+        raise Unresolved("impossible", "the sentence asks for nothing")
     return _merged(found)
 
 
@@ -155,7 +155,7 @@ def _placed(object: str, place: str, words: str, facts: Facts, memory: _Memory) 
     return Skill("put_in", memory.part, object, None)
 
 
-def _is_free(thing: Thing) -> bool:
+def _is_free(thing: RoomPart) -> bool:
     return thing.kind == "free"
 
 

@@ -10,15 +10,15 @@ from s2a.do import facts as fact
 from s2a.do import state as states
 from s2a.do.check import Checker
 from s2a.do.episode import Outcome
-from s2a.do.plan import Failure, Plan, Skill, plan, refused
-from s2a.do.state import State
+from s2a.do.plan import Failure, Skill, SkillPlan, plan, refused
+from s2a.do.state import RoomChange
 from s2a.errors import InputError
 from s2a.llm.ask import Model
 from s2a.llm.usage_log import UsageLog
 from s2a.usd.descriptive import DescribedPart
 from s2a.usd.sim_scene import SimRoom
 
-Execute = Callable[[Skill, State, int], Outcome]
+Execute = Callable[[Skill, RoomChange, int], Outcome]
 """Skill, state of the room before it, its number -> how it went."""
 
 
@@ -60,17 +60,17 @@ def make_plan(
     model: Model,
     retries: int,
     usage: UsageLog,
-    state: State | None = None,
+    state: RoomChange | None = None,
     failed: Failure | None = None,
-) -> tuple[Plan, list[str], str]:
+) -> tuple[SkillPlan, list[str], str]:
     """Return the plan for a sentence in a state of the room, what was checked of it, and what is possible there, in words.
 
     Raises:
         InputError: no answer of the model could be used.
     """
-    state = state or State()
+    state = state or RoomChange()
     room = states.at_state(context.room, state)
-    known = fact.gather(room, context.described, states.openings(context.room, state), context.robot)
+    known = fact.gather(room, context.described, states.opened_by(context.room, state), context.robot)
     check = Checker(room, known, context.robot, context.opening)
     found = plan(model, sentence, known, check, retries, usage, failed)
     return found, check.passed if found.skills else [], fact.possible(known)
@@ -85,7 +85,7 @@ def do(
     usage: UsageLog,
     execute: Execute | None,
 ) -> Result:
-    """Plan and execute a sentence.
+    """SkillPlan and execute a sentence.
 
     Args:
         context: the room.
@@ -102,7 +102,7 @@ def do(
     found, passed, possible = make_plan(context, sentence, model, retries, usage)
     if found.refusal:
         raise refused(sentence, found, possible)
-    result, state = Result([{**asdict(found), "checks": passed}]), State()
+    result, state = Result([{**asdict(found), "checks": passed}]), RoomChange()
     for left in range(replans, -1, -1):
         if execute is None:
             return result
@@ -122,7 +122,7 @@ def do(
     return result
 
 
-def _run(found: Plan, state: State, execute: Execute, result: Result) -> tuple[State, Failure | None]:
+def _run(found: SkillPlan, state: RoomChange, execute: Execute, result: Result) -> tuple[RoomChange, Failure | None]:
     """Execute a plan until a skill fails; return the state of the room then, and the failure."""
     for done, skill in enumerate(found.skills):
         outcome = execute(skill, state, len(result.skills) + 1)

@@ -16,7 +16,7 @@ from s2a.usd.sim_scene import Articulation, Collider, Grasp, Quat, SimBody, SimR
 
 
 @dataclass(frozen=True)
-class State:
+class RoomChange:
     """How a room differs from its file.
 
     Attributes:
@@ -27,9 +27,9 @@ class State:
     joints: dict[str, float] = field(default_factory=dict)
     objects: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
-    def with_(self, other: State) -> State:
+    def with_(self, other: RoomChange) -> RoomChange:
         """Return this state where the other says nothing."""
-        return State({**self.joints, **other.joints}, {**self.objects, **other.objects})
+        return RoomChange({**self.joints, **other.joints}, {**self.objects, **other.objects})
 
     def plain(self) -> dict[str, object]:
         """Return the state as values for JSON, to 0.1 mm."""
@@ -37,7 +37,7 @@ class State:
         return {"joints": {i: round(q, 4) for i, q in self.joints.items()}, "objects": objects}
 
 
-def openings(room: SimRoom, state: State) -> dict[str, float]:
+def opened_by(room: SimRoom, state: RoomChange) -> dict[str, float]:
     """Return the path by which each part's grasp point stands open [m], by id; negative where it is pushed past shut."""
     found = {}
     for part, q in state.joints.items():
@@ -46,7 +46,7 @@ def openings(room: SimRoom, state: State) -> dict[str, float]:
     return found
 
 
-def at_state(room: SimRoom, state: State, without: Collection[str] = ()) -> SimRoom:
+def at_state(room: SimRoom, state: RoomChange, without: Collection[str] = ()) -> SimRoom:
     """Return a room as a state leaves it: what the file calls zero is where each part stands now.
 
     Hulls, surfaces, grasps and joints of a part that stands open are moved with it, and what hangs on it; its joint's limits
@@ -67,7 +67,7 @@ def at_state(room: SimRoom, state: State, without: Collection[str] = ()) -> SimR
     return replace(room, free=free)
 
 
-def write(room: SimRoom, state: State, without: Collection[str], path: Path) -> None:
+def write(room: SimRoom, state: RoomChange, without: Collection[str], path: Path) -> None:
     """Write a room as a state leaves it, to exactly this path, its visuals beside it; see `at_state`."""
     sim_stage.write(at_state(room, state, without), path)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2a.do.facts import Facts, Thing
+from s2a.do.facts import Facts, RoomPart
 
 HIGH = frozenset("top upper uppermost topmost highest first".split())
 LOW = frozenset("bottom lower lowermost bottommost lowest last".split())
@@ -48,7 +48,7 @@ def belongs(part: str, around: Sequence[str], facts: Facts) -> bool:
     return any(facts[part].moves and _under(facts[above[-1]], facts[other]) for other in around if other in facts)
 
 
-def _under(low: Thing, high: Thing) -> bool:
+def _under(low: RoomPart, high: RoomPart) -> bool:
     """Return True for furniture that stands below other furniture, such as a cabinet below a desk."""
     if low.id == high.id or not (low.center and low.size and high.center and high.size):
         return False

@@ -13,9 +13,9 @@ from drawer_room import drawer_room
 from s2a.do import prompts
 from s2a.do.episode import Outcome, riders
 from s2a.do.facts import gather, lines, possible, text
-from s2a.do.plan import LONGEST, Skill, check_sentence
+from s2a.do.plan import MAX_SENTENCE, Skill, check_sentence
 from s2a.do.run import RoomContext, do, make_plan
-from s2a.do.state import State, at_state, openings
+from s2a.do.state import RoomChange, at_state, opened_by
 from s2a.errors import InputError
 from s2a.llm.ask import Answer, Request
 from s2a.llm.usage_log import UsageLog
@@ -56,7 +56,7 @@ def context(room: SimRoom) -> RoomContext:
     return RoomContext(room, None, "panda", 0.3)
 
 
-def feedback(context: RoomContext, answer: str, state: State | None = None) -> str:
+def feedback(context: RoomContext, answer: str, state: RoomChange | None = None) -> str:
     """Return what goes back to a model that gives an answer; empty where it is accepted."""
     model = Model(answer, NO)
     make_plan(context, "a sentence", model, 1, UsageLog((0.0, 0.0)), state)
@@ -110,7 +110,7 @@ def test_an_object_that_is_too_high_for_a_drawer_goes_back(tmp_path: Path) -> No
 
 
 def test_what_stands_open_is_closed_and_not_opened(context: RoomContext) -> None:
-    state = State({"drawer_2": 0.3})
+    state = RoomChange({"drawer_2": 0.3})
     assert feedback(context, said(CLOSE), state) == ""
     assert "open already" in feedback(context, said(OPEN), state)
     assert "begins with it shut" in feedback(context, said(PUT), state)
@@ -120,7 +120,7 @@ def test_a_robot_without_a_base_pose_cannot_open(room: SimRoom) -> None:
     assert "out of reach" in feedback(RoomContext(room, None, "baxter", 0.3), said(OPEN))
 
 
-@pytest.mark.parametrize("sentence", ["", "   ", "\x1b[2Jopen", "a" * (LONGEST + 1), "open " * 2000, "open\x00"])
+@pytest.mark.parametrize("sentence", ["", "   ", "\x1b[2Jopen", "a" * (MAX_SENTENCE + 1), "open " * 2000, "open\x00"])
 def test_sentences_that_are_no_sentence(sentence: str) -> None:
     with pytest.raises(InputError) as error:
         check_sentence(sentence)
@@ -175,7 +175,7 @@ def test_a_description_of_another_room_is_refused(room: SimRoom) -> None:
 
 def test_a_state_moves_hulls_grasp_and_limits(room: SimRoom) -> None:
     # The slide runs along x: all of the drawer is 0.25 m ahead, 0.15 m of 0.4 m are left, and the cabinet stays.
-    moved = at_state(room, State({"drawer_2": 0.25}, {"cube_9": (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0)}))
+    moved = at_state(room, RoomChange({"drawer_2": 0.25}, {"cube_9": (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0)}))
     for was, now in zip(room.bodies["drawer_2"].colliders, moved.bodies["drawer_2"].colliders, strict=True):
         np.testing.assert_allclose(
             now.mesh.vertices - was.mesh.vertices, np.tile([0.25, 0, 0], (len(now.mesh.vertices), 1)), atol=1e-6
@@ -185,44 +185,44 @@ def test_a_state_moves_hulls_grasp_and_limits(room: SimRoom) -> None:
     np.testing.assert_allclose(now.joint.limits, (-0.25, 0.15), atol=1e-12)
     assert moved.bodies["cabinet_1"] == room.bodies["cabinet_1"]
     assert moved.free["cube_9"].position == (1.0, 2.0, 3.0)
-    assert openings(room, State({"drawer_2": 0.25})) == {"drawer_2": 0.25}
-    kept = at_state(room, State({"drawer_2": 0.25}), without=("drawer_2",))
+    assert opened_by(room, RoomChange({"drawer_2": 0.25})) == {"drawer_2": 0.25}
+    kept = at_state(room, RoomChange({"drawer_2": 0.25}), without=("drawer_2",))
     assert kept.bodies["drawer_2"] == room.bodies["drawer_2"]
 
 
 def test_what_is_in_a_part_rides_with_it(room: SimRoom) -> None:
     inside = (0.2, 0.0, 0.69, 0.0, 0.0, 0.0, 1.0)
     assert riders(room, "drawer_2") == []  # both cubes are on the cabinet
-    assert riders(at_state(room, State({}, {"cube_9": inside})), "drawer_2") == ["cube_9"]
+    assert riders(at_state(room, RoomChange({}, {"cube_9": inside})), "drawer_2") == ["cube_9"]
 
 
-def run(context: RoomContext, model: Model, outcomes: list[Outcome], replans: int = 1) -> tuple[Any, list[State]]:
+def run(context: RoomContext, model: Model, outcomes: list[Outcome], replans: int = 1) -> tuple[Any, list[RoomChange]]:
     """Execute a sentence whose skills go as `outcomes` say; return the result, and the state that each began from."""
-    began: list[State] = []
+    began: list[RoomChange] = []
 
-    def execute(skill: Skill, state: State, number: int) -> Outcome:
+    def execute(skill: Skill, state: RoomChange, number: int) -> Outcome:
         began.append(state)
         return outcomes[number - 1]
 
     return do(context, "a sentence", model, 0, replans, UsageLog((0.0, 0.0)), execute), began
 
 
-def went(success: bool, state: State) -> Outcome:
+def went(success: bool, state: RoomChange) -> Outcome:
     return Outcome(success, "" if success else "the reason.", state, {"success": success})
 
 
 def test_every_skill_begins_where_the_one_before_ended(context: RoomContext) -> None:
-    opened, shut = State({"drawer_2": 0.3}), State({"drawer_2": 0.001})
+    opened, shut = RoomChange({"drawer_2": 0.3}), RoomChange({"drawer_2": 0.001})
     result, began = run(context, Model(said(OPEN, CLOSE)), [went(True, opened), went(True, shut)])
-    assert began == [State(), opened]
+    assert began == [RoomChange(), opened]
     assert (result.problem, len(result.skills), len(result.plans)) == ("", 2, 1)
 
 
 def test_a_failure_goes_back_once_with_the_room_as_it_stands(context: RoomContext) -> None:
-    ajar = State({"drawer_2": 0.1})
+    ajar = RoomChange({"drawer_2": 0.1})
     model = Model(said(OPEN, CLOSE), said(CLOSE))
     result, began = run(context, model, [went(False, ajar), went(False, ajar), went(True, ajar)])
-    assert began == [State(), ajar]  # asked again once, not twice
+    assert began == [RoomChange(), ajar]  # asked again once, not twice
     assert "the reason." in model.asked[1].messages[-1][1]
     assert '"open":0.1' in model.asked[1].messages[0][1]
     assert result.problem == "the reason."
@@ -230,7 +230,7 @@ def test_a_failure_goes_back_once_with_the_room_as_it_stands(context: RoomContex
 
 
 def test_another_plan_may_succeed_or_be_refused(context: RoomContext) -> None:
-    ajar, shut = State({"drawer_2": 0.1}), State()
+    ajar, shut = RoomChange({"drawer_2": 0.1}), RoomChange()
     result, _ = run(context, Model(said(OPEN), said(CLOSE)), [went(False, ajar), went(True, shut)])
     assert result.problem == ""
     result, _ = run(context, Model(said(OPEN), NO), [went(False, ajar)])

@@ -7,24 +7,24 @@ from dataclasses import replace
 
 import pytest
 
-from s2a.do.facts import Thing
-from s2a.do.plan import Plan, plan
+from s2a.do.facts import RoomPart
+from s2a.do.plan import SkillPlan, plan
 from s2a.do.rules import rules
 from s2a.llm.usage_log import UsageLog
 
 
 def thing(
     i: str, label: str, at: tuple[float, float, float], size: tuple[float, float, float], **more: object
-) -> Thing:
-    return Thing(i, label, center=at, size=size, **more)  # type: ignore[arg-type]
+) -> RoomPart:
+    return RoomPart(i, label, center=at, size=size, **more)  # type: ignore[arg-type]
 
 
-def drawer(i: str, parent: str, y: float, z: float) -> Thing:
+def drawer(i: str, parent: str, y: float, z: float) -> RoomPart:
     """A front of a cabinet that faces +x: to somebody before it, +y is on the right."""
     return thing(i, "drawer", (0.4, y, z), (0.4, 0.4, 0.2), parent=parent, kind="slides", facing=(1.0, 0.0), base=True)
 
 
-def oven(i: str, label: str, kind: str) -> Thing:
+def oven(i: str, label: str, kind: str) -> RoomPart:
     """A part of an oven that faces -x."""
     return thing(i, label, (3.0, 0.0, 0.5), (0.1, 0.6, 0.5), parent="oven_13", kind=kind, facing=(-1.0, 0.0), base=True)
 
@@ -48,7 +48,7 @@ THINGS = [
 FACTS = {each.id: each for each in THINGS}
 
 
-def planned(sentence: str, facts: dict[str, Thing] = FACTS) -> Plan:
+def planned(sentence: str, facts: dict[str, RoomPart] = FACTS) -> SkillPlan:
     """Return what the rules plan, in a room where every plan fits."""
     return plan(rules, sentence, facts, lambda _: None, 0, UsageLog((0.0, 0.0)))
 

@@ -64,8 +64,10 @@ def main() -> None:
     if args.recordings:
         llm.append(f"record={args.recordings}" if args.llm == "chat" else f"llm.answers={args.recordings}")
     if args.execute:
-        rows = [_execute(rooms, each, llm, args.runs) for each in args.execute]
-        _write(RESULTS / f"sentences_executed_{name}.json", {"llm": name, **provenance("cpu"), "rows": rows})
+        rows = []
+        for each in args.execute:
+            rows.append(_execute(rooms, each, llm, args.runs))
+            _write(RESULTS / f"sentences_executed_{name}.json", {"llm": name, **provenance("cpu"), "rows": rows})
         return
     values = config.compose("do", llm)
     model = choose(config.load(LlmConfig, values["llm"]), Path(values["record"]) if values["record"] else None, rules)

@@ -70,17 +70,17 @@ def execute(
     changed = bool(state.joints or state.objects)
     if not changed:
         record["began"]["from"] = "the room's file"
-    try:
-        with temporary_folder() as folder:
-            # A part that is closed starts at its coordinate; all others are where they stand.
-            own = (skill.part,) if skill.part and skill.skill == "close" else ()
-            path = folder / "room.usd" if changed else file
-            if changed:
-                states.write(room, state, own, path)
+    with temporary_folder() as folder:
+        # A part that is closed starts at its coordinate; all others are where they stand.
+        own = (skill.part,) if skill.part and skill.skill == "close" else ()
+        path = folder / "room.usd" if changed else file
+        if changed:
+            states.write(room, state, own, path)
+        try:
             outcome = _episode(skill, path, room, state, own, config, record, image)
-    except InputError as error:
-        reason = f"{skill.words}: {str(error).replace(str(folder), 'the room as it stands, ')}."
-        outcome = Outcome(False, reason, state)
+        except InputError as error:
+            reason = f"{skill.words}: {str(error).replace(str(path), 'the room as it stands')}."
+            outcome = Outcome(False, reason, state)
     record |= {"success": outcome.success, "reason": outcome.reason, "seconds": round(time.perf_counter() - start, 1)}
     return replace(outcome, record=record)
 
@@ -133,7 +133,7 @@ def _planner(skill: Skill, env: VecEnv, config: ExecutionConfig, state: RoomChan
     found = motion(env, config.planner)
     if state.joints or state.objects:
         refuse_collision(env.sim.stage, env.sim.robot, found.arm)
-    record["retreat"] = round(found.retreat, 3)
+    record |= {"approach": round(found.approach, 3), "retreat": round(found.retreat, 3)}
     return Planner(env, config.planner, [found.demonstration])
 
 

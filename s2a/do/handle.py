@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -20,9 +20,9 @@ from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import PathSettings, ToolPath, matrices
 from s2a.sim.world import SimStage
 
-RETREATS = (1.0, 0.5, 0.0)
-"""Fractions of the approach by which the gripper draws back in the end: bases are for the path to the handle and with it, and
-the opened part may be too near to the robot to draw back all the way."""
+STRAIGHT = ((1.0, 1.0), (1.0, 0.5), (1.0, 0.0), (0.5, 1.0), (0.5, 0.5), (0.5, 0.0))
+"""Fractions of `planner.approach` by which the gripper comes straight to the handle, and draws back from it: bases are for
+opening what is shut, and an open part may be too near to the robot for all of it."""
 
 
 @dataclass(frozen=True)
@@ -32,27 +32,29 @@ class HandleMotion:
     Attributes:
         demonstration: its targets, as the planner takes them.
         arm: its joint path, shape [pose arm].
-        retreat: how far the gripper draws back [m].
+        approach: straight path to the handle [m].
+        retreat: that back from it [m].
     """
 
     demonstration: Demonstration
     arm: np.ndarray
+    approach: float
     retreat: float
 
 
 def motion(env: VecEnv, config: PlannerConfig) -> HandleMotion:
-    """Return the motion that does a task, with the longest of RETREATS that the arm reaches.
+    """Return the motion that does a task, with the first of STRAIGHT that the arm reaches.
 
     Raises:
         InputError: the arm cannot reach along the path.
     """
-    for fraction in RETREATS:
+    first: InputError | None = None
+    for ahead, back in STRAIGHT:
         try:
-            return _motion(env, config, fraction)
-        except InputError:
-            if fraction == RETREATS[-1]:
-                raise
-    raise AssertionError("the last one returns or raises")
+            return _motion(env, replace(config, approach=ahead * config.approach), back)
+        except InputError as error:
+            first = first or error
+    raise first or InputError("no straight path was tried")
 
 
 def _motion(env: VecEnv, config: PlannerConfig, fraction: float) -> HandleMotion:
@@ -72,7 +74,7 @@ def _motion(env: VecEnv, config: PlannerConfig, fraction: float) -> HandleMotion
     targets = found.trajectory(config.start_noise, config.reach_time).targets
     part = np.full((len(targets), 1), path.q[path.grasp])
     demonstration = Demonstration(targets, np.concatenate([targets, part], axis=1), found.closed)
-    return HandleMotion(demonstration, arm, config.approach * back / max(1, path.grasp))
+    return HandleMotion(demonstration, arm, config.approach, config.approach * back / max(1, path.grasp))
 
 
 def _with_retreat(stage: SimStage, settings: PathSettings, env: VecEnv, fraction: float) -> ToolPath:

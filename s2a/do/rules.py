@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 from s2a.do.facts import Facts, RoomPart
 from s2a.do.nouns import resolve
@@ -47,12 +47,13 @@ def rules(request: Request) -> Answer:
 
 @dataclass
 class _Memory:
-    """What "it" means: the part and the object that were named last, and the skill that a bare noun goes on with."""
+    """The part and the object that were named last, which "it" means; the skill that a bare noun goes on with; what was moved."""
 
     part: str | None = None
     object: str | None = None
     held: bool = False
     verb: Name | None = None
+    moved: set[str] = field(default_factory=set)
 
 
 def _skills(sentence: str, facts: Facts) -> list[Skill]:
@@ -125,7 +126,9 @@ def _put(words: str, facts: Facts, memory: _Memory) -> Skill:
     for split in splits:
         try:
             object = _object(words[: split.start()], facts, memory)
-            return _placed(object, split[1], words[split.end() :].strip(), facts, memory)
+            found = _placed(object, split[1], words[split.end() :].strip(), facts, memory)
+            memory.moved.add(object)
+            return found
         except Unresolved as why:
             first = first or why
     raise first or Unresolved("impossible", "nothing was read")
@@ -146,7 +149,7 @@ def _placed(object: str, place: str, words: str, facts: Facts, memory: _Memory) 
     memory.held = False
     if place in ("on", "onto", "on to", "on top of", "back onto"):
         support = resolve(words, facts, lambda thing: thing.kind == "fixed", "can support an object")
-        if facts[object].on == support:
+        if facts[object].on == support and object not in memory.moved:
             raise Unresolved("impossible", f"{object} is on {support} already", (support,))
         return Skill("pick_place", None, object, support)
     if words in IT and memory.part:

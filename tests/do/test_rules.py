@@ -79,6 +79,10 @@ def words(sentence: str) -> list[str]:
         ("open the window and the oven", ["open window_12", "open oven_door_14"]),
         ("put the glue stick into the top drawer of the desk", ["put_in glue_18 -> drawer_4"]),
         ("open the top drawer of the desk and put the glue stick in it", ["put_in glue_18 -> drawer_4"]),
+        (
+            "put the glue stick into drawer_4, open it, and put the glue stick on the desk",
+            ["put_in glue_18 -> drawer_4", "open drawer_4", "pick_place glue_18 -> desk_1"],
+        ),
         ("take the glue stick and put it on the table", ["pick_place glue_18 -> table_19"]),
         ("set the glue stick down on the table", ["pick_place glue_18 -> table_19"]),
         (

@@ -46,7 +46,7 @@ OPENING = 0.3
 
 
 def main() -> None:
-    """SkillPlan every sentence and write how many plans are right."""
+    """Plan every sentence and write how many plans are right."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--llm", default="rules", choices=["rules", "chat", "replay"])
     parser.add_argument("--recordings", type=Path, help="a model's answers")
@@ -79,7 +79,7 @@ def main() -> None:
 
 
 def _room(room: str, about: dict, model: Model, values: dict, runs: Path) -> list[dict]:
-    """SkillPlan the sentences of a room; return a line a sentence."""
+    """Plan the sentences of a room; return a line a sentence."""
     folder = _prepared(room, about, runs)
     stage = sim_stage.read(folder / "room.usd", visuals=False)
     context = RoomContext(stage, descriptive.read(folder / "descriptive.usda"), "panda", OPENING)

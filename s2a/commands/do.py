@@ -43,7 +43,7 @@ class Config:
         images: folder for an image of the room after each skill, 1_open.png and so on, or null.
         llm: the language model.
         record: a file for the model's answers, to replay them, or null.
-        plan_only: SkillPlan and check, and execute nothing.
+        plan_only: Plan and check, and execute nothing.
         retries: answers of the model that may be rejected, of each plan.
         replans: plans that a model is asked for after a skill has failed.
         device: cpu, cuda:0, or auto: a GPU where there is one.

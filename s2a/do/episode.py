@@ -95,7 +95,7 @@ def _episode(
     record: dict[str, Any],
     image: Path | None,
 ) -> Outcome:
-    """SkillPlan and simulate the episode; fills the record."""
+    """Plan and simulate the episode; fills the record."""
     settings = getattr(config.skills, skill.skill)
     mdp = _mdp(skill, settings.task, room, state)
     now = states.at_state(room, state)

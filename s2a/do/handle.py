@@ -20,9 +20,9 @@ from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import PathSettings, ToolPath, matrices
 from s2a.sim.world import SimStage
 
-STRAIGHT = ((1.0, 1.0), (1.0, 0.5), (1.0, 0.0), (0.5, 1.0), (0.5, 0.5), (0.5, 0.0))
-"""Fractions of `planner.approach` by which the gripper comes straight to the handle, and draws back from it: bases are for
-opening what is shut, and an open part may be too near to the robot for all of it."""
+TRIED = ((1.0, 1.0, 1.0), (1.0, 0.5, 1.0), (1.0, 0.5, 0.8), (0.5, 0.5, 1.0), (1.0, 0.0, 1.0), (0.5, 0.0, 1.0))
+"""Fractions of `planner.approach` by which the gripper comes straight to the handle, and draws back from it, and of
+`planner.opening`: bases are for opening what is shut, and an open part may be too near to the robot for all of it."""
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,16 @@ class HandleMotion:
 
 
 def motion(env: VecEnv, config: PlannerConfig) -> HandleMotion:
-    """Return the motion that does a task, with the first of STRAIGHT that the arm reaches.
+    """Return the motion that does a task, with the first of TRIED that the arm reaches.
 
     Raises:
         InputError: the arm cannot reach along the path.
     """
     first: InputError | None = None
-    for ahead, back in STRAIGHT:
+    for ahead, back, opening in TRIED:
+        tried = replace(config, approach=ahead * config.approach, opening=opening * config.opening)
         try:
-            return _motion(env, replace(config, approach=ahead * config.approach), back)
+            return _motion(env, tried, back)
         except InputError as error:
             first = first or error
     raise first or InputError("no straight path was tried")

@@ -85,7 +85,7 @@ def do(
     usage: UsageLog,
     execute: Execute | None,
 ) -> Result:
-    """SkillPlan and execute a sentence.
+    """Plan and execute a sentence.
 
     Args:
         context: the room.

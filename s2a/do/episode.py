@@ -104,7 +104,7 @@ def _episode(
     stage = task.read_stage(path, skill.object or skill.part, config.robot, also, mdp)
     sim = Simulation(stage, config.sim, 1, device_of(config.device))
     env = tasks.make_env(sim, mdp, settings.metrics, {}, config.seed)
-    planner = _planner(skill, env, config, state, record)
+    planner = _planner(skill, env, config, room, state, record)
     env.reset_all()
     offsets = {i: 0.0 if i in own else q for i, q in state.joints.items()}
     began = _read(sim, stage, offsets)
@@ -126,13 +126,16 @@ def _mdp(skill: Skill, mdp: Any, room: SimRoom, state: RoomChange) -> Any:
     return mdp
 
 
-def _planner(skill: Skill, env: VecEnv, config: ExecutionConfig, state: RoomChange, record: dict[str, Any]) -> Planner:
+def _planner(
+    skill: Skill, env: VecEnv, config: ExecutionConfig, room: SimRoom, state: RoomChange, record: dict[str, Any]
+) -> Planner:
     """Return the planner; after opening and closing it lets go of the handle and draws back, which goes into the record."""
     if skill.object:
         return Planner(env, config.planner)
     found = motion(env, config.planner)
-    if state.joints or state.objects:
-        refuse_collision(env.sim.stage, env.sim.robot, found.arm)
+    ajar = [i for i, path in states.opened_by(room, state).items() if abs(path) > START_ERROR]
+    hanging = [i for i in room.articulations if set(room.carriers(i)) & set(ajar)]
+    refuse_collision(env.sim.stage, [*ajar, *hanging, *state.objects], env.sim.robot, found.arm)
     record |= {"approach": round(found.approach, 3), "retreat": round(found.retreat, 3)}
     return Planner(env, config.planner, [found.demonstration])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -18,6 +19,7 @@ from s2a.planner.segments import Segments
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import PathSettings, ToolPath, matrices
+from s2a.scene import Mesh
 from s2a.sim.world import SimStage
 
 TRIED = ((1.0, 1.0, 1.0), (1.0, 0.5, 1.0), (1.0, 0.5, 0.8), (0.5, 0.5, 1.0), (1.0, 0.0, 1.0), (0.5, 0.0, 1.0))
@@ -87,12 +89,33 @@ def _with_retreat(stage: SimStage, settings: PathSettings, env: VecEnv, fraction
     return ToolPath(poses, q, path.grasp)
 
 
-def refuse_collision(stage: SimStage, spec: RobotSpec, arm: np.ndarray) -> None:
-    """Raise InputError where the arm in joints [pose arm], or at home, meets the room as it stands; bases are of the shut one."""
-    near = RoomHulls(stage.room, {stage.target}, stage.grasp[:3])
+def refuse_collision(stage: SimStage, moved: Collection[str], spec: RobotSpec, arm: np.ndarray) -> None:
+    """Raise InputError where the arm in joints [pose arm], or at home, meets what was moved; its base is for the room before.
+
+    Args:
+        stage: the room as it stands.
+        moved: ids of parts that stand open and of objects that were moved.
+        spec: the robot.
+        arm: its joint path.
+    """
+    room, target = stage.room, stage.target
+    bodies = {i: body for i, body in room.bodies.items() if i in moved and i != target}
+    free = {i: body for i, body in room.free.items() if i in moved}
+    if not bodies and not free:
+        return
+    near = RoomHulls(
+        replace(room, bodies=bodies, free=free, static_colliders=()), {target}, stage.grasp[:3], _far_below(stage)
+    )
     (base,) = matrices(stage.base[None])
     depth = arm_depth(robot_shape(spec), near, np.concatenate([arm, [spec.home]]), base, fingers=False).max()
     if depth > SLACK:
         raise InputError(
-            f"from its base for {stage.target!r} the arm reaches {1000 * depth:.0f} mm into the room as it stands now"
+            f"from its base for {target!r} the arm reaches {1000 * depth:.0f} mm into what was moved before: "
+            f"{', '.join([*bodies, *free])}"
         )
+
+
+def _far_below(stage: SimStage) -> Mesh:
+    """Return a triangle 1.5 m below the grasp, which no arm meets: a set of hulls cannot be empty."""
+    corners = np.array([[0.0, 0.0, -1.5], [0.01, 0.0, -1.5], [0.0, 0.01, -1.5]])
+    return Mesh(stage.grasp[:3] + corners, np.array([[0, 1, 2]]))

@@ -10,6 +10,7 @@ import contextlib
 import importlib
 import itertools
 import os
+import re
 import signal
 import sys
 import time
@@ -42,6 +43,7 @@ COMMANDS = {
     "pool": "prepare the parts of many virtual rooms, to train one policy on all",
     "train": "train a policy by reinforcement learning (PPO)",
     "evaluate": "measure the success of a policy or of the planner",
+    "do": "do what a sentence says, in simulation: a language model or rules plan, the planner acts",
     "bench": "measure a policy on furniture that nobody trains on, part by part",
     "collect": "collect demonstrations with cameras, as a LeRobot dataset",
     "replay": "play demonstrations again: do they succeed?",
@@ -50,6 +52,8 @@ COMMANDS = {
 }
 OUTPUTS = ("out", "image", "images", "record")
 """Keys that name output files and folders."""
+ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")
+"""How an argument begins that is key=value, or removes a key."""
 FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 
 
@@ -201,8 +205,24 @@ def _dispatch(arguments: list[str]) -> int:
     elif "--multirun" in flags or "-m" in flags:
         sweep(command, overrides)
     else:
-        run(command, config.compose(command, overrides))
+        run(command, compose(command, overrides))
     return 0
+
+
+def compose(command: str, arguments: Sequence[str]) -> dict[str, Any]:
+    """Return a command's values with its arguments: key=value, and words for its key SENTENCE, if it has one.
+
+    Raises:
+        InputError: an argument that cannot be read, an unknown key or option, or several arguments of words.
+    """
+    key = getattr(_module(command), "SENTENCE", None)
+    words = [argument for argument in arguments if key and not ASSIGNMENT.match(argument)]
+    if len(words) > 1:
+        raise InputError(
+            f'{" ".join(words)[:80]!r} are {len(words)} arguments; put the {key} into quotation marks: "..."'
+        )
+    values = config.compose(command, [argument for argument in arguments if argument not in words])
+    return values | ({key: words[0]} if key and words else {})
 
 
 def _unless(arguments: Sequence[str]) -> str:

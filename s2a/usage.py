@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
 from itertools import takewhile
@@ -34,7 +35,9 @@ def command(name: str, meaning: str, cls: type) -> str:
     """Return the help text of one command: examples, then every key with its default and its meaning."""
     values = sorted(config.leaves(config.compose(name)), key=lambda leaf: "." in leaf[0])
     meanings = attributes(cls) | _chosen(cls, config.compose(name))
-    lines = [f"s2a {name} key=value ...: {meaning}", *examples(name), ""]
+    words = getattr(sys.modules[cls.__module__], "SENTENCE", None)
+    first = f'"{words}" ' if words else ""
+    lines = [f"s2a {name} {first}key=value ...: {meaning}", *examples(name), ""]
     for key, value in values:
         lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, meanings)}".rstrip())
     return "\n".join([*lines, *options(name, cls)])

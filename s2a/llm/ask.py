@@ -15,7 +15,7 @@ from s2a.errors import InputError, printable
 from s2a.llm.usage_log import UsageLog
 
 T = TypeVar("T")
-Step = Literal["plan", "scale", "script"]
+Step = Literal["plan", "scale", "script", "skills"]
 Message = tuple[Literal["user", "assistant"], str]
 THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought|reasoning)>", re.DOTALL | re.IGNORECASE)
 """The models that write them end with them before the answer begins."""
@@ -28,7 +28,7 @@ class Request:
     """A question to a model.
 
     Attributes:
-        step: of the insertion.
+        step: of an insertion; "skills" plans for a sentence.
         system: system prompt of the step.
         messages: (role, text), the question first, then rejected answers and the feedback on them.
         schema: JSON schema of the answer; None where the answer is a script.
@@ -104,8 +104,8 @@ def ask(model: Model, request: Request, accept: Callable[[str], T], retries: int
     )
 
 
-def parse(text: str, kind: type[T]) -> T:
-    """Return the JSON object in an answer as a dataclass; words around it are ignored.
+def parse(text: str, kind: type[T], *, strict: bool = False) -> T:
+    """Return the JSON object in an answer as a dataclass; words around it are ignored, and unknown keys unless `strict`.
 
     Raises:
         ValidationFeedback: there is none, or a key is missing or of another type.
@@ -118,7 +118,7 @@ def parse(text: str, kind: type[T]) -> T:
         raise ValidationFeedback(
             f"That is not one JSON object ({error}). Answer with the JSON object alone."
         ) from error
-    rules = dacite.Config(cast=[tuple], type_hooks={float: _number})
+    rules = dacite.Config(cast=[tuple], type_hooks={float: _number}, strict=strict)
     try:
         return dacite.from_dict(kind, values, rules)
     except (dacite.DaciteError, TypeError, ValueError, ArithmeticError) as error:

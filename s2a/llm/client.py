@@ -59,8 +59,13 @@ def kind_of(config: LlmConfig) -> str:
     return "chat" if os.environ.get("OPENAI_API_KEY") else "rules"
 
 
-def choose(config: LlmConfig, record: Path | None) -> Model:
+def choose(config: LlmConfig, record: Path | None, fallback: Model = rules) -> Model:
     """Return the model that is asked for; its answers are added to the recording `record`, if one is given.
+
+    Args:
+        config: which one.
+        record: the recording, or None.
+        fallback: the rules of llm=rules.
 
     Raises:
         InputError: replay without a recording, or chat without a key.
@@ -76,7 +81,7 @@ def choose(config: LlmConfig, record: Path | None) -> Model:
                 "llm=replay needs a recording; give llm.answers=FILE, which record=FILE of llm=chat writes"
             )
         return recorded(config.answers)
-    model = rules if kind == "rules" else Chat(config)
+    model = fallback if kind == "rules" else Chat(config)
     return model if record is None else recorder(model, record)
 
 

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
-from s2a.scene import Joint, Part, Scene
+from s2a.errors import InputError
+from s2a.scene import Joint, Part, Scene, Vec3
 from s2a.usd.boxes import silhouette, upright_box
 from s2a.usd.joints import site_point
-from s2a.usd.stage import ROOT, check_ids, new_stage, save, write_attribute
+from s2a.usd.stage import ROOT, check_ids, new_stage, open_stage, read_attribute, reading, save, write_attribute
 
 FLAVOUR = "descriptive"
 MILLIMETRES, DIRECTION, DEGREES = 3, 4, 1
@@ -28,6 +30,27 @@ limits: m or rad from the pose shown; against: what it moves against. graspable:
 Whatever is absent: false, fixed, not turned, unknown."""
 
 Types = Sdf.ValueTypeNames
+
+
+@dataclass(frozen=True)
+class DescribedPart:
+    """What the description says of a part.
+
+    Attributes:
+        label: the annotator's name for it.
+        parent: id of the part that it belongs to; None for an object.
+        motion: "prismatic", "revolute", "free" or "fixed".
+        graspable: a gripper holds the moving part here.
+        center: of its upright box [m], scene coordinates; None where nothing was scanned of it.
+        size: of that box [m]; the third is vertical.
+    """
+
+    label: str
+    parent: str | None
+    motion: str
+    graspable: bool
+    center: Vec3 | None
+    size: Vec3 | None
 
 
 def write(scene: Scene, path: Path) -> None:
@@ -48,6 +71,36 @@ def write(scene: Scene, path: Path) -> None:
         prim = _write_part(stage, scene, part_id)
         _write_box(prim, [outlines[i] for i in (part_id, *scene.descendants(part_id))])
     save(stage, path)
+
+
+def read(path: Path) -> dict[str, DescribedPart]:
+    """Read the parts of a description by id, parents before children.
+
+    Raises:
+        InputError: no such file, not USD, or a stage of another flavour.
+    """
+    with reading(path):
+        stage = open_stage(path)
+        root = stage.GetDefaultPrim()
+        flavour = read_attribute(root, "flavour", str)
+        if flavour != FLAVOUR:
+            raise InputError(f"{path}: flavour {flavour!r}; expected {FLAVOUR!r}: the descriptive.usda of s2a export")
+        prims = [
+            prim for prim in Usd.PrimRange(root) if prim != root and read_attribute(prim, "label", str) is not None
+        ]
+        return {prim.GetName(): _read_part(prim, root) for prim in prims}
+
+
+def _read_part(prim: Usd.Prim, root: Usd.Prim) -> DescribedPart:
+    parent = prim.GetParent()
+    return DescribedPart(
+        label=read_attribute(prim, "label", str),
+        parent=None if parent == root else parent.GetName(),
+        motion=read_attribute(prim, "motion", str, "fixed"),
+        graspable=read_attribute(prim, "graspable", bool, False),
+        center=read_attribute(prim, "center", tuple),
+        size=read_attribute(prim, "size", tuple),
+    )
 
 
 def prim_path(scene: Scene, part_id: str) -> str:

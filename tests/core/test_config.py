@@ -127,7 +127,7 @@ def test_every_command_composes_loads_and_documents_each_of_its_keys(command: st
 def test_the_examples_in_the_help_of_every_command_are_understood(command: str):
     calls = [line.partition(f"s2a {command} ")[2] for line in usage.examples(command) if f"s2a {command} " in line]
     cls = importlib.import_module(f"s2a.commands.{command}").Config
-    assert [config.load(cls, config.compose(command, shlex.split(call))) for call in calls]
+    assert [config.load(cls, cli.compose(command, shlex.split(call))) for call in calls]
 
 
 def test_the_help_shows_values_as_they_are_typed_and_every_choice():

@@ -1,0 +1,166 @@
+"""The rule-based fallback on a hand-made room: what sentences mean, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from s2a.do.facts import RoomPart
+from s2a.do.plan import SkillPlan, plan
+from s2a.do.rules import rules
+from s2a.llm.usage_log import UsageLog
+
+
+def thing(
+    i: str, label: str, at: tuple[float, float, float], size: tuple[float, float, float], **more: object
+) -> RoomPart:
+    return RoomPart(i, label, center=at, size=size, **more)  # type: ignore[arg-type]
+
+
+def drawer(i: str, parent: str, y: float, z: float) -> RoomPart:
+    """A front of a cabinet that faces +x: to somebody before it, +y is on the right."""
+    return thing(i, "drawer", (0.4, y, z), (0.4, 0.4, 0.2), parent=parent, kind="slides", facing=(1.0, 0.0), base=True)
+
+
+def oven(i: str, label: str, kind: str) -> RoomPart:
+    """A part of an oven that faces -x."""
+    return thing(i, label, (3.0, 0.0, 0.5), (0.1, 0.6, 0.5), parent="oven_13", kind=kind, facing=(-1.0, 0.0), base=True)
+
+
+THINGS = [
+    thing("desk_1", "desk", (0.2, 0.0, 0.375), (0.8, 1.6, 0.75)),
+    thing("cabinet_2", "storage cabinet", (0.2, 0.4, 0.3), (0.5, 0.4, 0.6)),
+    drawer("drawer_3", "cabinet_2", 0.4, 0.15),
+    drawer("drawer_4", "cabinet_2", 0.4, 0.45),
+    thing("chest_5", "chest of drawers", (0.2, 3.0, 0.4), (0.5, 1.0, 0.8)),
+    *(drawer(f"drawer_{6 + n}", "chest_5", 2.75 + 0.5 * (n % 2), 0.2 + 0.2 * (n // 2)) for n in range(6)),
+    thing("window_12", "window", (2.0, 2.0, 1.5), (1.0, 0.1, 1.0), kind="turns", facing=(0.0, -1.0), base=True),
+    thing("oven_13", "oven", (3.0, 0.0, 0.4), (0.6, 0.6, 0.8)),
+    oven("oven_door_14", "oven door", "turns"),
+    oven("drawer_15", "drawer", "slides"),
+    thing("cup_16", "cup", (0.2, -0.3, 0.8), (0.1, 0.1, 0.1), kind="free", on="desk_1"),
+    thing("cup_17", "cup", (0.2, -0.6, 0.8), (0.1, 0.1, 0.1)),
+    thing("glue_18", "glue stick", (0.2, 0.3, 0.8), (0.03, 0.03, 0.1), kind="free", on="desk_1"),
+    thing("table_19", "table", (0.5, -1.5, 0.375), (0.8, 0.8, 0.75)),
+]
+FACTS = {each.id: each for each in THINGS}
+
+
+def planned(sentence: str, facts: dict[str, RoomPart] = FACTS) -> SkillPlan:
+    """Return what the rules plan, in a room where every plan fits."""
+    return plan(rules, sentence, facts, lambda _: None, 0, UsageLog((0.0, 0.0)))
+
+
+def words(sentence: str) -> list[str]:
+    found = planned(sentence)
+    assert found.refusal is None, found
+    return [skill.words for skill in found.skills]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "skills"),
+    [
+        ("open the window", ["open window_12"]),
+        ("Please open the window!", ["open window_12"]),
+        ("open drawer_3", ["open drawer_3"]),
+        ("open the top drawer of the desk", ["open drawer_4"]),  # of the cabinet that stands below it
+        ("open the desk's bottom drawer", ["open drawer_3"]),
+        ("open the storage cabinet's upper drawer", ["open drawer_4"]),
+        # Facing the chest, which faces +x, one looks along -x: +y is on the right.
+        ("open the top right drawer of the chest of drawers", ["open drawer_11"]),
+        ("open the lower left drawer of the chest of drawers", ["open drawer_6"]),
+        ("open the second drawer on the left of the chest of drawers", None),
+        ("pull the left middle drawer of the chest of drawers open", ["open drawer_8"]),
+        ("open the oven", ["open oven_door_14"]),
+        ("open the drawer of the oven", ["open drawer_15"]),
+        ("open the window and close it again", ["open window_12", "close window_12"]),
+        ("open the window and the oven", ["open window_12", "open oven_door_14"]),
+        ("put the glue stick into the top drawer of the desk", ["put_in glue_18 -> drawer_4"]),
+        ("open the top drawer of the desk and put the glue stick in it", ["put_in glue_18 -> drawer_4"]),
+        (
+            "put the glue stick into drawer_4, open it, and put the glue stick on the desk",
+            ["put_in glue_18 -> drawer_4", "open drawer_4", "pick_place glue_18 -> desk_1"],
+        ),
+        ("take the glue stick and put it on the table", ["pick_place glue_18 -> table_19"]),
+        ("set the glue stick down on the table", ["pick_place glue_18 -> table_19"]),
+        (
+            "put the glue in the top drawer of the desk, then open the bottom one",
+            ["put_in glue_18 -> drawer_4", "open drawer_3"],
+        ),
+    ],
+)
+def test_meaning(sentence: str, skills: list[str] | None) -> None:
+    if skills is None:
+        assert planned(sentence).refusal
+    else:
+        assert words(sentence) == skills
+
+
+@pytest.mark.parametrize(
+    ("sentence", "kind"),
+    [
+        ("open a drawer", "ambiguous"),
+        ("open the chest of drawers", "ambiguous"),
+        ("open the top drawer of the chest of drawers", "ambiguous"),  # one on each side
+        ("open the top drawer", "ambiguous"),  # of which furniture?
+        ("put the cup on the table", "ambiguous"),  # two cups, one of them free
+        ("close it", "ambiguous"),
+        ("put the glue stick", "ambiguous"),
+        ("open the fridge", "unknown"),
+        ("open the drawer of the wardrobe", "unknown"),
+        ("put the glue stick into the safe", "unknown"),
+        ("open the table", "impossible"),
+        ("wash the cup", "impossible"),
+        ("put the table on the desk", "impossible"),
+        ("put the glue stick into the table", "impossible"),
+        ("put the glue stick on the desk", "impossible"),  # it is there
+        ("take the glue stick", "impossible"),
+        ("bring me the glue stick", "impossible"),
+        ("open the drawer next to the window", "impossible"),
+        ("please", "impossible"),
+        ("...", "impossible"),
+        ("\N{LATIN CAPITAL LETTER O WITH DIAERESIS}ffne das Fenster", "impossible"),
+        ("\u6253\u5f00\u7a97\u6237", "impossible"),
+    ],
+)
+def test_refusals(sentence: str, kind: str) -> None:
+    assert planned(sentence).refusal == kind
+
+
+@pytest.mark.parametrize(
+    "no", ["do not ", "don't ", "don\N{RIGHT SINGLE QUOTATION MARK}t ", "never ", "please do not ever "]
+)
+@pytest.mark.parametrize("rest", ["open the window", "put the glue stick into the top drawer of the desk"])
+def test_negations_are_never_overlooked(no: str, rest: str) -> None:
+    assert planned(no + rest).refusal == "impossible"
+    assert planned(f"open the oven and {no}{rest}").refusal == "impossible"
+
+
+@pytest.mark.parametrize("word", ["all", "every", "both", "any", "two", "if it is shut", "unless", "only", "half"])
+def test_quantities_and_conditions_are_refused(word: str) -> None:
+    assert planned(f"open {word} the window").refusal == "impossible"
+
+
+def test_an_object_is_told_from_another_by_what_it_stands_on() -> None:
+    other = replace(FACTS["glue_18"], id="glue_20", on="table_19")
+    assert planned("put the glue stick into drawer_3", FACTS | {"glue_20": other}).refusal == "ambiguous"
+    found = planned("put the glue stick on the table into drawer_3", FACTS | {"glue_20": other})
+    assert [skill.words for skill in found.skills] == ["put_in glue_20 -> drawer_3"]
+
+
+def test_any_words_give_a_plan_or_a_refusal() -> None:
+    for sentence in (
+        "a" * 500,
+        "open " * 90,
+        "put in on into",
+        "of of of",
+        "\\d+(((",
+        "open ((drawer",
+        "'s 's 's",
+        "{}[]",
+    ):
+        found = planned(sentence)
+        assert bool(found.skills) != bool(found.refusal)
+        json.dumps(found.reason)

@@ -138,6 +138,7 @@ ADDED = {
     "task.grasp_turn": (0.0, 0.0),
     "task.action_delay": (0, 0),
     "ppo.imitation_iterations": 0,
+    "ppo.critic_iterations": 0,
 }
 """Dotted key that older runs did not have -> the value by which they ran."""
 

@@ -40,6 +40,7 @@ COMMANDS = {
     "certify": "validate a simulation-ready stage; exit with 1 if a check fails",
     "identify": "find mass, friction, damping and spring of a joint from recorded pulls",
     "optimize": "find the best time law with which an arm pulls a part, by gradient",
+    "perceive": "train a network that tells a part's grasp and joint from a depth camera's frame",
     "pool": "prepare the parts of many virtual rooms, to train one policy on all",
     "train": "train a policy by reinforcement learning (PPO)",
     "evaluate": "measure the success of a policy or of the planner",

@@ -19,6 +19,7 @@ from s2a.errors import InputError
 from s2a.evaluate import Policy, baseline, run_episodes
 from s2a.outputs import atomic_write
 from s2a.part_results import by_part
+from s2a.perception.estimate import seen_pool
 from s2a.planner.motion import Planner, PlannerConfig
 from s2a.progress import track
 from s2a.provenance import provenance
@@ -55,6 +56,8 @@ class Config:
         task: what the robot has to do; a trained policy has its own settings of what it observes.
         metrics: what is reported of an episode.
         planner: the planner's motion.
+        perception: who sees the parts with a depth camera instead of being told the truth: pretrained, or what s2a perceive
+            wrote; null: nobody.
         grasp_error: how far from the true grasp policy and planner see it [m], in any direction; null: as far as in a trained
             policy's training, and the planner knows the true one.
         grasp_turn: by how much it is turned [degree], about any axis; null: likewise.
@@ -73,6 +76,7 @@ class Config:
     task: MdpSettings
     metrics: MetricSettings
     planner: PlannerConfig
+    perception: Path | None
     grasp_error: NotNegative | None
     grasp_turn: NotNegative | None
 
@@ -87,8 +91,10 @@ def run(config: Config) -> str:
     who, task, act = _actor(config)
     robot.check_unchanged(config.robot)
     entries, motions = pool.read(config.stage), starts.of_pool(config.stage)
-    batches = list(_batches(pool.stages(config.stage, config.robot.name), config.num_envs // config.episodes))
-    device = device_of(config.device)
+    device, stages = device_of(config.device), pool.stages(config.stage, config.robot.name)
+    if config.perception:
+        stages = seen_pool(config.stage, stages, config.perception, device)
+    batches = list(_batches(stages, config.num_envs // config.episodes))
     columns: dict[str, list[torch.Tensor]] = {}
     for first, stages in track(batches, "bench"):
         sim = Simulation(stages, config.sim, len(stages) * config.episodes, device)
@@ -99,7 +105,11 @@ def run(config: Config) -> str:
     rates = {name: torch.cat(values).numpy() for name, values in columns.items()}
     found = by_part(rates, entries, np.repeat(np.arange(len(entries)), config.episodes), config.seed)
     about = {"policy": who, "episodes_a_part": config.episodes, "steps": config.steps, "seed": config.seed}
-    about |= {"grasp_error": config.grasp_error, "grasp_turn": config.grasp_turn}
+    about |= {
+        "perception": config.perception and str(config.perception),
+        "grasp_error": config.grasp_error,
+        "grasp_turn": config.grasp_turn,
+    }
     with atomic_write(config.out) as file:
         file.write_text(json.dumps({**about, **found, **provenance(device)}, indent=1))
     return "\n".join([f"{config.out}: {who}, {config.episodes} episodes a part", *_table(found["over_parts"])])

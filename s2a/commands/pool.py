@@ -17,6 +17,9 @@ from s2a import scan
 from s2a.env import starts
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
+from s2a.perception import frames
+from s2a.perception.depth_camera import DepthCameraConfig
+from s2a.perception.visible_room import VisibleRoom
 from s2a.planner.motion import PlannerConfig, demonstration
 from s2a.prepare import ALL, PrepareConfig, prepare
 from s2a.progress import track
@@ -25,7 +28,7 @@ from s2a.ranges import Count, CountFromZero
 from s2a.robot.spec import RobotSpec
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation
-from s2a.sim.world import read_stage
+from s2a.sim.world import read_stage, stage_of
 from s2a.synth import RoomKind, SampleConfig, sample
 from s2a.tasks import MdpSettings, task
 from s2a.usd import sim_stage
@@ -42,6 +45,8 @@ class Config:
         out: folder of the pool; rooms that are in it already are kept.
         jobs: rooms that are made at once.
         leave_out: families or styles of handles that are not taken.
+        frames: of a depth camera that are taken of each part, for s2a perceive; 0: none.
+        camera: the depth camera.
         sample: how rooms are drawn and scanned; its room, seed and out are not used.
         robot: the robot.
         prepare: how the scenes are prepared.
@@ -56,6 +61,8 @@ class Config:
     out: Path
     jobs: Count
     leave_out: tuple[str, ...]
+    frames: CountFromZero
+    camera: DepthCameraConfig
     sample: SampleConfig
     robot: RobotSpec
     prepare: PrepareConfig
@@ -124,6 +131,7 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
         with atomic_write(file) as out:  # without its visuals, which no training loads
             sim_stage.write(room, out, Path(folder) / "visuals.usd")
     made: Made = {"settings": _settings(config), "parts": [], "left_out": {}}
+    visible = VisibleRoom(room) if config.frames else None
     for part, found in room.articulations.items():
         try:
             if not found.bases[config.robot.name].free:
@@ -137,7 +145,17 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
         facts = [truth[i] for i in scene.grasp_parts(part) if i in truth]
         handles = {one.get("facts", {}).get("family", one["style"]) for one in facts} - {None}
         handle = ", ".join(sorted(handles)) or "none"
-        made["parts"].append(asdict(pool.PoolPart(file.name, part, found.joint.kind, handle, motion)))
+        seen = ""
+        if visible is not None:
+            stage = stage_of(file, room, part, robot=config.robot.name)
+            clouds = frames.take(visible, stage, config.camera, config.frames, seed)
+            if not clouds:
+                made["left_out"][f"{name}/{part}"] = "no camera frame shows it"
+                continue
+            seen = f"{name}_{part}_frames.npz"
+            with atomic_write(config.out / seen) as out:
+                frames.save(clouds, out)
+        made["parts"].append(asdict(pool.PoolPart(file.name, part, found.joint.kind, handle, motion, seen)))
     with atomic_write(done) as out:
         out.write_text(json.dumps(made, indent=1))
     return made

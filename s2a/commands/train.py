@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
 from s2a.outputs import atomic_write, full_disk
+from s2a.perception.estimate import seen_pool
 from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner, demonstration
 from s2a.provenance import provenance
 from s2a.ranges import Fraction
@@ -40,7 +41,10 @@ class Config(WorldsConfig):
 
     Attributes:
         out: folder for checkpoints, the TensorBoard log and metrics.json.
-        init: checkpoint of another run whose policy and critic this one begins with, of networks of the same widths; or null.
+        init: policy that this one begins with, of networks of the same widths: a checkpoint of another run, with its critic; or
+            pretrained, or an exported .onnx, without. null: none.
+        perception: who sees the parts of a pool with a depth camera, where the policy is not to be told the truth: pretrained, or
+            what s2a perceive wrote (its estimates.npz are of parts that no network was trained on); null: nobody.
         resume: go on from the last checkpoint in `out`, if there is one, with the same settings.
         export: write the last checkpoint as TorchScript and ONNX too.
         reward: weight of each reward term.
@@ -53,6 +57,7 @@ class Config(WorldsConfig):
 
     out: Path
     init: Path | None
+    perception: Path | None
     resume: bool
     export: bool
     reward: RewardWeights
@@ -69,8 +74,9 @@ def run(config: Config) -> str:
     seed = processes.own_seed(config.seed, first)
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
-    sim = Simulation(processes.own_items(config.read_stages()), config.sim, config.num_envs, device)
-    imitates = first < config.ppo.imitation_iterations
+    sim = Simulation(processes.own_items(_stages(config, device)), config.sim, config.num_envs, device)
+    ppo_config = _ppo_of(config)
+    imitates = config.init is None and first < ppo_config.imitation_iterations
     motions = _motions(config, sim) if config.demo_reset_fraction > 0.0 or imitates else []
     demo = (
         DemoStarts(motions, config.demo_reset_fraction, config.demo_moved_fraction)
@@ -87,12 +93,29 @@ def run(config: Config) -> str:
             run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(sim.stages))
             begun = run_folder.keep_start(config.out, first, config.stage, provenance(sim.device))
             write_world(config.sim, config.task, config.out)
-        metrics = ppo.train(env, config.ppo, config.out, checkpoint, config.init, teacher)
+        metrics = ppo.train(env, ppo_config, config.out, checkpoint, config.init, teacher)
         return _report(config, env, metrics | {"starts": begun}) if lead else ""
     except OSError as error:  # checkpoints and logs are not written by atomic_write
         if (told := full_disk(config.out, error)) is None:
             raise
         raise told from error
+
+
+def _ppo_of(config: Config) -> PpoConfig:
+    """Return rsl-rl's settings; who begins with a policy does not imitate, but may need time for a critic."""
+    if config.init is None:
+        return config.ppo
+    without_critic = config.init.suffix != ".pt"
+    return replace(config.ppo, imitation_iterations=config.ppo.critic_iterations if without_critic else 0)
+
+
+def _stages(config: Config, device: str) -> list[SimStage]:
+    """Return the stages, with what is made of their frames where the policy is not told the truth."""
+    if config.perception is None:
+        return config.read_stages()
+    if not pool.is_index(config.stage):
+        raise InputError(f"key 'perception' is for the parts of a pool; {config.stage} is none")
+    return seen_pool(config.stage, config.read_stages(), config.perception, device)
 
 
 def _start_of(config: Config) -> Path | None:
@@ -102,10 +125,9 @@ def _start_of(config: Config) -> Path | None:
         InputError: there are more mini-batches than samples; `out` is a file; it holds something, and the run is not to go
             on; or it has done all its iterations.
     """
-    if config.ppo.imitation_iterations and not config.ppo.cuda_graph:
-        raise InputError(
-            "key 'ppo.imitation_iterations' needs ppo.cuda_graph=true; rsl-rl's own update does not imitate"
-        )
+    if _ppo_of(config).imitation_iterations and not config.ppo.cuda_graph:
+        key = "critic_iterations" if config.init else "imitation_iterations"
+        raise InputError(f"key 'ppo.{key}' needs ppo.cuda_graph=true; rsl-rl's own update does not imitate")
     samples = config.num_envs * config.ppo.num_steps_per_env
     if config.ppo.num_mini_batches > samples:
         raise InputError(

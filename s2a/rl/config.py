@@ -38,7 +38,9 @@ class PpoConfig:
         init_std: standard deviation of the first policy's actions.
         imitation_iterations: number of the first iterations, in which the policy does not improve by its own reward, but imitates
             the planner in the states to which it comes itself, as DAgger does (Ross et al. 2011); the critic learns meanwhile.
-            Needs `cuda_graph`.
+            Needs `cuda_graph`. A run that begins with another's policy does not imitate.
+        critic_iterations: where a run begins with a policy that has no critic (init=pretrained): number of the first iterations,
+            in which the critic alone learns. Needs `cuda_graph`.
         save_interval: iterations between checkpoints.
         cuda_graph: collecting and updating never wait for the device, and an update is replayed as captured graphs on a GPU;
             the arithmetic is the same. Of the two below, it needs neither.
@@ -63,6 +65,7 @@ class PpoConfig:
     hidden_dims: Annotated[tuple[Count, ...], NotEmpty()]
     init_std: Positive
     imitation_iterations: CountFromZero
+    critic_iterations: CountFromZero
     save_interval: Count
     cuda_graph: bool
     fused_adam: bool

@@ -44,7 +44,8 @@ class GraphPpo(PPO):
         """Build rsl-rl's algorithm, with an optimiser whose learning rate is a tensor.
 
         In the first `imitation_iterations` updates the actor's loss is the squared difference of its mean action to the
-        teacher's, summed over the joints, at the first learning rate; nothing else of the update is different.
+        teacher's, summed over the joints, at the first learning rate; nothing else of the update is different. Where there is no
+        teacher, the policy is its own: it stays as it is, and the critic alone learns.
         """
         super().__init__(*args, **kwargs)
         self._imitating, self._first_rate = imitation_iterations, self.learning_rate
@@ -125,7 +126,8 @@ class GraphPpo(PPO):
         new = [model.get_latent(observations) for model in (self._raw_actor, self._raw_critic)]
         new.append(st.advantages.flatten(0, 1).squeeze(1))
         if self._imitating:
-            self._taught = st.observations[TEACHER].flatten(0, 1)
+            has_teacher = TEACHER in st.observations.keys()  # noqa: SIM118  a TensorDict's "in" looks for values
+            self._taught = (st.observations[TEACHER] if has_teacher else st.distribution_params[0]).flatten(0, 1)
         if not self._batch:
             kept = (st.actions, st.values, st.returns, st.actions_log_prob.squeeze(2), *st.distribution_params)
             self._batch = (*(torch.empty_like(x) for x in new), *(x.flatten(0, 1) for x in kept))

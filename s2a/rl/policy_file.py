@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
 PRETRAINED = "pretrained"
 """Names the policy that comes with s2a."""
+NORMALIZER_EPS = 1e-2
+"""What rsl-rl's normaliser adds to a deviation."""
+OBSERVED = 100_000_000
+"""Observations that an exported normaliser is taken to be of: the first ones of a new run shall not move it."""
 WORLD = "s2a.world"
 """Key of the file's metadata: world.json of the run."""
 
@@ -39,9 +43,7 @@ class PolicyFile:
         Raises:
             InputError: there is no such file, it is no ONNX file, or none that s2a wrote.
         """
-        file = Path(__file__).parents[1] / "policies/open_part.onnx" if str(path) == PRETRAINED else path
-        if not file.is_file():
-            raise InputError(f"policy {str(path)!r}: no such file; give an .onnx that s2a train wrote, or {PRETRAINED}")
+        file = _found(path)
         self.name = PRETRAINED if str(path) == PRETRAINED else file.name
         self._session = _opened(file)
         known = self._session.get_modelmeta().custom_metadata_map
@@ -64,6 +66,30 @@ class PolicyFile:
             return torch.from_numpy(self._session.run(None, {given.name: seen})[0]).to(observation.device)
 
         return act
+
+
+def _found(path: Path) -> Path:
+    """Return the file that a path means; InputError where there is none."""
+    file = Path(__file__).parents[1] / "policies/open_part.onnx" if str(path) == PRETRAINED else path
+    if not file.is_file():
+        raise InputError(f"policy {str(path)!r}: no such file; give an .onnx that s2a train wrote, or {PRETRAINED}")
+    return file
+
+
+def weights(path: Path) -> dict[str, torch.Tensor]:
+    """Return a policy's weights and normaliser under rsl-rl's names; errors as of PolicyFile, or of onnx.
+
+    The exporter has folded the normaliser's deviation and its epsilon into one number, which the first division is by.
+    """
+    import onnx
+
+    graph = onnx.load(_found(path)).graph
+    values = {each.name: torch.from_numpy(onnx.numpy_helper.to_array(each).copy()) for each in graph.initializer}
+    known = {name: value for name, value in values.items() if name.startswith(("mlp.", "obs_normalizer."))}
+    divisor = next(node.input[1] for node in graph.node if node.op_type == "Div")
+    deviation = values[divisor] - NORMALIZER_EPS
+    of_normalizer = {"_std": deviation, "_var": deviation**2, "count": torch.tensor(OBSERVED)}
+    return {**known, **{f"obs_normalizer.{name}": value for name, value in of_normalizer.items()}}
 
 
 def _opened(file: Path) -> onnxruntime.InferenceSession:

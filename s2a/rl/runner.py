@@ -13,7 +13,7 @@ from rsl_rl.runners import OnPolicyRunner
 
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
-from s2a.rl import processes
+from s2a.rl import policy_file, processes
 from s2a.rl.adapter import RslRlEnv
 from s2a.rl.config import BROKEN
 from s2a.rl.logger import LazyLogger
@@ -75,8 +75,12 @@ class Runner(OnPolicyRunner):
         return loaded["infos"]
 
     def begin_with(self, checkpoint: Path) -> None:
-        """Take the networks of another run; InputError where they do not fit, or the file is damaged."""
+        """Take a checkpoint's networks, or an .onnx policy's; InputError where they do not fit, or the file is damaged."""
         try:
+            if checkpoint.suffix != ".pt":
+                actor = self.alg.get_policy()
+                actor.load_state_dict(actor.state_dict() | policy_file.weights(checkpoint))
+                return
             self.load(str(checkpoint), {"actor": True, "critic": True}, map_location=str(self.device))
         except Exception as error:  # of torch, pickle, zipfile: whatever a damaged or foreign file makes them raise
             why = (str(error) or type(error).__name__).splitlines()[0]

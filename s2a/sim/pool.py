@@ -24,6 +24,7 @@ class PoolPart:
         kind: of its joint, prismatic or revolute.
         handle: family or style of its handle, as the scan's truth says.
         motion: file of the planner's motion, relative to the index.
+        frames: file of what a depth camera sees of it, relative to the index; empty: nothing was taken.
     """
 
     room: str
@@ -31,6 +32,7 @@ class PoolPart:
     kind: str
     handle: str
     motion: str
+    frames: str = ""
 
 
 def is_index(path: Path) -> bool:

@@ -76,6 +76,8 @@ class SimStage:
         pedestal: height and radius of the column under the robot's base [m]; no height: it stands on the floor.
         robot: name of the robot that the base pose is for.
         also: ids of further parts and free objects that move; everything else of the room is frozen at its scanned pose.
+        estimates: what was made of camera frames of the part (`s2a.tasks.part_description`), of which a policy is told one in
+            each episode, shape [frame number]; None: it is told the truth.
         room: all of the file but its visuals.
     """
 
@@ -89,6 +91,7 @@ class SimStage:
     pedestal: tuple[float, float] = (0.0, 0.0)
     robot: str = DEFAULT_ROBOT
     also: tuple[str, ...] = ()
+    estimates: np.ndarray | None = field(default=None, repr=False)
     room: SimRoom = field(kw_only=True, repr=False)
 
     @property

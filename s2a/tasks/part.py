@@ -40,12 +40,19 @@ class PartTask(Task):
 
     def persistent(self) -> dict[str, wp.array]:
         """Return also the grasp that is seen, where it differs from the true one."""
-        seen = {"seen": self.handles.p.seen} if part_observation.is_misplaced(self.config) else {}
-        return super().persistent() | seen
+        p = self.handles.p
+        known = {"seen": p.seen} if self._is_misplaced else {}
+        if p.is_estimated:
+            known |= {"frame": p.frame, "tracked": p.tracked, "tool_before": p.tool_before}
+        return super().persistent() | known
 
     def seen_grasp(self) -> np.ndarray | None:
         """Return the grasp that is seen, where it differs from the true one."""
-        return self.handles.p.seen.numpy() if part_observation.is_misplaced(self.config) else None
+        return self.handles.p.seen.numpy() if self._is_misplaced else None
+
+    @property
+    def _is_misplaced(self) -> bool:
+        return bool(self.handles.p.is_estimated) or part_observation.is_misplaced(self.config)
 
     def reset(self, state: State) -> None:
         """Start a new episode where one ended, with a new error of the grasp that is seen."""
@@ -53,7 +60,8 @@ class PartTask(Task):
         self.launch(self.KERNELS.reset, state)
 
     def update(self, state: State) -> None:
-        """Keep what reward terms and results read."""
+        """Keep what reward terms and results read, and what the robot's own motion tells of the part."""
+        part_observation.track(state, self.handles.p)
         self.launch(self.KERNELS.update, state)
 
     def observe(self, state: State) -> None:

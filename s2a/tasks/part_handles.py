@@ -1,17 +1,25 @@
 """What kernels of tasks with an articulated part read: the part's geometry, indices of bodies, contacts, settings."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
+from scipy.spatial.transform import Rotation
 
 from s2a.articulation import opening_sign
 from s2a.env.task import MdpConfig
+from s2a.errors import InputError
 from s2a.ranges import NotNegative, Positive
+from s2a.robot.tool_path import matrices
 from s2a.sim.contacts import ContactSensor, PartContacts
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
+from s2a.tasks.part_description import of_vector
+
+SHORTEST_ARM = 0.05
+"""[m] Shorter lever arms are not told of a hinge."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +79,31 @@ class PartGeometry:
 
 
 @wp.struct
+class ToldPart:
+    """What a policy is told of a part by an estimate (`s2a.tasks.part_description`), the part at zero, world frame.
+
+    Attributes:
+        grasp: the grasp frame.
+        axis: of the joint, positive opens.
+        along: direction in which the grasp point moves first when the part opens.
+        origin: of the joint [m].
+        size: extents of the grasp region along the grasp frame's axes [m].
+        slides: 1 for a slide, 0 for a hinge.
+        lever_arm: of a hinge [m], 0 for a slide.
+        travel: opening at the open limit [m].
+    """
+
+    grasp: wp.transform
+    axis: wp.vec3
+    along: wp.vec3
+    origin: wp.vec3
+    size: wp.vec3
+    slides: int
+    lever_arm: float
+    travel: float
+
+
+@wp.struct
 class Bodies:
     """Indices within a world: the tool's link, the fingers, the part; the tool frame in its link."""
 
@@ -95,6 +128,13 @@ class PartHandles:
         observation_limit: observations are clamped to +- this.
         seen: the grasp that is seen, in the grasp frame, shape [world].
         resistance: of the part's joint: dry friction [N or N m], damping [N s/m or N m s/rad]; log of its mass, shape [world].
+        is_estimated: 1 where a policy is told an estimate of the part, not the truth.
+        estimates: of each stage's frames, shape [stage frame]; those of a stage that has fewer are repeated.
+        stage: index of each world's stage, shape [world].
+        frame: which of them a policy is told in the running episode, shape [world].
+        tracked: how far the part is open and how fast, as the robot's own motion tells [m, m/s]; shape [world].
+        tool_before: place of the tool a control step ago [m], shape [world].
+        control_step: [s].
     """
 
     part: wp.array(dtype=PartGeometry)
@@ -106,6 +146,13 @@ class PartHandles:
     observation_limit: float
     seen: wp.array(dtype=wp.transform)
     resistance: wp.array(dtype=wp.vec3)
+    is_estimated: int
+    estimates: wp.array2d(dtype=ToldPart)
+    stage: wp.array(dtype=int)
+    frame: wp.array(dtype=int)
+    tracked: wp.array(dtype=wp.vec2)
+    tool_before: wp.array(dtype=wp.vec3)
+    control_step: float
 
 
 def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles:
@@ -122,7 +169,52 @@ def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles
     h.velocity_scale, h.observation_limit = config.velocity_scale, config.observation_limit
     h.seen = wp.array([wp.transform_identity()] * sim.num_envs, dtype=wp.transform)
     h.resistance = wp.array(_resistance(sim), dtype=wp.vec3)
+    told = _estimates(sim.stages)
+    h.is_estimated, h.control_step = int(told is not None), sim.config.dt * sim.config.substeps
+    worlds, flat = (sim.num_envs, sum(told, [])) if told else (0, [])
+    h.estimates = (
+        wp.array(flat, dtype=ToldPart).reshape((len(sim.stages), -1)) if flat else wp.zeros((0, 0), dtype=ToldPart)
+    )
+    h.stage = wp.array(sim.stage_of_env, dtype=int)
+    h.frame, h.tracked = wp.zeros(worlds, dtype=int), wp.zeros(worlds, dtype=wp.vec2)
+    h.tool_before = wp.zeros(worlds, dtype=wp.vec3)
     return h
+
+
+def _estimates(stages: Sequence[SimStage]) -> list[list[ToldPart]] | None:
+    """Return what a policy may be told of each stage, as many frames of each; None where it is told the truth.
+
+    Raises:
+        InputError: some stages have estimates and others do not.
+    """
+    known = [np.zeros((0, 0)) if stage.estimates is None else stage.estimates for stage in stages]
+    missing = [stage.target for stage, estimates in zip(stages, known, strict=True) if not len(estimates)]
+    if len(missing) == len(stages):
+        return None
+    if missing:
+        raise InputError(f"no camera frame shows {', '.join(missing[:5])}; leave such parts out")
+    most = max(map(len, known))
+    return [[_told(stage, each[i % len(each)]) for i in range(most)] for stage, each in zip(stages, known, strict=True)]
+
+
+def _told(stage: SimStage, numbers: np.ndarray) -> ToldPart:
+    """Return an estimate in the world frame."""
+    part, base, told = of_vector(numbers), matrices(stage.base[None])[0], ToldPart()
+    turn = base[:3, :3]
+    frame = turn @ np.stack([np.cross(part.across, part.inwards), part.across, part.inwards], axis=1)
+    point = turn @ part.point + base[:3, 3]
+    told.grasp = wp.transform(wp.vec3(*point), wp.quat(*Rotation.from_matrix(frame).as_quat()))
+    told.slides, axis, along = int(part.slides > 0.5), turn @ part.axis, turn @ part.along
+    if told.slides:
+        axis = along  # one direction has two names
+    else:
+        along = along - (along @ axis) * axis
+        along /= np.linalg.norm(along)
+    told.lever_arm = 0.0 if told.slides else max(part.lever_arm, SHORTEST_ARM)
+    told.axis, told.along = wp.vec3(*axis), wp.vec3(*along)
+    told.origin = wp.vec3(*(point - told.lever_arm * np.cross(along, axis)))
+    told.size, told.travel = wp.vec3(*part.size), part.travel
+    return told
 
 
 def _resistance(sim: Simulation) -> np.ndarray:

@@ -1,0 +1,88 @@
+"""A pool with frames -> a network that tells a part's grasp and joint from a depth camera's frame (docs/perception.md)."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+
+from s2a.errors import InputError
+from s2a.outputs import atomic_write
+from s2a.perception.cloud import Cloud
+from s2a.perception.errors import error_table
+from s2a.perception.estimate import Perception, key_of, of_pool, save
+from s2a.perception.training import NetworkConfig, features, train
+from s2a.progress import track
+from s2a.provenance import provenance
+from s2a.ranges import AtLeast, CountFromZero
+from s2a.robot.spec import RobotSpec
+from s2a.sim import pool
+from s2a.sim.simulation import device_of
+from s2a.tasks.part_description import truth
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a perceive`.
+
+    Attributes:
+        stage: the index of a pool that was made with frames.
+        out: folder of perception.pt, the network; estimates.npz; and errors.json.
+        folds: networks of which each is trained on the rooms of the others; their estimates are what a camera makes of parts
+            that a network was not trained on, for a policy to be trained with.
+        robot: the robot that the parts were prepared for.
+        network: how it is trained.
+        device: cpu, cuda:0, or auto: a GPU where there is one.
+        seed: of the networks and of what is drawn.
+    """
+
+    stage: Path
+    out: Path
+    folds: Annotated[int, AtLeast(2)]
+    robot: RobotSpec
+    network: NetworkConfig
+    device: str
+    seed: CountFromZero
+
+
+def run(config: Config) -> str:
+    """Train the networks, write them and their errors, and return a table of these."""
+    entries, clouds, device = pool.read(config.stage), of_pool(config.stage), device_of(config.device)
+    rooms = sorted({entry.room for entry in entries})
+    if len(rooms) < config.folds:
+        raise InputError(f"key 'folds' is {config.folds}, and the pool has {len(rooms)} rooms; give at most so many")
+    known = [truth(stage).vector() for stage in pool.stages(config.stage, config.robot.name)]
+    fold = [rooms.index(entry.room) % config.folds for entry in entries]
+    estimates: list[np.ndarray] = [np.zeros(0)] * len(entries)
+    for k in track(range(config.folds), "folds"):
+        network = _trained([i for i, each in enumerate(fold) if each != k], clouds, known, config, device)[0]
+        for i in (i for i, each in enumerate(fold) if each == k):
+            estimates[i] = network.estimate(clouds[i])
+    _, raw, curve = _trained(range(len(entries)), clouds, known, config, device)
+    config.out.mkdir(parents=True, exist_ok=True)
+    save(raw, config.out / "perception.pt")
+    named: dict[str, Any] = {key_of(entry): each for entry, each in zip(entries, estimates, strict=True)}
+    with atomic_write(config.out / "estimates.npz") as file:
+        np.savez_compressed(file, **named)
+    errors = error_table(estimates, known, [entry.kind for entry in entries])
+    about = {"parts": len(entries), "folds": config.folds, "network": asdict(config.network), "seed": config.seed}
+    with atomic_write(config.out / "errors.json") as file:
+        file.write_text(json.dumps({**about, "errors": errors, "curve": curve, **provenance(device)}, indent=1))
+    lines = [f"  {name:24} median {row['median']:8.4g}   95 % below {row['p95']:8.4g}" for name, row in errors.items()]
+    return "\n".join([f"{config.out}: errors on parts of rooms that a network was not trained on", *lines])
+
+
+def _trained(
+    chosen: Any, clouds: list[list[Cloud]], known: list[np.ndarray], config: Config, device: str
+) -> tuple[Perception, Any, list[float]]:
+    """Return a network trained on some of the parts, for use and to be written, and its losses."""
+    frames = [(cloud, known[i]) for i in chosen for cloud in clouds[i]]
+    wanted = np.stack([numbers for _, numbers in frames])
+    wanted[:, :3] -= np.stack([cloud.center for cloud, _ in frames])
+    points = features([cloud for cloud, _ in frames]).to(device)
+    network, curve = train(points, torch.from_numpy(wanted).to(device), config.network, config.seed)
+    return Perception(network, device), network, curve

@@ -19,7 +19,7 @@ from s2a.errors import InputError
 from s2a.evaluate import Policy, baseline, run_episodes
 from s2a.outputs import atomic_write
 from s2a.part_results import by_part
-from s2a.perception.estimate import seen_pool
+from s2a.perception.estimate import fused, seen_pool
 from s2a.planner.motion import Planner, PlannerConfig
 from s2a.progress import track
 from s2a.provenance import provenance
@@ -58,6 +58,7 @@ class Config:
         planner: the planner's motion.
         perception: who sees the parts with a depth camera instead of being told the truth: pretrained, or what s2a perceive
             wrote; null: nobody.
+        perception_frames: of each part's frames in the pool, so many make an estimate: their median.
         grasp_error: how far from the true grasp policy and planner see it [m], in any direction; null: as far as in a trained
             policy's training, and the planner knows the true one.
         grasp_turn: by how much it is turned [degree], about any axis; null: likewise.
@@ -77,6 +78,7 @@ class Config:
     metrics: MetricSettings
     planner: PlannerConfig
     perception: Path | None
+    perception_frames: Count
     grasp_error: NotNegative | None
     grasp_turn: NotNegative | None
 
@@ -94,6 +96,7 @@ def run(config: Config) -> str:
     device, stages = device_of(config.device), pool.stages(config.stage, config.robot.name)
     if config.perception:
         stages = seen_pool(config.stage, stages, config.perception, device)
+        stages = [replace(stage, estimates=fused(stage.estimates, config.perception_frames)) for stage in stages]
     batches = list(_batches(stages, config.num_envs // config.episodes))
     columns: dict[str, list[torch.Tensor]] = {}
     for first, stages in track(batches, "bench"):

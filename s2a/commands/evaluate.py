@@ -17,8 +17,11 @@ from s2a.errors import InputError
 from s2a.evaluate import Agent, Policy, baseline, run_episodes, summary, warn_of_errors
 from s2a.outputs import atomic_write
 from s2a.part_results import by_part
+from s2a.perception.depth_camera import DepthCameraConfig
+from s2a.perception.estimate import seen
 from s2a.planner.motion import Planner
 from s2a.provenance import provenance
+from s2a.ranges import Count
 from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.export import export
 from s2a.rl.policy_file import PolicyFile
@@ -42,6 +45,10 @@ class Config(WorldsConfig):
             that comes with s2a and opens parts that it has never seen; or null.
         agent: who acts instead, as a baseline: zero (actions of 0), random (uniform in [-1, 1]), extreme (-1 and 1, held for up
             to four seconds); or null.
+        perception: who sees the part with a depth camera instead of being told the truth: pretrained, or what s2a perceive wrote;
+            null: nobody.
+        perception_frames: frames from places of their own of which an estimate is the median.
+        depth_camera: the camera.
         export: write the checkpoint as TorchScript and ONNX too, beside it.
         images: folder for before.png and after.png (world 0 where its part moved farthest), or null.
         recordings: folder for what the robot's sensors tell, a CSV file for each world, which `s2a identify` reads, or null.
@@ -52,6 +59,9 @@ class Config(WorldsConfig):
     checkpoint: Path | None
     policy: Path | None
     agent: Agent | None
+    perception: Path | None
+    perception_frames: Count
+    depth_camera: DepthCameraConfig
     export: bool
     images: Path | None
     recordings: Path | None
@@ -141,7 +151,18 @@ def run(config: Config) -> str:
     world = file.world if file else read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
-        sim = Simulation(config.read_stages(), sim_config, config.num_envs, device_of(config.device))
+        stages, device = config.read_stages(), device_of(config.device)
+        if config.perception:
+            stages = seen(
+                config.stage,
+                stages,
+                config.perception,
+                config.perception_frames,
+                config.depth_camera,
+                config.seed,
+                device,
+            )
+        sim = Simulation(stages, sim_config, config.num_envs, device)
         recorder = Recorder(sim) if config.recordings else None
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env, file)
@@ -155,6 +176,7 @@ def run(config: Config) -> str:
                 recorder.watch(env.done.bool())
 
         origin = {"stage": config.stage.name, "policy": _who(config), "seed": config.seed, **provenance(sim.device)}
+        origin |= {"perception": config.perception and config.perception.name}
         columns = run_episodes(env, policy, watch)
         metrics: dict[str, Any] = {"episodes": env.num_envs, **summary(env, columns)}
         metrics |= {"limit_use": use.fractions(), **origin}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import torch
 
 from s2a import config as settings
 from s2a import robot
+from s2a.cache import UNREADABLE
 from s2a.collect.episodes import REPLAY, restored
 from s2a.commands.collect import ABOUT
 from s2a.errors import InputError
@@ -78,5 +78,5 @@ def _episode(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
             return {name.removeprefix("start."): file[name] for name in file.files if name != "actions"}, file[
                 "actions"
             ]
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except UNREADABLE as error:
         raise InputError(f"{path}: cannot be read ({error})") from error

@@ -18,10 +18,11 @@ from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
 from s2a.outputs import atomic_write, full_disk
-from s2a.perception.estimate import seen_pool
+from s2a.perception.depth_camera import DepthCameraConfig
+from s2a.perception.estimate import seen
 from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner, demonstration
 from s2a.provenance import provenance
-from s2a.ranges import Fraction
+from s2a.ranges import Count, Fraction
 from s2a.rl import ppo, processes, run_folder
 from s2a.rl.checkpoint import load_model
 from s2a.rl.config import PpoConfig
@@ -43,8 +44,10 @@ class Config(WorldsConfig):
         out: folder for checkpoints, the TensorBoard log and metrics.json.
         init: policy that this one begins with, of networks of the same widths: a checkpoint of another run, with its critic; or
             pretrained, or an exported .onnx, without. null: none.
-        perception: who sees the parts of a pool with a depth camera, where the policy is not to be told the truth: pretrained, or
-            what s2a perceive wrote (its estimates.npz are of parts that no network was trained on); null: nobody.
+        perception: who sees the parts with a depth camera, where the policy is not to be told the truth: pretrained, or what
+            s2a perceive wrote (its estimates.npz are of parts that no network was trained on); null: nobody.
+        perception_frames: frames from places of their own of which an estimate is the median.
+        depth_camera: the camera, where `stage` is a room.
         resume: go on from the last checkpoint in `out`, if there is one, with the same settings.
         export: write the last checkpoint as TorchScript and ONNX too.
         reward: weight of each reward term.
@@ -58,6 +61,8 @@ class Config(WorldsConfig):
     out: Path
     init: Path | None
     perception: Path | None
+    perception_frames: Count
+    depth_camera: DepthCameraConfig
     resume: bool
     export: bool
     reward: RewardWeights
@@ -74,7 +79,12 @@ def run(config: Config) -> str:
     seed = processes.own_seed(config.seed, first)
     torch.manual_seed(seed)
     device = device_of(processes.own_device(config.device))
-    sim = Simulation(processes.own_items(_stages(config, device)), config.sim, config.num_envs, device)
+    stages = config.read_stages()
+    if config.perception:
+        stages = seen(
+            config.stage, stages, config.perception, config.perception_frames, config.depth_camera, config.seed, device
+        )
+    sim = Simulation(processes.own_items(stages), config.sim, config.num_envs, device)
     ppo_config = _ppo_of(config)
     imitates = config.init is None and first < ppo_config.imitation_iterations
     motions = _motions(config, sim) if config.demo_reset_fraction > 0.0 or imitates else []
@@ -107,15 +117,6 @@ def _ppo_of(config: Config) -> PpoConfig:
         return config.ppo
     without_critic = config.init.suffix != ".pt"
     return replace(config.ppo, imitation_iterations=config.ppo.critic_iterations if without_critic else 0)
-
-
-def _stages(config: Config, device: str) -> list[SimStage]:
-    """Return the stages, with what is made of their frames where the policy is not told the truth."""
-    if config.perception is None:
-        return config.read_stages()
-    if not pool.is_index(config.stage):
-        raise InputError(f"key 'perception' is for the parts of a pool; {config.stage} is none")
-    return seen_pool(config.stage, config.read_stages(), config.perception, device)
 
 
 def _start_of(config: Config) -> Path | None:

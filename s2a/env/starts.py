@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
+from s2a.cache import UNREADABLE
 from s2a.env.kernels import Motion
 from s2a.env.state import State
 from s2a.errors import InputError
@@ -44,7 +45,7 @@ def load(path: Path) -> Demonstration:
     try:
         with np.load(path) as file:
             return Demonstration(file["targets"], file["positions"], int(file["grasped"]))
-    except (OSError, ValueError, KeyError) as error:
+    except UNREADABLE as error:
         raise InputError(f"{path}: not a motion of s2a pool ({error}); make the pool again") from error
 
 

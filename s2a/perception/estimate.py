@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from s2a.cache import UNREADABLE
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
 from s2a.perception import frames
@@ -19,12 +20,15 @@ from s2a.perception.training import features
 from s2a.perception.visible_room import VisibleRoom
 from s2a.sim import pool
 from s2a.sim.world import SimStage
+from s2a.tasks.part_description import DIRECTIONS
 from s2a.usd import sim_stage
 
 PRETRAINED = "pretrained"
 """Names the network that comes with s2a."""
 ESTIMATES = ".npz"
 """Ending of a file of estimates; other files hold a network."""
+ROOM_ESTIMATES = 4
+"""Made of a room's part; each episode is told one of them."""
 BATCH = 256
 """Clouds that the network sees at once."""
 
@@ -71,6 +75,45 @@ def load(path: Path, device: str) -> Perception:
     return Perception(network, device)
 
 
+def seen(
+    path: Path,
+    stages: Sequence[SimStage],
+    perception: Path,
+    together: int,
+    camera: DepthCameraConfig,
+    seed: int,
+    device: str,
+) -> list[SimStage]:
+    """Return stages with what is made of camera frames of their parts.
+
+    Args:
+        path: the pool's index, whose frames are taken; or the room, of whose visuals they are taken now.
+        stages: its parts.
+        perception: a network of s2a perceive, pretrained, or the estimates that it wrote of a pool.
+        together: frames that make an estimate.
+        camera: for a room.
+        seed: of where it stands.
+        device: on which the network runs.
+    """
+    if pool.is_index(path):
+        each = seen_pool(path, stages, perception, device)
+    else:
+        each = [seen_room(stage, perception, ROOM_ESTIMATES * together, camera, seed) for stage in stages]
+    return [replace(stage, estimates=fused(stage.estimates, together)) for stage in each]
+
+
+def fused(estimates: np.ndarray | None, together: int) -> np.ndarray | None:
+    """Return the medians of each `together` estimates [frame NUMBERS]; of a rest only where there is nothing else."""
+    if estimates is None or together == 1:
+        return estimates
+    count = max(1, len(estimates) // together)
+    groups = np.array_split(estimates[: count * together], count)
+    found = np.stack([np.median(group, axis=0) for group in groups])
+    for first in DIRECTIONS:
+        found[:, first : first + 3] /= np.linalg.norm(found[:, first : first + 3], axis=1, keepdims=True) + 1e-9
+    return found
+
+
 def seen_pool(index: Path, stages: Sequence[SimStage], perception: Path, device: str) -> list[SimStage]:
     """Return a pool's stages with what is made of their frames: by a network, or as s2a perceive wrote it down.
 
@@ -89,9 +132,11 @@ def seen_pool(index: Path, stages: Sequence[SimStage], perception: Path, device:
     return [replace(s, estimates=network.estimate(some)) for s, some in zip(stages, clouds, strict=True)]
 
 
-def seen_room(stage: SimStage, perception: Path, config: DepthCameraConfig, count: int, seed: int) -> SimStage:
+def seen_room(stage: SimStage, perception: Path, count: int, camera: DepthCameraConfig, seed: int) -> SimStage:
     """Return a room's stage with what a network makes of frames of its part; InputError where none shows it."""
-    clouds = frames.take(VisibleRoom(sim_stage.read(stage.path)), stage, config, count, seed)
+    if perception.suffix == ESTIMATES:
+        raise InputError(f"key 'perception': {perception} is of the parts of a pool; give a network or {PRETRAINED}")
+    clouds = frames.take(VisibleRoom(sim_stage.read(stage.path)), stage, camera, count, seed)
     if not clouds:
         raise InputError(f"no camera frame shows {stage.target}; it has no surface that a camera could see")
     return replace(stage, estimates=load(perception, "cpu").estimate(clouds))
@@ -116,5 +161,5 @@ def read_estimates(path: Path) -> dict[str, np.ndarray]:
     try:
         with np.load(path) as file:
             return {name: file[name] for name in file.files}
-    except (OSError, ValueError) as error:
+    except UNREADABLE as error:
         raise InputError(f"{path}: not estimates of s2a perceive ({error})") from error

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from s2a.cache import UNREADABLE
 from s2a.errors import InputError
 from s2a.perception.cloud import Cloud, sample
 from s2a.perception.depth_camera import DepthCameraConfig, capture
@@ -36,6 +37,6 @@ def load(path: Path) -> list[Cloud]:
     try:
         with np.load(path) as file:
             columns = [file[name] for name in NAMES]
-    except (OSError, ValueError, KeyError) as error:
+    except UNREADABLE as error:
         raise InputError(f"{path}: not frames of s2a pool ({error}); make the pool again with frames=8") from error
     return [Cloud(*values) for values in zip(*columns, strict=True)]

@@ -12,6 +12,8 @@ from s2a.sim.world import SimStage
 
 NUMBERS = 21
 """Length of a description as a vector."""
+DIRECTIONS = (3, 6, 9, 12)
+"""Where in it across, inwards, axis and along begin."""
 SIDEWAYS = np.array([0.0, 0.3, 1.0])
 """Of the two directions across a handle, which differ by half a turn of the gripper, the one that points this way is taken."""
 

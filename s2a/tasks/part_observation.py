@@ -15,8 +15,8 @@ DESCRIBED = wp.constant(22)
 """Numbers that tell one part from another."""
 PRIVILEGED = wp.constant(16)
 """Numbers that a critic is told."""
-HOLD_DISTANCE = wp.constant(0.06)
-"""[m] From the grasp that is told, up to which the tool is at it."""
+HOLD_DISTANCE = wp.constant(0.1)
+"""[m] From the grasp that is told, up to which the tool is at it; the reference's tool frame is 6 cm from the fingertips."""
 HOLD_GAP = wp.constant(0.002)
 """[m] By which a finger's target is closed further than the finger, and by which fingers are open that hold something."""
 HOLD_SPEED = wp.constant(0.01)

@@ -121,3 +121,15 @@ def test_a_network_is_read_as_it_was_written_and_other_files_are_refused(tmp_pat
         estimate.load(tmp_path / "other.pt", "cpu")
     with pytest.raises(InputError, match="no such file"):
         estimate.load(tmp_path / "none.pt", "cpu")
+
+
+def test_several_frames_make_one_estimate_by_their_median() -> None:
+    each = np.tile(HINGE.numpy(), (7, 1))
+    each[:, 0] = [0.1, 0.1, 0.9, 0.2, 0.3, 0.2, 5.0]
+    each[0, 3:6] = [0.6, 0.0, 0.8]
+    found = estimate.fused(each, 3)
+    assert found is not None and found.shape == (2, NUMBERS)
+    assert found[:, 0].tolist() == pytest.approx([0.1, 0.2])
+    assert np.linalg.norm(found[:, 3:15].reshape(2, 4, 3), axis=2) == pytest.approx(1.0)
+    assert estimate.fused(each[:2], 3).shape == (1, NUMBERS), "what there is, where there are fewer"
+    assert (estimate.fused(each, 1) == each).all()

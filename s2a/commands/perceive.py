@@ -12,7 +12,7 @@ import torch
 
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
-from s2a.perception.cloud import Cloud
+from s2a.perception.cloud import PartPoints
 from s2a.perception.errors import error_table
 from s2a.perception.estimate import Perception, key_of, of_pool, save
 from s2a.perception.training import NetworkConfig, features, train
@@ -77,7 +77,7 @@ def run(config: Config) -> str:
 
 
 def _trained(
-    chosen: Any, clouds: list[list[Cloud]], known: list[np.ndarray], config: Config, device: str
+    chosen: Any, clouds: list[list[PartPoints]], known: list[np.ndarray], config: Config, device: str
 ) -> tuple[Perception, Any, list[float]]:
     """Return a network trained on some of the parts, for use and to be written, and its losses."""
     frames = [(cloud, known[i]) for i in chosen for cloud in clouds[i]]

@@ -46,7 +46,7 @@ class Config:
         jobs: rooms that are made at once.
         leave_out: families or styles of handles that are not taken.
         frames: of a depth camera that are taken of each part, for s2a perceive; 0: none.
-        camera: the depth camera.
+        depth_camera: the camera that takes them.
         sample: how rooms are drawn and scanned; its room, seed and out are not used.
         robot: the robot.
         prepare: how the scenes are prepared.
@@ -62,7 +62,7 @@ class Config:
     jobs: Count
     leave_out: tuple[str, ...]
     frames: CountFromZero
-    camera: DepthCameraConfig
+    depth_camera: DepthCameraConfig
     sample: SampleConfig
     robot: RobotSpec
     prepare: PrepareConfig
@@ -148,7 +148,7 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
         seen = ""
         if visible is not None:
             stage = stage_of(file, room, part, robot=config.robot.name)
-            clouds = frames.take(visible, stage, config.camera, config.frames, seed)
+            clouds = frames.take(visible, stage, config.depth_camera, config.frames, seed)
             if not clouds:
                 made["left_out"][f"{name}/{part}"] = "no camera frame shows it"
                 continue

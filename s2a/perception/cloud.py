@@ -19,7 +19,7 @@ PROTRUDING = 0.5
 
 
 @dataclass(frozen=True)
-class Cloud:
+class PartPoints:
     """Points of a part, ready for a network.
 
     Attributes:
@@ -35,7 +35,7 @@ class Cloud:
     height: np.ndarray
 
 
-def sample(frame: PartCloud, count: int, random: np.random.Generator) -> Cloud:
+def sample(frame: PartCloud, count: int, random: np.random.Generator) -> PartPoints:
     """Return `count` points of a frame; some of them more than once where it has too few."""
     part = frame.points[frame.is_part]
     center = part.mean(axis=0)
@@ -47,7 +47,7 @@ def sample(frame: PartCloud, count: int, random: np.random.Generator) -> Cloud:
     rest = count - len(beside) - len(out)
     others = np.flatnonzero(flat if flat.any() else frame.is_part)
     chosen = np.concatenate([beside, out, random.choice(others, rest, replace=rest > len(others))])
-    return Cloud(
+    return PartPoints(
         center.astype(np.float32),
         (frame.points[chosen] - center).astype(np.float16),
         frame.is_part[chosen],

@@ -15,7 +15,7 @@ from s2a.robot.collision import robot_shape
 from s2a.robot.tool_path import matrices
 from s2a.sim.world import SimStage
 
-TRIES = 40
+ATTEMPTS = 40
 """Places that are drawn for a camera."""
 VISIBLE = 0.3
 """Fraction of the grasp region's points that a place has to see."""
@@ -124,7 +124,7 @@ def _place(
     back = stage.base[:2] - middle[:2]
     heading = float(np.arctan2(back[1], back[0]))
     best, most = middle, -1.0
-    for _ in range(TRIES):
+    for _ in range(ATTEMPTS):
         around = heading + random.uniform(-config.azimuth, config.azimuth)
         up = random.uniform(*config.elevation)
         away = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])

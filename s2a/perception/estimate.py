@@ -13,7 +13,7 @@ from s2a.cache import UNREADABLE
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
 from s2a.perception import frames
-from s2a.perception.cloud import Cloud
+from s2a.perception.cloud import PartPoints
 from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.network import PartNetwork
 from s2a.perception.training import features
@@ -41,7 +41,7 @@ class Perception:
         self._network, self._device = network.to(device).eval(), device
 
     @torch.inference_mode()
-    def estimate(self, clouds: Sequence[Cloud]) -> np.ndarray:
+    def estimate(self, clouds: Sequence[PartPoints]) -> np.ndarray:
         """Return the description of each cloud's part (`s2a.tasks.part_description`), shape [cloud NUMBERS]."""
         seen = features(clouds)
         found = torch.cat([self._network(some.to(self._device))[0].cpu() for some in seen.split(BATCH)]).numpy()
@@ -142,7 +142,7 @@ def seen_room(stage: SimStage, perception: Path, count: int, camera: DepthCamera
     return replace(stage, estimates=load(perception, "cpu").estimate(clouds))
 
 
-def of_pool(index: Path) -> list[list[Cloud]]:
+def of_pool(index: Path) -> list[list[PartPoints]]:
     """Return the frames of a pool's parts, in its order; InputError where it was made without."""
     entries = pool.read(index)
     missing = [key_of(entry) for entry in entries if not entry.frames]

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from s2a.perception.cloud import Cloud
+from s2a.perception.cloud import PartPoints
 from s2a.perception.network import PartNetwork
 from s2a.ranges import Count, NotNegative, Positive
 
@@ -39,7 +39,7 @@ class NetworkConfig:
     width: Count
 
 
-def features(clouds: Sequence[Cloud]) -> torch.Tensor:
+def features(clouds: Sequence[PartPoints]) -> torch.Tensor:
     """Return clouds of as many points as the network's input, shape [cloud point FEATURES]."""
     each = [np.concatenate([c.points, c.is_part[:, None], c.height[:, None]], axis=1, dtype=np.float32) for c in clouds]
     return torch.from_numpy(np.stack(each))

@@ -79,7 +79,7 @@ class PartGeometry:
 
 
 @wp.struct
-class ToldPart:
+class EstimatedPart:
     """What a policy is told of a part by an estimate (`s2a.tasks.part_description`), the part at zero, world frame.
 
     Attributes:
@@ -147,7 +147,7 @@ class PartHandles:
     seen: wp.array(dtype=wp.transform)
     resistance: wp.array(dtype=wp.vec3)
     is_estimated: int
-    estimates: wp.array2d(dtype=ToldPart)
+    estimates: wp.array2d(dtype=EstimatedPart)
     stage: wp.array(dtype=int)
     frame: wp.array(dtype=int)
     tracked: wp.array(dtype=wp.vec2)
@@ -169,11 +169,13 @@ def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles
     h.velocity_scale, h.observation_limit = config.velocity_scale, config.observation_limit
     h.seen = wp.array([wp.transform_identity()] * sim.num_envs, dtype=wp.transform)
     h.resistance = wp.array(_resistance(sim), dtype=wp.vec3)
-    told = _estimates(sim.stages)
-    h.is_estimated, h.control_step = int(told is not None), sim.config.dt * sim.config.substeps
-    worlds, flat = (sim.num_envs, sum(told, [])) if told else (0, [])
+    known = _estimates(sim.stages)
+    h.is_estimated, h.control_step = int(known is not None), sim.config.dt * sim.config.substeps
+    worlds, flat = (sim.num_envs, sum(known, [])) if known else (0, [])
     h.estimates = (
-        wp.array(flat, dtype=ToldPart).reshape((len(sim.stages), -1)) if flat else wp.zeros((0, 0), dtype=ToldPart)
+        wp.array(flat, dtype=EstimatedPart).reshape((len(sim.stages), -1))
+        if flat
+        else wp.zeros((0, 0), dtype=EstimatedPart)
     )
     h.stage = wp.array(sim.stage_of_env, dtype=int)
     h.frame, h.tracked = wp.zeros(worlds, dtype=int), wp.zeros(worlds, dtype=wp.vec2)
@@ -181,7 +183,7 @@ def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles
     return h
 
 
-def _estimates(stages: Sequence[SimStage]) -> list[list[ToldPart]] | None:
+def _estimates(stages: Sequence[SimStage]) -> list[list[EstimatedPart]] | None:
     """Return what a policy may be told of each stage, as many frames of each; None where it is told the truth.
 
     Raises:
@@ -194,27 +196,29 @@ def _estimates(stages: Sequence[SimStage]) -> list[list[ToldPart]] | None:
     if missing:
         raise InputError(f"no camera frame shows {', '.join(missing[:5])}; leave such parts out")
     most = max(map(len, known))
-    return [[_told(stage, each[i % len(each)]) for i in range(most)] for stage, each in zip(stages, known, strict=True)]
+    return [
+        [_estimated(stage, each[i % len(each)]) for i in range(most)] for stage, each in zip(stages, known, strict=True)
+    ]
 
 
-def _told(stage: SimStage, numbers: np.ndarray) -> ToldPart:
+def _estimated(stage: SimStage, numbers: np.ndarray) -> EstimatedPart:
     """Return an estimate in the world frame."""
-    part, base, told = of_vector(numbers), matrices(stage.base[None])[0], ToldPart()
+    part, base, found = of_vector(numbers), matrices(stage.base[None])[0], EstimatedPart()
     turn = base[:3, :3]
     frame = turn @ np.stack([np.cross(part.across, part.inwards), part.across, part.inwards], axis=1)
     point = turn @ part.point + base[:3, 3]
-    told.grasp = wp.transform(wp.vec3(*point), wp.quat(*Rotation.from_matrix(frame).as_quat()))
-    told.slides, axis, along = int(part.slides > 0.5), turn @ part.axis, turn @ part.along
-    if told.slides:
+    found.grasp = wp.transform(wp.vec3(*point), wp.quat(*Rotation.from_matrix(frame).as_quat()))
+    found.slides, axis, along = int(part.slides > 0.5), turn @ part.axis, turn @ part.along
+    if found.slides:
         axis = along  # one direction has two names
     else:
         along = along - (along @ axis) * axis
         along /= np.linalg.norm(along)
-    told.lever_arm = 0.0 if told.slides else max(part.lever_arm, SHORTEST_ARM)
-    told.axis, told.along = wp.vec3(*axis), wp.vec3(*along)
-    told.origin = wp.vec3(*(point - told.lever_arm * np.cross(along, axis)))
-    told.size, told.travel = wp.vec3(*part.size), part.travel
-    return told
+    found.lever_arm = 0.0 if found.slides else max(part.lever_arm, SHORTEST_ARM)
+    found.axis, found.along = wp.vec3(*axis), wp.vec3(*along)
+    found.origin = wp.vec3(*(point - found.lever_arm * np.cross(along, axis)))
+    found.size, found.travel = wp.vec3(*part.size), part.travel
+    return found
 
 
 def _resistance(sim: Simulation) -> np.ndarray:

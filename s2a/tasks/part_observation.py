@@ -9,7 +9,7 @@ from s2a.env.state import State
 from s2a.sim.simulation import Simulation
 from s2a.tasks.observation import observe_joints, observe_vector
 from s2a.tasks.part_functions import frames, is_grasped, opening_of
-from s2a.tasks.part_handles import PartHandles, PartMdp, ToldPart
+from s2a.tasks.part_handles import EstimatedPart, PartHandles, PartMdp
 
 DESCRIBED = wp.constant(22)
 """Numbers that tell one part from another."""
@@ -59,7 +59,7 @@ def is_misplaced(config: PartMdp) -> bool:
 def misplace_grasp(state: State, h: PartHandles, config: PartMdp) -> None:
     """Draw a new error of the grasp that is seen, or a new frame of the camera, in worlds whose episode ended."""
     if h.is_estimated:
-        wp.launch(_tell, dim=len(state.done), inputs=[state, h])
+        wp.launch(_choose_frame, dim=len(state.done), inputs=[state, h])
         return
     if not is_misplaced(config):
         return  # the stream of random numbers stays as it is
@@ -81,7 +81,7 @@ def _misplace(s: State, h: PartHandles, length: wp.vec2, turn: wp.vec2):
 
 
 @wp.kernel
-def _tell(s: State, h: PartHandles):
+def _choose_frame(s: State, h: PartHandles):
     """Draw one of the stage's estimates; the part stands where the episode begins, which is zero but in episodes that train."""
     world = wp.tid()
     if s.done[world] == 0:
@@ -95,13 +95,13 @@ def _tell(s: State, h: PartHandles):
 
 
 @wp.func
-def told_part(h: PartHandles, world: int):
+def estimate_of(h: PartHandles, world: int):
     """Return what a policy is told of a world's part."""
     return h.estimates[h.stage[world], h.frame[world]]
 
 
 @wp.func
-def grasp_at(t: ToldPart, opening: float):
+def grasp_at(t: EstimatedPart, opening: float):
     """Return the grasp frame that is told, the part opened so far [m]."""
     point, turn = wp.transform_get_translation(t.grasp), wp.transform_get_rotation(t.grasp)
     if t.slides == 1:
@@ -111,7 +111,7 @@ def grasp_at(t: ToldPart, opening: float):
 
 
 @wp.func
-def along_at(t: ToldPart, opening: float):
+def along_at(t: EstimatedPart, opening: float):
     """Return the direction in which the grasp that is told moves, the part opened so far [m]."""
     if t.slides == 1:
         return t.along
@@ -125,7 +125,7 @@ def _track(s: State, h: PartHandles):
     It holds something where its fingers are asked to close, stand still, are not closed, and the tool is near the grasp.
     """
     world = wp.tid()
-    t, now = told_part(h, world), frames(s, h, world)
+    t, now = estimate_of(h, world), frames(s, h, world)
     tool = wp.transform_get_translation(now.tool)
     opening = h.tracked[world][0]
     holds = wp.length(tool - wp.transform_get_translation(grasp_at(t, opening))) < HOLD_DISTANCE
@@ -149,7 +149,7 @@ def _track(s: State, h: PartHandles):
 
 @wp.struct
 class SeenPart:
-    """What a policy sees of a part: the seen grasp, world frame; axis to travel as of ToldPart, where the part now is.
+    """What a policy sees of a part: the seen grasp, world frame; axis to travel as of EstimatedPart, where the part now is.
 
     Attributes:
         opening: [m].
@@ -173,7 +173,7 @@ def seen_part(s: State, h: PartHandles, world: int):
     """Return what a policy sees of a world's part: the truth but for the error of the grasp, or what it is told."""
     d, p = SeenPart(), h.part[world]
     if h.is_estimated == 1:
-        t, track = told_part(h, world), h.tracked[world]
+        t, track = estimate_of(h, world), h.tracked[world]
         unit = wp.where(t.slides == 1, 1.0, wp.max(t.lever_arm, 1.0e-6))
         d.grasp = grasp_at(t, track[0])
         d.opening = track[0]

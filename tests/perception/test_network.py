@@ -12,7 +12,7 @@ from settings import load
 
 from s2a.errors import InputError
 from s2a.perception import estimate
-from s2a.perception.cloud import Cloud
+from s2a.perception.cloud import PartPoints
 from s2a.perception.network import PartNetwork
 from s2a.perception.training import NetworkConfig, augmented, features, loss, train
 from s2a.tasks.part_description import NUMBERS, SIDEWAYS
@@ -80,7 +80,7 @@ def test_a_gripper_turned_by_half_is_no_error_and_a_centimetre_is() -> None:
     assert loss(off, HINGE[:, :3], HINGE) > exact + 0.4
 
 
-def clouds(count: int, random: np.random.Generator) -> tuple[list[Cloud], torch.Tensor]:
+def clouds(count: int, random: np.random.Generator) -> tuple[list[PartPoints], torch.Tensor]:
     """Return flat fronts with a small handle somewhere on them, and where it is."""
     made, where = [], []
     for _ in range(count):
@@ -89,7 +89,9 @@ def clouds(count: int, random: np.random.Generator) -> tuple[list[Cloud], torch.
         points = np.concatenate([front, handle + random.normal(0.0, 0.01, (32, 3)) * [0.2, 1.0, 1.0]])
         height = -points[:, 0]
         made.append(
-            Cloud(np.zeros(3, np.float32), points.astype(np.float16), np.ones(128, bool), height.astype(np.float16))
+            PartPoints(
+                np.zeros(3, np.float32), points.astype(np.float16), np.ones(128, bool), height.astype(np.float16)
+            )
         )
         where.append(handle)
     truth = HINGE.repeat(count, 1)

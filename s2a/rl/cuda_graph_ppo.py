@@ -45,7 +45,7 @@ class GraphPpo(PPO):
 
         In the first `imitation_iterations` updates the actor's loss is the squared difference of its mean action to the
         teacher's, summed over the joints, at the first learning rate; nothing else of the update is different. Where there is no
-        teacher, the policy is its own: it stays as it is, and the critic alone learns.
+        teacher, the policy stays as it is, and the critic alone learns.
         """
         super().__init__(*args, **kwargs)
         self._imitating, self._first_rate = imitation_iterations, self.learning_rate
@@ -63,6 +63,7 @@ class GraphPpo(PPO):
         ):
             p.grad = view.view_as(p)
         self._batch: tuple[torch.Tensor, ...] = ()
+        self._taught: torch.Tensor | None = None
         self._updates = 0
         self._replays: tuple[Callable[[], object], ...] = ()
 
@@ -127,7 +128,7 @@ class GraphPpo(PPO):
         new.append(st.advantages.flatten(0, 1).squeeze(1))
         if self._imitating:
             has_teacher = TEACHER in st.observations.keys()  # noqa: SIM118  a TensorDict's "in" looks for values
-            self._taught = (st.observations[TEACHER] if has_teacher else st.distribution_params[0]).flatten(0, 1)
+            self._taught = st.observations[TEACHER].flatten(0, 1) if has_teacher else None
         if not self._batch:
             kept = (st.actions, st.values, st.returns, st.actions_log_prob.squeeze(2), *st.distribution_params)
             self._batch = (*(torch.empty_like(x) for x in new), *(x.flatten(0, 1) for x in kept))
@@ -157,7 +158,7 @@ class GraphPpo(PPO):
         limited = ratio.clamp(1.0 - self.clip_param, 1.0 + self.clip_param)
         surrogate = torch.max(-advantage * ratio, -advantage * limited).mean()
         if self._imitating:
-            surrogate = (policy.mean - self._taught[self._index]).square().sum(dim=1).mean()
+            surrogate = self._imitation(policy.mean)
         value = self._raw_critic.mlp(judged)
         error = (value - goal).square()
         if self.use_clipped_value_loss:
@@ -169,6 +170,12 @@ class GraphPpo(PPO):
         gradients = torch.autograd.grad(loss, self._parameters)
         self._packed.copy_(torch.cat([*(g.flatten() for g in gradients), divergence[None]]))
         self._losses.add_(torch.stack([value_loss, surrogate, entropy]).detach())
+
+    def _imitation(self, mean: torch.Tensor) -> torch.Tensor:
+        """Return the loss of mean actions [sample action] against the teacher's."""
+        if self._taught is None:  # gradients of exactly zero: Adam would make steps of rounding errors
+            return 0.0 * mean.sum()
+        return (mean - self._taught[self._index]).square().sum(dim=1).mean()
 
     def _apply(self) -> None:
         """Adapt the learning rate to the divergence, as rsl-rl does, and take a step."""

@@ -47,6 +47,27 @@ def test_it_acts_as_its_checkpoint_in_the_world_it_was_trained_in(exported: Path
     assert float(expected.abs().max()) > 1e-2
 
 
+def test_a_run_begins_with_its_policy_and_lets_the_critic_alone_learn(exported: Path, tmp_path: Path) -> None:
+    config = load(PpoConfig, "ppo/default", **SMALL | {"iterations": 2}, cuda_graph=True, imitation_iterations=2)
+    train(CountingEnv(), config, tmp_path / "next", init=exported)
+    observation = torch.randn(5, 23, generator=torch.Generator().manual_seed(1))
+    before = PolicyFile(exported).bound(CountingEnv())(observation)
+    after = load_policy(CountingEnv(), tmp_path / "next/model_1.pt")(observation).detach()
+    assert torch.allclose(after, before, atol=1e-5)
+    first, last = (torch.load(tmp_path / f"next/model_{i}.pt", weights_only=True)["critic_state_dict"] for i in (0, 1))
+    assert not torch.equal(first["mlp.0.weight"], last["mlp.0.weight"])
+
+
+def test_a_policy_of_other_widths_is_refused(exported: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no networks that fit"):
+        train(
+            CountingEnv(),
+            load(PpoConfig, "ppo/default", **SMALL | {"hidden_dims": [4]}),
+            tmp_path / "next",
+            init=exported,
+        )
+
+
 def test_another_robots_or_tasks_observations_are_refused(exported: Path) -> None:
     env = CountingEnv()
     env.observation = torch.zeros(2, 24)

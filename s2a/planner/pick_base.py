@@ -17,6 +17,8 @@ PEDESTALS = (0.0, 0.2, 0.4, 0.6)
 """[m] Heights of what the robot may stand on; as `s2a prepare` has them, but for the highest."""
 DIRECTIONS = 16
 """Directions from which the robot may face the object."""
+EXACT = 1e-3
+"""Root of the squared errors [m and rad] up to which inverse kinematics reaches a pose."""
 
 
 def bases(
@@ -97,23 +99,62 @@ def reached(
     clear = ok.copy()
     starts = np.random.default_rng(seed).uniform(kin.lower, kin.upper, (seeds, len(kin.lower)))
     starts[0] = kin.spec.home
-    for name, at in places.items():
+    missed = np.zeros((len(places), *ok.shape))
+    errors = np.zeros((len(places), *ok.shape, 2))
+    for i, at in enumerate(places.values()):
         wanted = np.linalg.inv(poses)[:, None] @ (at @ grasps)[None]
         targets = np.repeat(wanted.reshape(-1, 4, 4), seeds, axis=0)
         q, left = kin.solve(targets, np.tile(starts, (len(targets) // seeds, 1)), iterations=30, damping=1e-2)
-        miss = np.linalg.norm(kin.tool(q)[:, :3, 3] - targets[:, :3, 3], axis=1)
-        good = left < 1e-3
-        text = f"{name}: the arm's nearest miss is {1000 * miss.min():.0f} mm; choose a place nearer to free floor"
-        misses.note(0, float(miss.min()), text)
+        good = left < EXACT
+        missed[i], errors[i] = _nearest(kin.tool(q), targets, left, ok.shape)
         depth = np.full(len(q), np.inf)
         owner = np.repeat(poses, len(grasps) * seeds, axis=0)
         depth[good] = arm_depth(shape, near, q[good], owner[good], fingers=False)
         least = depth.reshape(*ok.shape, seeds).min(axis=2)
         ok &= np.isfinite(least)
         clear &= least <= SLACK
+    _note(missed, errors, list(places), misses)
     rank = np.cumsum(ok, axis=1)
     for b, k in sorted(np.argwhere(ok), key=lambda pair: (rank[tuple(pair)], *pair)):
         yield *bases[b], int(k), bool(clear[b, k])
+
+
+def _nearest(
+    tool: np.ndarray, targets: np.ndarray, left: np.ndarray, shape: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the best start of every base and grasp leaves, shape [base grasp], and its errors [m, rad], [base grasp 2].
+
+    Args:
+        tool: poses reached [pose 4 4], all starts of a base and grasp in a row.
+        targets: poses wanted, likewise.
+        left: by inverse kinematics, shape [pose].
+        shape: numbers of bases and grasps.
+    """
+    best = left.reshape(*shape, -1).argmin(axis=2)
+    best = best + np.arange(best.size).reshape(shape) * (len(left) // best.size)
+    turn = np.einsum("...ij,...ij->...", tool[best][..., :3, :3], targets[best][..., :3, :3])
+    angle = np.arccos(np.clip((turn - 1.0) / 2.0, -1.0, 1.0))
+    far = np.linalg.norm(tool[best][..., :3, 3] - targets[best][..., :3, 3], axis=-1)
+    return left[best], np.stack([far, angle], axis=-1)
+
+
+def _note(missed: np.ndarray, errors: np.ndarray, names: list[str], misses: Misses) -> None:
+    """Note the nearest miss, which is of one base and grasp at all places: of the pair whose worst place is best.
+
+    Args:
+        missed: what inverse kinematics leaves, shape [place base grasp].
+        errors: of position and angle [m, rad], shape [place base grasp 2].
+        names: of the places.
+        misses: is told, unless a pair reaches all places.
+    """
+    worst = missed.max(axis=0)
+    pair = np.unravel_index(worst.argmin(), worst.shape)
+    if worst[pair] < EXACT:
+        return
+    place = int(missed[(slice(None), *pair)].argmax())
+    far, angle = errors[(place, *pair)]
+    text = f"{names[place]}: the arm's nearest miss is {1000 * far:.0f} mm and {np.degrees(angle):.0f} degrees"
+    misses.note(0, float(worst[pair]), f"{text}; choose a place nearer to free floor")
 
 
 def chunks(items: Iterator[tuple[np.ndarray, float]], size: int) -> Iterator[list[tuple[np.ndarray, float]]]:

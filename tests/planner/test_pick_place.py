@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,24 @@ def test_a_place_out_of_reach_is_said(tmp_path: Path) -> None:
     far = np.array([0.2, -4.0, 0.828, 0, 0, 0, 1.0])
     with pytest.raises(Unreachable, match="base: .*; choose a place"):
         plan_pick(room_of(tmp_path), "cube_9", START, far, PANDA)
+
+
+@pytest.mark.parametrize("far", ["place", "grasp"])
+def test_the_nearest_miss_is_of_one_base_and_grasp_at_both_ends(far: str, tmp_path: Path) -> None:
+    """One end is 1.2 m from every base, the other 0.5 m: the miss is that of the far one, whichever comes first."""
+    room, shape = room_of(tmp_path), robot_shape(PANDA)
+    base = np.eye(4)
+    base[:3, 3] = [0.7, 0.1, 0.4]
+    ends = {name: matrix(START) for name in ("grasp", "place")}
+    ends[far] = matrix(START - [0.7, 0, 0, 0, 0, 0, 0])
+    base[:3, :3] = np.diag([-1.0, -1.0, 1.0])
+    grasps = object_grasps([c.mesh for c in room.free["cube_9"].colliders], np.zeros(3), PANDA.gripper).tool
+    down = grasps[grasps[:, 2, 2] < -0.99][:8]
+    misses = Misses()
+    assert not list(reached(shape, RoomHulls(room, {"cube_9"}, START[:3]), ends, [(base, 0.4)], down, 0, misses))
+    found = re.match(rf"{far}: the arm's nearest miss is (\d+) mm and (\d+) degrees", misses.text)
+    assert found, misses.text
+    assert 200 < int(found[1]) < 700
 
 
 def test_a_place_in_something_is_said(tmp_path: Path) -> None:

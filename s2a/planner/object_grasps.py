@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from s2a.robot.spec import GripperSpec
 from s2a.scene import Mesh
 
-SAMPLES = 250
-"""Points on the surface that are tried as the first contact."""
+SAMPLES = 250, 2000
+"""Points on the surface that are tried as the first contact; the second number where the first leaves few grasps."""
 ROLLS = 12
 """Approach directions about each closing axis."""
 CONE = 0.95
@@ -56,7 +56,9 @@ def solids(hulls: Sequence[Mesh]) -> list[np.ndarray]:
     return found
 
 
-def object_grasps(hulls: Sequence[Mesh], center: np.ndarray, gripper: GripperSpec, seed: int = 0) -> ObjectGrasps:
+def object_grasps(
+    hulls: Sequence[Mesh], center: np.ndarray, gripper: GripperSpec, seed: int = 0, samples: int = SAMPLES[0]
+) -> ObjectGrasps:
     """Return the grasps at which both pads meet the surface squarely and gripper body and open fingers keep clear of it.
 
     Args:
@@ -64,10 +66,11 @@ def object_grasps(hulls: Sequence[Mesh], center: np.ndarray, gripper: GripperSpe
         center: of mass, shape [3], in that frame.
         gripper: which grasps; widths up to its opening less clearance.
         seed: of the points that are sampled.
+        samples: how many.
     """
     planes = solids(hulls)
     mesh = trimesh.util.concatenate([trimesh.convex.convex_hull(np.asarray(h.vertices, float)) for h in hulls])
-    points, face = trimesh.sample.sample_surface(mesh, SAMPLES, seed=seed)
+    points, face = trimesh.sample.sample_surface(mesh, samples, seed=seed)
     normals = mesh.face_normals[face]
     first, axis, width = _antipodal(np.asarray(points), normals, planes, gripper.max_opening - 2 * CLEARANCE)
     tool = _poses(first + 0.5 * width[:, None] * axis, axis)

@@ -5,14 +5,16 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping
+from typing import TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.planner.misses import Misses
-from s2a.planner.obstacles import RoomHulls
+from s2a.planner.obstacles import RoomHulls, gripper_spheres
 from s2a.robot.collision import SLACK, RobotShape
 
+Item = TypeVar("Item")
 PEDESTALS = (0.0, 0.2, 0.4, 0.6)
 """[m] Heights of what the robot may stand on; as `s2a prepare` has them, but for the highest."""
 DIRECTIONS = 16
@@ -63,9 +65,13 @@ def arm_depth(
     shape: RobotShape, near: RoomHulls, q: np.ndarray, base: np.ndarray, *, fingers: bool = True
 ) -> np.ndarray:
     """Return how deep the arm in joints [pose arm] reaches into the room [m], shape [pose]; base: [4 4] or [pose 4 4]."""
-    chosen = shape.moving & (~shape.fingers | fingers)
-    centers = shape.centers(q)[:, chosen] @ np.swapaxes(base[..., :3, :3], -1, -2) + base[..., None, :3, 3]
-    return near.depth(centers, shape.radii[chosen])
+    chosen = shape.moving & ~shape.held
+    centers, radii = gripper_spheres(shape.kin.spec.gripper, fingers)
+    tool = shape.kin.tool(q)
+    held = centers @ tool[:, :3, :3].transpose(0, 2, 1) + tool[:, None, :3, 3]
+    whole = np.concatenate([shape.centers(q)[:, chosen], held], axis=1)
+    centers = whole @ np.swapaxes(base[..., :3, :3], -1, -2) + base[..., None, :3, 3]
+    return near.depth(centers, np.concatenate([shape.radii[chosen], radii]))
 
 
 def reached(
@@ -157,7 +163,7 @@ def _note(missed: np.ndarray, errors: np.ndarray, names: list[str], misses: Miss
     misses.note(0, float(worst[pair]), f"{text}; choose a place nearer to free floor")
 
 
-def chunks(items: Iterator[tuple[np.ndarray, float]], size: int) -> Iterator[list[tuple[np.ndarray, float]]]:
+def chunks(items: Iterator[Item], size: int) -> Iterator[list[Item]]:
     """Yield lists of some items."""
     while some := list(itertools.islice(items, size)):
         yield some

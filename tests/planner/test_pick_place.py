@@ -15,13 +15,14 @@ from s2a import robot
 from s2a.errors import InputError
 from s2a.planner.free_motion import free_motion
 from s2a.planner.misses import Misses
-from s2a.planner.object_grasps import matrix, object_grasps
+from s2a.planner.object_grasps import gripper_boxes, matrix, object_grasps
 from s2a.planner.obstacles import RoomHulls
-from s2a.planner.pick_base import bases, reached
+from s2a.planner.pick_base import arm_depth, bases, reached
 from s2a.planner.pick_place import Unreachable, plan_pick
 from s2a.planner.pick_plan import PickPlan
 from s2a.planner.places import APART, free_placement, place_pose
 from s2a.robot.collision import robot_shape
+from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
 from s2a.scene import Mesh
 from s2a.usd import sim_stage
@@ -101,6 +102,49 @@ def test_the_nearest_miss_is_of_one_base_and_grasp_at_both_ends(far: str, tmp_pa
     found = re.match(rf"{far}: the arm's nearest miss is (\d+) mm and (\d+) degrees", misses.text)
     assert found, misses.text
     assert 200 < int(found[1]) < 700
+
+
+def test_the_arm_s_gripper_is_that_of_the_grasps(tmp_path: Path) -> None:
+    """Beside a wall 4 mm from the gripper's box, nothing is reached into; 10 mm nearer, 6 mm or less. Links stand out of it."""
+    shape, at = robot_shape(PANDA), np.array([PANDA.home])
+    tool = shape.kin.tool(at)[0]
+    _, _, (low, high) = gripper_boxes(PANDA.gripper)
+    base = np.eye(4)
+    base[:3, 3] = [3.0, 3.0, 0.0]  # away from the cabinet
+    tool = base @ tool
+    side = np.abs(tool[:3, :3]) @ (high - low) / 2  # the gripper points down, its box is level
+    middle = tool[:3, :3] @ ((low + high) / 2) + tool[:3, 3]
+    for gap in (0.004, -0.006):
+        wall = box((middle[0] + side[0] + gap + 0.02, middle[1], middle[2]), (0.02, 0.3, 0.02))
+        near = RoomHulls(room_of(tmp_path), {"cube_9"}, middle, wall)
+        depth = arm_depth(shape, near, at, base, fingers=False)[0]
+        assert depth == pytest.approx(max(0.0, -gap), abs=1e-3)
+
+
+def test_many_paths_of_their_own_are_followed_as_one_by_one(tmp_path: Path) -> None:
+    kin = kinematics(PANDA)
+    first = kin.tool(np.array([PANDA.home]))[0]
+    up = np.stack([first + np.array([[0, 0, 0, 0]] * 2 + [[0, 0, 0, z], [0] * 4]) for z in (0.0, 0.02, 0.04)])
+    turned = up.copy()
+    turned[:, 1, 3] += 0.1
+    bases = np.stack([np.eye(4)] * 2)
+    together = follow(kin, np.stack([up, turned]), bases, 4, 0)
+    for poses, found in zip((up, turned), together, strict=True):
+        (alone,) = follow(kin, poses, bases[:1], 4, 0)
+        assert len(found)
+        np.testing.assert_allclose(found, alone, atol=1e-4)
+
+
+def narrow(gap: float) -> list[Mesh]:
+    """Return two walls, as high as the gripper, `gap` [m] from the cube's faces at its goal."""
+    return [box((0.2, -0.2 + side * (0.025 + gap + 0.01), 0.867), (0.2, 0.01, 0.064)) for side in (-1, 1)]
+
+
+def test_a_narrow_place_takes_grasps_that_fit_into_it(tmp_path: Path) -> None:
+    """Between walls 0.1 m apart the gripper body, 63 by 205 mm, fits only along them."""
+    found = plan_pick(room_of(tmp_path, beside=narrow(0.025)), "cube_9", START, GOAL, PANDA)
+    closing = (matrix(GOAL) @ found.grasp)[:3, 1]
+    assert abs(closing[0]) > 0.9
 
 
 def test_a_place_in_something_is_said(tmp_path: Path) -> None:

@@ -22,14 +22,37 @@ CLEARANCE = 0.004
 """[m] Between an open finger and the object, and around the gripper."""
 DEPTHS = (0.0, -0.006, 0.012)
 """[m] How far the object's axis of contact lies behind the tool frame's origin, towards the gripper body."""
-PAD = (0.004, 0.006)
-"""[m] Beside the line of contact, across and along the fingers, where the pads must find the surface too."""
-FLAT = 0.002
-"""[m] Up to which it may lie off the pads there; they creep on a narrower one until the object slips out."""
-HELD = 0.75
-"""Least share of these points that both pads find."""
+PAD = 0.9
+"""Fraction of the pads over which the surface is looked for; they touch what is flat there and as far as they are wide."""
+ROWS = 5
+"""Points of the pads in either direction."""
+NEAR = 0.005
+"""[m] Up to which the surface may lie off the pads to be between them at all."""
+TURNING, FULL = 0.1, 0.15
+"""[m] Of lever arm that weigh as much as a metre of width, and as contact of the whole pads."""
 SURFACE = 300
 """Points on the surface that must stay out of the gripper."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What the pads must find between them.
+
+    Attributes:
+        flat: up to which the surface may lie off the pads at a point that holds [m]. What is inclined more turns between the
+            pads until it is parallel to them, or is squeezed out.
+        held: least fraction of the points at which both pads hold.
+        centered: largest distance of the middle of what holds from that of the surface between the pads [m]: a wedge is held
+            where it is thickest, and slips out.
+    """
+
+    flat: float
+    held: float
+    centered: float
+
+
+FIRM = Contact(0.0007, 0.3, 0.003)
+"""5 degrees over half a pad, and a rod of 8 mm. With twice as much a perfume bottle turned by 20 degrees in the gripper."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +80,12 @@ def solids(hulls: Sequence[Mesh]) -> list[np.ndarray]:
 
 
 def object_grasps(
-    hulls: Sequence[Mesh], center: np.ndarray, gripper: GripperSpec, seed: int = 0, samples: int = SAMPLES[0]
+    hulls: Sequence[Mesh],
+    center: np.ndarray,
+    gripper: GripperSpec,
+    seed: int = 0,
+    samples: int = SAMPLES[0],
+    contact: Contact = FIRM,
 ) -> ObjectGrasps:
     """Return the grasps at which both pads meet the surface squarely and gripper body and open fingers keep clear of it.
 
@@ -67,6 +95,7 @@ def object_grasps(
         gripper: which grasps; widths up to its opening less clearance.
         seed: of the points that are sampled.
         samples: how many.
+        contact: what the pads must find.
     """
     planes = solids(hulls)
     mesh = trimesh.util.concatenate([trimesh.convex.convex_hull(np.asarray(h.vertices, float)) for h in hulls])
@@ -78,11 +107,12 @@ def object_grasps(
     surface = np.asarray(trimesh.sample.sample_surface(mesh, SURFACE, seed=seed)[0])
     free = ~_inside_gripper(tool, surface, gripper)
     tool, width = tool[free], width[free]
-    held = _held(tool, width, planes)
-    tool, width, held = tool[held >= HELD], width[held >= HELD], held[held >= HELD]
+    held, off = _held(tool, width, planes, gripper, contact.flat)
+    good = (held >= contact.held) & (off <= contact.centered)
+    tool, width, held = tool[good], width[good], held[good]
     # A long lever arm lets the object turn between the pads; wide grasps leave no room for the arm's error.
     away = np.linalg.norm(tool[:, :3, 3] - center, axis=1)
-    score = away + 0.1 * width + 0.05 * (1.0 - held)
+    score = away + TURNING * width + FULL * (1.0 - held)
     order = np.argsort(score, kind="stable")
     return ObjectGrasps(tool[order], width[order], score[order])
 
@@ -130,23 +160,37 @@ def _chords(
     return start, end, back
 
 
-def _held(tool: np.ndarray, width: np.ndarray, planes: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the share of the points about the lines of contact at which both pads find the surface, shape [grasp].
+def _held(
+    tool: np.ndarray, width: np.ndarray, planes: Sequence[np.ndarray], gripper: GripperSpec, flat: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the fraction of the pads' points at which both hold, and how far their middle is from that of the surface there [m].
+
+    The surface may end within the pads, where they hold by what there is of it; where it recedes from them, they do not.
 
     Args:
         tool: poses of the tool frame [grasp 4 4].
         width: distance of the pads [m], shape [grasp].
         planes: of the hulls.
+        flat: up to which the surface may lie off the pads [m].
+        gripper: whose pads; they end as far behind the tool frame's origin as its fingertips' boxes do.
     """
-    share = np.zeros(len(tool))
+    x, _, z = gripper.finger_box
+    offsets = [
+        (across, along)
+        for across in PAD * x / 2 * np.linspace(-1.0, 1.0, ROWS)
+        for along in gripper.tip_ahead - z / 2 + PAD * z / 2 * np.linspace(-1.0, 1.0, ROWS)
+    ]
     y, far = tool[:, :3, 1], 1.0
-    offsets = [(across, along) for across in (-PAD[0], 0.0, PAD[0]) for along in (-PAD[1], 0.0, PAD[1])]
-    for across, along in offsets:
+    holds, there = (np.zeros((len(tool), len(offsets)), bool) for _ in range(2))
+    for k, (across, along) in enumerate(offsets):
         points = tool[:, :3, 3] + across * tool[:, :3, 0] + along * tool[:, :3, 2] - far * y
         start, end, _ = _chords(points, y, planes)
-        near = np.abs(start - far + width[:, None] / 2).min(axis=1) <= FLAT
-        share += near & (np.abs(end - far - width[:, None] / 2).min(axis=1) <= FLAT)
-    return share / len(offsets)
+        before, behind = start.min(axis=1) - far + width / 2, end.max(axis=1) - far - width / 2
+        off = np.maximum(np.abs(before), np.abs(behind))
+        holds[:, k], there[:, k] = off <= flat, off <= NEAR
+    at = np.array(offsets)
+    middle, whole = (found @ at / np.maximum(found.sum(axis=1), 1)[:, None] for found in (holds, there))
+    return holds.mean(axis=1), np.linalg.norm(middle - whole, axis=1)
 
 
 def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:

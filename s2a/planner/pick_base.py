@@ -97,7 +97,7 @@ def reached(
         seed: of the starts.
         misses: is told how far the arm misses.
     """
-    if not bases:
+    if not bases or not len(grasps):
         return
     poses = np.stack([pose for pose, _ in bases])
     kin, seeds = shape.kin, 4

@@ -80,16 +80,40 @@ class _Search:
         hulls = [c.mesh for c in self._object.colliders]
         self._points = surface_points(hulls)
         self._misses = Misses()
-        self._hulls = hulls
+        self._hulls, self._center = hulls, np.array(self._object.mass.center)
 
     def plan(self, fits: Fits | None) -> PickPlan:
         """Return the first plan found."""
-        grasps = self._clear_grasps()
-        for some in chunks(itertools.islice(self._pairs(grasps, fits), PAIRS), AT_ONCE):
-            found = next(self._plans([(base, pedestal, grasps[k]) for base, pedestal, k in some]), None)
-            if found is not None:
-                return found
-        raise Unreachable(f"{self._target!r} cannot be picked and placed so: {self._misses.text}")
+        nearest, enough = math.inf, False
+        for samples in SAMPLES:
+            if enough:
+                break
+            tools = object_grasps(self._hulls, self._center, self._spec.gripper, self._seed, samples).tool
+            grasps, least = self._diverse(tools)
+            nearest, enough = min(nearest, least), len(grasps) >= ENOUGH
+            if not len(grasps):
+                continue
+            for some in chunks(itertools.islice(self._pairs(grasps, fits), PAIRS), AT_ONCE):
+                found = next(self._plans([(base, pedestal, grasps[k]) for base, pedestal, k in some]), None)
+                if found is not None:
+                    return found
+        raise self._failure(nearest)
+
+    def _failure(self, nearest: float) -> Unreachable:
+        """Return why there is no plan; `nearest` is the least penetration depth of a grasp [m], inf where there is none."""
+        if math.isinf(nearest):
+            size = np.ptp(self._points, axis=0).min()
+            return Unreachable(
+                f"{self._target!r}: grasp: no two opposite faces as wide as the pads fit between the fingers, which open "
+                f"{1000 * self._spec.gripper.max_opening:.0f} mm; the object's thinnest extent is {1000 * size:.0f} mm; choose "
+                "a smaller object or another robot="
+            )
+        if nearest > 0.0:
+            return Unreachable(
+                f"{self._target!r}: grasp: the gripper reaches at least {1000 * nearest:.1f} mm into what is around the "
+                "object or its place; choose a place with more room around it"
+            )
+        return Unreachable(f"{self._target!r} cannot be picked and placed so: {self._misses.text}")
 
     def _pairs(self, grasps: np.ndarray, fits: Fits | None) -> Iterator[tuple[np.ndarray, float, int]]:
         """Yield bases, pedestals and indices of grasps that reach, those where the arm was found to be clear first."""
@@ -104,30 +128,6 @@ class _Search:
                 else:
                     later.append((base, pedestal, k))
         yield from later
-
-    def _clear_grasps(self) -> np.ndarray:
-        """Return tool poses in the object's frame, shape [grasp 4 4], at which the gripper is free at start and goal."""
-        center, gripper = np.array(self._object.mass.center), self._spec.gripper
-        nearest = np.inf
-        for samples in SAMPLES:
-            found = object_grasps(self._hulls, center, gripper, self._seed, samples)
-            clear, least = self._diverse(found.tool)
-            nearest = min(nearest, least)
-            if len(clear) >= ENOUGH:
-                break
-        if len(clear):
-            return clear
-        if np.isinf(nearest):
-            size = np.ptp(self._points, axis=0).min()
-            raise Unreachable(
-                f"{self._target!r}: grasp: no two opposite faces as wide as the pads fit between the fingers, which "
-                f"open {1000 * gripper.max_opening:.0f} mm; the object's thinnest extent is {1000 * size:.0f} mm; choose a "
-                "smaller object or another robot="
-            )
-        raise Unreachable(
-            f"{self._target!r}: grasp: the gripper reaches at least {1000 * nearest:.0f} mm into what is around the "
-            "object or its place; choose a place with more room around it"
-        )
 
     def _diverse(self, tool: np.ndarray) -> tuple[np.ndarray, float]:
         """Return up to GRASPS of tool poses [grasp 4 4], in order, that keep clear, and the least penetration depth [m].

@@ -181,13 +181,15 @@ def _held(
         for along in gripper.tip_ahead - z / 2 + PAD * z / 2 * np.linspace(-1.0, 1.0, ROWS)
     ]
     y, far = tool[:, :3, 1], 1.0
-    holds, there = (np.zeros((len(tool), len(offsets)), bool) for _ in range(2))
+    before, behind = np.zeros((2, len(tool), len(offsets)))
     for k, (across, along) in enumerate(offsets):
         points = tool[:, :3, 3] + across * tool[:, :3, 0] + along * tool[:, :3, 2] - far * y
         start, end, _ = _chords(points, y, planes)
-        before, behind = start.min(axis=1) - far + width / 2, end.max(axis=1) - far - width / 2
-        off = np.maximum(np.abs(before), np.abs(behind))
-        holds[:, k], there[:, k] = off <= flat, off <= NEAR
+        before[:, k], behind[:, k] = start.min(axis=1) - far + width / 2, far + width / 2 - end.max(axis=1)
+    there = (before <= NEAR) & (behind <= NEAR)
+    # The pads stop at what stands out most, on either side.
+    rest = [off - np.where(there, off, np.inf).min(axis=1, keepdims=True, initial=NEAR) for off in (before, behind)]
+    holds = there & (rest[0] <= flat) & (rest[1] <= flat)
     at = np.array(offsets)
     middle, whole = (found @ at / np.maximum(found.sum(axis=1), 1)[:, None] for found in (holds, there))
     return holds.mean(axis=1), np.linalg.norm(middle - whole, axis=1)

@@ -85,8 +85,8 @@ def reached(
 ) -> Iterator[tuple[np.ndarray, float, int, bool]]:
     """Yield bases and grasps whose tool poses inverse kinematics reaches, and whether with the arm clear of the room.
 
-    Each base's best grasp comes first, then each one's second: bases differ more than the grasps from one. Where the arm is
-    not clear, another elbow may be.
+    Bases and grasps are taken in turn: neither one base, from which no grasp does, nor one grasp, which does from no base,
+    comes again and again. Where the arm is not clear, another elbow may be.
 
     Args:
         shape: the robot.
@@ -120,7 +120,7 @@ def reached(
         ok &= np.isfinite(least)
         clear &= least <= SLACK
     _note(missed, errors, list(places), misses)
-    rank = np.cumsum(ok, axis=1)
+    rank = np.cumsum(ok, axis=1) + np.cumsum(ok, axis=0)
     for b, k in sorted(np.argwhere(ok), key=lambda pair: (rank[tuple(pair)], *pair)):
         yield *bases[b], int(k), bool(clear[b, k])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 from cabinet import box
 
 from s2a import robot
@@ -61,6 +62,39 @@ def test_no_grasp_has_the_object_in_a_finger_or_in_the_gripper_body() -> None:
 def test_the_best_grasp_is_nearest_to_the_center_of_mass() -> None:
     found = object_grasps([box((0, 0, 0), (0.1, 0.02, 0.02))], np.array([0.06, 0.0, 0.0]), GRIPPER)
     assert found.tool[0, 0, 3] == pytest.approx(0.06, abs=0.02)
+
+
+def wedge(degrees: float) -> Mesh:
+    """Return a block 60 mm long, 40 mm high and 30 mm thick in its middle, whose sides diverge by an angle along it."""
+    slope = np.tan(np.radians(degrees / 2))
+    corners = [[x, side * (0.015 + slope * x), z] for x in (-0.03, 0.03) for side in (-1, 1) for z in (-0.02, 0.02)]
+    mesh = trimesh.convex.convex_hull(np.array(corners))
+    return Mesh(mesh.vertices, mesh.faces)
+
+
+def across_the_sides(found: ObjectGrasps) -> np.ndarray:
+    return np.abs(found.tool[:, 1, 1]) > 0.9
+
+
+def test_a_wedge_is_not_pinched_where_it_would_slip_out() -> None:
+    """Sides that diverge by 12 degrees are 2 mm farther apart at one end of the pads; by 2 degrees 0.3 mm."""
+    steep, gentle = (int(across_the_sides(grasps(wedge(angle))).sum()) for angle in (12.0, 2.0))
+    assert gentle > 500
+    assert steep < 0.01 * gentle
+
+
+def test_a_rod_is_pinched_by_the_middle_of_the_pads() -> None:
+    """A rod of 8 mm, thinner than the pads: 4 mm off their middle it would lie at their edge."""
+    rod = box((0, 0, 0), (0.06, 0.004, 0.004))
+    found = grasps(rod)
+    assert len(found.tool)
+
+
+def test_what_whole_pads_hold_comes_before_what_is_nearer_to_the_center_of_mass() -> None:
+    """A body with a thin fin at its center of mass, which 6 mm of the pads hold, and a block beside that they hold whole."""
+    fin, block = box((0, 0, 0), (0.003, 0.01, 0.01)), box((0.03, 0, 0), (0.027, 0.02, 0.02))
+    found = object_grasps([fin, block], np.zeros(3), GRIPPER)
+    assert found.tool[0, 0, 3] > 0.01
 
 
 def test_pads_do_not_hold_by_an_edge() -> None:

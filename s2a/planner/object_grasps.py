@@ -86,6 +86,7 @@ def object_grasps(
     seed: int = 0,
     samples: int = SAMPLES[0],
     contact: Contact = FIRM,
+    up: np.ndarray | None = None,
 ) -> ObjectGrasps:
     """Return the grasps at which both pads meet the surface squarely and gripper body and open fingers keep clear of it.
 
@@ -96,12 +97,13 @@ def object_grasps(
         seed: of the points that are sampled.
         samples: how many.
         contact: what the pads must find.
+        up: unit vector, for closing axes that are level; None: only those along normals and between them, shape [3].
     """
     planes = solids(hulls)
     mesh = trimesh.util.concatenate([trimesh.convex.convex_hull(np.asarray(h.vertices, float)) for h in hulls])
     points, face = trimesh.sample.sample_surface(mesh, samples, seed=seed)
     normals = mesh.face_normals[face]
-    first, axis, width = _antipodal(np.asarray(points), normals, planes, gripper.max_opening - 2 * CLEARANCE)
+    first, axis, width = _pinches(np.asarray(points), normals, planes, gripper.max_opening - 2 * CLEARANCE, up)
     tool = _poses(first + 0.5 * width[:, None] * axis, axis)
     width = np.repeat(width, ROLLS * len(DEPTHS))
     surface = np.asarray(trimesh.sample.sample_surface(mesh, SURFACE, seed=seed)[0])
@@ -117,14 +119,42 @@ def object_grasps(
     return ObjectGrasps(tool[order], width[order], score[order])
 
 
+def _pinches(
+    points: np.ndarray, normals: np.ndarray, planes: Sequence[np.ndarray], widest: float, up: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return first contacts, closing axes and widths as `_antipodal` does, for several axes at each point [point 3].
+
+    Against the normal there; between that and the normal opposite, as what tapers needs it; and level, since what lies is low,
+    and a finger below an inclined axis meets the support.
+    """
+    own = _antipodal(points, normals, -normals, planes, widest)
+    opposite = _normals_at(own[0] + own[2][:, None] * own[1], own[1], planes)
+    between = own[1] + opposite
+    between /= np.linalg.norm(between, axis=1, keepdims=True)
+    found = [own, _antipodal(own[0], -own[1], between, planes, widest)]
+    if up is not None:
+        for at, normal, axis in ((points, normals, -normals), (own[0], -own[1], between)):
+            level = axis - (axis @ up)[:, None] * up
+            length = np.linalg.norm(level, axis=1)
+            flat = length >= CONE
+            found.append(_antipodal(at[flat], normal[flat], level[flat] / length[flat, None], planes, widest))
+    return tuple(np.concatenate(each) for each in zip(*found, strict=True))  # type: ignore[return-value]
+
+
+def _normals_at(points: np.ndarray, axis: np.ndarray, planes: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the normals of the hulls' faces nearest to points [point 3], of those that axes [point 3] leave, shape [point 3]."""
+    every = np.concatenate([*planes])
+    off = np.abs(points @ every[:, :3].T + every[:, 3]) + 1e-3 * (1.0 - axis @ every[:, :3].T)
+    return every[off.argmin(axis=1), :3]
+
+
 def _antipodal(
-    points: np.ndarray, normals: np.ndarray, planes: Sequence[np.ndarray], widest: float
+    points: np.ndarray, normals: np.ndarray, axis: np.ndarray, planes: Sequence[np.ndarray], widest: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return first contacts [pair 3], closing axes into the object [pair 3] and widths [pair] of what can be pinched.
 
-    Each line into the surface at a point ends where the union of the hulls around it does; the normal there must face back.
+    Each line into the surface at a point ends where the union of the hulls around it does; both normals must face it.
     """
-    axis = -normals
     start, end, back = _chords(points, axis, planes)
     leave = np.zeros(len(points))
     facing = np.zeros(len(points))
@@ -135,7 +165,8 @@ def _antipodal(
         leave[grows] = end[grows, best[grows]]
         facing[grows] = back[grows, best[grows]]
     covered = ((start < -1e-3) & (end > -1e-4)).any(axis=1)  # another hull begins before: no outer surface
-    good = ~covered & (facing >= CONE) & (leave > 1e-3) & (leave <= widest)
+    here = -np.einsum("pi,pi->p", axis, normals)
+    good = ~covered & (facing >= CONE) & (here >= CONE) & (leave > 1e-3) & (leave <= widest)
     return points[good], axis[good], leave[good]
 
 

@@ -88,7 +88,9 @@ class _Search:
         for samples in SAMPLES:
             if enough:
                 break
-            tools = object_grasps(self._hulls, self._center, self._spec.gripper, self._seed, samples).tool
+            tools = object_grasps(
+                self._hulls, self._center, self._spec.gripper, self._seed, samples, up=self._start[2, :3]
+            ).tool
             grasps, least = self._diverse(tools)
             nearest, enough = min(nearest, least), len(grasps) >= ENOUGH
             if not len(grasps):

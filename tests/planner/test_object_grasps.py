@@ -77,10 +77,31 @@ def across_the_sides(found: ObjectGrasps) -> np.ndarray:
 
 
 def test_a_wedge_is_not_pinched_where_it_would_slip_out() -> None:
-    """Sides that diverge by 12 degrees are 2 mm farther apart at one end of the pads; by 2 degrees 0.3 mm."""
-    steep, gentle = (int(across_the_sides(grasps(wedge(angle))).sum()) for angle in (12.0, 2.0))
+    """Sides that diverge by 20 degrees are 3 mm farther apart at one end of the pads; by 2 degrees 0.3 mm."""
+    steep, gentle = (int(across_the_sides(grasps(wedge(angle))).sum()) for angle in (20.0, 2.0))
     assert gentle > 500
     assert steep < 0.01 * gentle
+
+
+def test_what_tapers_is_pinched_evenly() -> None:
+    """Sides that diverge by 8 degrees: by the normal of one the other is 1.1 mm off the pads; between them, each 0.6 mm."""
+    found = grasps(wedge(8.0))
+    axes = np.abs(found.tool[across_the_sides(found)][:, 1, 1])
+    assert len(axes) > 100
+    assert np.degrees(np.arccos(axes)).min() < 0.1
+
+
+def test_what_lies_is_pinched_level() -> None:
+    """A block whose sides lean by 5 degrees: closed along a normal, one finger would be 5 mm lower."""
+    block = box((0, 0, 0), (0.04, 0.02, 0.01))
+    lean = np.radians(5.0)
+    turned = np.array([[1, 0, 0], [0, np.cos(lean), -np.sin(lean)], [0, np.sin(lean), np.cos(lean)]])
+    mesh = Mesh(block.vertices @ turned.T, block.faces)
+    level = object_grasps([mesh], np.zeros(3), GRIPPER, up=np.array([0.0, 0.0, 1.0]))
+    alone = object_grasps([mesh], np.zeros(3), GRIPPER)
+    upright = [np.abs(each.tool[:, 2, 1]).min() for each in (level, alone)]
+    assert upright[0] < 1e-6
+    assert upright[1] > 0.08 or upright[1] < 1e-6
 
 
 def test_a_rod_is_pinched_by_the_middle_of_the_pads() -> None:

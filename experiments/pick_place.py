@@ -3,9 +3,10 @@
     python experiments/pick_place.py [--num-envs 8] [--runs runs/pick_place] [--rooms office_0 ...] [--seed 0]
 
 Makes the zoo and the rooms below RUNS, inserts the objects (llm=rules), and prepares each room with them as free objects. Each
-is picked from the nearest free spot of what it was put on, else of what is near, and placed as its insertion record says, by `s2a evaluate task=pick_place`.
-What is done in RUNS is not done again. Writes experiments/results/pick_place.json: a row an object, and all episodes together
-with their Wilson 95 % interval. An object that cannot be inserted, freed or planned for counts as so many failures, by its cause.
+is picked from the nearest free spot of what it was put on, else of what is near, and placed as its insertion record says, by
+`s2a evaluate task=pick_place`. What is done in RUNS is not done again. Writes experiments/results/pick_place.json: a row an
+object, and all episodes together with their Wilson 95 % interval. An object that cannot be inserted, freed or planned for counts
+as so many failures, by its cause.
 """
 
 from __future__ import annotations
@@ -137,7 +138,7 @@ def _evaluate(folder: Path, name: str, args: argparse.Namespace) -> dict:
 
 
 def _support(path: Path, name: str) -> str:
-    """Return the part from whose nearest free spot an object is picked: what it was put on, else what is nearest to that place."""
+    """Return the part from whose nearest free spot an object is picked: what it was put on, else what is nearest to it."""
     import numpy as np
 
     from s2a.errors import InputError

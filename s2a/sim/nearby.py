@@ -103,14 +103,14 @@ def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, 
     reached = np.array([_distance(space.shoulder[None], p) for p in planes]) <= space.reach
     structure = np.array([bool(prim.GetAttribute("s2a:structure").Get()) for prim in colliders], bool)
     ground = _carrying(space.resting, planes)
-    for k in np.flatnonzero(structure):
+    for k in np.flatnonzero(structure).tolist():
         ground[k] |= _is_floor(points_of(colliders[k]), space)
     needed = (reached | (distance <= BESIDE)) & ~ground
     first = (distance <= AROUND) & space.planned
     order = np.lexsort((distance, ~structure, ~first, ~needed))
     kept = ground.copy()
     kept[order[: min(int(needed.sum()), MAX_STATIC)]] = True
-    for k in np.flatnonzero(~kept):
+    for k in np.flatnonzero(~kept).tolist():
         colliders[k].SetActive(False)
     _log.info("%s: %d of %d static colliders are loaded", room, kept.sum(), len(colliders))
     missed = [k for k in order if not kept[k] and reached[k] and (first[k] or not space.planned)]

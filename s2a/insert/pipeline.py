@@ -24,6 +24,7 @@ from s2a.insert.placement import Placement
 from s2a.insert.plan import FailedPlan, Plan, plan
 from s2a.insert.room_state import RoomState
 from s2a.insert.scale import Size, fit_scale, size
+from s2a.insert.settle import stable_pose
 from s2a.llm.ask import Model
 from s2a.llm.usage_log import Record, UsageLog, step, tokens
 from s2a.sandbox.jail import Sandbox, SandboxConfig
@@ -215,21 +216,24 @@ def _stable_candidate(context: InsertContext, object: Mesh, where: Plan) -> Cand
     """
     room, config, record = context.room, context.config, context.record
     reasons: list[str] = []
-    unstable = False
-    found = candidate_poses(room, object, where, config.surface, config.pose, reasons)
-    while True:
-        with step(record, "pose"):
-            candidate = next(found, None)
-        if candidate is None:
-            break
+    results: list[Record] = []
+
+    def check(candidate: CandidatePose) -> Record:
         with step(record, "verify") as result:
-            result |= context.check_stability(object, candidate, room.scene)
-        if not result["problem"]:
+            result.pop("rest", None)  # of earlier candidates
+            found = context.check_stability(object, candidate, room.scene)
+            result |= found
+        results.append(found)
+        return found
+
+    poses = candidate_poses(room, object, where, config.surface, config.pose, reasons)
+    with step(record, "pose") as said:
+        candidate = stable_pose(room, object, poses, check, lambda _: "", config.pose, reasons)
+        if candidate is not None:
+            said |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
             record["surface"] = {**candidate.surface, "passed over": reasons}
-            record["pose"] |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
             return candidate
-        unstable |= result.get("unstable", False)
-        reasons.append(f"{candidate.choice.relation} {candidate.target}: {result['problem']}")
+    unstable = any(result.get("unstable", False) for result in results)
     record["surface"] = {"passed over": reasons}
     summary = f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}"
     raise NoRoom(summary, unstable=unstable, remedy="; name another place with prompt=...")

@@ -212,7 +212,7 @@ def _touching(task: _Task, candidate: GridCandidate, number: int, lean: bool) ->
     if pose is None:
         return start, "carry nothing"
     if against:
-        pose = _slid_back(task, pose, local, turn, config.contact_gap if lean else config.back_gap)
+        pose = _slid_back(task, pose, local, turn, config.back_gap)
         if pose is None:
             return start, "have nothing behind them"
     for _ in range(4):

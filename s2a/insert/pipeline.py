@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from pxr import Sdf
@@ -25,6 +27,8 @@ from s2a.insert.plan import FailedPlan, Plan, plan
 from s2a.insert.room_state import RoomState
 from s2a.insert.scale import Size, fit_scale, size
 from s2a.insert.settle import stable_pose
+from s2a.insert.wishes.heed import allowed, decline, objection, read_wish, verdict
+from s2a.insert.wishes.parse import Wish
 from s2a.llm.ask import Model
 from s2a.llm.usage_log import Record, UsageLog, step, tokens
 from s2a.sandbox.jail import Sandbox, SandboxConfig
@@ -46,6 +50,7 @@ class InsertConfig:
         retries: answers of the model that may be rejected, per step.
         plans: number of plans that are requested while there is no room for the earlier ones.
         neighbours: objects near the place that are described to the model when it estimates the size.
+        wish: "heed" refuses a place that does not meet the wish; "prefer" takes it where there is none that does.
         trusted: Run scripts on systems that cannot confine them; for our own scripts.
     """
 
@@ -56,6 +61,7 @@ class InsertConfig:
     retries: int
     plans: int
     neighbours: int
+    wish: Literal["heed", "prefer"]
     trusted: bool
 
 
@@ -124,12 +130,17 @@ def insert(context: InsertContext, request: ObjectRequest) -> Inserted:
     check_words(request.label, request.hint)
     room, config, record = context.room, context.config, context.record
     file = read_object(request.file, config.object)
+    wish = read_wish(request.hint, room.scene)
+    if config.wish == "heed":
+        decline(wish, request.hint, room.scene, understood=not config.trusted)
     with step(record, "describe") as result:
         result |= {"parts": len(room.lines), "tokens": tokens(describe.text(room.lines))}
     with Sandbox(room.geometry_free_text, config.sandbox, config.trusted) as sandbox:
         sandbox.check_guarantees()  # before the model is asked: its answers may cost money
         facts = _facts(file, request, room.lines)
-        where, object, scale, candidate = _place(context, file, facts)
+        where, object, scale, candidate = _place(context, file, facts, wish)
+        if request.hint:
+            record["wish"] = verdict(wish, request.hint, room.scene, candidate.pose.moved(object))
         with step(record, "script") as result:
             planned = placement(room.scene, request.label, candidate.pose, scale)
             script = author(context.model, sandbox, planned, context.usage, result)
@@ -153,7 +164,9 @@ def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Rec
     }
 
 
-def _place(context: InsertContext, file: ObjectFile, facts: Record) -> tuple[Plan, Mesh, float, CandidatePose]:
+def _place(
+    context: InsertContext, file: ObjectFile, facts: Record, wish: Wish
+) -> tuple[Plan, Mesh, float, CandidatePose]:
     """Plan, scale and find a pose; ask for another plan while there is no room.
 
     Returns:
@@ -165,7 +178,7 @@ def _place(context: InsertContext, file: ObjectFile, facts: Record) -> tuple[Pla
         result |= vars(answer)
     for left in reversed(range(context.config.plans)):
         try:
-            return where, *_pose(context, file, where, answer)
+            return where, *_pose(context, file, where, answer, wish)
         except NoRoom as full:
             if not left:
                 raise
@@ -199,16 +212,18 @@ def _extents(file: ObjectFile, where: Plan) -> tuple[float, float]:
     return float(sides["xyz".index(where.up[1])]), float(sides.max())
 
 
-def _pose(context: InsertContext, file: ObjectFile, where: Plan, answer: Size) -> tuple[Mesh, float, CandidatePose]:
+def _pose(
+    context: InsertContext, file: ObjectFile, where: Plan, answer: Size, wish: Wish
+) -> tuple[Mesh, float, CandidatePose]:
     """Return the object upright and to scale [m], its scale (metres per unit of the file), and its candidate pose."""
     found = fit_scale(answer, *_extents(file, where), file.unit)
     object = upright(file, where.up, where.front, found.scale, where.hangs)
     sides = np.ptp(object.bounds, axis=0)
     context.record["scale"] |= vars(found) | {"size": [round(float(side), 4) for side in sides]}
-    return object, found.scale, _stable_candidate(context, object, where)
+    return object, found.scale, _stable_candidate(context, object, where, wish)
 
 
-def _stable_candidate(context: InsertContext, object: Mesh, where: Plan) -> CandidatePose:
+def _stable_candidate(context: InsertContext, object: Mesh, where: Plan, wish: Wish) -> CandidatePose:
     """Return the first candidate pose, in the order of the plan, at which the object stays.
 
     Raises:
@@ -226,14 +241,24 @@ def _stable_candidate(context: InsertContext, object: Mesh, where: Plan) -> Cand
         results.append(found)
         return found
 
-    poses = candidate_poses(room, object, where, config.surface, config.pose, reasons)
-    with step(record, "pose") as said:
-        candidate = stable_pose(room, object, poses, check, lambda _: "", config.pose, reasons)
-        if candidate is not None:
-            said |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
-            record["surface"] = {**candidate.surface, "passed over": reasons}
-            return candidate
+    # What is only preferred is looked for first.
+    for heeded in (wish, Wish()) if config.wish == "prefer" and wish.relations else (wish,):
+        keep = allowed(heeded, room.scene, object)
+        poses = candidate_poses(room, object, where, config.surface, config.pose, reasons, keep)
+        with step(record, "pose") as said:
+            candidate = stable_pose(
+                room, object, poses, check, partial(_unheeded, room, object, heeded), config.pose, reasons
+            )
+            if candidate is not None:
+                said |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
+                record["surface"] = {**candidate.surface, "passed over": reasons}
+                return candidate
     unstable = any(result.get("unstable", False) for result in results)
     record["surface"] = {"passed over": reasons}
     summary = f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}"
     raise NoRoom(summary, unstable=unstable, remedy="; name another place with prompt=...")
+
+
+def _unheeded(room: RoomState, object: Mesh, wish: Wish, candidate: CandidatePose) -> str:
+    """Return the relation of a wish that a candidate does not have, as a clause; empty if it has all."""
+    return objection(wish, room.scene, candidate.pose.moved(object)) if wish.relations else ""

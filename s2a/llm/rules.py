@@ -18,10 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from s2a.insert.axes import AXES, sideways
-from s2a.insert.hints import is_kind_of, parse_hint
+from s2a.insert.hints import is_kind_of
 from s2a.insert.placement import Placement
 from s2a.insert.scale import FLAT, Range
 from s2a.insert.script import write_script
+from s2a.insert.wishes.choices import parse_hint
 from s2a.llm.ask import Answer, Request
 
 FOLDER = Path(__file__).parent
@@ -127,7 +128,8 @@ def _size(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
 def _plan(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
     """Answer the question about the place."""
     up = _up(facts, entry)
-    hint = parse_hint(facts.get("wish") or "", facts["room"])
+    hangs = bool(entry and entry.places[0][0] == "hanging")
+    hint = parse_hint(facts.get("wish") or "", facts["room"], hangs)
     choices = hint.choices or _choices(facts["room"], entry.places if entry else (), _breadth(facts, entry, up))
     if up == facts.get("tried_up", up):
         choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices

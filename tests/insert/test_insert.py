@@ -23,7 +23,6 @@ from s2a.errors import CheckFailed, InputError
 from s2a.geometry.mesh_ops import merge
 from s2a.geometry.penetration import crossing
 from s2a.insert import author, describe, prompts, scale
-from s2a.insert.hints import parse_hint
 from s2a.insert.object_file import ObjectConfig, ObjectFile, read_object, upright
 from s2a.insert.place.fit import Pose
 from s2a.insert.place.stable_pose import concavities, cross_sections, settled_axis, tilt_margins
@@ -31,6 +30,7 @@ from s2a.insert.placement import Placement
 from s2a.insert.plan import Plan, checked
 from s2a.insert.scale import Size, fit_scale
 from s2a.insert.script import write_script
+from s2a.insert.wishes.choices import parse_hint
 from s2a.llm.ask import Request, parse
 from s2a.llm.rules import brands, known, rules, table
 from s2a.sandbox.jail import STAGE

@@ -6,7 +6,7 @@ Whether an object stays where it is put is up to the caller's `StabilityCheck`: 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -30,6 +30,7 @@ from s2a.insert.settle import stable_pose
 from s2a.insert.wishes.heed import allowed, decline, objection, read_wish, verdict
 from s2a.insert.wishes.parse import Wish
 from s2a.llm.ask import Model
+from s2a.llm.rules import write_scripts
 from s2a.llm.usage_log import Record, UsageLog, step, tokens
 from s2a.sandbox.jail import Sandbox, SandboxConfig
 from s2a.scene import Mesh, Part, Scene
@@ -51,6 +52,8 @@ class InsertConfig:
         plans: number of plans that are requested while there is no room for the earlier ones.
         neighbours: objects near the place that are described to the model when it estimates the size.
         wish: "heed" refuses a place that does not meet the wish; "prefer" takes it where there is none that does.
+        script: "plan" writes the script from the plan; "model" asks the model for it, as the paper does.
+        rules: True if no model reads the wish.
         trusted: Run scripts on systems that cannot confine them; for our own scripts.
     """
 
@@ -62,6 +65,8 @@ class InsertConfig:
     plans: int
     neighbours: int
     wish: Literal["heed", "prefer"]
+    script: Literal["plan", "model"]
+    rules: bool
     trusted: bool
 
 
@@ -120,32 +125,77 @@ class InsertContext:
     record: Record
 
 
+@dataclass(frozen=True)
+class Planned:
+    """An object whose place is planned and not yet taken.
+
+    Attributes:
+        request: what was asked for.
+        file: what its file holds.
+        facts: about it, as the model was given them.
+        wish: the parsed wish.
+        where: the plan.
+        answer: its usual size.
+    """
+
+    request: ObjectRequest
+    file: ObjectFile
+    facts: Record
+    wish: Wish
+    where: Plan
+    answer: Size
+
+    @property
+    def footprint(self) -> float:
+        """Area that the object takes of its support [m^2]: big ones are placed before small ones."""
+        scale = fit_scale(self.answer, *_extents(self.file, self.where), self.file.unit).scale
+        sides = np.ptp(upright(self.file, self.where.up, self.where.front, scale, self.where.hangs).bounds, axis=0)
+        return float(sides[0] * sides[1])
+
+
 def insert(context: InsertContext, request: ObjectRequest) -> Inserted:
-    """Find a place for an object in a room and author it.
+    """Find a place for an object in a room and author it: `planned`, then `fixed`.
 
     Raises:
         NoRoom: no candidate pose is free and stable.
-        InputError: a label that no script may contain, a file without an object, or no usable answer of the model.
+        InputError: a label that no script may contain, a file without an object, a wish that cannot be, or no usable answer
+            of the model.
     """
+    return fixed(context, planned(context, request))
+
+
+def planned(context: InsertContext, request: ObjectRequest) -> Planned:
+    """Read an object, and ask where it goes and how large it is."""
     check_words(request.label, request.hint)
     room, config, record = context.room, context.config, context.record
     file = read_object(request.file, config.object)
     wish = read_wish(request.hint, room.scene)
     if config.wish == "heed":
-        decline(wish, request.hint, room.scene, understood=not config.trusted)
+        decline(wish, request.hint, room.scene, understood=not config.rules)
     with step(record, "describe") as result:
         result |= {"parts": len(room.lines), "tokens": tokens(describe.text(room.lines))}
     with Sandbox(room.geometry_free_text, config.sandbox, config.trusted) as sandbox:
         sandbox.check_guarantees()  # before the model is asked: its answers may cost money
-        facts = _facts(file, request, room.lines)
-        where, object, scale, candidate = _place(context, file, facts, wish)
-        if request.hint:
-            record["wish"] = verdict(wish, request.hint, room.scene, candidate.pose.moved(object))
-        with step(record, "script") as result:
-            planned = placement(room.scene, request.label, candidate.pose, scale)
-            script = author(context.model, sandbox, planned, context.usage, result)
-    own = upright(file, where.up, where.front, 1.0, where.hangs)
-    return Inserted(planned, candidate, Part(request.label, candidate.pose.moved(object)), own, script.layer)
+    facts = _facts(file, request, room.lines)
+    where = _plan(context, facts, None)
+    with step(record, "scale") as result:
+        answer = _size(context, facts, file, where)
+        result |= vars(answer)
+    return Planned(request, file, facts, wish, where, answer)
+
+
+def fixed(context: InsertContext, planned: Planned) -> Inserted:
+    """Find the pose of a planned object in the room as it is now, and author it."""
+    room, record, request, config = context.room, context.record, planned.request, context.config
+    where, object, scale, candidate = _place(context, planned)
+    if request.hint:
+        record["wish"] = verdict(planned.wish, request.hint, room.scene, candidate.pose.moved(object))
+    model = context.model if config.script == "model" else write_scripts
+    with Sandbox(room.geometry_free_text, config.sandbox, config.trusted) as sandbox, step(record, "script") as result:
+        prim = placement(room.scene, request.label, candidate.pose, scale)
+        script = author(model, sandbox, prim, context.usage, result)
+    own = upright(planned.file, where.up, where.front, 1.0, where.hangs)
+    return Inserted(prim, candidate, Part(request.label, candidate.pose.moved(object)), own, script.layer)
 
 
 def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Record:
@@ -164,25 +214,22 @@ def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Rec
     }
 
 
-def _place(
-    context: InsertContext, file: ObjectFile, facts: Record, wish: Wish
-) -> tuple[Plan, Mesh, float, CandidatePose]:
-    """Plan, scale and find a pose; ask for another plan while there is no room.
+def _place(context: InsertContext, planned: Planned) -> tuple[Plan, Mesh, float, CandidatePose]:
+    """Find a pose; ask for another plan while there is no room.
 
     Returns:
         The plan, the object upright and to scale [m], its scale (metres per unit of the file), and the candidate pose.
     """
-    where = _plan(context, facts, None)
-    with step(context.record, "scale") as result:
-        answer = _size(context, facts, file, where)
-        result |= vars(answer)
+    where = planned.where
     for left in reversed(range(context.config.plans)):
         try:
-            return where, *_pose(context, file, where, answer, wish)
+            return where, *_pose(context, planned.file, where, planned.answer, planned.wish)
         except NoRoom as full:
             if not left:
                 raise
-            where = _plan(context, facts, FailedPlan(where, full.summary, full.unstable))
+            where = _plan(context, planned.facts, FailedPlan(where, full.summary, full.unstable))
+            if where.declined:
+                raise
     raise AssertionError("plans is at least 1")
 
 
@@ -192,7 +239,9 @@ def _plan(context: InsertContext, facts: Record, failed: FailedPlan | None) -> P
         text = describe.text(context.room.lines)
         scene, retries = context.room.scene, context.config.retries
         found = plan(context.model, scene, facts, text, retries, context.usage, failed)
-        result |= asdict(found)
+        result |= found.said()
+        if found.declined and not failed:
+            raise NoRoom(f"no place for {facts['label']!r}: {found.declined[:300]}; name one with prompt=...")
     return found
 
 

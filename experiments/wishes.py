@@ -1,10 +1,10 @@
-"""Are wishes heeded, and impossible ones declined? One small object, the wishes of wishes.yaml, rooms of unseen seeds, by the rules.
+"""Are wishes heeded, and impossible ones declined? One small object, the wishes of wishes.yaml, unseen rooms, by the rules.
 
-    python experiments/wishes.py [--runs runs/insertion] [--seed 100] [--rooms office kitchen ...] [--name rules]
+    python experiments/wishes.py [--runs runs/wishes] [--seed 100] [--rooms office kitchen ...] [--name rules]
 
-Scans the rooms and makes the zoo unless they are there (`insertion_study.py`). Prints a table by relation and writes it, with a line
-a wish, to experiments/results/wishes_NAME.json. Heeded is what the check of the result says (`s2a.insert.wishes.check`).
-A wish whose thing the room of this seed happens not to have counts as impossible: the row says so.
+Scans the rooms and makes the zoo unless they are there (`insertion_study.py`; RUNS belongs to one seed). Prints a table by
+relation, and writes it with a line a wish to experiments/results/wishes_NAME.json. Heeded is what the check of the result says
+(`s2a.insert.wishes.check`). A wish whose thing the room of this seed happens not to have counts as impossible: the row says so.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ OBJECT, LABEL = "objects/matryoshka.ply", "matryoshka"
 def main() -> None:
     """Ask for every wish and write what came of it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=Path, default=Path("runs/insertion"))
+    parser.add_argument("--runs", type=Path, default=Path("runs/wishes"))
     parser.add_argument("--seed", type=int, default=100)
     parser.add_argument("--rooms", nargs="*", default=list(yaml.safe_load(WISHES.read_text())))
     parser.add_argument("--name", default="rules")

@@ -12,10 +12,11 @@ from pxr import Sdf
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
-from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
+from s2a.geometry.orbit_camera import OrbitCamera
 from s2a.geometry.render import render, write_png
 from s2a.insert import overlay
 from s2a.insert.attempt import Attempt
+from s2a.insert.picture import viewpoint
 from s2a.insert.pipeline import Inserted, ObjectRequest
 from s2a.insert.room_state import RoomState
 from s2a.insert.settings import InsertSettings
@@ -158,8 +159,8 @@ def _write(found: list[Inserted], records: list[Record], room: RoomState, settin
 
 
 def _render(inserted: Inserted, room: RoomState, camera: OrbitCamera, path: Path) -> None:
-    """Render an object in its place, from its front."""
+    """Render an object in its place, from where it is seen."""
     front = Rotation.from_quat(inserted.candidate.pose.quaternion).apply([1.0, 0.0, 0.0])
-    pose = framing_pose(inserted.part.mesh.vertices, front, camera)
+    pose = viewpoint(room.scene, inserted.part.mesh, front, camera)
     with atomic_write(path) as out:
         write_png(render([part.mesh for part in room.scene.parts.values()], pose, camera), out)

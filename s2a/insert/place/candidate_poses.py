@@ -20,7 +20,7 @@ from s2a.insert.plan import Choice, Plan
 from s2a.insert.room_state import RoomState
 from s2a.scene import Mesh, Scene
 
-Keep = Callable[[np.ndarray, float], np.ndarray]
+Keep = Callable[[np.ndarray], np.ndarray]
 TRIED = 4
 """Regions tested per target."""
 MEANT = 0.04

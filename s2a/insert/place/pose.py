@@ -83,7 +83,7 @@ def places(
     target: str,
     volumes: list[SweptVolume],
     near: str | None = None,
-    keep: Callable[[np.ndarray, float], np.ndarray] | None = None,
+    keep: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Iterator[Pose]:
     """Yield free poses of an object on a region, the best first, one at least.
 
@@ -96,7 +96,7 @@ def places(
         target: id of the part that the region belongs to.
         volumes: swept volumes of the room's drawers and doors, kept free.
         near: id of the preferred neighbour, or None.
-        keep: of places [m], shape [place 3], and a radius of the object [m], those that a wish allows, shape [place].
+        keep: of places [m], shape [place 3], those that a wish allows, shape [place]; None for all.
 
     Raises:
         NoRoom: no pose is free.
@@ -110,10 +110,7 @@ def places(
     grid = occupancy_grid(region, radius, height, [part.mesh for part in scene.parts.values()], volumes, config.search)
     tall = float(np.ptp(object.bounds[:, 2]))
     wanted = preferences(scene, region, target, relation == "against", near, tall, config.search.habits)
-    found = grid_candidates(grid, region, object, base, wanted, config.search)
-    if found and keep is not None:
-        places = region.points(np.array([one.place for one in found]))
-        found = [one for one, stays in zip(found, keep(places, radius), strict=True) if stays]
+    found = grid_candidates(grid, region, object, base, wanted, config.search, keep)
     if not found:
         raise NoRoom(_why(region, object))
     task = _Task(scene, object, region, relation, config, base, volumes)

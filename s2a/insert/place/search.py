@@ -6,7 +6,7 @@ cell of the same layer and where the cells it touches carry. What remains is ran
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,7 +126,13 @@ def occupancy_grid(
 
 
 def grid_candidates(
-    grid: OccupancyGrid, region: Region, object: Mesh, base: np.ndarray, preferences: Preferences, config: SearchConfig
+    grid: OccupancyGrid,
+    region: Region,
+    object: Mesh,
+    base: np.ndarray,
+    preferences: Preferences,
+    config: SearchConfig,
+    keep: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> list[GridCandidate]:
     """Return possible places, best first.
 
@@ -137,6 +143,7 @@ def grid_candidates(
         base: rotation from the object's frame to the region's at turn 0, shape [3 3].
         preferences: what makes a placement better.
         config: turns and weights.
+        keep: of points [m], shape [place 3], those that a wish allows, shape [place]; None for all.
     """
     shape = tuple(fft.next_fast_len(n, real=True) for n in grid.carries.shape)
     spectra = fft.rfft2(np.stack([~grid.carries, *grid.layers, grid.beyond]).astype(np.float32), shape)
@@ -153,6 +160,8 @@ def grid_candidates(
         possible = _possible(spectra, prints, shape, grid.carries.shape, config)
         places = np.argwhere(possible)
         places = places[:: max(1, len(places) // config.max_placements)]
+        if keep is not None and len(places):
+            places = places[keep(region.points(places - grid.pad + 0.5))]
         if not len(places):
             continue
         free = _lowest(room, places, distinct_cells(np.concatenate(prints)))

@@ -76,7 +76,24 @@ def _below(line: Line, lines: dict[str, Line]) -> Line:
         return lines[line["on"]]
     if line.get("part_of") in lines and "supports" in lines[line["part_of"]]:
         return lines[line["part_of"]]
+    around = [other for other in lines.values() if _holds(other, line)]
+    if around:
+        return min(around, key=lambda other: other["size"][0] * other["size"][1])
     return next((other for other in lines.values() if other["label"] == "floor"), line)
+
+
+def _holds(line: Line, thing: Line) -> bool:
+    """Return True if a thing is let into a part: a sink into its counter."""
+    if (
+        line["id"] == thing["id"]
+        or line["label"] == "floor"
+        or not ("supports" in line and "size" in line and "size" in thing)
+    ):
+        return False
+    off = np.abs(np.array(line["center"]) - thing["center"])[:2]
+    top = thing["center"][2] + thing["size"][2] / 2
+    near = min(abs(s["height"] - top) for s in line["supports"])
+    return bool((off < np.array(line["size"])[:2] / 2).all() and near < 0.3 and top > 0.3)
 
 
 def _places(line: Line, kind: str) -> list[dict[str, Any]]:

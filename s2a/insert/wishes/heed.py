@@ -14,6 +14,7 @@ from s2a.insert.place.supports import target_mesh
 from s2a.insert.wishes.check import between, met, placed, viewer
 from s2a.insert.wishes.parse import Wish, parse_wish
 from s2a.scene import Mesh, Scene
+from s2a.usd.boxes import silhouette
 
 SIDED = ("left", "right", "front", "behind", "above", "back edge", "front edge", "corner", "middle")
 NAMED = 12
@@ -62,7 +63,7 @@ def verdict(wish: Wish, text: str, scene: Scene, object: Mesh) -> dict[str, Any]
     return {"wish": text, "heeded": heeded, "relations": relations, "missing": list(wish.missing)}
 
 
-def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray, float], np.ndarray] | None:
+def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np.ndarray] | None:
     """Return a filter of places [m] for the search, rough where the check of the result is exact; None for no filter.
 
     Args:
@@ -74,8 +75,9 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray, flo
     if not sided:
         return None
     sides = np.ptp(object.bounds, axis=0)
-    known = {i: target_mesh(scene, i) for one in sided for ids in one.things for i in ids}
-    seen = {i: viewer(scene, object, i, mesh) for i, mesh in known.items()}
+    # Sides are told from outlines: the points of a scan would be gone through for every place.
+    known = {i: _outline(target_mesh(scene, i)) for one in sided for ids in one.things for i in ids}
+    seen = {i: viewer(scene, object, i, target_mesh(scene, i)) for i in known}
 
     def one_place(place: np.ndarray) -> bool:
         brick = box(np.array([0.0, 0.0, sides[2] / 2]) + place, np.eye(3), np.array([min(sides[:2])] * 2 + [sides[2]]))
@@ -90,7 +92,21 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray, flo
                 return False
         return True
 
-    return lambda places, radius: np.array([one_place(place) for place in places], bool)
+    known_places: dict[tuple[float, ...], bool] = {}  # the same ones come for every turn of the object
+
+    def keep(places: np.ndarray) -> np.ndarray:
+        for place in places:
+            asked = tuple(place.round(4).tolist())
+            if asked not in known_places:
+                known_places[asked] = one_place(place)
+        return np.array([known_places[tuple(place.round(4).tolist())] for place in places], bool)
+
+    return keep
+
+
+def _outline(mesh: Mesh) -> Mesh:
+    """Return the points of a mesh that bound it from all sides."""
+    return Mesh(silhouette(mesh.vertices), np.empty((0, 3), int))
 
 
 def _gap(brick: Mesh, mesh: Mesh) -> float:

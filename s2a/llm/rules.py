@@ -33,7 +33,7 @@ ANYWHERE = (
 SOFT = ("bed", "sofa", "armchair", "couch")
 """What carries pillows and blankets, which belong on no table."""
 BEDDING = ("blanket", "duvet", "mattress", "bedspread", "quilt")
-HAND_HELD = 0.45
+HAND_HELD = 0.6
 """Longest side of what may be put down anywhere [m]."""
 
 
@@ -109,11 +109,14 @@ def _place(text: str) -> tuple[str, str]:
 def _existing(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], breadth: float) -> list[dict[str, Any]]:
     """Return the options that a room has for some places, wide enough ones first."""
     found: list[dict[str, Any]] = []
+    seconds: list[dict[str, Any]] = []
     for how, where in places:
         lines = [line for line in room if _is_meant(line, where)]
         options = [option for line in lines for option in _options(line, how, room)]
         options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
-        found += [option for option in options[:2] if option not in found]
+        found += [option for option in options[:1] if option not in found]
+        seconds += options[1:3]
+    found += [option for option in seconds if option not in found]
     return sorted(found, key=lambda option: option["circle"] < breadth)
 
 

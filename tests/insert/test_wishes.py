@@ -61,7 +61,7 @@ LABELS = {part_id: part.label for part_id, part in room().parts.items()}
 def test_wishes_become_relations(said: str, kinds: list[str], things: list[str]) -> None:
     wish = parse_wish(said, LABELS)
     assert [one.kind for one in wish.relations] == kinds
-    assert [ids[0] for one in wish.relations for ids in one.things] == things
+    assert [ids[0] for one in wish.relations for ids in one.part_ids] == things
     assert wish.missing == ()
     assert [one.negated for one in wish.relations] == ["not" in said and one.kind == "on" for one in wish.relations]
 

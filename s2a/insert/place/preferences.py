@@ -231,5 +231,5 @@ def _closed(
     # A little inside: the border of a scan ends where the wall begins, or behind that.
     start = region.points(cells) - 0.05 * outward
     starts = np.concatenate([start + height * region.normal for height in HEIGHTS])
-    seen, _ = visible_distance(asked, starts, outward, reach + 0.05)  # type: ignore[arg-type]
+    seen, _ = visible_distance(asked, starts, outward, reach + 0.05)
     return bool((seen < reach + 0.05).mean() >= BACKED)

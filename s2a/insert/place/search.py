@@ -20,7 +20,7 @@ from s2a.insert.place.swept_volumes import SweptVolume, fill
 from s2a.ranges import Count, Fraction, NotNegative, Numbers, Positive
 from s2a.scene import Mesh
 
-WALLED = 0.5
+RIM = 0.5
 """Rim fraction from which a region is a basin."""
 
 
@@ -121,7 +121,7 @@ def occupancy_grid(
     # What stands at the border hides it from the scanner: the outline counts, and a cell of tolerance.
     outline = ndimage.binary_dilation(ndimage.binary_fill_holes(np.pad(region.support, pad)))
     # What is in a basin may reach over its rim.
-    beyond = ~outline & (region.rim_fraction <= WALLED)
+    beyond = ~outline & (region.rim_fraction <= RIM)
     return OccupancyGrid(pad, carries, grown, edges, beyond)
 
 

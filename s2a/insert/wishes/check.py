@@ -20,7 +20,7 @@ from s2a.usd.boxes import silhouette, upright_box
 
 BESIDE, FAR = 0.45, 0.8
 """Largest gap to what a thing is near, and least gap to what it is away from [m]."""
-TOUCH = 0.03
+CONTACT = 0.03
 """Largest gap to what carries a thing [m]: the noise of a scan."""
 OFF_HEIGHT = 0.1
 """Largest error of a height on a wall [m]."""
@@ -38,7 +38,7 @@ def met(scene: Scene, object: Mesh, relation: Relation) -> bool:
     if relation.kind == "height":
         middle = float(object.bounds[:, 2].mean()) - floor_height(scene)
         return abs(middle - float(relation.height or 0.0)) <= OFF_HEIGHT
-    holds = any(_holds(scene, object, relation.kind, list(ids)) for ids in product(*relation.things))
+    holds = any(_holds(scene, object, relation.kind, list(ids)) for ids in product(*relation.part_ids))
     return holds != relation.negated
 
 
@@ -54,9 +54,9 @@ def _holds(scene: Scene, object: Mesh, kind: str, ids: list[str]) -> bool:
     if kind == "in":
         return _within(object, meshes[0])
     if kind == "wall":
-        return _gap(object, meshes[0]) <= 2 * TOUCH and object.bounds[0, 2] > floor_height(scene) + 0.2
+        return _gap(object, meshes[0]) <= 2 * CONTACT and object.bounds[0, 2] > floor_height(scene) + 0.2
     if kind == "against":
-        return _gap(object, meshes[0]) <= 2 * TOUCH
+        return _gap(object, meshes[0]) <= 2 * CONTACT
     if kind in ("top", "bottom"):
         return _carried(object, meshes[0]) and _extreme(object, meshes[0], kind == "top")
     return placed(object.bounds, viewer(scene, object, ids[0], meshes[0]), object, meshes[0], kind)
@@ -154,9 +154,9 @@ def _carried(object: Mesh, mesh: Mesh) -> bool:
     middle = np.append(foot[:, :2].mean(axis=0), low)
     points = np.concatenate([foot, (foot + middle) / 2, middle[None]]) + (0.0, 0.0, 0.02)
     seen, _ = visible_distance(
-        ray_mesh(mesh.vertices, mesh.faces), points, np.array([0.0, 0.0, -1.0]), 0.02 + TOUCH + 0.01
+        ray_mesh(mesh.vertices, mesh.faces), points, np.array([0.0, 0.0, -1.0]), 0.02 + CONTACT + 0.01
     )
-    return bool((seen < 0.02 + TOUCH + 0.009).mean() > 0.2)
+    return bool((seen < 0.02 + CONTACT + 0.009).mean() > 0.2)
 
 
 def _within(object: Mesh, mesh: Mesh) -> bool:
@@ -166,7 +166,7 @@ def _within(object: Mesh, mesh: Mesh) -> bool:
     if (
         (middle[:2] < low[:2]).any()
         or (middle[:2] > high[:2]).any()
-        or not low[2] - TOUCH < object.bounds[0, 2] < high[2] - 0.01
+        or not low[2] - CONTACT < object.bounds[0, 2] < high[2] - 0.01
     ):
         return False
     # At a third of what is below the rim: shallow trays hold tall things.
@@ -183,7 +183,7 @@ def _extreme(object: Mesh, mesh: Mesh, top: bool) -> bool:
     asked, reach = ray_mesh(mesh.vertices, mesh.faces), 3.0
     up = 1.0 if top else -1.0
     start, levels = middle.copy(), []
-    start[2] = object.bounds[1, 2] if top else object.bounds[0, 2] - 2 * TOUCH
+    start[2] = object.bounds[1, 2] if top else object.bounds[0, 2] - 2 * CONTACT
     for _ in range(12):
         seen, _ = visible_distance(asked, start[None], np.array([0.0, 0.0, up]), reach)
         if seen[0] >= reach:

@@ -36,7 +36,7 @@ def parse_hint(hint: str, room: list[Line], hangs: bool = False) -> PlacementHin
     ]
     lines = {line["id"]: line for line in room}
     beside = [one for one in relations if one.kind in (*BESIDE, "above", "below")]
-    near = beside[0].things[0][0] if beside else None
+    near = beside[0].part_ids[0][0] if beside else None
     found: list[dict[str, Any]] = []
     for relation in sorted(relations, key=lambda one: (one.kind != "wall", one.kind not in DIRECT)):
         found = found or _choices(relation, lines, hangs)
@@ -47,7 +47,7 @@ def _choices(relation: Relation, lines: dict[str, Line], hangs: bool) -> list[di
     """Return the choices for one relation, one part that it may mean after the other."""
     if relation.kind == "wall" or (relation.kind in ("above", "near", "left", "right", "height") and hangs):
         walls = [line for line in lines.values() if line["label"].lower().endswith("wall")]
-        named = {part_id for ids in relation.things for part_id in ids}
+        named = {part_id for ids in relation.part_ids for part_id in ids}
         if relation.kind != "wall" and named:
             walls.sort(key=lambda wall: min(_apart(wall, lines[part_id]) for part_id in named))
         elif named:
@@ -55,7 +55,7 @@ def _choices(relation: Relation, lines: dict[str, Line], hangs: bool) -> list[di
         said = {"surface": "vertical", "relation": "hanging", "height": None, "reason": "as wished"}
         return [{"target": wall["id"], **said} for wall in walls]
     found: list[dict[str, Any]] = []
-    for part_id in relation.things[0] if relation.things else ():
+    for part_id in relation.part_ids[0] if relation.part_ids else ():
         line = lines.get(part_id)
         if line is None:
             continue

@@ -76,18 +76,20 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
         return None
     sides = np.ptp(object.bounds, axis=0)
     # Sides are told from outlines: the points of a scan would be gone through for every place.
-    known = {i: _outline(target_mesh(scene, i)) for one in sided for ids in one.things for i in ids}
+    known = {i: _outline(target_mesh(scene, i)) for one in sided for ids in one.part_ids for i in ids}
     seen = {i: viewer(scene, object, i, target_mesh(scene, i)) for i in known}
 
     def one_place(place: np.ndarray) -> bool:
         brick = box(np.array([0.0, 0.0, sides[2] / 2]) + place, np.eye(3), np.array([min(sides[:2])] * 2 + [sides[2]]))
         for one in sided:
             if one.kind == "between":
-                holds = any(a != b and between(brick, known[a], known[b]) for a in one.things[0] for b in one.things[1])
+                holds = any(
+                    a != b and between(brick, known[a], known[b]) for a in one.part_ids[0] for b in one.part_ids[1]
+                )
             elif one.kind == "near":
-                holds = any(_gap(brick, known[i]) < 0.4 for i in one.things[0])
+                holds = any(_gap(brick, known[i]) < 0.4 for i in one.part_ids[0])
             else:
-                holds = any(placed(brick.bounds, seen[i], brick, known[i], one.kind) for i in one.things[0])
+                holds = any(placed(brick.bounds, seen[i], brick, known[i], one.kind) for i in one.part_ids[0])
             if not holds:
                 return False
         return True

@@ -52,14 +52,14 @@ class Relation:
 
     Attributes:
         kind: of `WORDS`, or "floor", "wall" or "height".
-        things: for each name in it, the ids of the parts that it may mean; empty for what has no name.
+        part_ids: for each name in it, the ids of the parts that it may mean; empty for what has no name.
         words: as it was said.
         height: of the middle of the object above the floor [m], for kind "height".
         negated: True for "not on the floor".
     """
 
     kind: str
-    things: tuple[tuple[str, ...], ...]
+    part_ids: tuple[tuple[str, ...], ...]
     words: str
     height: float | None = None
     negated: bool = False

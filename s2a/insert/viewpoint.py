@@ -38,14 +38,14 @@ def viewpoint(scene: Scene, object: Mesh, front: np.ndarray, camera: OrbitCamera
     eyes, nearness, facing = _eyes(scene, object, middle, front, camera)
     if not len(eyes):
         eyes, nearness, facing = middle[None] + (0.0, 0.0, 1.0), np.ones(1), np.zeros(1)
-    share = visible_share(scene, points, eyes)
+    share = visible_fraction(scene, points, eyes)
     merit = share + 0.15 * facing * share.max() - 0.5 * nearness * (share < ENOUGH * share.max())
     merit -= 0.1 * nearness * share.max()
     best = int(np.argmax(np.where(share >= ENOUGH * share.max(), merit, -1.0)))
     return CameraPose(tuple(eyes[best].tolist()), tuple(middle.tolist()))
 
 
-def visible_share(scene: Scene, points: np.ndarray, eyes: np.ndarray) -> np.ndarray:
+def visible_fraction(scene: Scene, points: np.ndarray, eyes: np.ndarray) -> np.ndarray:
     """Return for each eye [eye 3] the share of some points [point 3] of a scene that it sees, shape [eye]."""
     room = merge([Mesh(part.mesh.vertices, part.mesh.faces) for part in scene.parts.values()])
     away = eyes[:, None] - points

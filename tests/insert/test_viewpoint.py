@@ -10,7 +10,7 @@ from s2a import config
 from s2a.geometry.mesh_ops import sample
 from s2a.geometry.orbit_camera import OrbitCamera
 from s2a.geometry.render import render
-from s2a.insert.picture import viewpoint, visible_share
+from s2a.insert.viewpoint import viewpoint, visible_fraction
 from s2a.scene import Mesh, Part, Scene
 
 CAMERA: OrbitCamera = config.load(OrbitCamera, config.compose("insert", ["stage=none", "out=none"])["camera"])
@@ -45,7 +45,7 @@ def test_the_object_is_seen_from_inside_the_room(case: str) -> None:
     assert (np.abs(view.eye[:2]) < 2.0).all()
     assert 0.0 < view.eye[2] < 2.5
     # A third of a box's surface is a view of two or three of its sides.
-    assert visible_share(scene, sample(cup, 200, seed=1), np.array([view.eye]))[0] > 0.3
+    assert visible_fraction(scene, sample(cup, 200, seed=1), np.array([view.eye]))[0] > 0.3
     image = render([part.mesh for part in scene.parts.values()], view, CAMERA).astype(int)
     red = (image[..., 0] > 60) & (image[..., 0] > 3 * image[..., 1])  # lit, in its own colour
     assert red.mean() > 0.002

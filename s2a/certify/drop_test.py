@@ -7,7 +7,7 @@ hull that the scan does not have. The object is its convex hulls.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -72,12 +72,15 @@ class DropTestResult:
         tilt: angle of its upright from the placed one [rad].
         penetration: max depth of a contact in the last quarter [m].
         problem: why the object does not stay; empty if it does.
+        rest: where one that does not stay came to rest all the same: `about`, a point [m]; `shift` of that point [m]; `turn`
+            about it, xyzw; None if it did not rest, or was not dropped.
     """
 
     drift: float
     tilt: float
     penetration: float
     problem: str
+    rest: dict[str, list[float]] | None = None
 
     @property
     def stays(self) -> bool:
@@ -112,7 +115,7 @@ def drop_test(
     if found is None:
         found = _dropped(model(hulls, triangles, center, config), radius, np.inf, config)
     assert found is not None  # nothing moves farther than infinitely far
-    return found
+    return found if found.rest is None else replace(found, rest={"about": center.tolist(), **found.rest})
 
 
 def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: DropTestConfig) -> DropTestResult | None:
@@ -128,7 +131,7 @@ def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: DropTes
     data.qpos[2] += config.drop
     steps, window = round(config.seconds / config.step), round(config.still / config.step)
     speeds = np.full((window, 6), np.inf)
-    deepest, touches = 0.0, False
+    deepest, touches, rests = 0.0, False, False
     for step in range(steps):
         mujoco.mj_step(built, data)
         speeds[step % window] = data.qvel * ([1.0] * 3 + [radius] * 3)
@@ -154,7 +157,13 @@ def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: DropTes
     clauses += [(drift <= config.drift, f"it drifts by {1000 * drift:.0f} mm")]
     clauses += [(deepest <= config.penetration, f"it sinks in by {1000 * deepest:.1f} mm")]
     problem = problem or next((words for holds, words in clauses if not holds), "")
-    return DropTestResult(drift, tilt, deepest, problem)
+    return DropTestResult(drift, tilt, deepest, problem, _rest(data) if problem and rests else None)
+
+
+def _rest(data: mujoco.MjData) -> dict[str, list[float]]:
+    """Return how a dropped object has moved and turned about its middle."""
+    w, x, y, z = data.qpos[3:7].tolist()
+    return {"shift": data.qpos[:3].tolist(), "turn": [x, y, z, w]}
 
 
 def _moved(pose: np.ndarray, radius: float) -> float:

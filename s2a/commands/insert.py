@@ -31,5 +31,11 @@ def _summary(done: Insertion, config: Config) -> str:
             continue
         x, y, z = record["pose"]["position"]
         size = " x ".join(f"{side:.2f}" for side in record["scale"]["size"])
-        lines.append(f"  {record['id']} on {record['surface']['target']} at ({x:.2f}, {y:.2f}, {z:.2f}), {size} m")
+        heeded = record.get("wish", {}).get("heeded", True)
+        note = {True: "", False: "; the wish is not met", None: "; the wish was not understood, and not checked"}[
+            heeded
+        ]
+        lines.append(
+            f"  {record['id']} on {record['surface']['target']} at ({x:.2f}, {y:.2f}, {z:.2f}), {size} m{note}"
+        )
     return "\n".join(lines)

@@ -83,6 +83,51 @@ def nearest_faces(mesh: RayMesh, points: np.ndarray, reach: float = 100.0) -> tu
 
 
 @wp.kernel
+def _nearest_of_solids(
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    reach: float,
+    inside: float,
+    face: wp.array(dtype=int),
+    gap: wp.array(dtype=float),
+):
+    tid = wp.tid()
+    face[tid] = -1
+    limit = reach
+    found = wp.mesh_query_point_no_sign(mesh, points[tid], limit)
+    if not found.result:
+        up = wp.vec3(0.0, 0.0, 1.0)
+        above = wp.mesh_query_ray(mesh, points[tid], up, 100.0)
+        below = wp.mesh_query_ray(mesh, points[tid], -up, 100.0)
+        if (above.result and above.normal[2] > 0.0) or (below.result and below.normal[2] < 0.0):
+            found = wp.mesh_query_point_no_sign(mesh, points[tid], reach + inside)
+    if found.result:
+        face[tid] = found.face
+        gap[tid] = wp.length(wp.mesh_eval_position(mesh, found.face, found.u, found.v) - points[tid])
+
+
+def nearest_faces_of_solids(
+    mesh: RayMesh, points: np.ndarray, reach: float, inside: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `nearest_faces` does, of closed solids; within them it looks for a face up to `inside` [m] farther.
+
+    Most points are far from every face, and are soon known to be by so short a reach and two rays that leave no solid.
+    """
+    asked = np.ascontiguousarray(points, np.float32)
+    face, gap = np.full(len(asked), -1, np.int32), np.full(len(asked), np.inf, np.float32)
+    if not mesh.indices.shape[0]:
+        return face, gap
+
+    def ask(some: slice) -> None:
+        outputs = [wp.array(a[some], device="cpu", copy=False) for a in (face, gap)]
+        inputs = [mesh.id, wp.array(asked[some], dtype=wp.vec3, device="cpu", copy=False), reach, inside]
+        wp.launch(_nearest_of_solids, dim=len(asked[some]), inputs=inputs, outputs=outputs, device="cpu")
+
+    in_parallel(ask, chunks(len(asked)))
+    return face, gap
+
+
+@wp.kernel
 def _nearest_of(
     meshes: wp.array(dtype=wp.uint64),
     points: wp.array(dtype=wp.vec3),

@@ -12,16 +12,17 @@ from pxr import Sdf
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
-from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
+from s2a.geometry.orbit_camera import OrbitCamera
 from s2a.geometry.render import render, write_png
 from s2a.insert import overlay
-from s2a.insert.pipeline import InsertContext, Inserted, ObjectRequest, insert
+from s2a.insert.attempt import Attempt
+from s2a.insert.pipeline import Inserted, ObjectRequest
 from s2a.insert.room_state import RoomState
 from s2a.insert.settings import InsertSettings
-from s2a.insert.stability import drop_check
+from s2a.insert.viewpoint import viewpoint
 from s2a.llm.ask import Model
 from s2a.llm.client import choose, kind_of
-from s2a.llm.usage_log import Record, UsageLog
+from s2a.llm.usage_log import Record
 from s2a.outputs import atomic_write, refuse_loss, require_png
 from s2a.progress import track
 from s2a.sandbox.geometry_free import geometry_free_text
@@ -70,46 +71,35 @@ def insert_into(room: RoomState, requests: list[ObjectRequest], model: Model, se
     Raises:
         InputError: nothing could be inserted; nothing is written.
     """
-    found: list[Inserted] = []
-    records: list[Record] = []
-    for request in track(requests, "inserting"):
-        inserted, record = attempt(room, request, model, settings)
-        records.append(record)
+    # All places are planned before any is taken, and the big objects take theirs first.
+    attempts = [Attempt(room, request, model, settings) for request in requests]
+    for one in track(attempts, "planning"):
+        one.plan()
+        if one.problem and len(requests) == 1:
+            raise InputError(one.problem)
+    found: dict[int, Inserted] = {}
+    for number in track(sorted(range(len(attempts)), key=lambda number: -attempts[number].footprint), "inserting"):
+        inserted = attempts[number].fix()
         if inserted is not None:
-            found.append(inserted)
+            found[number] = inserted
             room.add(inserted)
         elif len(requests) == 1:
-            raise InputError(record["problem"])
+            raise InputError(attempts[number].problem)
+    records = [one.finished() for one in attempts]
     if not found:
         raise InputError(f"none of {len(requests)} objects could be inserted; the first: {records[0]['problem']}")
+    placed = [found[number] for number in sorted(found)]
     with atomic_write(settings.out, earlier=RECORD) as out:
-        _write(found, records, room, settings, out)
+        _write(placed, records, room, settings, out)
     if settings.image:
-        _render(found[0], room, settings.camera, settings.image)
-    return Insertion(settings.out / LAYER, tuple(found), tuple(records))
+        _render(placed[0], room, settings.camera, settings.image)
+    return Insertion(settings.out / LAYER, tuple(placed), tuple(records))
 
 
 def open_room(settings: InsertSettings) -> RoomState:
     """Read a stage and survey its support regions."""
     stage = settings.stage
     return RoomState(geometric.read(stage), geometry_free_text(stage), settings.pipeline.surface)
-
-
-def attempt(
-    room: RoomState, request: ObjectRequest, model: Model, settings: InsertSettings
-) -> tuple[Inserted | None, Record]:
-    """Insert an object; return it, or None, and its record, whose `problem` says why it failed."""
-    usage = UsageLog(settings.llm.prices)
-    record: Record = {"object": str(request.file), "label": request.label, "hint": request.hint}
-    check = drop_check(settings.hulls, settings.placement.drop_test)
-    inserted = None
-    try:
-        inserted = insert(InsertContext(room, model, settings.pipeline, check, usage, record), request)
-    except InputError as error:
-        record["problem"] = str(error)
-    else:
-        record |= {"id": inserted.placement.part_id, "problem": ""}
-    return inserted, record | {"answers": usage.entries, "total": usage.total()}
 
 
 def read_requests(settings: InsertSettings) -> list[ObjectRequest]:
@@ -169,8 +159,8 @@ def _write(found: list[Inserted], records: list[Record], room: RoomState, settin
 
 
 def _render(inserted: Inserted, room: RoomState, camera: OrbitCamera, path: Path) -> None:
-    """Render an object in its place, from its front."""
+    """Render an object in its place, from where it is seen."""
     front = Rotation.from_quat(inserted.candidate.pose.quaternion).apply([1.0, 0.0, 0.0])
-    pose = framing_pose(inserted.part.mesh.vertices, front, camera)
+    pose = viewpoint(room.scene, inserted.part.mesh, front, camera)
     with atomic_write(path) as out:
         write_png(render([part.mesh for part in room.scene.parts.values()], pose, camera), out)

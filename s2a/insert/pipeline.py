@@ -6,8 +6,10 @@ Whether an object stays where it is put is up to the caller's `StabilityCheck`: 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from pxr import Sdf
@@ -24,7 +26,11 @@ from s2a.insert.placement import Placement
 from s2a.insert.plan import FailedPlan, Plan, plan
 from s2a.insert.room_state import RoomState
 from s2a.insert.scale import Size, fit_scale, size
+from s2a.insert.settle import stable_pose
+from s2a.insert.wishes.heed import allowed, decline, objection, read_wish, verdict
+from s2a.insert.wishes.parse import Wish
 from s2a.llm.ask import Model
+from s2a.llm.rules import write_scripts
 from s2a.llm.usage_log import Record, UsageLog, step, tokens
 from s2a.sandbox.jail import Sandbox, SandboxConfig
 from s2a.scene import Mesh, Part, Scene
@@ -45,6 +51,9 @@ class InsertConfig:
         retries: answers of the model that may be rejected, per step.
         plans: number of plans that are requested while there is no room for the earlier ones.
         neighbours: objects near the place that are described to the model when it estimates the size.
+        wish: "heed" refuses a place that does not meet the wish; "prefer" takes it where there is none that does.
+        script: "plan" writes the script from the plan; "model" asks the model for it, as the paper does.
+        rules: True if no model reads the wish.
         trusted: Run scripts on systems that cannot confine them; for our own scripts.
     """
 
@@ -55,6 +64,9 @@ class InsertConfig:
     retries: int
     plans: int
     neighbours: int
+    wish: Literal["heed", "prefer"]
+    script: Literal["plan", "model"]
+    rules: bool
     trusted: bool
 
 
@@ -113,27 +125,77 @@ class InsertContext:
     record: Record
 
 
+@dataclass(frozen=True)
+class Planned:
+    """An object whose place is planned and not yet taken.
+
+    Attributes:
+        request: what was asked for.
+        file: what its file holds.
+        facts: about it, as the model was given them.
+        wish: the parsed wish.
+        where: the plan.
+        answer: its usual size.
+    """
+
+    request: ObjectRequest
+    file: ObjectFile
+    facts: Record
+    wish: Wish
+    where: Plan
+    answer: Size
+
+    @property
+    def footprint(self) -> float:
+        """Area that the object takes of its support [m^2]: big ones are placed before small ones."""
+        scale = fit_scale(self.answer, *_extents(self.file, self.where), self.file.unit).scale
+        sides = np.ptp(upright(self.file, self.where.up, self.where.front, scale, self.where.hangs).bounds, axis=0)
+        return float(sides[0] * sides[1])
+
+
 def insert(context: InsertContext, request: ObjectRequest) -> Inserted:
-    """Find a place for an object in a room and author it.
+    """Find a place for an object in a room and author it: `planned`, then `fixed`.
 
     Raises:
         NoRoom: no candidate pose is free and stable.
-        InputError: a label that no script may contain, a file without an object, or no usable answer of the model.
+        InputError: a label that no script may contain, a file without an object, a wish that cannot be, or no usable answer
+            of the model.
     """
+    return fixed(context, planned(context, request))
+
+
+def planned(context: InsertContext, request: ObjectRequest) -> Planned:
+    """Read an object, and ask where it goes and how large it is."""
     check_words(request.label, request.hint)
     room, config, record = context.room, context.config, context.record
     file = read_object(request.file, config.object)
+    wish = read_wish(request.hint, room.scene)
+    if config.wish == "heed":
+        decline(wish, request.hint, room.scene, understood=not config.rules)
     with step(record, "describe") as result:
         result |= {"parts": len(room.lines), "tokens": tokens(describe.text(room.lines))}
     with Sandbox(room.geometry_free_text, config.sandbox, config.trusted) as sandbox:
         sandbox.check_guarantees()  # before the model is asked: its answers may cost money
-        facts = _facts(file, request, room.lines)
-        where, object, scale, candidate = _place(context, file, facts)
-        with step(record, "script") as result:
-            planned = placement(room.scene, request.label, candidate.pose, scale)
-            script = author(context.model, sandbox, planned, context.usage, result)
-    own = upright(file, where.up, where.front, 1.0, where.hangs)
-    return Inserted(planned, candidate, Part(request.label, candidate.pose.moved(object)), own, script.layer)
+    facts = _facts(file, request, room.lines)
+    where = _plan(context, facts, None)
+    with step(record, "scale") as result:
+        answer = _size(context, facts, file, where)
+        result |= vars(answer)
+    return Planned(request, file, facts, wish, where, answer)
+
+
+def fixed(context: InsertContext, planned: Planned) -> Inserted:
+    """Find the pose of a planned object in the room as it is now, and author it."""
+    room, record, request, config = context.room, context.record, planned.request, context.config
+    where, object, scale, candidate = _place(context, planned)
+    if request.hint:
+        record["wish"] = verdict(planned.wish, request.hint, room.scene, candidate.pose.moved(object))
+    model = context.model if config.script == "model" else write_scripts
+    with Sandbox(room.geometry_free_text, config.sandbox, config.trusted) as sandbox, step(record, "script") as result:
+        prim = placement(room.scene, request.label, candidate.pose, scale)
+        script = author(model, sandbox, prim, context.usage, result)
+    own = upright(planned.file, where.up, where.front, 1.0, where.hangs)
+    return Inserted(prim, candidate, Part(request.label, candidate.pose.moved(object)), own, script.layer)
 
 
 def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Record:
@@ -152,23 +214,22 @@ def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Rec
     }
 
 
-def _place(context: InsertContext, file: ObjectFile, facts: Record) -> tuple[Plan, Mesh, float, CandidatePose]:
-    """Plan, scale and find a pose; ask for another plan while there is no room.
+def _place(context: InsertContext, planned: Planned) -> tuple[Plan, Mesh, float, CandidatePose]:
+    """Find a pose; ask for another plan while there is no room.
 
     Returns:
         The plan, the object upright and to scale [m], its scale (metres per unit of the file), and the candidate pose.
     """
-    where = _plan(context, facts, None)
-    with step(context.record, "scale") as result:
-        answer = _size(context, facts, file, where)
-        result |= vars(answer)
+    where = planned.where
     for left in reversed(range(context.config.plans)):
         try:
-            return where, *_pose(context, file, where, answer)
+            return where, *_pose(context, planned.file, where, planned.answer, planned.wish)
         except NoRoom as full:
             if not left:
                 raise
-            where = _plan(context, facts, FailedPlan(where, full.summary, full.unstable))
+            where = _plan(context, planned.facts, FailedPlan(where, full.summary, full.unstable))
+            if where.declined:
+                raise
     raise AssertionError("plans is at least 1")
 
 
@@ -178,7 +239,9 @@ def _plan(context: InsertContext, facts: Record, failed: FailedPlan | None) -> P
         text = describe.text(context.room.lines)
         scene, retries = context.room.scene, context.config.retries
         found = plan(context.model, scene, facts, text, retries, context.usage, failed)
-        result |= asdict(found)
+        result |= found.said()
+        if found.declined and not failed:
+            raise NoRoom(f"no place for {facts['label']!r}: {found.declined[:300]}; name one with prompt=...")
     return found
 
 
@@ -198,16 +261,18 @@ def _extents(file: ObjectFile, where: Plan) -> tuple[float, float]:
     return float(sides["xyz".index(where.up[1])]), float(sides.max())
 
 
-def _pose(context: InsertContext, file: ObjectFile, where: Plan, answer: Size) -> tuple[Mesh, float, CandidatePose]:
+def _pose(
+    context: InsertContext, file: ObjectFile, where: Plan, answer: Size, wish: Wish
+) -> tuple[Mesh, float, CandidatePose]:
     """Return the object upright and to scale [m], its scale (metres per unit of the file), and its candidate pose."""
     found = fit_scale(answer, *_extents(file, where), file.unit)
     object = upright(file, where.up, where.front, found.scale, where.hangs)
     sides = np.ptp(object.bounds, axis=0)
     context.record["scale"] |= vars(found) | {"size": [round(float(side), 4) for side in sides]}
-    return object, found.scale, _stable_candidate(context, object, where)
+    return object, found.scale, _stable_candidate(context, object, where, wish)
 
 
-def _stable_candidate(context: InsertContext, object: Mesh, where: Plan) -> CandidatePose:
+def _stable_candidate(context: InsertContext, object: Mesh, where: Plan, wish: Wish) -> CandidatePose:
     """Return the first candidate pose, in the order of the plan, at which the object stays.
 
     Raises:
@@ -215,21 +280,34 @@ def _stable_candidate(context: InsertContext, object: Mesh, where: Plan) -> Cand
     """
     room, config, record = context.room, context.config, context.record
     reasons: list[str] = []
-    unstable = False
-    found = candidate_poses(room, object, where, config.surface, config.pose, reasons)
-    while True:
-        with step(record, "pose"):
-            candidate = next(found, None)
-        if candidate is None:
-            break
+    results: list[Record] = []
+
+    def check(candidate: CandidatePose) -> Record:
         with step(record, "verify") as result:
-            result |= context.check_stability(object, candidate, room.scene)
-        if not result["problem"]:
-            record["surface"] = {**candidate.surface, "passed over": reasons}
-            record["pose"] |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
-            return candidate
-        unstable |= result.get("unstable", False)
-        reasons.append(f"{candidate.choice.relation} {candidate.target}: {result['problem']}")
+            result.pop("rest", None)  # of earlier candidates
+            found = context.check_stability(object, candidate, room.scene)
+            result |= found
+        results.append(found)
+        return found
+
+    # What is only preferred is looked for first.
+    for heeded in (wish, Wish()) if config.wish == "prefer" and wish.relations else (wish,):
+        keep = allowed(heeded, room.scene, object)
+        poses = candidate_poses(room, object, where, config.surface, config.pose, reasons, keep)
+        with step(record, "pose") as said:
+            candidate = stable_pose(
+                room, object, poses, check, partial(_unheeded, room, object, heeded), config.pose, reasons
+            )
+            if candidate is not None:
+                said |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
+                record["surface"] = {**candidate.surface, "passed over": reasons}
+                return candidate
+    unstable = any(result.get("unstable", False) for result in results)
     record["surface"] = {"passed over": reasons}
     summary = f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}"
     raise NoRoom(summary, unstable=unstable, remedy="; name another place with prompt=...")
+
+
+def _unheeded(room: RoomState, object: Mesh, wish: Wish, candidate: CandidatePose) -> str:
+    """Return the relation of a wish that a candidate does not have, as a clause; empty if it has all."""
+    return objection(wish, room.scene, candidate.pose.moved(object)) if wish.relations else ""

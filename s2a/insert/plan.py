@@ -47,18 +47,24 @@ class Plan:
         up: axis of the file that points up, "+x" to "-z".
         front: axis of the file that its front faces along.
         near: id of the neighbour, or None.
-        choices: the best place first, three at most.
+        choices: the best place first, three at most; none in a plan that declines.
+        declined: why there is no place for it in this room; empty in a plan that names places.
     """
 
     up: str
     front: str
     near: str | None
     choices: tuple[Choice, ...]
+    declined: str = ""
 
     @property
     def hangs(self) -> bool:
         """True if the first choice hangs: the orientation need not be stable."""
-        return self.choices[0].relation == "hanging"
+        return bool(self.choices) and self.choices[0].relation == "hanging"
+
+    def said(self) -> dict[str, Any]:
+        """Return the plan as a model answers it: a plan with places says nothing of declining."""
+        return {name: value for name, value in asdict(self).items() if name != "declined" or value}
 
 
 @dataclass(frozen=True)
@@ -104,7 +110,7 @@ def plan(
         tried = [(choice.target, choice.height) for choice in failed.plan.choices]
         known = {**facts, "tried": tried, "tried_up": failed.plan.up, "unstable": failed.unstable}
         request = replace(request, facts=known).with_feedback(
-            json.dumps(asdict(failed.plan)), f"{failed.reason}. Think of other places, or of another up axis."
+            json.dumps(failed.plan.said()), f"{failed.reason}. Think of other places, or of another up axis."
         )
     return ask(model, request, lambda text: checked(parse(text, Plan), scene), retries, usage)
 
@@ -116,6 +122,8 @@ def checked(answer: Plan, scene: Scene) -> Plan:
         ValidationFeedback: what is wrong with it, for the model.
     """
     _check_axes(answer)
+    if answer.declined.strip() and not answer.choices:
+        return answer
     if not 1 <= len(answer.choices) <= CHOICES:
         raise ValidationFeedback(f"{len(answer.choices)} choices were given; give one to {CHOICES}, the best first.")
     for part_id in (*(choice.target for choice in answer.choices), answer.near):

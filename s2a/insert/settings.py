@@ -59,6 +59,8 @@ class InsertSettings:
         retries: answers of the model that may be rejected, per step.
         plans: number of plans that are requested while there is no room for the earlier ones.
         neighbours: objects near the place that are described to the model when it estimates the size.
+        wish: "heed" refuses (exit 2) where the prompt cannot be met; "prefer" then takes another place, and says so.
+        script: "plan" writes the script from the plan, which is confined and compared all the same; "model" asks for it.
         llm: the language model.
         placement: placement of an object.
         sandbox: limits of scripts.
@@ -79,6 +81,8 @@ class InsertSettings:
     retries: CountFromZero
     plans: Count
     neighbours: CountFromZero
+    wish: Literal["heed", "prefer"]
+    script: Literal["plan", "model"]
     llm: LlmConfig
     placement: PlacementConfig
     sandbox: SandboxConfig
@@ -97,5 +101,8 @@ class InsertSettings:
             self.retries,
             self.plans,
             self.neighbours,
+            self.wish,
+            self.script,
+            rules=kind_of(self.llm) == "rules",
             trusted=kind_of(self.llm) == "rules",
         )

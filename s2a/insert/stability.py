@@ -15,6 +15,7 @@ from s2a.geometry.mesh_ops import sample
 from s2a.insert.pipeline import StabilityCheck
 from s2a.insert.place.candidate_poses import CandidatePose
 from s2a.insert.place.supports import nearby
+from s2a.insert.settle import rests_upright
 from s2a.llm.usage_log import Record
 from s2a.ranges import AtLeast, Count, Fraction
 from s2a.scene import Mesh, Scene
@@ -60,6 +61,9 @@ def drop_check(hulls: HullsConfig, config: DropTestConfig) -> StabilityCheck:
         found = drop_test(moved, nearby(scene, low - QUERY_RADIUS, high + QUERY_RADIUS), config, hangs_on)
         unstable = np.isfinite(found.drift) and (found.tilt > config.tilt or found.drift > config.drift)
         values = {name: round(value, 5) if isinstance(value, float) else value for name, value in vars(found).items()}
+        rest = values.pop("rest")
+        if rest is not None and rests_upright(found.tilt, found.drift):
+            values["rest"] = rest
         return {**values, "unstable": bool(unstable)}
 
     return check

@@ -1,119 +1,49 @@
-"""The rule-based fallback: answers the questions for models from a table of usual places and sizes.
-
-`rules.csv` has one kind of object per line: name, synonyms, ranges of height and longest side [cm] that hold for nine of ten,
-and places, best first: "on desk", "in sink" (a basin), "inside shelf" (a compartment), "against wall" (on the floor before
-it), "hanging wall". `brands.csv` maps brands to kinds. Both were written from memory before any test object was seen.
-"""
+"""The rule-based fallback: answers the questions for models from a table of usual places and sizes (`s2a.llm.kinds`)."""
 
 from __future__ import annotations
 
-import csv
-import difflib
 import json
 import math
-import re
-from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 from s2a.insert.axes import AXES, sideways
-from s2a.insert.hints import is_kind_of, parse_hint
+from s2a.insert.hints import is_kind_of
 from s2a.insert.placement import Placement
-from s2a.insert.scale import FLAT, Range
+from s2a.insert.scale import FLAT
 from s2a.insert.script import write_script
+from s2a.insert.wishes.choices import parse_hint
 from s2a.llm.ask import Answer, Request
+from s2a.llm.kinds import ObjectKind, known
 
-FOLDER = Path(__file__).parent
-LIKE = 0.86
-"""Similarity (difflib's ratio) from which a word is a misspelling of another."""
 UNKNOWN_HEIGHT, UNKNOWN_LONGEST = (0.03, 0.35), (0.06, 0.4)
 """Ranges for unknown objects [m]: hand-held."""
 FIRM = 0.15
 """Tilt margin, as a fraction of a right angle, beyond which more does not matter: a bottle has 0.1, a cube 0.5."""
-ANYWHERE = ("on table", "on desk", "on counter", "on shelf", "inside shelf", "on cabinet", "on nightstand", "on floor")
-"""Places for unknown objects, and for those none of whose places exist in the room."""
-
-
-@dataclass(frozen=True)
-class ObjectKind:
-    """A kind of object.
-
-    Attributes:
-        noun: its name.
-        names: its name and synonyms.
-        height: min and max [m].
-        longest: min and max of the longest side [m].
-        places: (relation, carrier), best first, such as ("on", "desk").
-    """
-
-    noun: str
-    names: tuple[str, ...]
-    height: Range
-    longest: Range
-    places: tuple[tuple[str, str], ...]
-
-
-@cache
-def table() -> tuple[ObjectKind, ...]:
-    """Return the table."""
-    with (FOLDER / "rules.csv").open(newline="") as file:
-        return tuple(_entry(row) for row in csv.DictReader(file, delimiter=";"))
-
-
-@cache
-def brands() -> dict[str, str]:
-    """Return the noun for each brand, by its lower-case name."""
-    with (FOLDER / "brands.csv").open(newline="") as file:
-        return {row["word"]: row["noun"] for row in csv.DictReader(file, delimiter=";")}
+ANYWHERE = (
+    "on table",
+    "on desk",
+    "on counter",
+    "on shelf",
+    "inside shelf",
+    "on cabinet",
+    "on nightstand",
+    "on dresser",
+)
+"""Places for unknown objects, and for hand-held ones none of whose places exist in the room; never the floor."""
+SOFT = ("bed", "sofa", "armchair", "couch")
+"""What carries pillows and blankets, which belong on no table."""
+BEDDING = ("blanket", "duvet", "mattress", "bedspread", "quilt")
+HAND_HELD = 0.6
+"""Longest side of what may be put down anywhere [m]."""
 
 
 def rules(request: Request) -> Answer:
     """Answer a question from the table."""
     if request.step == "script":
-        return Answer(write_script(_placement(request.facts)), "rules")
+        return write_scripts(request)
     entry = known(str(request.facts["label"]))
     said = _plan(request.facts, entry) if request.step == "plan" else _size(request.facts, entry)
     return Answer(json.dumps(said), "rules")
-
-
-def known(label: str) -> ObjectKind | None:
-    """Return the kind of a label: by a name equal to it, at its end or in it, by a brand, or by a misspelt name."""
-    words = _words(label)
-    names = {name: entry for entry in table() for name in entry.names}
-    if words in names:
-        return names[words]
-    # Substring test first: compiling more than a thousand patterns took a quarter of a second.
-    inside = [name for name in names if name in words and re.search(rf"\b{re.escape(name)}(e?s)?\b", words)]
-    if inside:
-        # The head noun comes last in English (but "mug with a flower"), and longer names are more specific.
-        head = re.split(r"\b(?:with|of|for|from|in|and)\b", words)[0].strip()
-        return names[max(inside, key=lambda name: (head.endswith((name, f"{name}s")), len(name)))]
-    made = [brand for brand in brands() if brand in words and re.search(rf"\b{re.escape(brand)}", words)]
-    if made:
-        return names[brands()[max(made, key=len)]]
-    close = difflib.get_close_matches(words, names, n=1, cutoff=LIKE)
-    close = close or difflib.get_close_matches(words.split()[-1] if words else "", names, n=1, cutoff=LIKE)
-    return names[close[0]] if close else None
-
-
-def _words(label: str) -> str:
-    """Return a label in lower case, its words separated by blanks, without version numbers."""
-    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", label)
-    words = re.sub(r"[_\-/,.()]+", " ", words.lower()) if words.lower() not in brands() else words.lower()
-    return " ".join(re.sub(r"\b(?:v?\d+\w*|lowpoly|low poly|3d|model|free|obj|glb|final|new)\b", " ", words).split())
-
-
-def _entry(row: dict[str, str]) -> ObjectKind:
-    names = (row["noun"], *filter(None, row["also"].split("|")))
-    places = tuple((how, where) for how, _, where in (place.partition(" ") for place in row["places"].split("|")))
-    return ObjectKind(row["noun"], names, _range(row["height_cm"]), _range(row["longest_cm"]), places)
-
-
-def _range(text: str) -> Range:
-    """Read centimetres, "7.5-12", as metres."""
-    low, high = text.split("-")
-    return float(low) / 100, float(high) / 100
 
 
 def _size(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
@@ -124,17 +54,27 @@ def _size(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
     return {"noun": noun, "height": height, "longest": longest, "unit": "unknown", "reason": reason}
 
 
+def write_scripts(request: Request) -> Answer:
+    """Answer a question for a script: it copies the plan."""
+    return Answer(write_script(_placement(request.facts)), "plan")
+
+
 def _plan(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
     """Answer the question about the place."""
     up = _up(facts, entry)
-    hint = parse_hint(facts.get("wish") or "", facts["room"])
-    choices = hint.choices or _choices(facts["room"], entry.places if entry else (), _breadth(facts, entry, up))
+    hangs = bool(entry and entry.places[0][0] == "hanging")
+    hint = parse_hint(facts.get("wish") or "", facts["room"], hangs)
+    choices = hint.choices or _choices(facts["room"], entry, _breadth(facts, entry, up))
     if up == facts.get("tried_up", up):
         choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
     front = {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
     if choices and choices[0]["relation"] == "hanging":
         up, front = _flat(facts)
-    return {"up": up, "front": front, "near": hint.near, "choices": choices[:3]}
+    plan = {"up": up, "front": front, "near": hint.near, "choices": choices[:3]}
+    if choices:
+        return plan
+    places = ", ".join(f"{how} {where}" for how, where in (entry.places if entry else map(_place, ANYWHERE)))
+    return {**plan, "declined": f"the room has none of the places of the table for it: {places}"}
 
 
 def _breadth(facts: Any, entry: ObjectKind | None, up: str) -> float:
@@ -144,18 +84,46 @@ def _breadth(facts: Any, entry: ObjectKind | None, up: str) -> float:
     return math.sqrt(low * high) * min(level) / max(facts["sides"])
 
 
-def _choices(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], breadth: float) -> list[dict[str, Any]]:
-    """Return the places that exist in the room, those first whose free circle has the footprint's width [m]."""
-    found: list[dict[str, Any]] = []
-    for some in (places, tuple((how, where) for how, _, where in (place.partition(" ") for place in ANYWHERE))):
-        own: list[dict[str, Any]] = []
-        for how, where in some:
-            lines = [line for line in room if is_kind_of(line["label"], where)]
-            options = [option for line in lines for option in _options(line, how, room)]
-            options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
-            own += [option for option in options[:1] if option not in own + found]
-        found += sorted(own, key=lambda option: option["circle"] < breadth)
+def _choices(room: list[dict[str, Any]], entry: ObjectKind | None, breadth: float) -> list[dict[str, Any]]:
+    """Return the places that exist in the room, those first whose free circle has the footprint's width [m].
+
+    What belongs to none of them is put anywhere only if it is hand-held: the rest is refused rather than misplaced.
+    """
+    own = _existing(room, entry.places if entry else (), breadth)
+    anywhere = entry is None or (entry.longest[1] <= HAND_HELD and entry.places[0][1] not in SOFT and _stands(entry))
+    others = _existing(room, tuple(_place(place) for place in ANYWHERE), breadth) if anywhere else []
+    found = own + [one for one in others if one not in own]
     return [{key: value for key, value in option.items() if key not in ("free", "circle")} for option in found]
+
+
+def _stands(entry: ObjectKind) -> bool:
+    """Return True for what is kept on furniture, not on the floor or on a wall."""
+    return entry.places[0][0] in ("on", "in", "inside") and entry.places[0][1] != "floor"
+
+
+def _place(text: str) -> tuple[str, str]:
+    how, _, where = text.partition(" ")
+    return how, where
+
+
+def _existing(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], breadth: float) -> list[dict[str, Any]]:
+    """Return the options that a room has for some places, wide enough ones first."""
+    found: list[dict[str, Any]] = []
+    seconds: list[dict[str, Any]] = []
+    for how, where in places:
+        lines = [line for line in room if _is_meant(line, where)]
+        options = [option for line in lines for option in _options(line, how, room)]
+        options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
+        found += [option for option in options[:1] if option not in found]
+        seconds += options[1:3]
+    found += [option for option in seconds if option not in found]
+    return sorted(found, key=lambda option: option["circle"] < breadth)
+
+
+def _is_meant(line: dict[str, Any], where: str) -> bool:
+    """Return True if a part is what the table names; a bed is slept on with its blanket on it."""
+    covers = where == "bed" and line["label"].lower() in BEDDING and max(line.get("size", (0.0,))[:2]) > 0.9
+    return covers or is_kind_of(line["label"], where)
 
 
 def _options(line: dict[str, Any], how: str, room: list[dict[str, Any]]) -> list[dict[str, Any]]:

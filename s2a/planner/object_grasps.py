@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from s2a.robot.spec import GripperSpec
 from s2a.scene import Mesh
 
-SAMPLES = 250
-"""Points on the surface that are tried as the first contact."""
+SAMPLES = 250, 2000
+"""Points on the surface that are tried as the first contact; the second number where the first leaves few grasps."""
 ROLLS = 12
 """Approach directions about each closing axis."""
 CONE = 0.95
@@ -22,14 +22,37 @@ CLEARANCE = 0.004
 """[m] Between an open finger and the object, and around the gripper."""
 DEPTHS = (0.0, -0.006, 0.012)
 """[m] How far the object's axis of contact lies behind the tool frame's origin, towards the gripper body."""
-PAD = (0.004, 0.006)
-"""[m] Beside the line of contact, across and along the fingers, where the pads must find the surface too."""
-FLAT = 0.002
-"""[m] Up to which it may lie off the pads there; they creep on a narrower one until the object slips out."""
-HELD = 0.75
-"""Least share of these points that both pads find."""
+PAD = 0.9
+"""Fraction of the pads over which the surface is looked for; they touch what is flat there and as far as they are wide."""
+ROWS = 5
+"""Points of the pads in either direction."""
+NEAR = 0.005
+"""[m] Up to which the surface may lie off the pads to be between them at all."""
+TURNING, FULL = 0.1, 0.15
+"""[m] Of lever arm that weigh as much as a metre of width, and as contact of the whole pads."""
 SURFACE = 300
 """Points on the surface that must stay out of the gripper."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What the pads must find between them.
+
+    Attributes:
+        flat: up to which the surface may lie off the pads at a point that holds [m]. What is inclined more turns between the
+            pads until it is parallel to them, or is squeezed out.
+        held: least fraction of the points at which both pads hold.
+        centered: largest distance of the middle of what holds from that of the surface between the pads [m]: a wedge is held
+            where it is thickest, and slips out.
+    """
+
+    flat: float
+    held: float
+    centered: float
+
+
+FIRM = Contact(0.0007, 0.3, 0.003)
+"""5 degrees over half a pad, and a rod of 8 mm. With twice as much a perfume bottle turned by 20 degrees in the gripper."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +79,15 @@ def solids(hulls: Sequence[Mesh]) -> list[np.ndarray]:
     return found
 
 
-def object_grasps(hulls: Sequence[Mesh], center: np.ndarray, gripper: GripperSpec, seed: int = 0) -> ObjectGrasps:
+def object_grasps(
+    hulls: Sequence[Mesh],
+    center: np.ndarray,
+    gripper: GripperSpec,
+    seed: int = 0,
+    samples: int = SAMPLES[0],
+    contact: Contact = FIRM,
+    up: np.ndarray | None = None,
+) -> ObjectGrasps:
     """Return the grasps at which both pads meet the surface squarely and gripper body and open fingers keep clear of it.
 
     Args:
@@ -64,34 +95,66 @@ def object_grasps(hulls: Sequence[Mesh], center: np.ndarray, gripper: GripperSpe
         center: of mass, shape [3], in that frame.
         gripper: which grasps; widths up to its opening less clearance.
         seed: of the points that are sampled.
+        samples: how many.
+        contact: what the pads must find.
+        up: unit vector, for closing axes that are level; None: only those along normals and between them, shape [3].
     """
     planes = solids(hulls)
     mesh = trimesh.util.concatenate([trimesh.convex.convex_hull(np.asarray(h.vertices, float)) for h in hulls])
-    points, face = trimesh.sample.sample_surface(mesh, SAMPLES, seed=seed)
+    points, face = trimesh.sample.sample_surface(mesh, samples, seed=seed)
     normals = mesh.face_normals[face]
-    first, axis, width = _antipodal(np.asarray(points), normals, planes, gripper.max_opening - 2 * CLEARANCE)
+    first, axis, width = _pinches(np.asarray(points), normals, planes, gripper.max_opening - 2 * CLEARANCE, up)
     tool = _poses(first + 0.5 * width[:, None] * axis, axis)
     width = np.repeat(width, ROLLS * len(DEPTHS))
     surface = np.asarray(trimesh.sample.sample_surface(mesh, SURFACE, seed=seed)[0])
     free = ~_inside_gripper(tool, surface, gripper)
     tool, width = tool[free], width[free]
-    held = _held(tool, width, planes)
-    tool, width, held = tool[held >= HELD], width[held >= HELD], held[held >= HELD]
+    held, off = _held(tool, width, planes, gripper, contact.flat)
+    good = (held >= contact.held) & (off <= contact.centered)
+    tool, width, held = tool[good], width[good], held[good]
     # A long lever arm lets the object turn between the pads; wide grasps leave no room for the arm's error.
     away = np.linalg.norm(tool[:, :3, 3] - center, axis=1)
-    score = away + 0.1 * width + 0.05 * (1.0 - held)
+    score = away + TURNING * width + FULL * (1.0 - held)
     order = np.argsort(score, kind="stable")
     return ObjectGrasps(tool[order], width[order], score[order])
 
 
+def _pinches(
+    points: np.ndarray, normals: np.ndarray, planes: Sequence[np.ndarray], widest: float, up: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return first contacts, closing axes and widths as `_antipodal` does, for several axes at each point [point 3].
+
+    Against the normal there; between that and the normal opposite, as what tapers needs it; and level, since what lies is low,
+    and a finger below an inclined axis meets the support.
+    """
+    own = _antipodal(points, normals, -normals, planes, widest)
+    opposite = _normals_at(own[0] + own[2][:, None] * own[1], own[1], planes)
+    between = own[1] + opposite
+    between /= np.linalg.norm(between, axis=1, keepdims=True)
+    found = [own, _antipodal(own[0], -own[1], between, planes, widest)]
+    if up is not None:
+        for at, normal, axis in ((points, normals, -normals), (own[0], -own[1], between)):
+            level = axis - (axis @ up)[:, None] * up
+            length = np.linalg.norm(level, axis=1)
+            flat = length >= CONE
+            found.append(_antipodal(at[flat], normal[flat], level[flat] / length[flat, None], planes, widest))
+    return tuple(np.concatenate(each) for each in zip(*found, strict=True))  # type: ignore[return-value]
+
+
+def _normals_at(points: np.ndarray, axis: np.ndarray, planes: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the normals of the hulls' faces nearest to points [point 3], of those that axes [point 3] leave, shape [point 3]."""
+    every = np.concatenate([*planes])
+    off = np.abs(points @ every[:, :3].T + every[:, 3]) + 1e-3 * (1.0 - axis @ every[:, :3].T)
+    return every[off.argmin(axis=1), :3]
+
+
 def _antipodal(
-    points: np.ndarray, normals: np.ndarray, planes: Sequence[np.ndarray], widest: float
+    points: np.ndarray, normals: np.ndarray, axis: np.ndarray, planes: Sequence[np.ndarray], widest: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return first contacts [pair 3], closing axes into the object [pair 3] and widths [pair] of what can be pinched.
 
-    Each line into the surface at a point ends where the union of the hulls around it does; the normal there must face back.
+    Each line into the surface at a point ends where the union of the hulls around it does; both normals must face it.
     """
-    axis = -normals
     start, end, back = _chords(points, axis, planes)
     leave = np.zeros(len(points))
     facing = np.zeros(len(points))
@@ -102,7 +165,8 @@ def _antipodal(
         leave[grows] = end[grows, best[grows]]
         facing[grows] = back[grows, best[grows]]
     covered = ((start < -1e-3) & (end > -1e-4)).any(axis=1)  # another hull begins before: no outer surface
-    good = ~covered & (facing >= CONE) & (leave > 1e-3) & (leave <= widest)
+    here = -np.einsum("pi,pi->p", axis, normals)
+    good = ~covered & (facing >= CONE) & (here >= CONE) & (leave > 1e-3) & (leave <= widest)
     return points[good], axis[good], leave[good]
 
 
@@ -127,23 +191,39 @@ def _chords(
     return start, end, back
 
 
-def _held(tool: np.ndarray, width: np.ndarray, planes: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the share of the points about the lines of contact at which both pads find the surface, shape [grasp].
+def _held(
+    tool: np.ndarray, width: np.ndarray, planes: Sequence[np.ndarray], gripper: GripperSpec, flat: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the fraction of the pads' points at which both hold, and how far their middle is from that of the surface there [m].
+
+    The surface may end within the pads, where they hold by what there is of it; where it recedes from them, they do not.
 
     Args:
         tool: poses of the tool frame [grasp 4 4].
         width: distance of the pads [m], shape [grasp].
         planes: of the hulls.
+        flat: up to which the surface may lie off the pads [m].
+        gripper: whose pads; they end as far behind the tool frame's origin as its fingertips' boxes do.
     """
-    share = np.zeros(len(tool))
+    x, _, z = gripper.finger_box
+    offsets = [
+        (across, along)
+        for across in PAD * x / 2 * np.linspace(-1.0, 1.0, ROWS)
+        for along in gripper.tip_ahead - z / 2 + PAD * z / 2 * np.linspace(-1.0, 1.0, ROWS)
+    ]
     y, far = tool[:, :3, 1], 1.0
-    offsets = [(across, along) for across in (-PAD[0], 0.0, PAD[0]) for along in (-PAD[1], 0.0, PAD[1])]
-    for across, along in offsets:
+    before, behind = np.zeros((2, len(tool), len(offsets)))
+    for k, (across, along) in enumerate(offsets):
         points = tool[:, :3, 3] + across * tool[:, :3, 0] + along * tool[:, :3, 2] - far * y
         start, end, _ = _chords(points, y, planes)
-        near = np.abs(start - far + width[:, None] / 2).min(axis=1) <= FLAT
-        share += near & (np.abs(end - far - width[:, None] / 2).min(axis=1) <= FLAT)
-    return share / len(offsets)
+        before[:, k], behind[:, k] = start.min(axis=1) - far + width / 2, far + width / 2 - end.max(axis=1)
+    there = (before <= NEAR) & (behind <= NEAR)
+    # The pads stop at what stands out most, on either side.
+    rest = [off - np.where(there, off, np.inf).min(axis=1, keepdims=True, initial=NEAR) for off in (before, behind)]
+    holds = there & (rest[0] <= flat) & (rest[1] <= flat)
+    at = np.array(offsets)
+    middle, whole = (found @ at / np.maximum(found.sum(axis=1), 1)[:, None] for found in (holds, there))
+    return holds.mean(axis=1), np.linalg.norm(middle - whole, axis=1)
 
 
 def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from functools import cache
 
 import numpy as np
 import trimesh
 
-from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
+from s2a.geometry.mesh_query import first_hits, nearest_faces, nearest_faces_of_solids, ray_mesh
 from s2a.planner.object_grasps import gripper_boxes
 from s2a.robot.spec import GripperSpec
 from s2a.scene import Mesh
@@ -72,7 +73,7 @@ class RoomHulls:
         """
         shape = centers.shape[:-1]
         flat = centers.reshape(-1, 3)
-        face, gap = nearest_faces(self._tree, flat, reach=float(radii.max()) + INSIDE)
+        face, gap = nearest_faces_of_solids(self._tree, flat, float(radii.max()), INSIDE)
         before = np.einsum("pi,pi->p", flat - self._corner[face], self._normal[face])
         behind = before < -0.5 * gap
         reached = np.broadcast_to(radii, shape).ravel() + np.where(behind, gap, -gap)
@@ -87,18 +88,29 @@ class RoomHulls:
         return np.where(hit, points[:, 2] - drop, -np.inf), [self.names[k] for k in self._owner[face]]
 
 
-def gripper_spheres(gripper: GripperSpec) -> tuple[np.ndarray, np.ndarray]:
-    """Return spheres along the open fingers and the gripper body in the tool frame: centers [sphere 3], radii [sphere]."""
-    centers, radii = [], []
-    for low, high in gripper_boxes(gripper):
-        along = int(np.argmax(high - low))
-        radius = float(np.sort(high - low)[:2].mean()) / 2
-        count = max(2, int(np.ceil((high - low)[along] / radius)))
-        middle = np.tile((low + high) / 2, (count, 1))
-        middle[:, along] = np.linspace(low[along] + radius, high[along] - radius, count)
-        centers.append(middle)
-        radii.append(np.full(count, radius))
-    return np.concatenate(centers), np.concatenate(radii)
+@cache
+def gripper_spheres(gripper: GripperSpec, fingers: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """Return spheres that fill the gripper body, and the open fingers, in the tool frame: centers [sphere 3], radii [sphere].
+
+    They stay within the boxes, whose edges stand out of the gripper body's by 7 mm: the spheres of the robot's links stand out of
+    it by up to 20 mm, which is what is free beside many an object.
+    """
+    *both, body = gripper_boxes(gripper)
+    found = [_filled(*body, 0.25 * float((body[1] - body[0]).min()))]
+    if fingers:
+        found += [_filled(low, high, 0.5 * float(np.sort(high - low)[:2].mean())) for low, high in both]
+    return np.concatenate([c for c, _ in found]), np.concatenate([r for _, r in found])
+
+
+def _filled(low: np.ndarray, high: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return spheres that fill a box between two corners [m]: centers [sphere 3] and radii [sphere]."""
+    axes = []
+    for a, b in zip(low, high, strict=True):
+        free = b - a - 2 * radius
+        count = int(np.ceil(free / (1.5 * radius))) + 1 if free > 0.1 * radius else 1
+        axes.append(np.linspace(a + radius, b - radius, count) if count > 1 else np.array([(a + b) / 2]))
+    centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    return centers, np.full(len(centers), radius)
 
 
 def surface_points(hulls: Sequence[Mesh], count: int = 80) -> np.ndarray:

@@ -5,18 +5,22 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping
+from typing import TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.planner.misses import Misses
-from s2a.planner.obstacles import RoomHulls
+from s2a.planner.obstacles import RoomHulls, gripper_spheres
 from s2a.robot.collision import SLACK, RobotShape
 
+Item = TypeVar("Item")
 PEDESTALS = (0.0, 0.2, 0.4, 0.6)
 """[m] Heights of what the robot may stand on; as `s2a prepare` has them, but for the highest."""
 DIRECTIONS = 16
 """Directions from which the robot may face the object."""
+EXACT = 1e-3
+"""Root of the squared errors [m and rad] up to which inverse kinematics reaches a pose."""
 
 
 def bases(
@@ -61,9 +65,13 @@ def arm_depth(
     shape: RobotShape, near: RoomHulls, q: np.ndarray, base: np.ndarray, *, fingers: bool = True
 ) -> np.ndarray:
     """Return how deep the arm in joints [pose arm] reaches into the room [m], shape [pose]; base: [4 4] or [pose 4 4]."""
-    chosen = shape.moving & (~shape.fingers | fingers)
-    centers = shape.centers(q)[:, chosen] @ np.swapaxes(base[..., :3, :3], -1, -2) + base[..., None, :3, 3]
-    return near.depth(centers, shape.radii[chosen])
+    chosen = shape.moving & ~shape.held
+    centers, radii = gripper_spheres(shape.kin.spec.gripper, fingers)
+    tool = shape.kin.tool(q)
+    held = centers @ tool[:, :3, :3].transpose(0, 2, 1) + tool[:, None, :3, 3]
+    whole = np.concatenate([shape.centers(q)[:, chosen], held], axis=1)
+    centers = whole @ np.swapaxes(base[..., :3, :3], -1, -2) + base[..., None, :3, 3]
+    return near.depth(centers, np.concatenate([shape.radii[chosen], radii]))
 
 
 def reached(
@@ -77,8 +85,8 @@ def reached(
 ) -> Iterator[tuple[np.ndarray, float, int, bool]]:
     """Yield bases and grasps whose tool poses inverse kinematics reaches, and whether with the arm clear of the room.
 
-    Each base's best grasp comes first, then each one's second: bases differ more than the grasps from one. Where the arm is
-    not clear, another elbow may be.
+    Bases and grasps are taken in turn: neither one base, from which no grasp does, nor one grasp, which does from no base,
+    comes again and again. Where the arm is not clear, another elbow may be.
 
     Args:
         shape: the robot.
@@ -89,7 +97,7 @@ def reached(
         seed: of the starts.
         misses: is told how far the arm misses.
     """
-    if not bases:
+    if not bases or not len(grasps):
         return
     poses = np.stack([pose for pose, _ in bases])
     kin, seeds = shape.kin, 4
@@ -97,26 +105,65 @@ def reached(
     clear = ok.copy()
     starts = np.random.default_rng(seed).uniform(kin.lower, kin.upper, (seeds, len(kin.lower)))
     starts[0] = kin.spec.home
-    for name, at in places.items():
+    missed = np.zeros((len(places), *ok.shape))
+    errors = np.zeros((len(places), *ok.shape, 2))
+    for i, at in enumerate(places.values()):
         wanted = np.linalg.inv(poses)[:, None] @ (at @ grasps)[None]
         targets = np.repeat(wanted.reshape(-1, 4, 4), seeds, axis=0)
         q, left = kin.solve(targets, np.tile(starts, (len(targets) // seeds, 1)), iterations=30, damping=1e-2)
-        miss = np.linalg.norm(kin.tool(q)[:, :3, 3] - targets[:, :3, 3], axis=1)
-        good = left < 1e-3
-        text = f"{name}: the arm's nearest miss is {1000 * miss.min():.0f} mm; choose a place nearer to free floor"
-        misses.note(0, float(miss.min()), text)
+        good = left < EXACT
+        missed[i], errors[i] = _nearest(kin.tool(q), targets, left, ok.shape)
         depth = np.full(len(q), np.inf)
         owner = np.repeat(poses, len(grasps) * seeds, axis=0)
         depth[good] = arm_depth(shape, near, q[good], owner[good], fingers=False)
         least = depth.reshape(*ok.shape, seeds).min(axis=2)
         ok &= np.isfinite(least)
         clear &= least <= SLACK
-    rank = np.cumsum(ok, axis=1)
+    _note(missed, errors, list(places), misses)
+    rank = np.cumsum(ok, axis=1) + np.cumsum(ok, axis=0)
     for b, k in sorted(np.argwhere(ok), key=lambda pair: (rank[tuple(pair)], *pair)):
         yield *bases[b], int(k), bool(clear[b, k])
 
 
-def chunks(items: Iterator[tuple[np.ndarray, float]], size: int) -> Iterator[list[tuple[np.ndarray, float]]]:
+def _nearest(
+    tool: np.ndarray, targets: np.ndarray, left: np.ndarray, shape: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the best start of every base and grasp leaves, shape [base grasp], and its errors [m, rad], [base grasp 2].
+
+    Args:
+        tool: poses reached [pose 4 4], all starts of a base and grasp in a row.
+        targets: poses wanted, likewise.
+        left: by inverse kinematics, shape [pose].
+        shape: numbers of bases and grasps.
+    """
+    best = left.reshape(*shape, -1).argmin(axis=2)
+    best = best + np.arange(best.size).reshape(shape) * (len(left) // best.size)
+    turn = np.einsum("...ij,...ij->...", tool[best][..., :3, :3], targets[best][..., :3, :3])
+    angle = np.arccos(np.clip((turn - 1.0) / 2.0, -1.0, 1.0))
+    far = np.linalg.norm(tool[best][..., :3, 3] - targets[best][..., :3, 3], axis=-1)
+    return left[best], np.stack([far, angle], axis=-1)
+
+
+def _note(missed: np.ndarray, errors: np.ndarray, names: list[str], misses: Misses) -> None:
+    """Note the nearest miss, which is of one base and grasp at all places: of the pair whose worst place is best.
+
+    Args:
+        missed: what inverse kinematics leaves, shape [place base grasp].
+        errors: of position and angle [m, rad], shape [place base grasp 2].
+        names: of the places.
+        misses: is told, unless a pair reaches all places.
+    """
+    worst = missed.max(axis=0)
+    pair = np.unravel_index(worst.argmin(), worst.shape)
+    if worst[pair] < EXACT:
+        return
+    place = int(missed[(slice(None), *pair)].argmax())
+    far, angle = errors[(place, *pair)]
+    text = f"{names[place]}: the arm's nearest miss is {1000 * far:.0f} mm and {np.degrees(angle):.0f} degrees"
+    misses.note(0, float(worst[pair]), f"{text}; choose a place nearer to free floor")
+
+
+def chunks(items: Iterator[Item], size: int) -> Iterator[list[Item]]:
     """Yield lists of some items."""
     while some := list(itertools.islice(items, size)):
         yield some

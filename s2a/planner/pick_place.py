@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 
@@ -10,12 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from s2a.planner.free_motion import free_motion
 from s2a.planner.misses import Misses, Unreachable
-from s2a.planner.object_grasps import ObjectGrasps, matrix, object_grasps
+from s2a.planner.object_grasps import SAMPLES, matrix, object_grasps
 from s2a.planner.obstacles import HELD_RADIUS, RoomHulls, gripper_spheres, surface_points
 from s2a.planner.pick_base import arm_depth, bases, chunks, reached
 from s2a.planner.pick_plan import PickPlan
 from s2a.robot.collision import SLACK, RobotShape, robot_shape
 from s2a.robot.joint_path import follow
+from s2a.robot.kinematics import Kinematics
 from s2a.robot.spec import RobotSpec
 from s2a.usd.sim_scene import SimRoom
 
@@ -27,10 +29,20 @@ DROP = 0.001
 """[m] Above the planned place the fingers open, so that the object is not pressed onto its support."""
 GRASPS, BASES, PAIRS = 16, 24, 96
 """Grasps and bases that are tried, and pairs of both that are planned to the end."""
+COARSE = 7
+"""Every so many of the gripper's spheres are looked at first."""
+BLOCK = 256
+"""Grasps that are looked at together."""
+ENOUGH = 8
+"""Grasps of different directions from which no more are looked for."""
 IK_SEEDS = 12
 """Starts of the inverse kinematics."""
 Fits = Callable[[list[tuple[np.ndarray, float]]], list[tuple[np.ndarray, float]]]
 """Poses [4 4] and pedestals of bases [m] -> those of them that will do."""
+BRANCHES = 3
+"""Branches of the inverse kinematics that are tried for each straight path."""
+AT_ONCE = 8
+"""Pairs whose inverse kinematics are solved together."""
 SEARCH = 5.0
 """[s] For each collision-free motion."""
 
@@ -68,19 +80,42 @@ class _Search:
         hulls = [c.mesh for c in self._object.colliders]
         self._points = surface_points(hulls)
         self._misses = Misses()
-        self._grasps = object_grasps(hulls, np.array(self._object.mass.center), spec.gripper, seed)
+        self._hulls, self._center = hulls, np.array(self._object.mass.center)
 
     def plan(self, fits: Fits | None) -> PickPlan:
         """Return the first plan found."""
-        grasps, tried = self._clear_grasps(), 0
-        for base, pedestal, k in self._pairs(grasps, fits):
-            found = self._plan_from(base, pedestal, grasps[k])
-            if found is not None:
-                return found
-            tried += 1
-            if tried >= PAIRS:
+        nearest, enough = math.inf, False
+        for samples in SAMPLES:
+            if enough:
                 break
-        raise self._failure()
+            tools = object_grasps(
+                self._hulls, self._center, self._spec.gripper, self._seed, samples, up=self._start[2, :3]
+            ).tool
+            grasps, least = self._diverse(tools)
+            nearest, enough = min(nearest, least), len(grasps) >= ENOUGH
+            if not len(grasps):
+                continue
+            for some in chunks(itertools.islice(self._pairs(grasps, fits), PAIRS), AT_ONCE):
+                found = next(self._plans([(base, pedestal, grasps[k]) for base, pedestal, k in some]), None)
+                if found is not None:
+                    return found
+        raise self._failure(nearest)
+
+    def _failure(self, nearest: float) -> Unreachable:
+        """Return why there is no plan; `nearest` is the least penetration depth of a grasp [m], inf where there is none."""
+        if math.isinf(nearest):
+            size = np.ptp(self._points, axis=0).min()
+            return Unreachable(
+                f"{self._target!r}: grasp: no two opposite faces as wide as the pads fit between the fingers, which open "
+                f"{1000 * self._spec.gripper.max_opening:.0f} mm; the object's thinnest extent is {1000 * size:.0f} mm; choose "
+                "a smaller object or another robot="
+            )
+        if nearest > 0.0:
+            return Unreachable(
+                f"{self._target!r}: grasp: the gripper reaches at least {1000 * nearest:.1f} mm into what is around the "
+                "object or its place; choose a place with more room around it"
+            )
+        return Unreachable(f"{self._target!r} cannot be picked and placed so: {self._misses.text}")
 
     def _pairs(self, grasps: np.ndarray, fits: Fits | None) -> Iterator[tuple[np.ndarray, float, int]]:
         """Yield bases, pedestals and indices of grasps that reach, those where the arm was found to be clear first."""
@@ -96,101 +131,97 @@ class _Search:
                     later.append((base, pedestal, k))
         yield from later
 
-    def _failure(self) -> Unreachable:
-        return Unreachable(f"{self._target!r} cannot be picked and placed so: {self._misses.text}")
+    def _diverse(self, tool: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return up to GRASPS of tool poses [grasp 4 4], in order, that keep clear, and the least penetration depth [m].
 
-    def _clear_grasps(self) -> np.ndarray:
-        """Return tool poses in the object's frame, shape [grasp 4 4], at which the gripper is free at start and goal."""
-        found: ObjectGrasps = self._grasps
-        widest = self._spec.gripper.max_opening
-        if not len(found.tool):
-            size = np.ptp(self._points, axis=0).min()
-            raise Unreachable(
-                f"{self._target!r}: grasp: no two opposite faces as wide as the pads fit between the fingers, which "
-                f"open {1000 * widest:.0f} mm; the object's thinnest extent is {1000 * size:.0f} mm; choose a smaller "
-                "object or another robot="
-            )
-        depth = np.zeros(len(found.tool))
-        for at in (self._start, self._goal):
-            depth = np.maximum(depth, self._gripper_depth(at @ found.tool))
-        # Only those that keep clear; the arm comes from somewhere above or beside, never from below.
-        free = depth <= 0.0
-        if not free.any():
-            raise Unreachable(
-                f"{self._target!r}: grasp: the gripper reaches at least {1000 * depth.min():.0f} mm into what is around the "
-                "object or its place; choose a place with more room around it"
-            )
-        return _diverse(found.tool[free])
+        No two have nearly the same direction, so that those near to one that is kept need not be looked at.
+        """
+        kept, least = np.zeros((0, 4, 4)), math.inf
+        for k in range(0, len(tool), BLOCK):
+            some = [pose for pose in tool[k : k + BLOCK] if not _is_near(pose, kept)]
+            depth = np.zeros(len(some))
+            for at in (self._start, self._goal) if some else ():
+                depth = np.maximum(depth, self._gripper_depth(at @ np.stack(some)))
+            least = min(least, float(depth.min(initial=math.inf)))
+            for pose, reached_into in zip(some, depth, strict=True):
+                # Only those that keep clear; the arm comes from somewhere above or beside, never from below.
+                if reached_into <= 0.0 and not _is_near(pose, kept):
+                    kept = np.concatenate([kept, pose[None]])
+                if len(kept) == GRASPS:
+                    return kept, least
+        return kept, least
 
     def _gripper_depth(self, tool: np.ndarray) -> np.ndarray:
-        """Return how deep the open gripper reaches into the room on the straight path to tool poses [grasp 4 4]."""
-        centers, radii = gripper_spheres(self._spec.gripper)
-        depth = np.zeros(len(tool))
-        for back in np.linspace(0.0, APPROACH, 4):
-            offset = centers - [0.0, 0.0, back]
-            places = offset @ tool[:, :3, :3].transpose(0, 2, 1) + tool[:, None, :3, 3]
-            depth = np.maximum(depth, self._near.depth(places, radii + 0.002))
+        """Return how deep the gripper reaches into the room at tool poses [grasp 4 4] and on the straight paths from them.
+
+        Open back from the object, and its body alone as it lifts the object or lowers it.
+        """
+        depth, still = np.zeros(len(tool)), np.zeros((len(tool), 3))
+        # A few of the spheres find most of what is hit, which is not looked at again.
+        ways = [(True, COARSE, still)]
+        ways += [(True, 1, -back * tool[:, :3, 2]) for back in np.linspace(0.0, APPROACH, 4)]
+        ways += [(False, 1, still + [0.0, 0.0, up]) for up in (LIFT / 2, LIFT)]
+        for fingers, every, shift in ways:
+            left = np.flatnonzero(depth <= 0.0)
+            centers, radii = (each[::every] for each in gripper_spheres(self._spec.gripper, fingers))
+            places = centers @ tool[left, :3, :3].transpose(0, 2, 1) + (tool[left, :3, 3] + shift[left])[:, None]
+            depth[left] = np.maximum(depth[left], self._near.depth(places, radii + 0.002))
         return depth
 
-    def _plan_from(self, base: np.ndarray, pedestal: float, grasp: np.ndarray) -> PickPlan | None:
-        """Return the plan for a base and a grasp; None where a segment fails, which is noted."""
-        kin = self._shape.kin
-        home = np.array(kin.spec.home)
-        tool = self._start @ grasp
-        poses = np.concatenate(
-            [_line(tool, -APPROACH * tool[:3, 2], 0.0)[::-1], _line(tool, np.array([0, 0, LIFT]), 0.0)[1:]]
-        )
-        at = round(APPROACH / STEP)
-        for path in self._free_paths(poses, base, home, "approach and lift", 1)[:3]:
-            held = np.linalg.inv(kin.tool(path[at : at + 1])[0]) @ np.linalg.inv(base) @ self._start
-            tool = self._goal @ np.linalg.inv(held)
-            tool[2, 3] += DROP
-            down = np.concatenate(
-                [_line(tool, np.array([0, 0, LIFT]), 0.0)[::-1], _line(tool, -APPROACH * tool[:3, 2], 0.0)[1:]]
-            )
-            lowers = self._free_paths(down, base, path[-1], "lowering and retreat", 2, flip=False)
-            low = round(LIFT / STEP)
-            for lower in lowers[:3]:
+    def _plans(self, pairs: list[tuple[np.ndarray, float, np.ndarray]]) -> Iterator[PickPlan]:
+        """Yield plans for bases [4 4], pedestals [m] and grasps [4 4]; what fails is noted.
+
+        Inverse kinematics solve the straight paths of all of them together: they cost what starts them, not how many they are.
+        """
+        kin, home = self._shape.kin, np.array(self._spec.home)
+        at, low = round(APPROACH / STEP), round(LIFT / STEP)
+        ups = np.stack([_there_and_up(self._start @ grasp) for _, _, grasp in pairs])
+        bases = np.stack([base for base, _, _ in pairs])
+        todo, downs = [], []
+        for (base, pedestal, _), paths in zip(pairs, follow(kin, ups, bases, IK_SEEDS, self._seed), strict=True):
+            for path in self._free_paths(paths, base, home, "approach and lift", 1):
+                held = np.linalg.inv(kin.tool(path[at : at + 1])[0]) @ np.linalg.inv(base) @ self._start
+                tool = self._goal @ np.linalg.inv(held)
+                tool[2, 3] += DROP
+                todo.append((base, pedestal, path, held))
+                downs.append(_there_and_up(tool)[::-1])
+        if not todo:
+            return
+        lowers = follow(kin, np.stack(downs), np.stack([base for base, *_ in todo]), IK_SEEDS, self._seed)
+        for (base, pedestal, path, held), down, paths in zip(todo, downs, lowers, strict=True):
+            for lower in self._free_paths(
+                _unflipped(kin, paths, base, down), base, path[-1], "lowering and retreat", 2
+            ):
                 reach = self._move(home, path[0], base, None, "reach", 3)
                 carry = self._move(path[-1], lower[0], base, held, "carry", 4) if reach is not None else None
-                if reach is None or carry is None:
-                    continue
-                x, y, z = base[:3, 3]
-                quat = Rotation.from_matrix(base[:3, :3]).as_quat()
-                return PickPlan(
-                    np.array([x, y, z, *quat]), pedestal, reach, path[: at + 1], path[at:], carry,
-                    lower[: low + 1], lower[low:], np.linalg.inv(held),
-                )  # fmt: skip
-        return None
+                if reach is not None and carry is not None:
+                    pose = np.array([*base[:3, 3], *Rotation.from_matrix(base[:3, :3]).as_quat()])
+                    yield PickPlan(
+                        pose, pedestal, reach, path[: at + 1], path[at:], carry, lower[: low + 1], lower[low:],
+                        np.linalg.inv(held),
+                    )  # fmt: skip
 
     def _free_paths(
-        self, poses: np.ndarray, base: np.ndarray, near: np.ndarray, name: str, stage: int, flip: bool = True
-    ) -> list[np.ndarray]:
-        """Return joint paths along tool poses [pose 4 4] on which the arm collides with nothing, nearest to joints first."""
-        kin = self._shape.kin
-        (paths,) = follow(kin, poses, base[None], IK_SEEDS, self._seed)
-        if len(paths) and not flip:
-            wanted = np.linalg.inv(base) @ poses[0]
-            turn = np.einsum("pij,ij->p", kin.tool(paths[:, 0])[:, :3, :3], wanted[:3, :3])
-            paths = paths[turn > 2.9]  # the trace of a rotation by 0: 3; by half a turn: -1
+        self, paths: np.ndarray, base: np.ndarray, near: np.ndarray, name: str, stage: int
+    ) -> Iterator[np.ndarray]:
+        """Yield up to BRANCHES of joint paths [path pose arm] on which the arm collides with nothing, nearest to joints first."""
         if not len(paths):
-            self._misses.note(
-                stage, 1.0, f"{name}: the arm cannot follow the straight path; choose a place with more room"
-            )
-            return []
-        found = []
-        for path in paths[np.argsort(np.abs(paths[:, 0] - near).max(axis=1))]:
+            text = f"{name}: the arm cannot follow the straight path; choose a place with more room"
+            self._misses.note(stage, 1.0, text)
+        left = BRANCHES
+        for path in paths[np.argsort(np.abs(paths[:, 0] - near).max(axis=1))] if len(paths) else ():
             depth = max(
                 float(arm_depth(self._shape, self._near, path, base, fingers=False).max()),
                 self._shape.self_penetration(path)[0],
             )
-            if depth <= SLACK:
-                found.append(path)
-            else:
-                self._misses.note(
-                    stage, depth, f"{name}: the arm reaches {1000 * depth:.0f} mm into the room or itself"
-                )
-        return found
+            if depth > SLACK:
+                text = f"{name}: the arm reaches {1000 * depth:.0f} mm into the room or itself"
+                self._misses.note(stage, depth, text)
+                continue
+            yield path
+            left -= 1
+            if not left:
+                return
 
     def _move(
         self, start: np.ndarray, goal: np.ndarray, base: np.ndarray, held: np.ndarray | None, name: str, stage: int
@@ -231,20 +262,27 @@ class _Search:
         return path
 
 
-def _line(tool: np.ndarray, offset: np.ndarray, first: float) -> np.ndarray:
+def _there_and_up(tool: np.ndarray) -> np.ndarray:
+    """Return poses [pose 4 4] from APPROACH before a tool pose [4 4] to it, and from there LIFT up, STEP apart."""
+    back = _line(tool, -APPROACH * tool[:3, 2])[::-1]
+    return np.concatenate([back, _line(tool, np.array([0.0, 0.0, LIFT]))[1:]])
+
+
+def _line(tool: np.ndarray, offset: np.ndarray) -> np.ndarray:
     """Return poses from a tool pose [4 4] to the same shifted by an offset [3], STEP apart, shape [pose 4 4]."""
     count = round(float(np.linalg.norm(offset)) / STEP) + 1
     poses = np.tile(tool, (count, 1, 1))
-    poses[:, :3, 3] += np.linspace(first, 1.0, count)[:, None] * offset
+    poses[:, :3, 3] += np.linspace(0.0, 1.0, count)[:, None] * offset
     return poses
 
 
-def _diverse(tool: np.ndarray) -> np.ndarray:
-    """Return up to GRASPS of tool poses [grasp 4 4], in order, no two of nearly the same direction."""
-    kept: list[np.ndarray] = []
-    for pose in tool:
-        if all(np.trace(pose[:3, :3].T @ other[:3, :3]) < 1 + 2 * math.cos(0.5) for other in kept):
-            kept.append(pose)
-        if len(kept) == GRASPS:
-            break
-    return np.stack(kept)
+def _unflipped(kin: Kinematics, paths: np.ndarray, base: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Return those of joint paths [path pose arm] along tool poses [pose 4 4] on which the tool is not turned by half."""
+    wanted = np.linalg.inv(base) @ poses[0]
+    turn = np.einsum("pij,ij->p", kin.tool(paths[:, 0])[:, :3, :3], wanted[:3, :3])
+    return paths[turn > 2.9]  # the trace of a rotation by 0: 3; by half a turn: -1
+
+
+def _is_near(pose: np.ndarray, others: np.ndarray) -> bool:
+    """Return whether a pose [4 4] has nearly the direction of another one [pose 4 4]: within 29 degrees."""
+    return bool((np.einsum("pij,ij->p", others[:, :3, :3], pose[:3, :3]) >= 1 + 2 * math.cos(0.5)).any())

@@ -52,6 +52,7 @@ class RobotShape:
         moving: which spheres move apart from the base, shape [sphere]: what the first joint carries only turns in the
             column that the base fills.
         fingers: which belong to the fingers, shape [sphere].
+        held: which belong to the fingers or the gripper body, shape [sphere].
         gripper: centers of the spheres of gripper body and fingers in the tool frame [m], shape [sphere 3].
         gripper_radii: their radii [m], shape [sphere].
     """
@@ -64,7 +65,7 @@ class RobotShape:
         self._centers, self.radii = table[:, 1:4].astype(float), table[:, 4].astype(float)
         self.moving = self.kin.arm_group[self._link] > 1
         self.fingers = np.isin(table[:, 0], spec.gripper.links)
-        held = self.fingers | (table[:, 0] == spec.gripper.body)
+        self.held = held = self.fingers | (table[:, 0] == spec.gripper.body)
         home = np.array([spec.home])
         in_base = self.centers(home)[0, held] - self.kin.tool(home)[0, :3, 3]
         self.gripper, self.gripper_radii = in_base @ self.kin.tool(home)[0, :3, :3], self.radii[held]

@@ -27,13 +27,14 @@ def follow(
 
     Args:
         kin: of the robot.
-        poses: of the tool frame, shape [pose 4 4], scene frame; it may also be turned by half about its z axis.
+        poses: of the tool frame, shape [pose 4 4], or [base pose 4 4] for a path of each base's own; scene frame; it may also be
+            turned by half about its z axis.
         bases: poses of the base, shape [base 4 4], scene frame.
         ik_seeds: starts of the inverse kinematics for each base (one number for all, or one each) and both gripper rolls:
             home, and random ones.
         seed: of those.
     """
-    local = np.linalg.inv(bases)[:, None] @ poses[None]
+    local = np.linalg.inv(bases)[:, None] @ (poses if poses.ndim == 4 else poses[None])
     counts = np.broadcast_to(ik_seeds, len(bases))
     owner = np.tile(np.repeat(np.arange(len(bases)), counts), 2)
     targets = np.repeat(np.concatenate([local, local @ HALF_TURN]), np.tile(counts, 2), axis=0)
@@ -43,7 +44,7 @@ def follow(
     q, left = kin.solve(targets[:, 0], np.tile(first, (2, 1)), iterations=40, damping=1e-2)
     alive = np.flatnonzero((left < EXACT) & (_margin(kin, q) > MARGIN))
     path = [q[alive]]
-    for k in range(1, len(poses)):
+    for k in range(1, local.shape[1]):
         # Most starts are near enough for a few steps; the others get more before they are given up.
         q, left = kin.solve(targets[alive, k], path[-1], iterations=4, damping=1e-4)
         late = np.flatnonzero(left >= EXACT)

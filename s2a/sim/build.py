@@ -9,6 +9,7 @@ from typing import Any
 import newton
 
 from s2a import robot
+from s2a.sim.nearby import Missing, warn
 from s2a.sim.solver import SimConfig
 from s2a.sim.world import SimStage, build_world, empty_world
 from s2a.workers import spread
@@ -34,14 +35,17 @@ class WorldSettings:
 
 
 def build_worlds(stages: Sequence[SimStage], settings: WorldSettings) -> list[newton.ModelBuilder]:
-    """Return a builder for each stage, in their order."""
-    return [_unpack(values) for values in spread(_packed_world, settings, stages, few=FEW)]
+    """Return a builder for each stage, in their order; warns once of what they lack of their rooms."""
+    found = list(spread(_packed_world, settings, stages, few=FEW))
+    warn([missing for _, missing in found])
+    return [_unpack(values) for values, _ in found]
 
 
-def _packed_world(settings: WorldSettings, stage: SimStage) -> dict[str, Any]:
-    """Return a stage's world as values that another process can be sent."""
+def _packed_world(settings: WorldSettings, stage: SimStage) -> tuple[dict[str, Any], Missing | None]:
+    """Return a stage's world as values that another process can be sent, and what it lacks of its room."""
     config = settings.config
-    return _pack(
+    missing: list[Missing | None] = []
+    values = _pack(
         build_world(
             stage,
             config.joint,
@@ -52,8 +56,10 @@ def _packed_world(settings: WorldSettings, stage: SimStage) -> dict[str, Any]:
             static_colliders=config.load_static_colliders,
             realistic=config.limits is not None and config.limits.drives,
             both_kinds=settings.both_kinds,
+            missing=missing,
         )
     )
+    return values, missing[0]
 
 
 def _pack(world: newton.ModelBuilder) -> dict[str, Any]:

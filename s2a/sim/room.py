@@ -18,7 +18,7 @@ from s2a.geometry.mesh_ops import merge
 from s2a.geometry.sweep import sweep
 from s2a.scene import Mesh
 from s2a.sim.freezing import WELDED, cut_colliders, freeze, kept_bodies
-from s2a.sim.nearby import Workspace, drop_far, static_colliders
+from s2a.sim.nearby import Missing, Workspace, drop_far, static_colliders
 from s2a.usd.joints import write_joint
 from s2a.usd.sim_scene import SimRoom
 from s2a.usd.sim_stage import open_physics
@@ -48,8 +48,8 @@ def add_room(
     static: bool = True,
     both_kinds: Sequence[str] = (),
     **options: Any,
-) -> None:
-    """Add a room to a builder.
+) -> Missing | None:
+    """Add a room to a builder; return what of it is left out though the arm can touch it.
 
     Args:
         builder: gets it.
@@ -71,21 +71,25 @@ def add_room(
             if prim := stage.GetPrimAtPath(path):
                 prim.SetActive(False)
     _clear_paths(stage, room, active, kept)
+    missing = None
     if space is not None:
         welded = [f"{ROOT}/{carrier}/{WELDED}{i}" for carrier in kept for i in room.bodies]
-        drop_far(stage, static_colliders(stage, [*still, *welded]), space, stage.GetRootLayer().realPath)
+        found = static_colliders(stage, [*still, *welded])
+        missing = drop_far(stage, found, space, stage.GetRootLayer().realPath)
     builder.add_usd(stage, load_visual_shapes=False, **options)
+    return missing
 
 
 def workspace(room: SimRoom, active: Sequence[str], base: np.ndarray, robot_name: str) -> Workspace:
     """Return where a robot at a base pose (7-vector) and the active bodies of a room can touch something."""
-    paths, held = [], []
+    paths, held, resting = [], [], [np.zeros((0, 3))]
     for i in active:
         body = (room.bodies | room.free)[i]
         points = np.concatenate([c.mesh.vertices.astype(np.float64) for c in body.colliders] or [np.zeros((0, 3))])
         points = Rotation.from_quat(body.orientation).apply(points) + body.position if len(points) else points
         if i not in room.articulations:
             paths.append(points)
+            resting.append(points)
             held.append(np.array([body.position]))
             continue
         joint, grasp = room.articulations[i].joint, room.articulations[i].grasp
@@ -95,7 +99,7 @@ def workspace(room: SimRoom, active: Sequence[str], base: np.ndarray, robot_name
             held.append(displace(np.array([grasp.point, grasp.point - back]), joint, q))
     spec = robot.load(robot_name).base
     shoulder = base[:3] + [0.0, 0.0, spec.shoulder_height]
-    return Workspace.around(np.concatenate(paths), np.concatenate(held), shoulder, spec.reach)
+    return Workspace.around(np.concatenate(paths), np.concatenate(held), shoulder, spec.reach, np.concatenate(resting))
 
 
 def pedestal(base: np.ndarray, height: float, radius: float) -> Mesh | None:

@@ -19,7 +19,7 @@ from s2a.robot.model import add_robot
 from s2a.robot.spec import Gains, RobotSpec
 from s2a.scene import Joint, Mesh
 from s2a.sim.freezing import kept_bodies
-from s2a.sim.nearby import Workspace
+from s2a.sim.nearby import Missing, Workspace, warn
 from s2a.sim.room import add_pedestal, add_room, open_physics, pedestal, workspace
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
@@ -170,6 +170,7 @@ def build_world(
     static_colliders: bool = True,
     realistic: bool = False,
     both_kinds: bool = False,
+    missing: list[Missing | None] | None = None,
 ) -> newton.ModelBuilder:
     """Return a builder of one world.
 
@@ -183,12 +184,17 @@ def build_world(
         static_colliders: Load the room's colliders.
         realistic: simulate the robot's drives too; see add_robot.
         both_kinds: give the target a slide and a hinge, one of them locked: all worlds of a batch need the same joints.
+        missing: gets what of the room is left out though the arm can touch it; None: a warning says so.
     """
     builder = empty_world()
     if robot is not None:
         base = wp.transform(*stage.base[:3], *stage.base[3:])
         add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation, realistic=realistic)
-    _add_room(builder, stage, static=static_colliders, both_kinds=both_kinds)
+    lacking = _add_room(builder, stage, static=static_colliders, both_kinds=both_kinds)
+    if missing is None:
+        warn([lacking])
+    else:
+        missing.append(lacking)
     for part in stage.active:
         if part in stage.room.articulations:
             dof = axis_of(builder, part, stage.room.articulations[part].joint.kind)[1]
@@ -216,15 +222,16 @@ def empty_world() -> newton.ModelBuilder:
     return builder
 
 
-def _add_room(builder: newton.ModelBuilder, stage: SimStage, *, static: bool, both_kinds: bool) -> None:
-    """Add what is active of a room, what it hangs on, and the colliders near it."""
+def _add_room(builder: newton.ModelBuilder, stage: SimStage, *, static: bool, both_kinds: bool) -> Missing | None:
+    """Add what is active of a room, what it hangs on, and the colliders near it; return what is left out though in reach."""
     space = stage.workspace()
     doubled = [stage.target] if both_kinds else []
     opened = open_physics(stage.path)
-    add_room(builder, stage.room, opened, stage.active, space=space, static=static, both_kinds=doubled)
+    missing = add_room(builder, stage.room, opened, stage.active, space=space, static=static, both_kinds=doubled)
     stand = pedestal(stage.base, *stage.pedestal)
     if static and stand is not None:
         add_pedestal(builder, stand)
+    return missing
 
 
 def body_index(builder: newton.ModelBuilder, name: str) -> int:

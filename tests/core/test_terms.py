@@ -102,6 +102,11 @@ ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
     "s2a/aliases.py": (tuple(WORDS), "lists the old names"),
     "s2a/do/plan.py": (("refusal",), "a field of the model's answers, which are recorded word for word"),
     "s2a/insert/scale.py": (("longest",), "a field of the model's answers, which are recorded word for word"),
+    "s2a/insert/pipeline.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/insert/settings.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/insert/wishes/heed.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/insert/wishes/parse.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/llm/kinds.py": (("longest",), "as in s2a/insert/scale.py"),
     "s2a/llm/rules.py": (("longest",), "as in s2a/insert/scale.py"),
     "s2a/ranges.py": (("least",), "AtLeast(4) reads as the bound it is"),
     "s2a/rl/config.py": (("epochs",), "num_learning_epochs, rsl_rl's own name"),
@@ -111,7 +116,7 @@ ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
     "s2a/tasks/open_part/config.py": (("openings",), "task.bonus_openings: displacements of the grasp point"),
 }
 """Files with old words that stay, and why."""
-ALLOWED_KEYS = ("ppo.num_learning_epochs", "task.bonus_openings", "skills.open.task.bonus_openings")
+ALLOWED_KEYS = ("ppo.num_learning_epochs", "task.bonus_openings", "skills.open.task.bonus_openings", "wish")
 """Keys with old words that stay, as the files above say."""
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rough_furniture import at, block, sheet, sink, table
+from scipy.spatial.transform import Rotation
 
 from s2a.config import compose, load
 from s2a.errors import InputError
@@ -17,7 +18,7 @@ from s2a.geometry.ransac import RansacConfig
 from s2a.geometry.regions import Kind, RegionConfig
 from s2a.insert.place.baseline import place_paper
 from s2a.insert.place.fit import NoRoom, Pose
-from s2a.insert.place.pose import PoseConfig, Relation, place
+from s2a.insert.place.pose import PoseConfig, Relation, place, places
 from s2a.insert.place.supports import nearby, target_plane, target_regions
 from s2a.insert.place.swept_volumes import reaching_into, swept_volumes
 from s2a.scene import Joint, Mesh, Part, Scene
@@ -99,15 +100,15 @@ def cabinet() -> Scene:
 
 def test_nothing_is_put_where_a_drawer_slides() -> None:
     scene, bin_ = cabinet(), block(0.2, 0.2, 0.3)
-    pose = put(scene, bin_, "floor_1")
+    pose = put(scene, bin_, "floor_1", near="drawer_3")
     check(scene, bin_, pose)
     still = Scene("room", {i: replace(part, motion="fixed") for i, part in scene.parts.items()})
-    blind = put(still, bin_, "floor_1")
+    blind = put(still, bin_, "floor_1", near="drawer_3")
     low, high = np.array([-1.0, -1.0, 0.0]), np.array([2.0, 1.0, 1.0])
     volumes = [volume.hull for volume in reaching_into(swept_volumes(scene), low, high, scene)]
     assert not any(inside(volume, pose.moved(bin_).vertices).any() for volume in volumes)
     assert pose.moved(bin_).bounds[0, 0] > 0.59
-    # Without the drawer the freest place is in the middle, in its way.
+    # If it did not open, the nearest place would be right before it.
     assert blind.moved(bin_).bounds[0, 0] < 0.59
 
 
@@ -160,3 +161,95 @@ def test_the_papers_rule_shifts_until_nothing_is_cut() -> None:
     around = table().parts["table_2"].mesh
     assert crossing(pose.moved(cup), around) is None
     assert pose.quaternion == (0.0, 0.0, 0.0, 1.0)
+
+
+def counter(wall: bool) -> Scene:
+    """A counter 2 m long and 0.6 m deep whose wall, if there is one, rises at y = 0.6 and looks along -y."""
+    flat = sheet((-1, 3), (0, 2.0), 0.0, 0.02)
+    back = Mesh(flat.vertices[:, [0, 2, 1]] + [0, 0.61, 0], flat.faces)
+    parts = {
+        "floor_1": Part("floor", sheet((-1, 3), (-3, 0.6), 0.0)),
+        "counter_2": Part("counter", sheet((0, 2), (0, 0.6), 0.9)),
+    }
+    return Scene("room", parts | ({"wall_3": Part("wall", back)} if wall else {}))
+
+
+def test_things_go_to_the_back_of_a_counter_and_not_to_its_middle() -> None:
+    cup = block(0.08, 0.08, 0.1)
+    back, middle = (put(counter(wall), cup, "counter_2") for wall in (True, False))
+    check(counter(True), cup, back)
+    assert back.moved(cup).bounds[1, 1] > 0.5
+    assert middle.moved(cup).bounds[1, 1] < 0.48  # 0.12 m from the border, where no wall is
+
+
+def test_nothing_reaches_over_the_edge() -> None:
+    foot = at(block(0.06, 0.06, 0.02), 0.0, 0.0, 0.0)
+    bowl = merge([foot, at(block(0.3, 0.3, 0.1), 0.0, 0.0, 0.02)])
+    for near in (None, "floor_1"):  # which lies beyond the border, and draws it there
+        low, high = put(counter(False), bowl, "counter_2", near=near).moved(bowl).bounds
+        over = np.prod(np.clip(np.minimum(high, (2, 0.6, 9)) - np.maximum(low, (0, 0, 0)), 0, None)[:2]) / 0.09
+        assert over > 0.85
+
+
+def gallery(*more: tuple[str, Part]) -> Scene:
+    """A wall at y = 0, 3 m long and 2.4 m high, that looks along +y, and a floor before it."""
+    flat = sheet((-1.5, 1.5), (0, 2.4), 0.0, 0.02)
+    wall = Part("wall", Mesh(flat.vertices[:, [0, 2, 1]] * [1, 1, 1], flat.faces[:, ::-1]))
+    return Scene("room", {"floor_1": Part("floor", sheet((-1.5, 1.5), (0, 3), 0.0)), "wall_2": wall, **dict(more)})
+
+
+def hung(scene: Scene, near: str | None = None) -> np.ndarray:
+    """Return the box around a clock of 0.3 m that hangs on the wall [m]."""
+    clock = block(0.03, 0.3, 0.3)
+    return np.asarray(put(scene, clock, "wall_2", "hanging", "vertical", near).moved(clock).bounds)
+
+
+def test_what_hangs_is_at_eye_level_wherever_its_neighbour_is() -> None:
+    sofa = "sofa_3", Part("sofa", at(block(1.6, 0.8, 0.8), 0.6, 1.6, 0.0))  # in the middle of the room
+    for near in (None, "floor_1", "sofa_3"):
+        box = hung(gallery(sofa), near)
+        assert 1.44 <= box[:, 2].mean() <= 1.61
+    assert hung(gallery(sofa), "sofa_3")[:, 0].mean() == pytest.approx(0.6, abs=0.15)
+
+
+def test_what_hangs_is_above_what_stands_there_and_not_behind_it() -> None:
+    tall = "wardrobe_3", Part("wardrobe", at(block(1.0, 0.5, 1.55), 0.7, 0.35, 0.0))
+    assert hung(gallery(tall))[1, 0] < 0.25  # beside it
+    above = hung(gallery(tall), "wardrobe_3")
+    assert above[0, 2] > 1.6
+    assert 0.2 < above[:, 0].mean() < 1.2
+
+
+def test_a_clock_hangs_at_the_height_of_the_pictures() -> None:
+    picture = "picture_3", Part("picture", at(block(0.4, 0.02, 0.3), -0.8, 0.015, 1.25))
+    assert hung(gallery(picture))[:, 2].mean() == pytest.approx(1.4, abs=0.06)
+
+
+def guitar() -> Mesh:
+    """What stands on a foot 4 cm deep and is 1 m high: it would fall at a touch."""
+    return at(block(0.04, 0.3, 1.0), 0.0, 0.0, 0.0)
+
+
+def test_what_would_fall_over_leans_at_the_wall() -> None:
+    pose = put(corner(), guitar(), "floor_1", "against")
+    moved = pose.moved(guitar())
+    check(corner(), guitar(), pose)
+    up = Rotation.from_quat(pose.quaternion).apply([0.0, 0.0, 1.0])
+    assert np.degrees(np.arccos(up[2])) == pytest.approx(10.0, abs=1.0)
+    assert moved.bounds[0, 1] < POSE.back_gap + 0.005  # the bumps of the scan
+    assert moved.vertices[moved.vertices[:, 2] > 0.9, 1].mean() < moved.vertices[moved.vertices[:, 2] < 0.1, 1].mean()
+
+
+def test_what_is_against_something_has_something_behind_it() -> None:
+    open_floor = Scene("room", {"floor_1": corner().parts["floor_1"]})
+    with pytest.raises(NoRoom, match="nothing behind them"):
+        put(open_floor, block(0.3, 0.6, 1.0), "floor_1", "against")
+
+
+def test_other_places_on_a_support_are_offered() -> None:
+    region = target_regions(table(), "table_2", REGIONS, ("horizontal",))[0]
+    cup = block(0.08, 0.08, 0.1)
+    found = [pose.position for pose in places(table(), cup, region, "on", POSE, "table_2", [])]
+    assert 5 <= len(found) <= POSE.alternatives
+    apart = np.linalg.norm(np.array(found)[:, None] - np.array(found), axis=-1) + np.eye(len(found))
+    assert apart.min() > 0.018

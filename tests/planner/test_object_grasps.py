@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 from cabinet import box
 
 from s2a import robot
@@ -61,6 +62,60 @@ def test_no_grasp_has_the_object_in_a_finger_or_in_the_gripper_body() -> None:
 def test_the_best_grasp_is_nearest_to_the_center_of_mass() -> None:
     found = object_grasps([box((0, 0, 0), (0.1, 0.02, 0.02))], np.array([0.06, 0.0, 0.0]), GRIPPER)
     assert found.tool[0, 0, 3] == pytest.approx(0.06, abs=0.02)
+
+
+def wedge(degrees: float) -> Mesh:
+    """Return a block 60 mm long, 40 mm high and 30 mm thick in its middle, whose sides diverge by an angle along it."""
+    slope = np.tan(np.radians(degrees / 2))
+    corners = [[x, side * (0.015 + slope * x), z] for x in (-0.03, 0.03) for side in (-1, 1) for z in (-0.02, 0.02)]
+    mesh = trimesh.convex.convex_hull(np.array(corners))
+    return Mesh(mesh.vertices, mesh.faces)
+
+
+def across_the_sides(found: ObjectGrasps) -> np.ndarray:
+    return np.abs(found.tool[:, 1, 1]) > 0.9
+
+
+def test_a_wedge_is_not_pinched_where_it_would_slip_out() -> None:
+    """Sides that diverge by 20 degrees are 3 mm farther apart at one end of the pads; by 2 degrees 0.3 mm."""
+    steep, gentle = (int(across_the_sides(grasps(wedge(angle))).sum()) for angle in (20.0, 2.0))
+    assert gentle > 500
+    assert steep < 0.01 * gentle
+
+
+def test_what_tapers_is_pinched_evenly() -> None:
+    """Sides that diverge by 8 degrees: by the normal of one the other is 1.1 mm off the pads; between them, each 0.6 mm."""
+    found = grasps(wedge(8.0))
+    axes = np.abs(found.tool[across_the_sides(found)][:, 1, 1])
+    assert len(axes) > 100
+    assert np.degrees(np.arccos(axes)).min() < 0.1
+
+
+def test_what_lies_is_pinched_level() -> None:
+    """A block whose sides lean by 5 degrees: closed along a normal, one finger would be 5 mm lower."""
+    block = box((0, 0, 0), (0.04, 0.02, 0.01))
+    lean = np.radians(5.0)
+    turned = np.array([[1, 0, 0], [0, np.cos(lean), -np.sin(lean)], [0, np.sin(lean), np.cos(lean)]])
+    mesh = Mesh(block.vertices @ turned.T, block.faces)
+    level = object_grasps([mesh], np.zeros(3), GRIPPER, up=np.array([0.0, 0.0, 1.0]))
+    alone = object_grasps([mesh], np.zeros(3), GRIPPER)
+    upright = [np.abs(each.tool[:, 2, 1]).min() for each in (level, alone)]
+    assert upright[0] < 1e-6
+    assert upright[1] > 0.08 or upright[1] < 1e-6
+
+
+def test_a_rod_is_pinched_by_the_middle_of_the_pads() -> None:
+    """A rod of 8 mm, thinner than the pads: 4 mm off their middle it would lie at their edge."""
+    rod = box((0, 0, 0), (0.06, 0.004, 0.004))
+    found = grasps(rod)
+    assert len(found.tool)
+
+
+def test_what_whole_pads_hold_comes_before_what_is_nearer_to_the_center_of_mass() -> None:
+    """A body with a thin fin at its center of mass, which 6 mm of the pads hold, and a block beside that they hold whole."""
+    fin, block = box((0, 0, 0), (0.003, 0.01, 0.01)), box((0.03, 0, 0), (0.027, 0.02, 0.02))
+    found = object_grasps([fin, block], np.zeros(3), GRIPPER)
+    assert found.tool[0, 0, 3] > 0.01
 
 
 def test_pads_do_not_hold_by_an_edge() -> None:

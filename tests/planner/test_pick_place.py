@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,14 @@ from s2a import robot
 from s2a.errors import InputError
 from s2a.planner.free_motion import free_motion
 from s2a.planner.misses import Misses
-from s2a.planner.object_grasps import matrix, object_grasps
+from s2a.planner.object_grasps import gripper_boxes, matrix, object_grasps
 from s2a.planner.obstacles import RoomHulls
-from s2a.planner.pick_base import bases, reached
+from s2a.planner.pick_base import arm_depth, bases, reached
 from s2a.planner.pick_place import Unreachable, plan_pick
 from s2a.planner.pick_plan import PickPlan
 from s2a.planner.places import APART, free_placement, place_pose
 from s2a.robot.collision import robot_shape
+from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
 from s2a.scene import Mesh
 from s2a.usd import sim_stage
@@ -84,10 +86,69 @@ def test_a_place_out_of_reach_is_said(tmp_path: Path) -> None:
         plan_pick(room_of(tmp_path), "cube_9", START, far, PANDA)
 
 
+@pytest.mark.parametrize("far", ["place", "grasp"])
+def test_the_nearest_miss_is_of_one_base_and_grasp_at_both_ends(far: str, tmp_path: Path) -> None:
+    """One end is 1.2 m from every base, the other 0.5 m: the miss is that of the far one, whichever comes first."""
+    room, shape = room_of(tmp_path), robot_shape(PANDA)
+    base = np.eye(4)
+    base[:3, 3] = [0.7, 0.1, 0.4]
+    ends = {name: matrix(START) for name in ("grasp", "place")}
+    ends[far] = matrix(START - [0.7, 0, 0, 0, 0, 0, 0])
+    base[:3, :3] = np.diag([-1.0, -1.0, 1.0])
+    grasps = object_grasps([c.mesh for c in room.free["cube_9"].colliders], np.zeros(3), PANDA.gripper).tool
+    down = grasps[grasps[:, 2, 2] < -0.99][:8]
+    misses = Misses()
+    assert not list(reached(shape, RoomHulls(room, {"cube_9"}, START[:3]), ends, [(base, 0.4)], down, 0, misses))
+    found = re.match(rf"{far}: the arm's nearest miss is (\d+) mm and (\d+) degrees", misses.text)
+    assert found, misses.text
+    assert 200 < int(found[1]) < 700
+
+
+def test_the_arm_s_gripper_is_that_of_the_grasps(tmp_path: Path) -> None:
+    """Beside a wall 4 mm from the gripper's box nothing is reached into; 10 mm nearer, 6 mm. Links stand out of it by 20 mm."""
+    shape, at = robot_shape(PANDA), np.array([PANDA.home])
+    base = np.eye(4)
+    base[:3, 3] = [3.0, 3.0, 0.0]  # away from the cabinet
+    tool = base @ shape.kin.tool(at)[0]
+    _, _, (low, high) = gripper_boxes(PANDA.gripper)
+    for gap in (0.004, -0.006):
+        wall = box((high[0] + gap + 0.02, 0.0, high[2] - 0.02), (0.02, 0.03, 0.01))
+        wall = Mesh(wall.vertices @ tool[:3, :3].T + tool[:3, 3], wall.faces)
+        near = RoomHulls(room_of(tmp_path), {"cube_9"}, tool[:3, 3], wall)
+        depth = arm_depth(shape, near, at, base, fingers=False)[0]
+        assert depth == pytest.approx(max(0.0, -gap), abs=1e-3)
+
+
+def test_many_paths_of_their_own_are_followed_as_one_by_one(tmp_path: Path) -> None:
+    kin = kinematics(PANDA)
+    first = kin.tool(np.array([PANDA.home]))[0]
+    up = np.stack([first + np.array([[0, 0, 0, 0]] * 2 + [[0, 0, 0, z], [0] * 4]) for z in (0.0, 0.02, 0.04)])
+    turned = up.copy()
+    turned[:, 1, 3] += 0.1
+    bases = np.stack([np.eye(4)] * 2)
+    together = follow(kin, np.stack([up, turned]), bases, 4, 0)
+    for poses, found in zip((up, turned), together, strict=True):
+        (alone,) = follow(kin, poses, bases[:1], 4, 0)
+        assert len(found)
+        np.testing.assert_allclose(found, alone, atol=1e-4)
+
+
+def narrow(gap: float) -> list[Mesh]:
+    """Return two walls, as high as the gripper, `gap` [m] from the cube's faces at its goal."""
+    return [box((0.2, -0.2 + side * (0.025 + gap + 0.01), 0.867), (0.2, 0.01, 0.064)) for side in (-1, 1)]
+
+
+def test_a_narrow_place_takes_grasps_that_fit_into_it(tmp_path: Path) -> None:
+    """Between walls 0.1 m apart the gripper body, 63 by 205 mm, fits only along them."""
+    found = plan_pick(room_of(tmp_path, beside=narrow(0.025)), "cube_9", START, GOAL, PANDA)
+    closing = (matrix(GOAL) @ found.grasp)[:3, 1]
+    assert abs(closing[0]) > 0.9
+
+
 def test_a_place_in_something_is_said(tmp_path: Path) -> None:
     walls = [box((0.2, -0.2 + y, 0.9), (0.06, 0.01, 0.098)) for y in (-0.045, 0.045)]
     walls += [box((0.2 + x, -0.2, 0.9), (0.01, 0.06, 0.098)) for x in (-0.045, 0.045)]
-    with pytest.raises(Unreachable, match=r"the gripper reaches at least \d+ mm into"):
+    with pytest.raises(Unreachable, match=r"the gripper reaches at least [\d.]+ mm into"):
         plan_pick(room_of(tmp_path, beside=walls), "cube_9", START, GOAL, PANDA)
 
 
@@ -146,13 +207,17 @@ def shelf_view(tmp_path: Path, *extra: Mesh) -> list[tuple[np.ndarray, float, in
     return list(reached(shape, near, {"grasp": matrix(START), "place": matrix(GOAL)}, some, down, 0, Misses()))
 
 
-def test_every_base_is_tried_before_any_base_s_second_grasp(tmp_path: Path) -> None:
+def test_bases_and_grasps_are_tried_in_turn(tmp_path: Path) -> None:
+    """Neither one base nor one grasp takes all of the first ten pairs."""
     found = shelf_view(tmp_path)
-    tried = [base[:3, 3].tobytes() for base, *_ in found]
-    nth = [tried[:i].count(base) for i, base in enumerate(tried)]
-    assert len(set(tried)) > 1
-    assert max(nth) >= 1
-    assert nth == sorted(nth)
+    pairs = [(base[:3, 3].tobytes(), k) for base, _, k, _ in found]
+    once = {base: sorted(k for b, k in pairs if b == base) for base, _ in pairs}
+    nth = [once[base].index(k) for base, k in pairs]
+    assert len(set(pairs)) == len(pairs)
+    bases_of_first, grasps_of_first = ({pair[i] for pair in pairs[:10]} for i in (0, 1))
+    assert len(bases_of_first) >= 3
+    assert len(grasps_of_first) >= 3
+    assert nth[0] == 0
     assert any(clear for *_, clear in found)
 
 

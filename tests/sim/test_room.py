@@ -19,10 +19,11 @@ from s2a.geometry.sweep import deepest
 from s2a.prepare import prepare
 from s2a.scene import Mesh
 from s2a.sim import nearby
+from s2a.sim.build import WorldSettings, build_worlds
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import JointConfig, SimStage, build_world, read_stage
 from s2a.usd import sim_stage
-from s2a.usd.sim_scene import Base
+from s2a.usd.sim_scene import Base, Collider
 
 FREE = JointConfig(0.0, 0.0, "grasp")
 PARTS = ("drawer_7", "drawer_8", "door_5", "door_6", INNER, LONE)
@@ -148,9 +149,9 @@ def test_only_so_many_colliders_are_loaded_and_the_rest_is_named(
     sim_stage.write(replace(room, static_colliders=(*others, replace(floor, structure=True))), path)
     with caplog.at_level(logging.WARNING):
         names = static(world(path, "drawer_2"))
-    assert len(names) == nearby.MAX_STATIC
-    assert "/scene/static/colliders/room_3_81" in names  # clutter does not crowd out the floor
-    assert "17 colliders within the arm's reach are not loaded" in caplog.text and "room_3" in caplog.text
+    assert len(names) == nearby.MAX_STATIC + 1
+    assert "/scene/static/colliders/room_3_81" in names  # the floor, which no clutter crowds out
+    assert "16 colliders within the arm's reach are not loaded" in caplog.text and "room_3" in caplog.text
 
 
 def test_the_nearest_to_the_path_are_loaded(tmp_path: Path) -> None:
@@ -170,7 +171,7 @@ class PlannedStage(SimStage):
         return replace(found, points=np.array([[HANDLE[0] + 0.3, 0.3, 0.2]]), planned=True)
 
 
-def test_what_is_nearest_to_a_plan_comes_before_walls_and_handles(
+def test_what_is_nearest_to_a_plan_comes_before_walls_and_handles_but_for_the_floor(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = crowded(tmp_path, 80, 0.015)
@@ -180,12 +181,63 @@ def test_what_is_nearest_to_a_plan_comes_before_walls_and_handles(
     stage = PlannedStage(**{f.name: getattr(read_stage(path, "drawer_2"), f.name) for f in fields(SimStage)})
     with caplog.at_level(logging.WARNING):
         names = static(build_world(stage, FREE, 1 / 240))
-    # Box k is 0.015 k above the plan. The floor, on which things may fall, is left out for none but those it passes.
+    # Box k is 0.015 k above the plan. The floor, on which things may fall, is left out for none, and takes no other's place.
     assert any(name.endswith("room_3_00") for name in names)
     boxes = sorted(k for name in names if (k := int(name[-2:]) - 2) >= 0)
-    assert len(names) == nearby.MAX_STATIC
+    assert len(names) == nearby.MAX_STATIC + 1
     assert boxes == list(range(len(boxes)))
     assert "not loaded" not in caplog.text  # what is left out is 0.9 m off the plan
+
+
+@pytest.mark.parametrize("crowd", ["on the plan", "walls"])
+@pytest.mark.parametrize("height", [0.0, 0.6])
+def test_nothing_takes_the_floor_from_below_a_robot(crowd: str, height: float, tmp_path: Path) -> None:
+    """Neither 80 hulls on the plan, nor as many walls, nor a pedestal from which no arm reaches it."""
+    path = crowded(tmp_path, 80, 0.001)
+    room = sim_stage.read(path)
+    floor, wall, *boxes = room.static_colliders
+    boxes = [replace(each, structure=crowd == "walls") for each in boxes]
+    part = room.articulations["drawer_2"]
+    part = replace(part, bases={"panda": replace(part.bases["panda"], position=(0.9, 0.0, height))})
+    colliders = (replace(floor, structure=True), replace(wall, structure=True), *boxes)
+    sim_stage.write(replace(room, static_colliders=colliders, articulations={"drawer_2": part}), path)
+    found = read_stage(path, "drawer_2")
+    stages = [found, PlannedStage(**{f.name: getattr(found, f.name) for f in fields(SimStage)})]
+    for stage in stages:
+        names = static(build_world(stage, FREE, 1 / 240))
+        assert "/scene/static/colliders/room_3_00" in names
+        assert len(names) == nearby.MAX_STATIC + 1
+
+
+def test_a_ceiling_is_no_floor(tmp_path: Path) -> None:
+    path = crowded(tmp_path, 80, 0.008)
+    room = sim_stage.read(path)
+    ceiling = Collider("room_3", box((0.5, 0.0, 2.4), (2.0, 2.0, 0.01)), structure=True)
+    sim_stage.write(replace(room, static_colliders=(*room.static_colliders, ceiling)), path)
+    names = static(world(path, "drawer_2"))
+    assert len(names) == nearby.MAX_STATIC
+    assert "/scene/static/colliders/room_3_82" not in names
+
+
+def test_what_carries_a_free_object_is_loaded_whatever_is_nearer(tmp_path: Path) -> None:
+    """A shelf 0.3 m below a cube in the air, past the 80 boxes around the cube: it falls onto it."""
+    at = (0.6, 0.9, 0.9)
+    around = [box((0.6 + 0.06 * np.cos(a), 0.9 + 0.06 * np.sin(a), 0.9), 3 * (0.002,)) for a in np.arange(80) * 0.0785]
+    shelf = box((0.6, 0.9, 0.6), (0.2, 0.2, 0.01))
+    path = write_cabinet(tmp_path / "sim.usda", beside=[*around, shelf], free=[free_cube("cube_9", at, 0.05)])
+    names = static(world(path, "drawer_2", "cube_9"))
+    assert "/scene/static/colliders/room_3_82" in names
+    assert len(names) == nearby.MAX_STATIC + 1
+
+
+def test_what_many_stages_lack_is_said_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "few").mkdir()
+    paths = [crowded(tmp_path, 80, 0.008), crowded(tmp_path / "few", 70, 0.008)]
+    stages = [read_stage(path, "drawer_2") for path in (*paths, write_cabinet(tmp_path / "none.usda"))]
+    with caplog.at_level(logging.WARNING, logger="s2a.sim.nearby"):
+        build_worlds(stages, WorldSettings(load(SimConfig, "sim/paper"), with_robot=False, both_kinds=False))
+    (said,) = [record.getMessage() for record in caplog.records if record.name == "s2a.sim.nearby"]
+    assert "17 colliders" in said and "2 of 3 stages" in said and str(paths[0]) in said
 
 
 def test_what_no_arm_reaches_and_nothing_meets_is_not_loaded_in_silence(

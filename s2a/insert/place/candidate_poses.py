@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +14,13 @@ from s2a.geometry.regions import Region
 from s2a.insert.describe import BASIN
 from s2a.insert.place.baseline import place_paper
 from s2a.insert.place.fit import NoRoom, Pose
-from s2a.insert.place.pose import PoseConfig, place
+from s2a.insert.place.pose import PoseConfig, places
 from s2a.insert.place.supports import SurfaceConfig, target_plane, target_regions
 from s2a.insert.plan import Choice, Plan
 from s2a.insert.room_state import RoomState
 from s2a.scene import Mesh, Scene
 
+Keep = Callable[[np.ndarray], np.ndarray]
 TRIED = 4
 """Regions tested per target."""
 MEANT = 0.04
@@ -46,7 +47,13 @@ class CandidatePose:
 
 
 def candidate_poses(
-    room: RoomState, object: Mesh, plan: Plan, surface: SurfaceConfig, pose: PoseConfig, reasons: list[str]
+    room: RoomState,
+    object: Mesh,
+    plan: Plan,
+    surface: SurfaceConfig,
+    pose: PoseConfig,
+    reasons: list[str],
+    keep: Keep | None = None,
 ) -> Iterator[CandidatePose]:
     """Yield the candidate poses of a plan, the best first.
 
@@ -57,6 +64,7 @@ def candidate_poses(
         surface: detection of surfaces.
         pose: search for poses.
         reasons: receives the reason for each rejected region.
+        keep: what a wish allows of places, see `s2a.insert.place.pose.places`.
 
     Raises:
         InputError: methods that do not go together.
@@ -71,7 +79,7 @@ def candidate_poses(
                 plane, points = target_plane(room.scene, choice.target, choice.surface == "vertical", surface.ransac)
                 yield _on_plane(room.scene, object, plane, points, choice, pose, "ransac")
             else:
-                yield from _on_regions(room, object, plan, choice, surface, pose, reasons)
+                yield from _on_regions(room, object, plan, choice, surface, pose, reasons, keep)
         except InputError as error:
             reasons.append(f"{choice.relation} {choice.target}: {error}")
 
@@ -84,6 +92,7 @@ def _on_regions(
     surface: SurfaceConfig,
     pose: PoseConfig,
     reasons: list[str],
+    keep: Keep | None,
 ) -> Iterator[CandidatePose]:
     """Yield the candidate poses on the regions of a choice; a table below a lamp may count as "inside", too."""
     scene, target = room.scene, choice.target
@@ -99,8 +108,9 @@ def _on_regions(
                 plane = Plane(region.normal, float(region.normal @ region.center), np.arange(len(points)))
                 yield _on_plane(scene, object, plane, points, choice, pose, "regions")
                 continue
-            where = place(scene, object, region, choice.relation, pose, target, room.volumes, plan.near)
-            yield CandidatePose(target, choice, region.normal, where, _model_line(region, choice))
+            said = _model_line(region, choice)
+            for where in places(scene, object, region, choice.relation, pose, target, room.volumes, plan.near, keep):
+                yield CandidatePose(target, choice, region.normal, where, said)
         except NoRoom as error:
             reasons.append(f"{choice.relation} {target}: {error}")
 

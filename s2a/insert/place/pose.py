@@ -7,7 +7,7 @@ kept if no triangle of it cuts anything, nothing is within anything, and every d
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,8 +18,10 @@ from s2a.errors import InputError
 from s2a.geometry.regions import Region
 from s2a.insert.place.baseline import PaperConfig
 from s2a.insert.place.fit import COLLISION, NoRoom, Pose, moved_into_contact, placement_conflict
-from s2a.insert.place.search import GridCandidate, Preferences, SearchConfig, grid_candidates, occupancy_grid
-from s2a.insert.place.supports import facing, nearby, target_mesh
+from s2a.insert.place.lean import LEAN, leaned, slender
+from s2a.insert.place.preferences import preferences
+from s2a.insert.place.search import GridCandidate, SearchConfig, grid_candidates, occupancy_grid
+from s2a.insert.place.supports import facing, nearby
 from s2a.insert.place.swept_volumes import SweptVolume, reaching_into
 from s2a.ranges import Count, NotNegative
 from s2a.scene import Mesh, Scene
@@ -36,9 +38,11 @@ class PoseConfig:
         search: the grid search.
         paper: the baseline.
         attempts: candidates that are tested exactly.
+        alternatives: free poses on one region that are offered, in case that the object does not stay at the first ones.
         min_spacing: smallest distance of a candidate from those that failed, as a fraction of the object's radius.
         back_gap: gap between the object's back and what it is against [m].
         contact_gap: gap between the object and what it touches [m].
+        slide: way that what stands against something may slide back to it [m].
         lowering_height: height above the region from which the object is lowered [m].
         swept_volume_tolerance: how far the object may reach into a swept volume, whose surface is noisy [m].
     """
@@ -47,9 +51,11 @@ class PoseConfig:
     search: SearchConfig
     paper: PaperConfig
     attempts: Count
+    alternatives: Count
     min_spacing: NotNegative
     back_gap: NotNegative
     contact_gap: NotNegative
+    slide: NotNegative
     lowering_height: NotNegative
     swept_volume_tolerance: NotNegative
 
@@ -64,7 +70,22 @@ def place(
     volumes: list[SweptVolume],
     near: str | None = None,
 ) -> Pose:
-    """Return the best pose of an object on a region.
+    """Return the best pose of an object on a region: the first of `places`."""
+    return next(places(scene, object, region, relation, config, target, volumes, near))
+
+
+def places(
+    scene: Scene,
+    object: Mesh,
+    region: Region,
+    relation: Relation,
+    config: PoseConfig,
+    target: str,
+    volumes: list[SweptVolume],
+    near: str | None = None,
+    keep: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> Iterator[Pose]:
+    """Yield free poses of an object on a region, the best first, one at least.
 
     Args:
         scene: the room.
@@ -75,6 +96,7 @@ def place(
         target: id of the part that the region belongs to.
         volumes: swept volumes of the room's drawers and doors, kept free.
         near: id of the preferred neighbour, or None.
+        keep: of places [m], shape [place 3], those that a wish allows, shape [place]; None for all.
 
     Raises:
         NoRoom: no pose is free.
@@ -86,20 +108,32 @@ def place(
     low, high = _box(region, radius, height)
     volumes = reaching_into(volumes, low, high, scene, target)
     grid = occupancy_grid(region, radius, height, [part.mesh for part in scene.parts.values()], volumes, config.search)
-    preferences = Preferences(relation == "against", None if near is None else target_mesh(scene, near).vertices)
-    found = grid_candidates(grid, region, object, base, preferences, config.search)
+    tall = float(np.ptp(object.bounds[:, 2]))
+    wanted = preferences(scene, region, target, relation == "against", near, tall, config.search.habits)
+    found = grid_candidates(grid, region, object, base, wanted, config.search, keep)
     if not found:
         raise NoRoom(_why(region, object))
     task = _Task(scene, object, region, relation, config, base, volumes)
+    yield from _free(task, found, max(2.0, config.min_spacing * radius / region.cell), target)
+
+
+def _free(task: _Task, found: list[GridCandidate], spacing: float, target: str) -> Iterator[Pose]:
+    """Yield the free poses among candidates, some cells [cell] apart, one at least."""
     conflicts: list[str] = []
-    spacing = max(2.0, config.min_spacing * radius / region.cell)
-    for number, candidate in enumerate(_spread(found, spacing, config.attempts), start=1):
+    good = 0
+    for number, candidate in enumerate(_spread(found, spacing, task.config.attempts), start=1):
         pose, conflict = _refined(task, candidate, number)
-        if conflict is None:
-            return pose
-        conflicts.append(conflict)
-    worst = max(set(conflicts), key=conflicts.count)
-    raise NoRoom(f"none of {len(conflicts)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
+        if conflict is not None:
+            conflicts.append(conflict)
+            continue
+        yield pose
+        good += 1
+        if good == task.config.alternatives:
+            return
+    if not good:
+        worst = max(set(conflicts), key=conflicts.count)
+        height = task.region.height
+        raise NoRoom(f"none of {len(conflicts)} places on {target!r} at {height:.2f} m is free: most {worst}")
 
 
 def _frame(scene: Scene, object: Mesh, region: Region, target: str) -> tuple[np.ndarray, float, float]:
@@ -148,20 +182,36 @@ class _Task:
 
 
 def _refined(task: _Task, candidate: GridCandidate, number: int) -> tuple[Pose, str | None]:
-    """Return the exact pose of a candidate, and the conflict there or None."""
+    """Return the exact pose of a candidate, and the conflict there or None; what would fall over leans if it may."""
+    if task.relation == "against" and slender(task.object):
+        pose, conflict = _touching(task, candidate, number, lean=True)
+        if conflict is None:
+            return pose, None
+    return _touching(task, candidate, number, lean=False)
+
+
+def _touching(task: _Task, candidate: GridCandidate, number: int, lean: bool) -> tuple[Pose, str | None]:
+    """Return the pose of a candidate lowered, or pushed, until it touches, and the conflict there or None."""
     scene, object, region, config = task.scene, task.object, task.region, task.config
     toward = -region.normal if region.kind == "vertical" else np.array([0.0, 0.0, -1.0])
     turn = _turn(region, task.base, candidate.turn)
+    turn = leaned(turn) if lean else turn
     start = _start(task, candidate, turn, toward, number)
+    if lean:
+        # The search found room for it upright; its top is not to begin in the wall.
+        forward = turn @ np.array([1.0, 0.0, 0.0]) * (1.0, 1.0, 0.0)
+        away = float(np.ptp(object.bounds[:, 2])) * float(np.sin(LEAN)) * forward / np.linalg.norm(forward)
+        start = replace(start, position=tuple((np.array(start.position) + away).tolist()))
     against = task.relation == "against"
-    reach = 0.1 if against else 2 * config.lowering_height
+    reach = config.slide if against else 2 * config.lowering_height
     local = nearby(scene, *_grown(start.moved(object).bounds, reach + 0.01))
     pose = moved_into_contact(start, object, local, toward, 2 * config.lowering_height, config.contact_gap)
     if pose is None:
         return start, "carry nothing"
     if against:
-        back = turn @ np.array([-1.0, 0.0, 0.0])
-        pose = moved_into_contact(pose, object, local, back, reach, config.back_gap) or pose
+        pose = _slid_back(task, pose, local, turn, config.back_gap)
+        if pose is None:
+            return start, "have nothing behind them"
     for _ in range(4):
         pose = pose.rounded()
         conflict = placement_conflict(scene, pose.moved(object), local, task.volumes, config.swept_volume_tolerance)
@@ -170,6 +220,19 @@ def _refined(task: _Task, candidate: GridCandidate, number: int) -> tuple[Pose, 
         # Between two edges the distance may be shorter than from any point that was queried.
         pose = replace(pose, position=tuple((np.array(pose.position) - config.contact_gap * toward).tolist()))
     return pose, conflict
+
+
+def _slid_back(task: _Task, pose: Pose, local: Mesh, turn: np.ndarray, gap: float) -> Pose | None:
+    """Return a standing pose moved back until it almost touches; None if there is nothing behind it."""
+    # Off the floor, over whose bumps it would stumble.
+    up = np.array([0.0, 0.0, task.config.lowering_height])
+    lifted = replace(pose, position=tuple((np.array(pose.position) + up).tolist()))
+    back = turn @ np.array([-1.0, 0.0, 0.0]) * (1.0, 1.0, 0.0)
+    behind = moved_into_contact(lifted, task.object, local, back / np.linalg.norm(back), task.config.slide, gap)
+    if behind is None:
+        return None
+    down, reach = np.array([0.0, 0.0, -1.0]), 3 * task.config.lowering_height
+    return moved_into_contact(behind, task.object, local, down, reach, task.config.contact_gap)
 
 
 def _start(task: _Task, candidate: GridCandidate, turn: np.ndarray, toward: np.ndarray, number: int) -> Pose:

@@ -6,7 +6,7 @@ cell of the same layer and where the cells it touches carry. What remains is ran
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +15,13 @@ from scipy import fft, ndimage
 from s2a.geometry.mesh_ops import sample
 from s2a.geometry.occupancy import Grid, distinct_cells, occupied_layers
 from s2a.geometry.regions import Region
+from s2a.insert.place.preferences import PreferenceConfig, Preferences, at_the_back, closeness, hanging_score
 from s2a.insert.place.swept_volumes import SweptVolume, fill
 from s2a.ranges import Count, Fraction, NotNegative, Numbers, Positive
 from s2a.scene import Mesh
+
+RIM = 0.5
+"""Rim fraction from which a region is a basin."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +36,14 @@ class SearchConfig:
         min_supported_fraction: smallest fraction of the touching cells that must be supported.
         margin: clearance kept around the object [m].
         max_useful_clearance: clearance beyond this does not improve a placement [m].
+        max_overhang: largest share of the object, seen from above, that is beyond its support.
         max_placements: placements ranked per yaw.
         clearance_weight: weight of the clearance around the object.
         facing_weight: weight of the facing direction.
         neighbour_weight: weight of the distance to the requested neighbour.
         backing_weight: weight of a back that is against something, for relation "against".
         neighbour_distance: distance over which the neighbour's weight decays [m].
+        habits: where people put things.
     """
 
     turns: Numbers
@@ -47,12 +53,14 @@ class SearchConfig:
     min_supported_fraction: Fraction
     margin: NotNegative
     max_useful_clearance: Positive
+    max_overhang: Fraction
     max_placements: Count
     clearance_weight: float
     facing_weight: float
     neighbour_weight: float
     backing_weight: float
     neighbour_distance: Positive
+    habits: PreferenceConfig
 
 
 @dataclass(frozen=True)
@@ -73,19 +81,6 @@ class GridCandidate:
 
 
 @dataclass(frozen=True)
-class Preferences:
-    """Preferences among placements.
-
-    Attributes:
-        against: Prefer placements with the object's back against something.
-        near: points of the requested neighbour [m], shape [point 3], or None.
-    """
-
-    against: bool
-    near: np.ndarray | None
-
-
-@dataclass(frozen=True)
 class OccupancyGrid:
     """The padded occupancy grid over a region.
 
@@ -94,12 +89,14 @@ class OccupancyGrid:
         carries: supported cells with clearance, shape [row column].
         layers: occupied cells by layer, shape [layer row column].
         edges: heights of the layers' borders above the region [m], shape [layer + 1].
+        beyond: cells beyond the outline of the region, over which things would hang, shape [row column].
     """
 
     pad: int
     carries: np.ndarray
     layers: np.ndarray
     edges: np.ndarray
+    beyond: np.ndarray
 
 
 def occupancy_grid(
@@ -120,13 +117,22 @@ def occupancy_grid(
     for volume in volumes:
         fill(layers, edges, region, pad, volume, config.contact_height)
     grow = max(1, round(config.margin / region.cell))
-    return OccupancyGrid(
-        pad, carries, np.stack([ndimage.binary_dilation(layer, iterations=grow) for layer in layers]), edges
-    )
+    grown = np.stack([ndimage.binary_dilation(layer, iterations=grow) for layer in layers])
+    # What stands at the border hides it from the scanner: the outline counts, and a cell of tolerance.
+    outline = ndimage.binary_dilation(ndimage.binary_fill_holes(np.pad(region.support, pad)))
+    # What is in a basin may reach over its rim.
+    beyond = ~outline & (region.rim_fraction <= RIM)
+    return OccupancyGrid(pad, carries, grown, edges, beyond)
 
 
 def grid_candidates(
-    grid: OccupancyGrid, region: Region, object: Mesh, base: np.ndarray, preferences: Preferences, config: SearchConfig
+    grid: OccupancyGrid,
+    region: Region,
+    object: Mesh,
+    base: np.ndarray,
+    preferences: Preferences,
+    config: SearchConfig,
+    keep: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> list[GridCandidate]:
     """Return possible places, best first.
 
@@ -137,12 +143,12 @@ def grid_candidates(
         base: rotation from the object's frame to the region's at turn 0, shape [3 3].
         preferences: what makes a placement better.
         config: turns and weights.
+        keep: of points [m], shape [place 3], those that a wish allows, shape [place]; None for all.
     """
     shape = tuple(fft.next_fast_len(n, real=True) for n in grid.carries.shape)
-    spectra = fft.rfft2(np.stack([~grid.carries, *grid.layers]).astype(np.float32), shape)
+    spectra = fft.rfft2(np.stack([~grid.carries, *grid.layers, grid.beyond]).astype(np.float32), shape)
     room = _room(grid) * region.cell
-    nearness = _nearness(grid, region, preferences, config)
-    walls = np.asarray(grid.layers[grid.layers.shape[0] // 2 :].any(axis=0))
+    nearness = closeness(grid.carries.shape, grid.pad, region, preferences, config.neighbour_distance)
     points = np.concatenate([sample(object, config.samples, seed=0), object.vertices])
     turns = np.radians(config.turns) if region.kind != "vertical" else np.zeros(1)
     found: list[GridCandidate] = []
@@ -154,22 +160,44 @@ def grid_candidates(
         possible = _possible(spectra, prints, shape, grid.carries.shape, config)
         places = np.argwhere(possible)
         places = places[:: max(1, len(places) // config.max_placements)]
+        if keep is not None and len(places):
+            places = places[keep(region.points(places - grid.pad + 0.5))]
         if not len(places):
             continue
-        whole = distinct_cells(np.concatenate(prints))
-        free = _lowest(room, places, whole)
-        score = (
-            config.clearance_weight * np.minimum(free, config.max_useful_clearance) / config.max_useful_clearance
-            + config.neighbour_weight * nearness[tuple(places.T)]
-        )
-        if preferences.against:
-            score = score * 0.2 + config.backing_weight * _back(walls, places, local, region, base, turn)
-            score -= 0.01 * config.facing_weight * abs(turn)
-        else:
-            score += config.facing_weight * np.cos(turn)
+        free = _lowest(room, places, distinct_cells(np.concatenate(prints)))
+        score = _scores(places, free, prints, local, grid, region, base, turn, preferences, config)
+        score = score + config.neighbour_weight * nearness[tuple(places.T)] * (0.2 if preferences.against else 1.0)
         best = np.argsort(-score, kind="stable")[: config.max_placements // 4]
         found += [GridCandidate(float(score[i]), float(turn), places[i] - grid.pad + 0.5, float(free[i])) for i in best]
     return sorted(found, key=lambda one: -one.score)
+
+
+def _scores(
+    places: np.ndarray,
+    free: np.ndarray,
+    prints: list[np.ndarray],
+    local: np.ndarray,
+    grid: OccupancyGrid,
+    region: Region,
+    base: np.ndarray,
+    turn: float,
+    wanted: Preferences,
+    config: SearchConfig,
+) -> np.ndarray:
+    """Return how good places are but for the wished neighbour, shape [place]; `free` is their clearance [m]."""
+    habits = config.habits
+    useful = habits.backed_clearance if any(wanted.backed) else config.max_useful_clearance
+    clearance = config.clearance_weight * np.minimum(free, useful) / useful
+    if region.kind == "vertical":
+        cells = distinct_cells(np.concatenate(prints))
+        return clearance + hanging_score(places, cells, local, region, grid.pad, wanted, habits)
+    away = at_the_back(places, local, region, grid.pad, wanted)
+    if wanted.against:
+        walls = np.asarray(grid.layers[grid.layers.shape[0] // 2 :].any(axis=0))
+        backing = config.backing_weight * _back(walls, places, local, region, base, turn)
+        return 0.2 * clearance + backing - 0.01 * config.facing_weight * abs(turn)
+    at_back = habits.back_weight * np.exp(-away / habits.back_distance)
+    return np.asarray(clearance + at_back + config.facing_weight * np.cos(turn))
 
 
 def _prints(local: np.ndarray, cell: float, grid: OccupancyGrid, config: SearchConfig) -> list[np.ndarray]:
@@ -193,9 +221,13 @@ def _possible(
         kernel[tuple(cells.T)] = 1.0  # negative indices wrap around, as the transform does
     turned = np.conj(fft.rfft2(kernels))
     hanging = fft.irfft2(spectra[0] * turned[0], fast)[: shape[0], : shape[1]]
-    hits = fft.irfft2((spectra[1:] * turned[1:]).sum(axis=0), fast)[: shape[0], : shape[1]]
+    hits = fft.irfft2((spectra[1:-1] * turned[1:]).sum(axis=0), fast)[: shape[0], : shape[1]]
     possible = (hits < 0.5) & (hanging < (1.0 - config.min_supported_fraction) * len(prints[0]) + 0.5)
-    cells = np.concatenate(prints)
+    cells = distinct_cells(np.concatenate(prints))
+    outline = np.zeros(fast, np.float32)
+    outline[tuple(cells.T)] = 1.0
+    over = fft.irfft2(spectra[-1] * np.conj(fft.rfft2(outline)), fast)[: shape[0], : shape[1]]
+    possible &= over < config.max_overhang * len(cells) + 0.5
     low, high = np.maximum(0, -cells.min(axis=0)), np.minimum(shape, shape - cells.max(axis=0))
     inner = np.zeros_like(possible)
     inner[low[0] : max(high[0], 0), low[1] : max(high[1], 0)] = True
@@ -216,17 +248,6 @@ def _lowest(field: np.ndarray, places: np.ndarray, cells: np.ndarray) -> np.ndar
     for cell in rim:
         np.minimum(lowest, field[tuple((places + cell).T)], out=lowest)
     return lowest
-
-
-def _nearness(grid: OccupancyGrid, region: Region, preferences: Preferences, config: SearchConfig) -> np.ndarray:
-    """Return for every cell how near it is to the wished neighbour: 1 at it, fading to 0, shape [row column]."""
-    if preferences.near is None:
-        return np.zeros(grid.carries.shape)
-    cells = np.floor(region.places(preferences.near)[:, :2]).astype(int) + grid.pad
-    cells = np.unique(np.clip(cells, 0, np.array(grid.carries.shape) - 1), axis=0)
-    away = np.ones(grid.carries.shape, bool)
-    away[tuple(cells.T)] = False
-    return np.exp(-ndimage.distance_transform_edt(away) * region.cell / config.neighbour_distance)
 
 
 def _back(

@@ -50,6 +50,12 @@ def tilt_margins(mesh: Mesh) -> dict[str, float]:
     return found
 
 
+def tilt_margin(mesh: Mesh, up: np.ndarray) -> float:
+    """Return how far an object may be tilted before it falls with a direction up [3], as a fraction of a right angle."""
+    points, middle = _weighed(mesh)
+    return _tilt(points, middle, up, FOOT)
+
+
 def settled_axis(mesh: Mesh, axis: np.ndarray) -> np.ndarray:
     """Return the up direction of the resting pose after release with an axis up [3], unit, shape [3].
 

@@ -12,6 +12,7 @@ from s2a import robot as robots
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
 from s2a.planner.motion import PlannerConfig
+from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import surface_points
 from s2a.planner.pick_place import LIFT, plan_pick
 from s2a.planner.pick_plan import PickPlan
@@ -46,9 +47,10 @@ class PickStage(SimStage):
 
     def workspace(self) -> Workspace:
         """Return where the plan, and what lies free, pass."""
-        found, spec = super().workspace(), robots.load(self.robot)
-        points = self.plan.swept(spec, surface_points([c.mesh for c in self.room.free[self.target].colliders]))
-        return Workspace(np.concatenate([found.points, points]), found.shoulder, found.reach, planned=True)
+        surface = surface_points([c.mesh for c in self.room.free[self.target].colliders])
+        ends = [surface @ at[:3, :3].T + at[:3, 3] for at in (matrix(self.start), matrix(self.goal))]
+        passed = self.plan.swept(robots.load(self.robot), surface)
+        return super().workspace().planned_along(passed, np.concatenate(ends))
 
 
 def read_stage(

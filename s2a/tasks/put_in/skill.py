@@ -49,11 +49,9 @@ class PutStage(skill.PickStage):
 
     def workspace(self) -> Workspace:
         """Return where the plan, and what moves, pass."""
-        found, spec = super().workspace(), robots.load(self.robot)
         put = self.put
         arm = np.concatenate([put.to_shut, put.handle, put.leave, put.home, put.to_open])
-        points = put.pick.passed(spec, arm)
-        return Workspace(np.concatenate([found.points, points]), found.shoulder, found.reach, planned=True)
+        return super().workspace().planned_along(put.pick.passed(robots.load(self.robot), arm), np.zeros((0, 3)))
 
 
 def read_stage(path: Path, part: str | None, robot: str | None, also: Sequence[str], config: PutInConfig) -> PutStage:

@@ -1,0 +1,88 @@
+"""Are wishes heeded, and impossible ones declined? One small object, the wishes of wishes.yaml, unseen rooms, by the rules.
+
+    python experiments/wishes.py [--runs runs/wishes] [--seed 100] [--rooms office kitchen ...] [--name rules]
+
+Scans the rooms and makes the zoo unless they are there (`insertion_study.py`; RUNS belongs to one seed). Prints a table by
+relation, and writes it with a line a wish to experiments/results/wishes_NAME.json. Heeded is what the check of the result says
+(`s2a.insert.wishes.check`). A wish whose thing the room of this seed happens not to have counts as impossible: the row says so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import yaml
+from insertion_study import RESULTS, _insert_settings, _stage, _zoo  # the same rooms, objects and settings
+
+from s2a.insert.attempt import attempt
+from s2a.insert.batch import open_room
+from s2a.insert.pipeline import ObjectRequest
+from s2a.insert.wishes.heed import read_wish
+from s2a.llm.client import choose
+from s2a.provenance import provenance
+
+WISHES = Path(__file__).parent / "wishes.yaml"
+OBJECT, LABEL = "objects/matryoshka.ply", "matryoshka"
+"""What is put everywhere: small, stands firmly, and belongs nowhere in particular."""
+
+
+def main() -> None:
+    """Ask for every wish and write what came of it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=Path, default=Path("runs/wishes"))
+    parser.add_argument("--seed", type=int, default=100)
+    parser.add_argument("--rooms", nargs="*", default=list(yaml.safe_load(WISHES.read_text())))
+    parser.add_argument("--name", default="rules")
+    args = parser.parse_args()
+    # What the functions of the insertion study ask for besides.
+    args.virtual, args.llm, args.recordings, args.settings = "classic", "rules", None, []
+    rows: list[dict] = []
+    for name in args.rooms:
+        rows += _room(name, yaml.safe_load(WISHES.read_text())[name], args)
+        print(table(rows), flush=True)
+        report = {"seed": args.seed, "llm": "rules", **provenance("cpu"), "table": summary(rows), "rows": rows}
+        (RESULTS / f"wishes_{args.name}.json").write_text(json.dumps(report, indent=1) + "\n")
+
+
+def _room(name: str, wishes: list[dict], args: argparse.Namespace) -> list[dict]:
+    """Return a row for every wish of one room."""
+    settings = _insert_settings(_stage(name, args.seed, args), name, [], args)
+    room, model = open_room(settings), choose(settings.llm, None)
+    rows = []
+    for wish in wishes:
+        request, start = ObjectRequest(_zoo(args) / OBJECT, LABEL, wish["wish"]), time.perf_counter()
+        inserted, record = attempt(room, request, model, settings)
+        there = not read_wish(wish["wish"], room.scene).missing
+        row = {"room": name, **wish, "possible": wish["possible"] and there, "absent": not there}
+        row |= {"written": inserted is not None, "heeded": record.get("wish", {}).get("heeded", False)}
+        row |= {"right": row["heeded"] if row["possible"] else inserted is None, "problem": record["problem"]}
+        rows.append(row | {"seconds": round(time.perf_counter() - start, 2)})
+    return rows
+
+
+def summary(rows: list[dict]) -> list[dict]:
+    """Return heeded of possible and declined of impossible wishes by relation, and of all."""
+    found = []
+    for relation in [*sorted({row["relation"] for row in rows}), "all"]:
+        own = [row for row in rows if relation in (row["relation"], "all")]
+        can, cannot = [row for row in own if row["possible"]], [row for row in own if not row["possible"]]
+        counts = {"possible": len(can), "heeded": sum(row["right"] for row in can)}
+        counts |= {"impossible": len(cannot), "declined": sum(row["right"] for row in cannot)}
+        found.append({"relation": relation, **counts})
+    return found
+
+
+def table(rows: list[dict]) -> str:
+    """Return the summary as text."""
+    lines = [f"{'relation':12}{'heeded':>12}{'declined':>12}"]
+    for line in summary(rows):
+        heeded, declined = f"{line['heeded']}/{line['possible']}", f"{line['declined']}/{line['impossible']}"
+        lines.append(f"{line['relation']:12}{heeded:>12}{declined:>12}")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Wishes in words: parsed into relations, and checked on the result."""

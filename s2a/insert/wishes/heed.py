@@ -1,0 +1,117 @@
+"""What an insertion does with a wish: declines what cannot be, narrows the search, objects to what does not meet it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from s2a.config import nearest
+from s2a.errors import InputError
+from s2a.geometry.convex import box
+from s2a.insert.place.supports import target_mesh
+from s2a.insert.wishes.check import between, met, placed, viewer
+from s2a.insert.wishes.parse import Wish, parse_wish
+from s2a.scene import Mesh, Scene
+from s2a.usd.boxes import silhouette
+
+SIDED = ("left", "right", "front", "behind", "above", "back edge", "front edge", "corner", "middle")
+NAMED = 12
+"""Kinds of things that are named where one is missing."""
+
+
+def read_wish(text: str, scene: Scene) -> Wish:
+    """Return the parsed wish for a room."""
+    return parse_wish(text, {i: part.label for i, part in scene.parts.items() if len(part.mesh.faces)})
+
+
+def decline(wish: Wish, text: str, scene: Scene, understood: bool) -> None:
+    """Raise an InputError if a wish names a thing that is not there, or if nothing of it is known to mean anything.
+
+    Args:
+        wish: the parsed wish.
+        text: what was said.
+        scene: the room.
+        understood: True if a model reads the wish, too.
+    """
+    if text and not (wish.relations or wish.missing or understood):
+        raise InputError(
+            f"prompt {text[:80]!r}: the rules know relations to things of the room, such as 'on the desk', 'left of the bed', "
+            "'between the cup and the lamp'; say it so, ask a model (llm=chat), or give wish=prefer to have it passed over"
+        )
+    if not wish.missing:
+        return
+    kinds = list(dict.fromkeys(part.label for part in scene.parts.values() if part.parent is None))
+    listed = ", ".join(kinds[:NAMED]) + (", ..." if len(kinds) > NAMED else "")
+    raise InputError(
+        f"prompt {text[:80]!r}: there is no {wish.missing[0]!r} in this room{nearest(wish.missing[0], kinds)}; "
+        f"there are: {listed}; name one of these, or give wish=prefer to put it elsewhere"
+    )
+
+
+def objection(wish: Wish, scene: Scene, object: Mesh) -> str:
+    """Return the first relation that an object in its place [m] does not have, as a clause; empty if it has all."""
+    unmet = next((one for one in wish.relations if not met(scene, object, one)), None)
+    return "" if unmet is None else f"it would not be {'so: not ' if unmet.negated else ''}{unmet.words!r} there"
+
+
+def verdict(wish: Wish, text: str, scene: Scene, object: Mesh) -> dict[str, Any]:
+    """Return for the record which relations of a wish hold; `heeded` is None where nothing of it was understood."""
+    relations = [{"relation": one.kind, "words": one.words, "met": met(scene, object, one)} for one in wish.relations]
+    heeded = all(one["met"] for one in relations) and not wish.missing if relations or wish.missing else None
+    return {"wish": text, "heeded": heeded, "relations": relations, "missing": list(wish.missing)}
+
+
+def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np.ndarray] | None:
+    """Return a filter of places [m] for the search, rough where the check of the result is exact; None for no filter.
+
+    Args:
+        wish: the wish.
+        scene: the room.
+        object: upright, standing on z = 0 above the origin, in metres.
+    """
+    sided = [one for one in wish.relations if not one.negated and one.kind in (*SIDED, "between", "near")]
+    if not sided:
+        return None
+    sides = np.ptp(object.bounds, axis=0)
+    # Sides are told from outlines: the points of a scan would be gone through for every place.
+    known = {i: _outline(target_mesh(scene, i)) for one in sided for ids in one.part_ids for i in ids}
+    seen = {i: viewer(scene, object, i, target_mesh(scene, i)) for i in known}
+
+    def one_place(place: np.ndarray) -> bool:
+        brick = box(np.array([0.0, 0.0, sides[2] / 2]) + place, np.eye(3), np.array([min(sides[:2])] * 2 + [sides[2]]))
+        for one in sided:
+            if one.kind == "between":
+                holds = any(
+                    a != b and between(brick, known[a], known[b]) for a in one.part_ids[0] for b in one.part_ids[1]
+                )
+            elif one.kind == "near":
+                holds = any(_gap(brick, known[i]) < 0.4 for i in one.part_ids[0])
+            else:
+                holds = any(placed(brick.bounds, seen[i], brick, known[i], one.kind) for i in one.part_ids[0])
+            if not holds:
+                return False
+        return True
+
+    known_places: dict[tuple[float, ...], bool] = {}  # the same ones come for every turn of the object
+
+    def keep(places: np.ndarray) -> np.ndarray:
+        for place in places:
+            asked = tuple(place.round(4).tolist())
+            if asked not in known_places:
+                known_places[asked] = one_place(place)
+        return np.array([known_places[tuple(place.round(4).tolist())] for place in places], bool)
+
+    return keep
+
+
+def _outline(mesh: Mesh) -> Mesh:
+    """Return the points of a mesh that bound it from all sides."""
+    return Mesh(silhouette(mesh.vertices), np.empty((0, 3), int))
+
+
+def _gap(brick: Mesh, mesh: Mesh) -> float:
+    """Return the distance between two boxes [m]."""
+    apart = np.maximum(brick.bounds[0] - mesh.bounds[1], mesh.bounds[0] - brick.bounds[1])
+    return float(np.linalg.norm(np.maximum(apart, 0.0)))

@@ -1,0 +1,155 @@
+"""Wishes: understood, checked on the result, heeded or declined."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from rough_furniture import at, block, sheet
+
+from s2a.errors import InputError
+from s2a.geometry.mesh_ops import merge
+from s2a.insert.wishes.check import met
+from s2a.insert.wishes.heed import decline, read_wish, verdict
+from s2a.insert.wishes.parse import parse_wish
+from s2a.scene import Mesh, Part, Scene
+
+CUP = block(0.08, 0.08, 0.1)
+
+
+def room() -> Scene:
+    """A desk before a wall at y = 0.6, seen from -y: from left to right a lamp, a keyboard, a crate; a shelf of three boards."""
+    boards = [at(block(0.8, 0.3, 0.02), -1.5, 0.45, height) for height in (0.1, 0.6, 1.1, 1.6)]
+    sides = [at(block(0.02, 0.3, 1.6), x, 0.45, 0.0) for x in (-1.9, -1.1)]
+    back = at(block(0.8, 0.02, 1.6), -1.5, 0.6, 0.0)
+    tray = merge([at(block(0.4, 0.3, 0.01), 2.2, 0.3, 0.0)] + [
+        at(block(*size, 0.2), 2.2 + x, 0.3 + y, 0.0)
+        for size, x, y in (((0.01, 0.3), -0.2, 0), ((0.01, 0.3), 0.2, 0), ((0.4, 0.01), 0, -0.15), ((0.4, 0.01), 0, 0.15))
+    ])  # fmt: skip
+    flat = sheet((-2, 3), (0, 2.5), 0.0, 0.05)
+    return Scene("room", {
+        "floor_1": Part("floor", sheet((-2, 3), (-3, 0.6), 0.0, 0.05)),
+        "desk_2": Part("office desk", sheet((0, 1.6), (0, 0.6), 0.74)),
+        "lamp_3": Part("lamp", at(block(0.12, 0.12, 0.4), 0.2, 0.4, 0.741)),
+        "keyboard_4": Part("keyboard", at(block(0.4, 0.14, 0.03), 0.8, 0.2, 0.741)),
+        "crate_5": Part("crate", at(block(0.2, 0.2, 0.2), 1.4, 0.4, 0.741)),
+        "shelf_6": Part("shelf", merge([*boards, *sides, back])),
+        "box_7": Part("storage box", tray),
+        "wall_8": Part("wall", Mesh(flat.vertices[:, [0, 2, 1]] + [0, 0.62, 0], flat.faces)),
+    })  # fmt: skip
+
+
+LABELS = {part_id: part.label for part_id, part in room().parts.items()}
+
+
+@pytest.mark.parametrize(
+    ("said", "kinds", "things"),
+    [
+        ("put it next to the keyboard", ["near"], ["keyboard_4"]),
+        ("on the desk, to the left of the crate", ["on", "left"], ["desk_2", "crate_5"]),
+        ("Between the lamp and the keyboard.", ["between"], ["lamp_3", "keyboard_4"]),
+        ("at the back edge of the office desk", ["back edge"], ["desk_2"]),
+        ("on the top shelf", ["top"], ["shelf_6"]),
+        ("inside the storage box please", ["in"], ["box_7"]),
+        ("hang it on the wall above the desk at 1.5 m", ["height", "wall", "above"], ["wall_8", "desk_2"]),
+        ("in front of the keyboard, not on the floor", ["front", "on"], ["keyboard_4", "floor_1"]),
+        ("on desk_2", ["on"], ["desk_2"]),
+        ("somewhere nice", [], []),
+        ("in the middle of the room", [], []),
+    ],
+)
+def test_wishes_become_relations(said: str, kinds: list[str], things: list[str]) -> None:
+    wish = parse_wish(said, LABELS)
+    assert [one.kind for one in wish.relations] == kinds
+    assert [ids[0] for one in wish.relations for ids in one.part_ids] == things
+    assert wish.missing == ()
+    assert [one.negated for one in wish.relations] == ["not" in said and one.kind == "on" for one in wish.relations]
+
+
+@pytest.mark.parametrize(
+    ("said", "missing"),
+    [("in the bathtub", "bathtub"), ("between the lamp and the piano", "piano"), ("next to my aquarium", "aquarium")],
+)
+def test_what_is_not_there_is_missing_and_declined_by_name(said: str, missing: str) -> None:
+    wish = read_wish(said, room())
+    assert wish.missing == (missing,)
+    with pytest.raises(
+        InputError, match=f"there is no '{missing}' in this room.*there are: floor, office desk.*wish=prefer"
+    ):
+        decline(wish, said, room(), understood=True)
+
+
+def test_what_the_rules_do_not_understand_they_decline() -> None:
+    with pytest.raises(InputError, match="the rules know relations"):
+        decline(read_wish("somewhere nice", room()), "somewhere nice", room(), understood=False)
+    decline(read_wish("somewhere nice", room()), "somewhere nice", room(), understood=True)
+
+
+@pytest.mark.parametrize(
+    ("said", "place", "holds"),
+    [
+        ("on the desk", (0.5, 0.3, 0.745), True),
+        ("on the desk", (0.5, -0.3, 0.745), False),
+        ("on the desk", (0.5, 0.3, 0.9), False),
+        ("on the floor", (0.5, -1.0, 0.003), True),
+        ("on the floor", (0.5, 0.3, 0.745), False),
+        ("not on the floor", (0.5, 0.3, 0.745), True),
+        ("not on the floor", (0.5, -1.0, 0.003), False),
+        ("left of the keyboard", (0.5, 0.2, 0.745), True),
+        ("left of the keyboard", (1.1, 0.2, 0.745), False),
+        ("right of the keyboard", (1.1, 0.2, 0.745), True),
+        ("in front of the keyboard", (0.8, 0.06, 0.745), True),
+        ("in front of the keyboard", (0.8, 0.4, 0.745), False),
+        ("behind the keyboard", (0.8, 0.4, 0.745), True),
+        ("between the lamp and the crate", (0.8, 0.4, 0.745), True),
+        ("between the lamp and the crate", (1.55, 0.4, 0.745), False),
+        ("between the lamp and the crate", (0.8, 0.05, 0.745), False),
+        ("next to the lamp", (0.4, 0.4, 0.745), True),
+        ("next to the lamp", (1.2, 0.1, 0.745), False),
+        ("far from the lamp", (1.2, 0.1, 0.745), True),
+        ("at the back edge of the desk", (0.6, 0.5, 0.745), True),
+        ("at the back edge of the desk", (0.6, 0.1, 0.745), False),
+        ("at the front edge of the desk", (0.6, 0.06, 0.745), True),
+        ("in the corner of the desk", (0.06, 0.06, 0.745), True),
+        ("in the corner of the desk", (0.8, 0.06, 0.745), False),
+        ("in the middle of the desk", (0.8, 0.33, 0.745), True),
+        ("in the middle of the desk", (0.2, 0.2, 0.745), False),
+        ("in the box", (2.2, 0.3, 0.015), True),
+        ("in the box", (2.7, 0.3, 0.003), False),
+        ("in the shelf", (-1.5, 0.45, 0.62), True),
+        ("on the top shelf", (-1.5, 0.45, 1.12), True),
+        ("on the top shelf", (-1.5, 0.45, 0.62), False),
+        ("on the bottom shelf", (-1.5, 0.45, 0.12), True),
+        ("on the bottom shelf", (-1.5, 0.45, 1.12), False),
+        ("above the desk", (0.8, 0.55, 1.4), True),
+        ("above the desk", (-1.0, 0.55, 1.4), False),
+        ("under the desk", (0.8, 0.3, 0.003), True),
+        ("under the desk", (0.8, -0.5, 0.003), False),
+        ("on the wall", (0.8, 0.57, 1.4), True),
+        ("on the wall", (0.8, 0.3, 0.745), False),
+        ("at 1.5 m", (0.8, 0.57, 1.45), True),
+        ("at 1.5 m", (0.8, 0.57, 1.1), False),
+    ],
+)
+def test_a_relation_is_told_from_where_the_object_is(said: str, place: tuple[float, float, float], holds: bool) -> None:
+    (relation,) = parse_wish(said, LABELS).relations
+    assert met(room(), at(CUP, *place), relation) == holds
+
+
+def test_the_verdict_says_what_holds_and_what_does_not() -> None:
+    wish = parse_wish("on the desk left of the crate", LABELS)
+    good = verdict(wish, "w", room(), at(CUP, 1.2, 0.4, 0.745))
+    assert good["heeded"] is True
+    bad = verdict(wish, "w", room(), at(CUP, 1.55, 0.4, 0.745))
+    assert [one["met"] for one in bad["relations"]] == [True, False]
+    assert bad["heeded"] is False
+    assert verdict(parse_wish("nicely", LABELS), "nicely", room(), CUP)["heeded"] is None
+
+
+def test_left_and_right_change_with_the_side_of_the_room() -> None:
+    parts = room().parts.items()
+    meshes = {i: Mesh(part.mesh.vertices * [-1, -1, 1], part.mesh.faces) for i, part in parts}
+    turned = Scene("room", {i: replace(part, mesh=meshes[i]) for i, part in parts})
+    (left,) = parse_wish("left of the keyboard", LABELS).relations
+    assert met(turned, at(CUP, -0.5, -0.2, 0.745), left)
+    assert not met(turned, at(CUP, -1.1, -0.2, 0.745), left)

@@ -7,6 +7,7 @@ import json
 import logging
 import math
 import shutil
+import time
 import zipfile
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
@@ -146,7 +147,17 @@ def cut(out: Path, first: int) -> None:
     for folder in (*out.glob(".model_*"), *out.glob(".metrics.json.*")):
         shutil.rmtree(folder)
     if any(out.glob("events.*")):
+        _next_second()
         SummaryWriter(str(out), purge_step=first).close()
+        _next_second()
+
+
+def _next_second() -> None:
+    """Wait until the clock shows another second.
+
+    TensorBoard reads event files by name, of second and number: of one second, the tenth comes before the ninth.
+    """
+    time.sleep(1.01 - time.time() % 1.0)
 
 
 def curve(out: Path) -> list[dict[str, float]]:

@@ -15,6 +15,7 @@ import torch
 from cabinet import write_cabinet
 from counting_env import CountingEnv
 from settings import load
+from tensorboard.summary.writer import event_file_writer
 
 from s2a import config
 from s2a.commands import train as verb
@@ -67,7 +68,12 @@ class Killed(CountingEnv):
             raise InterruptedError
 
 
-def test_the_log_of_an_interrupted_run_is_that_of_a_whole_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [8, 9])
+def test_the_log_of_an_interrupted_run_is_that_of_a_whole_one(
+    tmp_path: Path, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The name of an event file ends in how many its process has written, and "10" comes before "9".
+    monkeypatch.setattr(event_file_writer, "_global_uid", event_file_writer.AtomicCounter(number))
     settings = load(PpoConfig, "ppo/default", **SMALL)
     with pytest.raises(InterruptedError):
         train(Killed(), settings, tmp_path)

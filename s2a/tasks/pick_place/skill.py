@@ -128,6 +128,8 @@ def pick(found: Segments, plan: PickPlan, config: PlannerConfig) -> None:
     found.close()
     found.go(plan.lift, straight)
     found.between(plan.carry, config.reach_time)
+    found.align(np.linalg.inv(plan.grasp))
     found.go(plan.lower, 2.0 * straight)
     found.open()
     found.go(plan.retreat, config.approach_time)
+    found.leave_aligned()

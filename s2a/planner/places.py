@@ -21,8 +21,9 @@ LEVEL = 0.004
 """[m] Up to which a support's height may differ below an object."""
 APART = 0.15
 """[m] Least distance of a free spot from where the object stands."""
-MARGIN = 0.04
-"""[m] Between an object on a free spot and everything beside it: an open finger with its clearance, and the arm's error."""
+MARGINS = 0.08, 0.04
+"""[m] Between an object on a free spot and everything beside it: half of the gripper's body; else an open finger with its
+clearance, and the arm's error."""
 GAP = 0.001
 """[m] Between an object and its support where it is put down."""
 
@@ -84,7 +85,7 @@ def _inserted(room: SimRoom, name: str, record: Path) -> np.ndarray:
 def free_placement(room: SimRoom, name: str, support: str, other: np.ndarray) -> np.ndarray:
     """Return a pose at which an object stands on a support, level and clear of all else, turned as it is in the file.
 
-    The nearest one to `other` (7-vector) that is APART from it.
+    The nearest one to `other` (7-vector) that is APART from it, of those with the larger of MARGINS if there are any.
 
     Raises:
         InputError: no such support near the object, or no free spot on it.
@@ -105,14 +106,17 @@ def free_placement(room: SimRoom, name: str, support: str, other: np.ndarray) ->
         for x, y in itertools.product(np.arange(low[0], high[0], GRID), np.arange(low[1], high[1], GRID))
     ]
     spots = [s for s in spots if np.linalg.norm(s - other[:2]) >= APART]
-    for spot in sorted(spots, key=lambda s: float(np.linalg.norm(s - other[:2]))):
+    spots.sort(key=lambda s: float(np.linalg.norm(s - other[:2])))
+    for margin, spot in itertools.product(MARGINS, spots):
         asked = np.c_[foot + spot, np.full(len(foot), high[2] + 0.3)]
         height, names = near.below(asked)
         if np.ptp(height) > LEVEL or set(names) != {support} or not math.isfinite(height[0]):
             continue
         z = float(height.max()) + GAP - float(points[:, 2].min())
-        beside = points[points[:, 2] > points[:, 2].min() + MARGIN + 0.01] + [*spot, z]
-        if len(beside) and near.depth(beside, np.full(len(beside), MARGIN)) > 0.0:
+        beside = points + [*spot, z]
+        # Spheres about what is low would reach into the support.
+        beside[:, 2] = np.maximum(beside[:, 2], float(height.max()) + margin + LEVEL)
+        if near.depth(beside, np.full(len(beside), margin)) > 0.0:
             continue
         return np.array([*spot, z, *body.orientation])
     raise InputError(

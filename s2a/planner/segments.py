@@ -56,12 +56,12 @@ class Segments:
 
     def close(self) -> None:
         """Close the fingers on what is between them."""
-        self._grip(self._shut)
+        self._grip(0.0)
         self.closed = self.closed or self._count()
 
-    def open(self) -> None:
-        """Open the fingers."""
-        self._grip(self._wide - self._shut)
+    def open(self, distance: float | None = None) -> None:
+        """Open the fingers until their pads are at a distance [m]; None: fully."""
+        self._grip(self._wide if distance is None else distance / self._spec.gripper.max_opening * self._wide)
 
     def align(self, held: np.ndarray) -> None:
         """Stand, and make up for how the object, planned at `held` [4 4] in the tool frame, has slipped in the hand."""
@@ -83,7 +83,9 @@ class Segments:
         self._arm.append(np.tile(self._arm[-1][-1], (steps, 1)))
         self._finger.append(np.full(len(self._arm[-1]), self._fingers))
 
-    def _grip(self, values: np.ndarray) -> None:
+    def _grip(self, goal: float) -> None:
+        """Move the fingers to a joint position, in the time that they need for all of their way."""
+        values = goal + (self._fingers - goal) * self._shut / self._wide
         self._arm.append(np.tile(self._arm[-1][-1], (len(values), 1)))
         self._finger.append(values)
         self._fingers = float(values[-1])

@@ -14,8 +14,9 @@ from cabinet import box, free_cube, write_cabinet
 from s2a import robot
 from s2a.errors import InputError
 from s2a.planner.free_motion import free_motion
+from s2a.planner.gripper_shape import gripper_boxes
 from s2a.planner.misses import Misses
-from s2a.planner.object_grasps import gripper_boxes, matrix, object_grasps
+from s2a.planner.object_grasps import matrix, object_grasps
 from s2a.planner.obstacles import RoomHulls
 from s2a.planner.pick_base import arm_depth, bases, reached
 from s2a.planner.pick_place import Unreachable, plan_pick
@@ -158,6 +159,15 @@ def test_a_free_placement_is_level_apart_and_on_the_support(tmp_path: Path) -> N
     assert pose[2] == pytest.approx(0.802 + 0.025 + 0.001, abs=1e-3)
     assert abs(pose[0]) < 0.305 - 0.025
     assert abs(pose[1]) < 0.381 - 0.025
+
+
+def test_what_is_low_keeps_clear_of_what_stands_beside_it_too(tmp_path: Path) -> None:
+    """Blocks of 3 cm stand 9 cm apart all over the cabinet: an object as low is put between no two of them."""
+    places = [(x, y) for x in np.arange(-0.27, 0.28, 0.09) for y in np.arange(-0.36, 0.37, 0.09)]
+    top = [box((x, y, 0.817), (0.01, 0.01, 0.015)) for x, y in places]
+    room = room_of(tmp_path, side=0.03, beside=top)
+    with pytest.raises(InputError, match="no level spot that is free"):
+        free_placement(room, "cube_9", "cabinet_1", np.array([0.0, -1.0, 0.8, 0, 0, 0, 1.0]))
 
 
 def test_a_record_of_another_object_is_refused(tmp_path: Path) -> None:

@@ -14,10 +14,11 @@ from s2a.geometry.mesh_ops import merge
 from s2a.planner.motion import PlannerConfig
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import surface_points
-from s2a.planner.pick_place import LIFT, plan_pick
+from s2a.planner.pick_place import plan_pick
 from s2a.planner.pick_plan import PickPlan
 from s2a.planner.places import free_object, place_pose, scanned
 from s2a.planner.segments import Segments
+from s2a.planner.straight_paths import LIFT
 from s2a.planner.trajectory import Trajectory
 from s2a.scene import Joint
 from s2a.sim.nearby import Workspace
@@ -123,6 +124,7 @@ def segments(sim: Simulation, first: np.ndarray, config: PlannerConfig) -> Segme
 def pick(found: Segments, plan: PickPlan, config: PlannerConfig) -> None:
     """Add the segments of a plan to a motion."""
     straight = config.approach_time * LIFT / config.approach
+    found.open(plan.opened)
     found.between(plan.reach, config.reach_time)
     found.go(plan.approach, config.approach_time)
     found.close()
@@ -130,6 +132,7 @@ def pick(found: Segments, plan: PickPlan, config: PlannerConfig) -> None:
     found.between(plan.carry, config.reach_time)
     found.align(np.linalg.inv(plan.grasp))
     found.go(plan.lower, 2.0 * straight)
-    found.open()
+    found.open(plan.opened)
     found.go(plan.retreat, config.approach_time)
     found.leave_aligned()
+    found.open()

@@ -2,11 +2,11 @@
 
     python experiments/pick_place.py [--num-envs 8] [--runs runs/pick_place] [--rooms office_0 ...] [--seed 0]
 
-Makes the zoo and the rooms below RUNS, inserts the objects (llm=rules) with 6 cm of room around each, and prepares each room with them as free objects. Each
-is picked from the nearest free spot of what it was put on, else of what is near, and placed as its insertion record says, by
-`s2a evaluate task=pick_place`. What is done in RUNS is not done again. Writes experiments/results/pick_place.json: a row an
-object, and all episodes together with their Wilson 95 % interval. An object that cannot be inserted, freed or planned for counts
-as so many failures, by its cause.
+Makes the zoo and the rooms below RUNS, inserts the objects (llm=rules) with 6 cm of room around each, and prepares each room
+with them as free objects. Each is picked from the nearest free spot of what it was put on, else of what is near, and placed as
+its insertion record says, by `s2a evaluate task=pick_place`. What is done in RUNS is not done again. Writes
+experiments/results/pick_place.json: a row an object, and all episodes together with their Wilson 95 % interval. An object that
+cannot be inserted, freed or planned for counts as so many failures, by its cause.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ROOMS = {
 }
 """Kinds and seeds of the rooms, and what is inserted: chosen by their size before any was tried."""
 ROOM = 0.06
-"""[m] Around an object as it is inserted: for the fingers, which are 15 mm thick and open 12 mm too far, and for half the hand."""
+"""[m] Around an object as it is inserted: for the fingers, 15 mm thick and 12 mm off the object, and for half of the hand."""
 FAR = 0.9
 """[m] Between the start and the place, at most: an arm of 0.855 m stands between them."""
 COLUMNS = ("grasped", "carried", "released_at_rest", "placed", "undisturbed")

@@ -146,7 +146,7 @@ def _support(path: Path, name: str) -> str:
 
     from s2a.errors import InputError
     from s2a.planner.obstacles import RoomHulls
-    from s2a.planner.places import free_placement, scanned
+    from s2a.planner.places import free_placements, scanned
     from s2a.usd import sim_stage
 
     room = sim_stage.read(path, visuals=False)
@@ -164,7 +164,7 @@ def _support(path: Path, name: str) -> str:
     }
     for support in [own, *sorted(away, key=lambda i: away[i])]:
         try:
-            start = free_placement(room, name, support, place)
+            start = next(free_placements(room, name, support, place))
         except InputError:
             continue
         if np.linalg.norm(start[:3] - place[:3]) <= FAR:

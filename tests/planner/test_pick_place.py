@@ -21,7 +21,7 @@ from s2a.planner.obstacles import RoomHulls
 from s2a.planner.pick_base import arm_depth, bases, reached
 from s2a.planner.pick_place import Unreachable, plan_pick
 from s2a.planner.pick_plan import PickPlan
-from s2a.planner.places import APART, first_planned, free_placements, place_poses
+from s2a.planner.places import APART, MARGINS, first_planned, free_placements, place_poses
 from s2a.robot.collision import robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
@@ -162,14 +162,14 @@ def test_a_free_placement_is_level_apart_and_on_the_support(tmp_path: Path) -> N
 
 
 def test_free_placements_are_apart_and_those_with_room_for_the_hand_come_first(tmp_path: Path) -> None:
-    """A block stands in the middle: from 16 cm off it on there is room for the hand."""
+    """A block of 4 cm stands in the middle."""
     room = room_of(tmp_path, beside=[box((0, 0, 0.85), (0.02, 0.02, 0.048))])
     poses = np.array(list(free_placements(room, "cube_9", "cabinet_1", START)))
     apart = np.linalg.norm(poses[:, None, :2] - poses[None, :, :2], axis=2) + 9.0 * np.eye(len(poses))
     assert len(poses) > 3 and apart.min() >= APART
-    away = np.linalg.norm(poses[:, :2], axis=1)
-    roomy, narrow = np.flatnonzero(away > 0.23), np.flatnonzero(away < 0.2)  # in between it depends on the corners
-    assert len(roomy) and len(narrow) and roomy.max() < narrow.min()
+    beside = np.linalg.norm(np.maximum(np.abs(poses[:, :2]) - 0.02 - 0.025, 0.0), axis=1)
+    first = int((beside < MARGINS[0]).argmax())
+    assert 0 < first and (beside[:first] >= MARGINS[0]).all() and beside.min() >= MARGINS[2]
 
 
 def test_the_next_spot_is_planned_for_where_the_first_one_has_no_plan() -> None:

@@ -17,22 +17,22 @@ STEPS = 8
 ITERATIONS, DAMPING = 12, 1e-3
 """Of the inverse kinematics: starts are within FARTHEST and STEEPEST of their targets."""
 FARTHEST, STEEPEST = 0.05, math.radians(40.0)
-"""[m, rad] By which an object may be off in the hand. What is farther off has fallen, and is not held."""
+"""[m, rad] By which an object may be off in the gripper. What is farther off has fallen, and is not held."""
 
 
 class HeldObject:
-    """What is added to the arm's targets from where it looks at the object in the hand until it has let go.
+    """What is added to the arm's targets from where it sees the object in the gripper until it has let go.
 
     With T the pose of the tool, H that of the object in it as planned and S as seen, T becomes T H S^-1: the object then passes
     where it was planned to.
     """
 
     def __init__(self, sim: Simulation, trajectory: Trajectory, aligned: Aligned) -> None:
-        """Find the poses of the tool between look and release.
+        """Find the poses of the tool between seeing it and the release.
 
         Args:
             sim: whose worlds hold one object each, the target.
-            trajectory: with the look in it.
+            trajectory: all of it.
             aligned: when and what.
         """
         self._sim, self._aligned, self._kin = sim, aligned, kinematics(sim.robot)
@@ -44,9 +44,9 @@ class HeldObject:
         shape = (sim.num_envs, len(self._at), arm)
         self._moved = torch.zeros(shape, dtype=torch.float32, device=sim.device)
 
-    def look(self, step: torch.Tensor) -> None:
-        """See the object in the hand in worlds that have come to that step of the trajectory, shape [world]."""
-        worlds = step == self._aligned.look
+    def see(self, step: torch.Tensor) -> None:
+        """See the object in the gripper in worlds that have come to that step of the trajectory, shape [world]."""
+        worlds = step == self._aligned.seen
         if bool(worlds.any()):
             self._moved[worlds] = torch.tensor(self._correction(worlds.cpu().numpy()), device=self._moved.device)
 
@@ -80,5 +80,5 @@ class HeldObject:
 def _weights(aligned: Aligned, steps: int) -> np.ndarray:
     """Return the fraction of the correction at each step: rising while the arm stands, falling on the way after the release."""
     step = np.arange(steps)
-    rising = eased((step - aligned.look) / (aligned.ready - aligned.look))
+    rising = eased((step - aligned.seen) / (aligned.ready - aligned.seen))
     return rising - eased((step - aligned.released) / (aligned.back - aligned.released))

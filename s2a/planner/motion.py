@@ -163,7 +163,7 @@ class Planner:
         reaching = self._start + fraction * (self._target(torch.zeros_like(step)) - self._start)
         index = (step - reach + 1).clamp(0, self._targets.shape[1] - 1)
         if self._held:
-            self._held.look(index)
+            self._held.see(index)
         following = self._target(index)
         following = torch.where((step < reach)[:, None], reaching, following)
         self._last = torch.where(began[:, None], now, self._last)

@@ -22,17 +22,17 @@ Ends = TypeVar("Ends")
 Plan = TypeVar("Plan")
 GRID = 0.04
 """[m] Between the spots that are tried on a support."""
-LEVEL = 0.004
-"""[m] Up to which a support's height may differ below an object."""
+LEVEL = 0.0015
+"""[m] Up to which a support's height may differ below an object; half over an edge of 4 mm, a wine glass falls over."""
 APART = 0.15
 """[m] Least distance of a free spot from where the object stands."""
 MARGINS = 0.16, 0.08, 0.04
-"""[m] Between an object on a free spot and everything beside it: room for the hand from all sides; else half of its width;
+"""[m] Between an object on a free spot and everything beside it: room for the gripper from all sides; else half of its width;
 else an open finger with its clearance, and the arm's error."""
 NEARBY = 0.7
 """[m] From the other end of the motion, up to which spots come first, however little room is around them."""
-SPOTS = 4
-"""Spots of a support that a task plans for, one after the other, until there is a plan."""
+CANDIDATES = 4
+"""Free places of a support that a task plans for, one after the other, until there is a plan."""
 GAP = 0.001
 """[m] Between an object and its support where it is put down."""
 
@@ -54,7 +54,7 @@ def scanned(room: SimRoom, name: str) -> np.ndarray:
 
 
 def place_poses(room: SimRoom, name: str, said: str | None, other: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield the poses of an object's body frame that a key says, 7-vectors, scene frame: one, or up to SPOTS of a support.
+    """Yield the poses of an object's body frame that a key says, 7-vectors, scene frame: one, or several of a support.
 
     Args:
         room: the room.
@@ -74,7 +74,7 @@ def place_poses(room: SimRoom, name: str, said: str | None, other: np.ndarray) -
     try:
         numbers = [float(x) for x in said.replace(",", " ").split()]
     except ValueError:
-        yield from itertools.islice(free_placements(room, name, said, other), SPOTS)
+        yield from itertools.islice(free_placements(room, name, said, other), CANDIDATES)
         return
     if len(numbers) not in (3, 4):
         raise InputError(f"{said!r} is no pose; expected 'x y z' or 'x y z yaw', metres and degrees")

@@ -15,7 +15,7 @@ SPEED = 0.6
 SETTLE = 0.7
 """[s] Between two motions: the arm's controller lags by 0.2 s."""
 ALIGN = 1.0
-"""[s] In which the arm makes up for how an object has slipped in the hand: a few degrees and millimetres, seldom 20 and 50."""
+"""[s] In which the arm makes up for how an object has slipped in the gripper: a few degrees and millimetres, seldom 20 and 50."""
 
 
 class Segments:
@@ -64,16 +64,16 @@ class Segments:
         self._grip(self._wide if distance is None else distance / self._spec.gripper.max_opening * self._wide)
 
     def align(self, held: np.ndarray) -> None:
-        """Stand, and make up for how the object, planned at `held` [4 4] in the tool frame, has slipped in the hand."""
-        look, steps = self._count() - 1, math.ceil(ALIGN * self._rate)
+        """Stand, and make up for how the object, planned at `held` [4 4] in the tool frame, has slipped in the gripper."""
+        seen, steps = self._count() - 1, math.ceil(ALIGN * self._rate)
         self._stand(steps)
         self._stand(math.ceil(SETTLE * self._rate))
-        self._aligned = Aligned(look, look + steps, look + steps, look + 2 * steps, held)
+        self._aligned = Aligned(seen, seen + steps, seen + steps, seen + 2 * steps, held)
 
     def leave_aligned(self) -> None:
         """Have let go of what was aligned: from here on ever less is made up for."""
         if self._aligned is not None:
-            released, steps = self._count() - 1, self._aligned.ready - self._aligned.look
+            released, steps = self._count() - 1, self._aligned.ready - self._aligned.seen
             self._aligned = replace(self._aligned, released=released, back=released + steps)
 
     def _count(self) -> int:

@@ -8,6 +8,9 @@ import warp as wp
 SURFACE = 3e4
 """[N/m] Stiffness of what lies free at a point of contact. Ten times as much made a bottle of 170 g tremble between the pads,
 and fall: the solver did not converge."""
+SKIN = 0.0003
+"""[m] Depth in which the stiffness is reached. What is as stiff from the surface on sinks in by so little under its own weight
+that contacts come and go: a wine glass of 24 g falls over by itself."""
 SOFTEST, HARDEST = 0.9, 0.999
 """Impedances of MuJoCo's constraints: its default's lower end, and where rows become too stiff for single precision."""
 RAW = 1
@@ -38,7 +41,7 @@ def harden(builder: newton.ModelBuilder, body: int, dt: float) -> None:
     time = 2.0 * dt
     ratio = SURFACE * time**2 / builder.body_mass[body]
     impedance = min(max(ratio / (1.0 + ratio), SOFTEST), HARDEST)
-    raw = {"solref": wp.vec2(time, 1.0), "solref_mode": RAW, "geom_solimp": (impedance, impedance, 0.001, 0.5, 2.0)}
+    raw = {"solref": wp.vec2(time, 1.0), "solref_mode": RAW, "geom_solimp": (SOFTEST, impedance, SKIN, 0.5, 2.0)}
     for shape in builder.body_shapes[body]:
         for name, value in (raw | {"geom_priority": 1}).items():
             _set(builder, name, shape, value)

@@ -20,7 +20,7 @@ HELD = np.eye(4)
 """Planned pose of the object in the tool frame."""
 HELD[:3, :3] = Rotation.from_euler("x", 180, degrees=True).as_matrix()
 HELD[:3, 3] = [0.0, 0.01, 0.02]
-LOOK, READY, RELEASED, BACK = 5, 15, 60, 70
+SEEN, READY, RELEASED, BACK = 5, 15, 60, 70
 
 
 def lowering() -> np.ndarray:
@@ -59,9 +59,9 @@ def corrected(slips: list[np.ndarray], looked: bool = True) -> tuple[np.ndarray,
     arm = lowering()
     targets = np.concatenate([arm, np.zeros((len(arm), 2))], axis=1)
     trajectory = Trajectory(targets, np.zeros(len(arm)), 1, 0)
-    held = HeldObject(holding(slips), trajectory, Aligned(LOOK, READY, RELEASED, BACK, HELD))
+    held = HeldObject(holding(slips), trajectory, Aligned(SEEN, READY, RELEASED, BACK, HELD))
     if looked:
-        held.look(torch.full((len(slips),), LOOK))
+        held.see(torch.full((len(slips),), SEEN))
     moved = [held(torch.full((len(slips),), step)).numpy() for step in range(len(arm))]
     return arm, arm + np.stack(moved, axis=1)
 
@@ -78,7 +78,7 @@ def test_the_object_passes_where_it_was_planned_to() -> None:
 
 def test_it_begins_and_ends_at_the_plan() -> None:
     planned, (arm,) = corrected([slip(0.02, 10.0)])
-    assert arm[: LOOK + 1] == pytest.approx(planned[: LOOK + 1], abs=1e-6)
+    assert arm[: SEEN + 1] == pytest.approx(planned[: SEEN + 1], abs=1e-6)
     assert arm[BACK:] == pytest.approx(planned[BACK:], abs=1e-6)
     assert np.abs(np.diff(arm, axis=0)).max() < 0.08, "no jump in between"
 

@@ -1,0 +1,346 @@
+"""Is an object in its place as a person would have put it? Judged from triangles, apart from the code that places.
+
+Nothing of `s2a.insert` is imported here: what carries an object is found by rays cast down from it, collisions by winding numbers
+of the closed object and by its edges, openings by moving the triangles of every drawer and door through 25 positions. Which
+supports suit which object is written in judge.yaml, by hand, from labels alone. It is a judge by formulas, not a person.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+import yaml
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
+
+from s2a.articulation import displace
+from s2a.mesh import Mesh
+from s2a.scene import Joint, Scene
+
+SIZE = 0.25
+"""Largest error of the longest side, as a fraction of the true one."""
+TILT, LEAN = np.radians(12.0), np.radians(35.0)
+"""Largest tilt of what stands or hangs, and of what leans against something [rad]."""
+GAP, BACK_GAP, LEAN_GAP = 0.012, 0.04, 0.15
+"""Largest gap below what stands, behind what hangs, and behind what leans [m]."""
+DEEP = 0.004
+"""Depth from which an overlap counts, the noise of a scan left out [m]."""
+OPENING_DEEP = 0.01
+"""Depth from which a moving drawer or door is blocked [m]."""
+OVERHANG = 0.2
+"""Largest share of the outline, seen from above, with nothing of the support below it."""
+POSITIONS = 25
+CHECKS = ("size", "upright", "carried", "inside_support", "free", "openings", "suits")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is known of an object, but not told to the code that places it.
+
+    Attributes:
+        label: its name.
+        longest: its longest side [m]; None if unknown.
+        height: in its usual pose [m]; None if unknown.
+        placement: "on", "inside", "hanging" or "against wall".
+    """
+
+    label: str
+    longest: float | None
+    height: float | None
+    placement: str
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An object in its place.
+
+    Attributes:
+        mesh: in the scene [m].
+        up: direction of its true up axis in the scene, shape [3]; None if every way up is right.
+        front: direction of its true front in the scene, shape [3]; None if it has none.
+    """
+
+    mesh: Mesh
+    up: np.ndarray | None
+    front: np.ndarray | None
+
+
+@wp.kernel
+def _rays(
+    mesh: wp.uint64,
+    start: wp.array(dtype=wp.vec3),
+    way: wp.array(dtype=wp.vec3),
+    t: wp.array(dtype=float),
+    f: wp.array(dtype=int),
+):
+    i = wp.tid()
+    hit = wp.mesh_query_ray(mesh, start[i], way[i], t[i])
+    f[i] = -1
+    if hit.result:
+        t[i] = hit.t
+        f[i] = hit.face
+
+
+@wp.kernel
+def _signed(mesh: wp.uint64, points: wp.array(dtype=wp.vec3), reach: float, depth: wp.array(dtype=float)):
+    i = wp.tid()
+    hit = wp.mesh_query_point_sign_winding_number(mesh, points[i], reach)
+    if hit.result:
+        near = wp.mesh_eval_position(mesh, hit.face, hit.u, hit.v)
+        depth[i] = -hit.sign * wp.length(near - points[i])
+
+
+class Surroundings:
+    """The room around one object: all triangles but its own, and which part each belongs to."""
+
+    def __init__(self, scene: Scene, leave_out: str | None = None) -> None:
+        parts = [(i, part) for i, part in scene.parts.items() if i != leave_out and len(part.mesh.faces)]
+        self.ids = [i for i, _ in parts]
+        starts = np.cumsum([0, *(len(part.mesh.vertices) for _, part in parts)])
+        self.vertices = np.concatenate([part.mesh.vertices for _, part in parts]).astype(np.float32)
+        self.faces = np.concatenate([part.mesh.faces + start for (_, part), start in zip(parts, starts, strict=False)])
+        self.owner = np.repeat(np.arange(len(parts)), [len(part.mesh.faces) for _, part in parts])
+        self._mesh = _warp(self.vertices, self.faces)
+
+    def cast(self, start: np.ndarray, way: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the distance (`reach` if there is none) and the face (-1) of the first triangle along rays [ray 3]."""
+        return _cast(self._mesh, start, way, np.full(len(start), reach))
+
+    def part_of(self, face: np.ndarray) -> str:
+        """Return the part that most of some faces belong to; empty if there are none."""
+        found = self.owner[face[face >= 0]]
+        return self.ids[int(np.bincount(found).argmax())] if len(found) else ""
+
+    def points_near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Return points on the triangles that meet a box: corners, middles and edges' middles, shape [point 3]."""
+        corners = self.vertices[self.faces]
+        return _dense(corners[((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1)])
+
+
+def judge(scene: Scene, placed: Placed, truth: Truth, leave_out: str | None = None) -> dict:
+    """Return the checks of CHECKS, the id and label of what carries the object, and the figures behind them.
+
+    Args:
+        scene: the room; it may hold the object itself as part `leave_out`, and other inserted ones.
+        placed: the object in its place.
+        truth: what is known of it.
+        leave_out: id of the object in the scene.
+    """
+    room, points = Surroundings(scene, leave_out), _surface(placed.mesh)
+    found: dict = {"size": True, "upright": True}
+    if truth.longest:
+        found["ratio"] = round(_longest(placed.mesh) / truth.longest, 4)
+        found["size"] = abs(found["ratio"] - 1.0) <= SIZE
+    if placed.up is not None:
+        tilt = float(np.arccos(np.clip(placed.up[2], -1.0, 1.0)))
+        found |= {"tilt": round(float(np.degrees(tilt)), 1)}
+        found["upright"] = tilt <= (LEAN if truth.placement == "against wall" else TILT) or _lies(truth, placed.mesh)
+    found |= _hung(room, placed, points) if truth.placement == "hanging" else _carried(room, points)
+    found |= _free(room, placed.mesh, points)
+    blocked = _blocked(scene, placed.mesh, leave_out)
+    found |= {"openings": not blocked, "blocks": blocked}
+    label = scene.parts[found["support"]].label if found["support"] else ""
+    found |= {"support_label": label, "suits": suits(truth, label)}
+    if truth.placement == "against wall" and found["suits"] and label == "floor":
+        found["back_gap"] = round(_behind(room, points), 3)
+        found["suits"] = found["back_gap"] <= LEAN_GAP
+    found |= {check: bool(found[check]) for check in CHECKS}
+    return found | {"right": all(found[check] for check in CHECKS)}
+
+
+def _lies(truth: Truth, mesh: Mesh) -> bool:
+    """Return True for what may lie on any side, and lies about as low as it usually does."""
+    low = truth.height is not None and float(np.ptp(mesh.vertices[:, 2])) <= 1.3 * truth.height + 0.005
+    return low and any(word in truth.label.lower() for word in _table()["any_side"])
+
+
+def suits(truth: Truth, support: str) -> bool:
+    """Return True if an object of this name may be on a support of that name, by judge.yaml."""
+    table, label, below = _table(), truth.label.lower(), support.lower()
+    if truth.placement == "hanging":
+        return any(word in below for word in table["hangs_on"])
+    if any(word in below for word in table["never"]) or not below:
+        return False
+    for kind in ("floor", "soft"):
+        if any(word in below for word in table[f"{kind}_supports"]):
+            return any(word in label for word in table[f"{kind}_objects"])
+    return not any(word in label for word in table["only_floor_objects"])
+
+
+@cache
+def _table() -> dict[str, list[str]]:
+    return yaml.safe_load((Path(__file__).parent / "judge.yaml").read_text())
+
+
+def up_and_front(
+    plan: dict, true_up: str, true_front: str, quaternion: tuple[float, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the true up and front of an object in the scene.
+
+    Args:
+        plan: the axes of the file that the plan turned up and to the front.
+        true_up: the file's axis that is up in truth.
+        true_front: the file's axis that is the front in truth.
+        quaternion: of the pose, xyzw: the object's own frame has the plan's up along z and its front along x.
+    """
+    up, front = _axis(plan["up"]), _axis(plan["front"])
+    to_own = np.stack([front, np.cross(up, front), up])
+    turn = Rotation.from_quat(quaternion)
+    return turn.apply(to_own @ _axis(true_up)), turn.apply(to_own @ _axis(true_front))
+
+
+def _axis(name: str) -> np.ndarray:
+    return (1.0 if name[0] == "+" else -1.0) * np.eye(3)["xyz".index(name[1])]
+
+
+def _longest(mesh: Mesh) -> float:
+    """Return the longest side of the smallest box about z around a mesh, or its height [m]."""
+    flat = mesh.vertices[:, :2].astype(np.float64)
+    try:
+        flat = flat[ConvexHull(flat).vertices]
+    except QhullError:
+        pass
+    angles = np.radians(np.arange(0.0, 90.0, 1.0))
+    along = np.stack([np.ptp(flat @ [np.cos(a), np.sin(a)]) for a in angles])
+    across = np.stack([np.ptp(flat @ [-np.sin(a), np.cos(a)]) for a in angles])
+    best = int((along * across).argmin())
+    return float(max(along[best], across[best], np.ptp(mesh.vertices[:, 2])))
+
+
+def _carried(room: Surroundings, points: np.ndarray) -> dict:
+    """Return what is below an object, by rays down from its underside."""
+    cell = max(0.004, float(np.ptp(points[:, :2], axis=0).max()) / 40)
+    cells, where = np.unique(np.floor(points[:, :2] / cell).astype(int), axis=0, return_inverse=True)
+    lowest = np.full(len(cells), np.inf)
+    np.minimum.at(lowest, where.ravel(), points[:, 2])
+    column = np.column_stack([(cells + 0.5) * cell, lowest])
+    lift = 0.02
+    distance, face = room.cast(column + [0, 0, lift], np.tile([0.0, 0.0, -1.0], (len(column), 1)), 3.0)
+    gap = distance - lift
+    foot = lowest < lowest.min() + 0.012
+    on = foot & (face >= 0) & (np.abs(gap) < GAP)
+    support = room.part_of(face[on])
+    middle = points[:, :2].mean(axis=0)
+    # What bulges out over a smaller foot does not overhang: only what is as far below as the foot counts.
+    floor = column[on, 2] - gap[on] if on.any() else np.array([np.nan])
+    level = np.nanmedian(floor)
+    below = (face >= 0) & (np.abs(column[:, 2] - gap - level) < 0.05)
+    held = on.any() and _holds(column[on, :2], middle, cell)
+    share = float(1.0 - below.mean())
+    return {"carried": bool(held), "support": support, "overhang": round(share, 3), "inside_support": share <= OVERHANG}
+
+
+def _holds(contacts: np.ndarray, middle: np.ndarray, cell: float) -> bool:
+    """Return True if a point [2] is over the hull of contacts [point 2], to a cell."""
+    grown = np.concatenate([contacts + cell * np.array(way) for way in ((1, 1), (1, -1), (-1, 1), (-1, -1))])
+    planes = ConvexHull(grown).equations
+    return bool((planes[:, :2] @ middle + planes[:, 2] <= 0).all())
+
+
+def _hung(room: Surroundings, placed: Placed, points: np.ndarray) -> dict:
+    """Return what is behind a hanging object: its back is to a wall within a few centimetres, its front looks into the room."""
+    front = placed.front if placed.front is not None else np.array([1.0, 0.0, 0.0])
+    front = front / np.linalg.norm(front)
+    ahead = points @ front
+    back = points[ahead < ahead.min() + 0.3 * np.ptp(ahead) + 1e-6]
+    distance, face = room.cast(back + 0.02 * front, np.tile(-front, (len(back), 1)), 1.0)
+    near = distance < BACK_GAP + 0.02 + 0.3 * float(np.ptp(ahead))
+    away, _ = room.cast(points.mean(axis=0)[None] + (np.ptp(ahead) / 2 + 0.01) * front, front[None], 0.35)
+    return {
+        "carried": bool(near.mean() > 0.3 and away[0] > 0.3),
+        "support": room.part_of(face[near]),
+        "overhang": round(float(1 - near.mean()), 3),
+        "inside_support": bool(near.mean() > 0.5),
+    }
+
+
+def _behind(room: Surroundings, points: np.ndarray) -> float:
+    """Return the smallest distance from the upper half of an object sideways to something [m]."""
+    upper = points[points[:, 2] > np.median(points[:, 2])]
+    found = []
+    for angle in np.arange(16) * np.pi / 8:
+        way = np.array([np.cos(angle), np.sin(angle), 0.0])
+        found.append(float(room.cast(upper, np.tile(way, (len(upper), 1)), 2.0)[0].min()))
+    return min(found)
+
+
+def _free(room: Surroundings, mesh: Mesh, points: np.ndarray) -> dict:
+    """Return how deep the room reaches into a closed object, and edges of it that pass through a surface of the room."""
+    near = room.points_near(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
+    deepest = float(_depth(mesh, near).max(initial=0.0))
+    edges = np.unique(np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    a, b = (mesh.vertices[edges[:, i]].astype(np.float64) for i in (0, 1))
+    length = np.linalg.norm(b - a, axis=1)
+    a, b, length = a[length > 1e-6], b[length > 1e-6], length[length > 1e-6]
+    way = (b - a) / length[:, None]
+    distance, face = _cast(room._mesh, a, way, length)
+    through = np.where(face >= 0, np.minimum(distance, length - distance), 0.0)
+    pierced = float(through.max(initial=0.0))
+    return {"free": max(deepest, pierced) <= DEEP, "depth": round(deepest, 4), "pierced": round(pierced, 4)}
+
+
+def _blocked(scene: Scene, mesh: Mesh, leave_out: str | None) -> list[str]:
+    """Return the drawers and doors that reach deep into an object on their path from closed to open."""
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    return [i for i in scene.movable if i != leave_out and _reaches(scene, i, mesh, low, high)]
+
+
+def _reaches(scene: Scene, part_id: str, mesh: Mesh, low: np.ndarray, high: np.ndarray) -> bool:
+    joint = scene.parts[part_id].motion
+    assert isinstance(joint, Joint)
+    parts = [scene.parts[i].mesh for i in (part_id, *scene.descendants(part_id)) if len(scene.parts[i].mesh.faces)]
+    if not parts:
+        return False
+    points = np.concatenate([_dense(part.vertices[part.faces]) for part in parts])
+    for q in np.linspace(joint.limits[0], joint.limits[1], POSITIONS):
+        moved = displace(points, joint, float(q))
+        moved = moved[((moved > low) & (moved < high)).all(axis=1)]
+        if len(moved) and _depth(mesh, moved).max(initial=0.0) > OPENING_DEEP:
+            return True
+    return False
+
+
+def _dense(corners: np.ndarray) -> np.ndarray:
+    """Return corners, edges' middles and middles of triangles [face 3 3], as points [point 3]."""
+    edges = 0.5 * (corners + np.roll(corners, 1, axis=1))
+    return np.concatenate([corners.reshape(-1, 3), edges.reshape(-1, 3), corners.mean(axis=1)]).reshape(-1, 3)
+
+
+def _surface(mesh: Mesh, count: int = 6000) -> np.ndarray:
+    """Return points spread over a mesh by area, and its vertices, shape [point 3]."""
+    rng, corners = np.random.default_rng(7), mesh.vertices[mesh.faces].astype(np.float64)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    face = rng.choice(len(corners), count, p=area / area.sum())
+    weight = rng.dirichlet(np.ones(3), count)
+    return np.concatenate([np.einsum("pc,pcd->pd", weight, corners[face]), mesh.vertices])
+
+
+def _depth(mesh: Mesh, points: np.ndarray) -> np.ndarray:
+    """Return how deep points [point 3] are in a closed mesh [m], 0 outside, shape [point]."""
+    if not len(points):
+        return np.zeros(0)
+    tree, depth = _warp(mesh.vertices, mesh.faces, winding=True), wp.zeros(len(points), dtype=float, device="cpu")
+    wp.launch(_signed, len(points), inputs=[tree.id, _vec(points), 10.0], outputs=[depth], device="cpu")
+    return np.maximum(depth.numpy(), 0.0)
+
+
+def _cast(mesh: wp.Mesh, start: np.ndarray, way: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    if not len(start):
+        return np.zeros(0), np.zeros(0, int)
+    t = wp.array(np.asarray(reach, np.float32), dtype=float, device="cpu")
+    face = wp.zeros(len(start), dtype=int, device="cpu")
+    wp.launch(_rays, len(start), inputs=[mesh.id, _vec(start), _vec(way)], outputs=[t, face], device="cpu")
+    return t.numpy().astype(np.float64), face.numpy()
+
+
+def _warp(vertices: np.ndarray, faces: np.ndarray, winding: bool = False) -> wp.Mesh:
+    index = wp.array(np.asarray(faces, np.int32).ravel(), dtype=int, device="cpu")
+    return wp.Mesh(_vec(vertices), index, support_winding_number=winding)
+
+
+def _vec(points: np.ndarray) -> wp.array:
+    return wp.array(np.asarray(points, np.float32), dtype=wp.vec3, device="cpu")

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 import yaml
+from scipy import ndimage
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
@@ -115,6 +116,19 @@ class Surroundings:
         found = self.owner[face[face >= 0]]
         return self.ids[int(np.bincount(found).argmax())] if len(found) else ""
 
+    def outlined(self, part_id: str, level: float, places: np.ndarray) -> np.ndarray:
+        """Return which places [place 2] are in the outline of a part at a height [m]: what stood there left a hole."""
+        if not part_id:
+            return np.zeros(len(places), bool)
+        points = _dense(self.vertices[self.faces[self.owner == self.ids.index(part_id)]])
+        flat = points[np.abs(points[:, 2] - level) < 0.02, :2]
+        low, cell = np.minimum(flat.min(axis=0), places.min(axis=0)) - 0.3, 0.015
+        high = np.maximum(flat.max(axis=0), places.max(axis=0)) + 0.3
+        grid = np.zeros(np.ceil((high - low) / cell).astype(int), bool)
+        grid[tuple(((flat - low) / cell).astype(int).T)] = True
+        grid = ndimage.binary_fill_holes(ndimage.binary_closing(grid, iterations=5))
+        return grid[tuple(((places - low) / cell).astype(int).T)]
+
     def points_near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Return points on the triangles that meet a box: corners, middles and edges' middles, shape [point 3]."""
         corners = self.vertices[self.faces]
@@ -163,6 +177,8 @@ def suits(truth: Truth, support: str) -> bool:
     table, label, below = _table(), truth.label.lower(), support.lower()
     if truth.placement == "hanging":
         return any(word in below for word in table["hangs_on"])
+    if any(word in below for word in table["hot"]):
+        return any(word in label for word in table["cookware"])
     if any(word in below for word in table["never"]) or not below:
         return False
     for kind in ("floor", "soft"):
@@ -229,6 +245,8 @@ def _carried(room: Surroundings, points: np.ndarray) -> dict:
     floor = column[on, 2] - gap[on] if on.any() else np.array([np.nan])
     level = np.nanmedian(floor)
     below = (face >= 0) & (np.abs(column[:, 2] - gap - level) < 0.05)
+    if not below.all():
+        below |= room.outlined(support, level, column[:, :2])
     held = on.any() and _holds(column[on, :2], middle, cell)
     share = float(1.0 - below.mean())
     return {"carried": bool(held), "support": support, "overhang": round(share, 3), "inside_support": share <= OVERHANG}

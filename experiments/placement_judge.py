@@ -7,6 +7,7 @@ supports suit which object is written in judge.yaml, by hand, from labels alone.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 import warp as wp
 import yaml
 from scipy import ndimage
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from s2a.articulation import displace
@@ -63,11 +64,13 @@ class Placed:
         mesh: in the scene [m].
         up: direction of its true up axis in the scene, shape [3]; None if every way up is right.
         front: direction of its true front in the scene, shape [3]; None if it has none.
+        longest: its longest side along its own axes [m].
     """
 
     mesh: Mesh
     up: np.ndarray | None
     front: np.ndarray | None
+    longest: float
 
 
 @wp.kernel
@@ -147,13 +150,17 @@ def judge(scene: Scene, placed: Placed, truth: Truth, leave_out: str | None = No
     room, points = Surroundings(scene, leave_out), _surface(placed.mesh)
     found: dict = {"size": True, "upright": True}
     if truth.longest:
-        found["ratio"] = round(_longest(placed.mesh) / truth.longest, 4)
+        found["ratio"] = round(placed.longest / truth.longest, 4)
         found["size"] = abs(found["ratio"] - 1.0) <= SIZE
     if placed.up is not None:
         tilt = float(np.arccos(np.clip(placed.up[2], -1.0, 1.0)))
         found |= {"tilt": round(float(np.degrees(tilt)), 1)}
         found["upright"] = tilt <= (LEAN if truth.placement == "against wall" else TILT) or _lies(truth, placed.mesh)
-    found |= _hung(room, placed, points) if truth.placement == "hanging" else _carried(room, points)
+    found |= (
+        _hung(room, placed, points)
+        if truth.placement == "hanging"
+        else _carried(room, points, truth.placement == "against wall")
+    )
     found |= _free(room, placed.mesh, points)
     blocked = _blocked(scene, placed.mesh, leave_out)
     found |= {"openings": not blocked, "blocks": blocked}
@@ -169,22 +176,27 @@ def judge(scene: Scene, placed: Placed, truth: Truth, leave_out: str | None = No
 def _lies(truth: Truth, mesh: Mesh) -> bool:
     """Return True for what may lie on any side, and lies about as low as it usually does."""
     low = truth.height is not None and float(np.ptp(mesh.vertices[:, 2])) <= 1.3 * truth.height + 0.005
-    return low and any(word in truth.label.lower() for word in _table()["any_side"])
+    return low and _named(truth.label.lower(), _table()["any_side"])
+
+
+def _named(label: str, words: list[str]) -> bool:
+    """Return True if one of some words is in a label, as a word or its plural."""
+    return any(re.search(rf"\b{re.escape(word)}(e?s)?\b", label) for word in words)
 
 
 def suits(truth: Truth, support: str) -> bool:
     """Return True if an object of this name may be on a support of that name, by judge.yaml."""
     table, label, below = _table(), truth.label.lower(), support.lower()
     if truth.placement == "hanging":
-        return any(word in below for word in table["hangs_on"])
-    if any(word in below for word in table["hot"]):
-        return any(word in label for word in table["cookware"])
-    if any(word in below for word in table["never"]) or not below:
+        return _named(below, table["hangs_on"])
+    if _named(below, table["hot"]):
+        return _named(label, table["cookware"])
+    if _named(below, table["never"]) or not below:
         return False
     for kind in ("floor", "soft"):
-        if any(word in below for word in table[f"{kind}_supports"]):
-            return any(word in label for word in table[f"{kind}_objects"])
-    return not any(word in label for word in table["only_floor_objects"])
+        if _named(below, table[f"{kind}_supports"]):
+            return _named(label, table[f"{kind}_objects"])
+    return not _named(label, table["only_floor_objects"])
 
 
 @cache
@@ -213,22 +225,8 @@ def _axis(name: str) -> np.ndarray:
     return (1.0 if name[0] == "+" else -1.0) * np.eye(3)["xyz".index(name[1])]
 
 
-def _longest(mesh: Mesh) -> float:
-    """Return the longest side of the smallest box about z around a mesh, or its height [m]."""
-    flat = mesh.vertices[:, :2].astype(np.float64)
-    try:
-        flat = flat[ConvexHull(flat).vertices]
-    except QhullError:
-        pass
-    angles = np.radians(np.arange(0.0, 90.0, 1.0))
-    along = np.stack([np.ptp(flat @ [np.cos(a), np.sin(a)]) for a in angles])
-    across = np.stack([np.ptp(flat @ [-np.sin(a), np.cos(a)]) for a in angles])
-    best = int((along * across).argmin())
-    return float(max(along[best], across[best], np.ptp(mesh.vertices[:, 2])))
-
-
-def _carried(room: Surroundings, points: np.ndarray) -> dict:
-    """Return what is below an object, by rays down from its underside."""
+def _carried(room: Surroundings, points: np.ndarray, leans: bool) -> dict:
+    """Return what is below an object, by rays down from its underside; what leans need not stand by itself."""
     cell = max(0.004, float(np.ptp(points[:, :2], axis=0).max()) / 40)
     cells, where = np.unique(np.floor(points[:, :2] / cell).astype(int), axis=0, return_inverse=True)
     lowest = np.full(len(cells), np.inf)
@@ -247,7 +245,7 @@ def _carried(room: Surroundings, points: np.ndarray) -> dict:
     below = (face >= 0) & (np.abs(column[:, 2] - gap - level) < 0.05)
     if not below.all():
         below |= room.outlined(support, level, column[:, :2])
-    held = on.any() and _holds(column[on, :2], middle, cell)
+    held = on.any() and (leans or _holds(column[on, :2], middle, cell))
     share = float(1.0 - below.mean())
     return {"carried": bool(held), "support": support, "overhang": round(share, 3), "inside_support": share <= OVERHANG}
 

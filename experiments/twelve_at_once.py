@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from insertion_study import RESULTS, ROOMS, _insert_settings, _stage, _zoo
 from placement_judge import CHECKS, Placed, Truth, judge, up_and_front
+from scipy.spatial.transform import Rotation
 
 from s2a.insert.batch import insert_into, open_room
 from s2a.insert.pipeline import Inserted, ObjectRequest
@@ -83,7 +84,9 @@ def row_of(one: dict, inserted: Inserted | None, record: Record, scene) -> dict:
     plan = record.get("plan again", record["plan"])
     up, front = up_and_front(plan, one["up"], one["front"], inserted.placement.orientation)
     known = Truth(one["label"], max(one["size"]), one["size"][2], one["placement"])
-    found = judge(scene, Placed(inserted.part.mesh, up, front), known, inserted.placement.part_id)
+    turned = Rotation.from_quat(inserted.placement.orientation).inv().apply(inserted.part.mesh.vertices)
+    placed = Placed(inserted.part.mesh, up, front, float(np.ptp(turned, axis=0).max()))
+    found = judge(scene, placed, known, inserted.placement.part_id)
     return row | found | {"failed": [check for check in CHECKS if not found[check]]}
 
 

@@ -16,6 +16,7 @@ from pxr import Sdf
 
 from s2a.insert import describe
 from s2a.insert.author import author, check_words, placement
+from s2a.insert.colours import colour_spread
 from s2a.insert.object_file import ObjectConfig, ObjectFile, read_object, upright
 from s2a.insert.place.candidate_poses import CandidatePose, candidate_poses
 from s2a.insert.place.fit import NoRoom
@@ -209,6 +210,7 @@ def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Rec
         "feet": tilt_margins(file.mesh),
         "hollow": concavities(file.mesh),
         "slices": cross_sections(file.mesh),
+        "varied": colour_spread(file.mesh),
         "wish": request.hint,
         "room": lines,
     }

@@ -93,6 +93,10 @@ def _by_noun(label: str) -> ObjectKind | None:
     names = {name: entry for entry in table() for name in entry.names}
     if words in names:
         return names[words]
+    for compound in _compounds(words):
+        ends = [name for name in names if " " in name and (compound == name or compound.endswith(f" {name}"))]
+        if ends:
+            return names[max(ends, key=len)]
     # Substring test first: compiling more than a thousand patterns took a quarter of a second.
     inside = [name for name in names if name in words and re.search(rf"\b{re.escape(name)}(e?s)?\b", words)]
     if inside:
@@ -105,6 +109,16 @@ def _by_noun(label: str) -> ObjectKind | None:
     close = difflib.get_close_matches(words, names, n=1, cutoff=LIKE)
     close = close or difflib.get_close_matches(words.split()[-1] if words else "", names, n=1, cutoff=LIKE)
     return names[close[0]] if close else None
+
+
+def _compounds(words: str) -> list[str]:
+    """Return the compounds that a phrase may stand for: a glass of wine is a wine glass, soap in a dish fills a soap dish."""
+    found = []
+    if match := re.fullmatch(r"(?:an? )?(\w+) of (.+?)(?: (?:with|in|on|for)\b.*)?", words):
+        found.append(f"{match[2]} {match[1]}")
+    if match := re.fullmatch(r"(.+) (?:in|on) an? (\w+)", words):
+        found.append(f"{match[1]} {match[2]}")
+    return found
 
 
 def _words(label: str) -> str:

@@ -19,6 +19,10 @@ UNKNOWN_HEIGHT, UNKNOWN_LONGEST = (0.03, 0.35), (0.06, 0.4)
 """Ranges for unknown objects [m]: hand-held."""
 FIRM = 0.15
 """Tilt margin, as a fraction of a right angle, beyond which more does not matter: a bottle has 0.1, a cube 0.5."""
+SPREAD = 0.4
+"""Standard deviation of the logarithm of height over longest side, within a kind of objects."""
+MIRRORED, MOST = 2.0, 0.3
+"""Weight of what differs along an axis between its ends, and the most that counts: few things are as below as above."""
 ANYWHERE = (
     "on table",
     "on desk",
@@ -30,6 +34,8 @@ ANYWHERE = (
     "on dresser",
 )
 """Places for unknown objects, and for hand-held ones none of whose places exist in the room; never the floor."""
+COLOURED = 8.0
+"""Difference in the spread of colours, of 255, that tells a front from a back."""
 SOFT = ("bed", "sofa", "armchair", "couch")
 """What carries pillows and blankets, which belong on no table."""
 BEDDING = ("blanket", "duvet", "mattress", "bedspread", "quilt")
@@ -159,12 +165,16 @@ def _up(facts: Any, entry: ObjectKind | None) -> str:
     def merit(axis: str) -> float:
         ratio, misfit = max(sides[axis[1]] / longest, FLAT), 1.0
         if entry:
-            low, high = entry.height[0] / entry.longest[1], entry.height[1] / entry.longest[0]
-            misfit = min(ratio / low, high / ratio, 1.0)
+            low, high = entry.height[0] / entry.longest[1], min(1.0, entry.height[1] / entry.longest[0])
+            usual = min(1.0, math.sqrt(entry.height[0] * entry.height[1] / (entry.longest[0] * entry.longest[1])))
+            misfit = min(ratio / low, high / ratio, 1.0) ** 2
+            misfit *= math.exp(-(math.log(ratio / usual) ** 2) / (2 * SPREAD**2))
         # Containers have their opening up.
         mouth = 0.4 * (facts["hollow"].get(axis, 0.0) - facts["hollow"].get(_opposite(axis), 0.0))
-        habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.3 if axis == facts["up"] else 0.0)
-        return (min(1.0, facts["feet"].get(axis, 0.0) / FIRM) + mouth) * misfit**2 + habit
+        slices = facts["slices"][axis[1]]
+        ends = MIRRORED * min(MOST, sum(abs(one - other) for one, other in zip(slices, slices[::-1], strict=True)) / 5)
+        habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.2 if axis == facts["up"] else 0.0)
+        return (min(1.0, facts["feet"].get(axis, 0.0) / FIRM) + mouth + ends) * misfit + habit
 
     if facts.get("unstable"):
         # It did not stay: take the other axis on which it stands most firmly.
@@ -182,7 +192,11 @@ def _flat(facts: Any) -> tuple[str, str]:
     thin = min(sides, key=sides.__getitem__)
     axes = [axis for axis in ("+z", "+y", "+x") if axis[1] != thin]
     up = facts["up"] if facts["up"] in axes else axes[0]
-    return up, {"x": "+x", "y": "-y", "z": "+z"}[thin]
+    usual = {"x": "+x", "y": "-y", "z": "+z"}[thin]
+    # A picture has its colours in front.
+    varied = facts.get("varied", {})
+    here, there = varied.get(usual, 0.0), varied.get(_opposite(usual), 0.0)
+    return up, _opposite(usual) if there > here + COLOURED else usual
 
 
 def _placement(facts: Any) -> Placement:

@@ -21,7 +21,7 @@ from s2a.insert.place.fit import COLLISION, NoRoom, Pose, moved_into_contact, pl
 from s2a.insert.place.lean import LEAN, leaned, slender
 from s2a.insert.place.preferences import preferences
 from s2a.insert.place.search import GridCandidate, SearchConfig, grid_candidates, occupancy_grid
-from s2a.insert.place.supports import facing, nearby
+from s2a.insert.place.supports import facing, flat_things, nearby
 from s2a.insert.place.swept_volumes import SweptVolume, reaching_into
 from s2a.ranges import Count, NotNegative
 from s2a.scene import Mesh, Scene
@@ -107,7 +107,8 @@ def places(
     base, radius, height = _frame(scene, object, region, target)
     low, high = _box(region, radius, height)
     volumes = reaching_into(volumes, low, high, scene, target)
-    grid = occupancy_grid(region, radius, height, [part.mesh for part in scene.parts.values()], volumes, config.search)
+    obstacles = [*(part.mesh for part in scene.parts.values()), *flat_things(scene, target)]
+    grid = occupancy_grid(region, radius, height, obstacles, volumes, config.search)
     tall = float(np.ptp(object.bounds[:, 2]))
     wanted = preferences(scene, region, target, relation == "against", near, tall, config.search.habits)
     found = grid_candidates(grid, region, object, base, wanted, config.search, keep)

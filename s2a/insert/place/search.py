@@ -16,12 +16,10 @@ from s2a.geometry.mesh_ops import sample
 from s2a.geometry.occupancy import Grid, distinct_cells, occupied_layers
 from s2a.geometry.regions import Region
 from s2a.insert.place.preferences import PreferenceConfig, Preferences, at_the_back, closeness, hanging_score
+from s2a.insert.place.supports import BASIN
 from s2a.insert.place.swept_volumes import SweptVolume, fill
 from s2a.ranges import Count, Fraction, NotNegative, Numbers, Positive
 from s2a.scene import Mesh
-
-RIM = 0.5
-"""Rim fraction from which a region is a basin."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +119,7 @@ def occupancy_grid(
     # What stands at the border hides it from the scanner: the outline counts, and a cell of tolerance.
     outline = ndimage.binary_dilation(ndimage.binary_fill_holes(np.pad(region.support, pad)))
     # What is in a basin may reach over its rim.
-    beyond = ~outline & (region.rim_fraction <= RIM)
+    beyond = ~outline & (region.rim_fraction <= BASIN)
     return OccupancyGrid(pad, carries, grown, edges, beyond)
 
 

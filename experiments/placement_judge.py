@@ -8,7 +8,7 @@ supports suit which object is written in judge.yaml, by hand, from labels alone.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -156,11 +156,10 @@ def judge(scene: Scene, placed: Placed, truth: Truth, leave_out: str | None = No
         tilt = float(np.arccos(np.clip(placed.up[2], -1.0, 1.0)))
         found |= {"tilt": round(float(np.degrees(tilt)), 1)}
         found["upright"] = tilt <= (LEAN if truth.placement == "against wall" else TILT) or _lies(truth, placed.mesh)
-    found |= (
-        _hung(room, placed, points)
-        if truth.placement == "hanging"
-        else _carried(room, points, truth.placement == "against wall")
-    )
+    if truth.placement == "hanging":
+        found |= _hung(room, placed, points, _named(truth.label.lower(), _table()["no_front"]))
+    else:
+        found |= _carried(room, points, truth.placement == "against wall")
     found |= _free(room, placed.mesh, points)
     blocked = _blocked(scene, placed.mesh, leave_out)
     found |= {"openings": not blocked, "blocks": blocked}
@@ -257,9 +256,14 @@ def _holds(contacts: np.ndarray, middle: np.ndarray, cell: float) -> bool:
     return bool((planes[:, :2] @ middle + planes[:, 2] <= 0).all())
 
 
-def _hung(room: Surroundings, placed: Placed, points: np.ndarray) -> dict:
-    """Return what is behind a hanging object: its back is to a wall within a few centimetres, its front looks into the room."""
-    front = placed.front if placed.front is not None else np.array([1.0, 0.0, 0.0])
+def _hung(room: Surroundings, placed: Placed, points: np.ndarray, either: bool) -> dict:
+    """Return what is behind a hanging object: a wall within a few centimetres; its front, or either side, looks into the room."""
+    front = placed.front
+    assert front is not None
+    if either:
+        back = _hung(room, replace(placed, front=-front), points, False)
+        if back["carried"]:
+            return back
     front = front / np.linalg.norm(front)
     ahead = points @ front
     back = points[ahead < ahead.min() + 0.3 * np.ptp(ahead) + 1e-6]

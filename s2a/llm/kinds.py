@@ -114,10 +114,10 @@ def _by_noun(label: str) -> ObjectKind | None:
 def _compounds(words: str) -> list[str]:
     """Return the compounds that a phrase may stand for: a glass of wine is a wine glass, soap in a dish fills a soap dish."""
     found = []
-    if match := re.fullmatch(r"(?:an? )?(\w+) of (.+?)(?: (?:with|in|on|for)\b.*)?", words):
-        found.append(f"{match[2]} {match[1]}")
     if match := re.fullmatch(r"(.+) (?:in|on) an? (\w+)", words):
         found.append(f"{match[1]} {match[2]}")
+    if match := re.fullmatch(r"(?:an? )?(\w+) of (.+?)(?: (?:with|in|on|for)\b.*)?", words):
+        found.append(f"{match[2]} {match[1]}")
     return found
 
 

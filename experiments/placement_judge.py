@@ -13,11 +13,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import warp as wp
 import yaml
-from scipy import ndimage
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
+from triangle_queries import Surroundings, cast, dense, depths, spread
 
 from s2a.articulation import displace
 from s2a.mesh import Mesh
@@ -73,71 +72,6 @@ class Placed:
     longest: float
 
 
-@wp.kernel
-def _rays(
-    mesh: wp.uint64,
-    start: wp.array(dtype=wp.vec3),
-    way: wp.array(dtype=wp.vec3),
-    t: wp.array(dtype=float),
-    f: wp.array(dtype=int),
-):
-    i = wp.tid()
-    hit = wp.mesh_query_ray(mesh, start[i], way[i], t[i])
-    f[i] = -1
-    if hit.result:
-        t[i] = hit.t
-        f[i] = hit.face
-
-
-@wp.kernel
-def _signed(mesh: wp.uint64, points: wp.array(dtype=wp.vec3), reach: float, depth: wp.array(dtype=float)):
-    i = wp.tid()
-    hit = wp.mesh_query_point_sign_winding_number(mesh, points[i], reach)
-    if hit.result:
-        near = wp.mesh_eval_position(mesh, hit.face, hit.u, hit.v)
-        depth[i] = -hit.sign * wp.length(near - points[i])
-
-
-class Surroundings:
-    """The room around one object: all triangles but its own, and which part each belongs to."""
-
-    def __init__(self, scene: Scene, leave_out: str | None = None) -> None:
-        parts = [(i, part) for i, part in scene.parts.items() if i != leave_out and len(part.mesh.faces)]
-        self.ids = [i for i, _ in parts]
-        starts = np.cumsum([0, *(len(part.mesh.vertices) for _, part in parts)])
-        self.vertices = np.concatenate([part.mesh.vertices for _, part in parts]).astype(np.float32)
-        self.faces = np.concatenate([part.mesh.faces + start for (_, part), start in zip(parts, starts, strict=False)])
-        self.owner = np.repeat(np.arange(len(parts)), [len(part.mesh.faces) for _, part in parts])
-        self._mesh = _warp(self.vertices, self.faces)
-
-    def cast(self, start: np.ndarray, way: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the distance (`reach` if there is none) and the face (-1) of the first triangle along rays [ray 3]."""
-        return _cast(self._mesh, start, way, np.full(len(start), reach))
-
-    def part_of(self, face: np.ndarray) -> str:
-        """Return the part that most of some faces belong to; empty if there are none."""
-        found = self.owner[face[face >= 0]]
-        return self.ids[int(np.bincount(found).argmax())] if len(found) else ""
-
-    def outlined(self, part_id: str, level: float, places: np.ndarray) -> np.ndarray:
-        """Return which places [place 2] are in the outline of a part at a height [m]: what stood there left a hole."""
-        if not part_id:
-            return np.zeros(len(places), bool)
-        points = _dense(self.vertices[self.faces[self.owner == self.ids.index(part_id)]])
-        flat = points[np.abs(points[:, 2] - level) < 0.02, :2]
-        low, cell = np.minimum(flat.min(axis=0), places.min(axis=0)) - 0.3, 0.015
-        high = np.maximum(flat.max(axis=0), places.max(axis=0)) + 0.3
-        grid = np.zeros(np.ceil((high - low) / cell).astype(int), bool)
-        grid[tuple(((flat - low) / cell).astype(int).T)] = True
-        grid = ndimage.binary_fill_holes(ndimage.binary_closing(grid, iterations=5))
-        return grid[tuple(((places - low) / cell).astype(int).T)]
-
-    def points_near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Return points on the triangles that meet a box: corners, middles and edges' middles, shape [point 3]."""
-        corners = self.vertices[self.faces]
-        return _dense(corners[((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1)])
-
-
 def judge(scene: Scene, placed: Placed, truth: Truth, leave_out: str | None = None) -> dict:
     """Return the checks of CHECKS, the id and label of what carries the object, and the figures behind them.
 
@@ -147,7 +81,7 @@ def judge(scene: Scene, placed: Placed, truth: Truth, leave_out: str | None = No
         truth: what is known of it.
         leave_out: id of the object in the scene.
     """
-    room, points = Surroundings(scene, leave_out), _surface(placed.mesh)
+    room, points = Surroundings(scene, leave_out), spread(placed.mesh)
     found: dict = {"size": True, "upright": True}
     if truth.longest:
         found["ratio"] = round(placed.longest / truth.longest, 4)
@@ -291,13 +225,13 @@ def _behind(room: Surroundings, points: np.ndarray) -> float:
 def _free(room: Surroundings, mesh: Mesh, points: np.ndarray) -> dict:
     """Return how deep the room reaches into a closed object, and edges of it that pass through a surface of the room."""
     near = room.points_near(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
-    deepest = float(_depth(mesh, near).max(initial=0.0))
+    deepest = float(depths(mesh, near).max(initial=0.0))
     edges = np.unique(np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     a, b = (mesh.vertices[edges[:, i]].astype(np.float64) for i in (0, 1))
     length = np.linalg.norm(b - a, axis=1)
     a, b, length = a[length > 1e-6], b[length > 1e-6], length[length > 1e-6]
     way = (b - a) / length[:, None]
-    distance, face = _cast(room._mesh, a, way, length)
+    distance, face = cast(room.tree, a, way, length)
     through = np.where(face >= 0, np.minimum(distance, length - distance), 0.0)
     pierced = float(through.max(initial=0.0))
     return {"free": max(deepest, pierced) <= DEEP, "depth": round(deepest, 4), "pierced": round(pierced, 4)}
@@ -315,52 +249,10 @@ def _reaches(scene: Scene, part_id: str, mesh: Mesh, low: np.ndarray, high: np.n
     parts = [scene.parts[i].mesh for i in (part_id, *scene.descendants(part_id)) if len(scene.parts[i].mesh.faces)]
     if not parts:
         return False
-    points = np.concatenate([_dense(part.vertices[part.faces]) for part in parts])
+    points = np.concatenate([dense(part.vertices[part.faces]) for part in parts])
     for q in np.linspace(joint.limits[0], joint.limits[1], POSITIONS):
         moved = displace(points, joint, float(q))
         moved = moved[((moved > low) & (moved < high)).all(axis=1)]
-        if len(moved) and _depth(mesh, moved).max(initial=0.0) > OPENING_DEEP:
+        if len(moved) and depths(mesh, moved).max(initial=0.0) > OPENING_DEEP:
             return True
     return False
-
-
-def _dense(corners: np.ndarray) -> np.ndarray:
-    """Return corners, edges' middles and middles of triangles [face 3 3], as points [point 3]."""
-    edges = 0.5 * (corners + np.roll(corners, 1, axis=1))
-    return np.concatenate([corners.reshape(-1, 3), edges.reshape(-1, 3), corners.mean(axis=1)]).reshape(-1, 3)
-
-
-def _surface(mesh: Mesh, count: int = 6000) -> np.ndarray:
-    """Return points spread over a mesh by area, and its vertices, shape [point 3]."""
-    rng, corners = np.random.default_rng(7), mesh.vertices[mesh.faces].astype(np.float64)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    face = rng.choice(len(corners), count, p=area / area.sum())
-    weight = rng.dirichlet(np.ones(3), count)
-    return np.concatenate([np.einsum("pc,pcd->pd", weight, corners[face]), mesh.vertices])
-
-
-def _depth(mesh: Mesh, points: np.ndarray) -> np.ndarray:
-    """Return how deep points [point 3] are in a closed mesh [m], 0 outside, shape [point]."""
-    if not len(points):
-        return np.zeros(0)
-    tree, depth = _warp(mesh.vertices, mesh.faces, winding=True), wp.zeros(len(points), dtype=float, device="cpu")
-    wp.launch(_signed, len(points), inputs=[tree.id, _vec(points), 10.0], outputs=[depth], device="cpu")
-    return np.maximum(depth.numpy(), 0.0)
-
-
-def _cast(mesh: wp.Mesh, start: np.ndarray, way: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    if not len(start):
-        return np.zeros(0), np.zeros(0, int)
-    t = wp.array(np.asarray(reach, np.float32), dtype=float, device="cpu")
-    face = wp.zeros(len(start), dtype=int, device="cpu")
-    wp.launch(_rays, len(start), inputs=[mesh.id, _vec(start), _vec(way)], outputs=[t, face], device="cpu")
-    return t.numpy().astype(np.float64), face.numpy()
-
-
-def _warp(vertices: np.ndarray, faces: np.ndarray, winding: bool = False) -> wp.Mesh:
-    index = wp.array(np.asarray(faces, np.int32).ravel(), dtype=int, device="cpu")
-    return wp.Mesh(_vec(vertices), index, support_winding_number=winding)
-
-
-def _vec(points: np.ndarray) -> wp.array:
-    return wp.array(np.asarray(points, np.float32), dtype=wp.vec3, device="cpu")

@@ -36,7 +36,7 @@ def test_a_thin_thing_takes_its_place() -> None:
 def tray(width: float) -> Scene:
     """A level surface with a rim all around."""
     half = width / 2
-    whole = merge([sheet((-half, half), (-half, half), 0.0), walls(half, 0.0, 0.1), frame(half + 0.03, half, 0.1)])
+    whole = merge([sheet((-half, half), (-half, half), 0.0), walls(half, 0.012, 0.1), frame(half + 0.03, half, 0.1)])
     return Scene("room", {"floor_1": Part("floor", whole)})
 
 

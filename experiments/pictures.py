@@ -123,11 +123,12 @@ def silhouette(mesh: Mesh, room: Mesh, pose: CameraPose, camera: OrbitCamera) ->
     other, _ = cast(tree(room.vertices, room.faces), eyes[hit], ways[hit], far[hit])
     inside = (np.abs(x.ravel()[hit]) <= 1) & (np.abs(y.ravel()[hit]) <= 1)
     seen = (own[hit] <= other + 1e-4) & inside
-    ahead, _ = cast(tree(room.vertices, room.faces), eyes[~hit], ways[~hit], far[~hit])
+    image = ~hit & (np.abs(x.ravel()) <= 1) & (np.abs(y.ravel()) <= 1)
+    ahead, _ = cast(tree(room.vertices, room.faces), eyes[image], ways[image], far[image])
     said = {
         "visible": seen.mean(),
         "cut": 1 - inside.mean(),
-        "before": np.percentile(ahead, 5),
+        "before": np.percentile(ahead, 5) if len(ahead) else 50.0,
         "distance": own[hit].min(),
     }
     return {name: round(float(value), 3) for name, value in said.items()}

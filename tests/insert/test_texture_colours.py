@@ -50,8 +50,8 @@ def test_the_squares_of_a_texture_are_on_the_object(tmp_path: Path, ending: str)
     areas = np.asarray(mesh.face_areas, float)
     for color in (RED, BLUE):
         share = areas[near(colors, color)].sum() / areas.sum()
-        # Half of it, less two texels of 64 at each of three borders in both directions.
-        assert share == pytest.approx(0.5 * (58 / 64) ** 2, abs=0.01)
+        # Half of it, less two to three texels of 64 at each of three borders in both directions.
+        assert 0.5 * (55 / 64) ** 2 < share < 0.5 * (58 / 64) ** 2
     # A square of the top and the one beside it.
     top = centers[:, 2] > 0.099
     squares = [top & (np.abs(centers[:, :2] - place).max(axis=1) < 0.015) for place in ((0.025, 0.025), (0.075, 0.025))]

@@ -22,7 +22,7 @@ from placement_judge import CHECKS, Placed, Truth, judge, up_and_front
 from scipy.spatial.transform import Rotation
 
 from s2a.insert.batch import insert_into, open_room
-from s2a.insert.pipeline import Inserted, ObjectRequest
+from s2a.insert.context import Inserted, ObjectRequest
 from s2a.llm.client import choose
 from s2a.llm.usage_log import Record
 from s2a.provenance import provenance

@@ -12,8 +12,9 @@ from s2a.errors import InputError
 from s2a.geometry.planes import Plane
 from s2a.geometry.regions import Region
 from s2a.insert.place.baseline import place_paper
+from s2a.insert.place.contact import PoseConfig
 from s2a.insert.place.fit import NoRoom, Pose
-from s2a.insert.place.pose import PoseConfig, places
+from s2a.insert.place.pose import places
 from s2a.insert.place.supports import SurfaceConfig, is_basin, target_plane, target_regions
 from s2a.insert.plan import Choice, Plan
 from s2a.insert.room_state import RoomState

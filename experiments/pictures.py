@@ -15,6 +15,7 @@ import argparse
 import copy
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,9 +91,10 @@ def _row(room: RoomState, request: ObjectRequest, settings: InsertSettings) -> d
 
 
 def _looked_at(inserted: Inserted, without: list[Mesh], pose: CameraPose, camera: OrbitCamera) -> dict:
-    """Return the measures of a picture."""
+    """Return the measures of a picture, rendered with one ray a pixel."""
+    once = replace(camera, samples=1)
     mesh = inserted.part.mesh
-    bare, shown = (render(meshes, pose, camera).astype(int) for meshes in (without, [*without, mesh]))
+    bare, shown = (render(meshes, pose, once).astype(int) for meshes in (without, [*without, mesh]))
     differ = int((np.abs(shown - bare).max(axis=2) > CHANGED).sum())
     found = silhouette(mesh, merge([Mesh(m.vertices, m.faces) for m in without]), pose, camera)
     said = {"pixels": differ, **found}
@@ -112,7 +114,7 @@ def silhouette(mesh: Mesh, room: Mesh, pose: CameraPose, camera: OrbitCamera) ->
     right = right / np.linalg.norm(right) if np.linalg.norm(right) > 1e-9 else np.array([1.0, 0.0, 0.0])
     up, tangent = np.cross(right, forward), np.tan(camera.fov / 2)
     wide = camera.width / camera.height
-    x, y = np.meshgrid(np.linspace(-2, 2, 2 * camera.width // 2), np.linspace(-2, 2, 2 * camera.height // 2))
+    x, y = np.meshgrid(np.linspace(-2, 2, camera.width // 2), np.linspace(-2, 2, camera.height // 2))
     ways = forward + tangent * (wide * x.ravel()[:, None] * right + y.ravel()[:, None] * up)
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     eyes, far = np.tile(pose.eye, (len(ways), 1)), np.full(len(ways), 50.0)

@@ -173,8 +173,7 @@ def _carried(room: Surroundings, points: np.ndarray, leans: bool) -> dict:
     support = room.part_of(face[on])
     middle = points[:, :2].mean(axis=0)
     # What bulges out over a smaller foot does not overhang: only what is as far below as the foot counts.
-    floor = column[on, 2] - gap[on] if on.any() else np.array([np.nan])
-    level = np.nanmedian(floor)
+    level = float(np.median(column[on, 2] - gap[on])) if on.any() else np.inf
     below = (face >= 0) & (np.abs(column[:, 2] - gap - level) < 0.05)
     if not below.all():
         below |= room.outlined(support, level, column[:, :2])

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from s2a.geometry.mesh_ops import normals
 from s2a.geometry.regions import Region, RegionConfig
-from s2a.insert.place.supports import target_regions
+from s2a.insert.place.supports import is_basin, target_regions
 from s2a.insert.plan import Choice
 from s2a.scene import Joint, Mesh, Scene
 from s2a.usd.boxes import Box, silhouette, upright_box
@@ -24,8 +24,6 @@ LEVEL = 0.8
 """Upward component of a normal from which a face of a noisy scan may be horizontal."""
 WORTH = 0.008
 """Smallest free area of a described support [m^2]: a glass stands on it."""
-BASIN = 0.5
-"""Rim fraction from which a region is a basin."""
 SLIVER, FOOT = 0.1, 0.06
 """Smallest free area as a fraction of the part's largest support, and smallest free circle [m], of a described support."""
 COUNT = 6
@@ -83,7 +81,7 @@ def circle(region: Region) -> float:
 
 def support(region: Region) -> dict[str, Any]:
     """Return the description of a support."""
-    kind = "basin" if region.rim_fraction > BASIN and region.kind == "horizontal" else region.kind
+    kind = "basin" if is_basin(region) else region.kind
     return {
         "kind": kind,
         "height": round(region.height, CENTIMETRES) + 0.0,

@@ -15,6 +15,7 @@ from s2a.geometry.mesh_ops import GREY
 from s2a.geometry.simplify import decimate
 from s2a.insert.axes import AXES
 from s2a.insert.place.stable_pose import settled_axis
+from s2a.insert.texture_colours import textured
 from s2a.ranges import Count, Positive
 from s2a.scene import Mesh
 from s2a.usd.stage import reading, refuse_deep
@@ -73,7 +74,7 @@ def read_object(path: Path, config: ObjectConfig) -> ObjectFile:
     if ending in STAGES:
         raw, unit, up = _read_stage(path)
     elif ending in MESHES:
-        raw, unit, up = _read_mesh(path), None, "+y" if ending in (".glb", ".gltf") else None
+        raw, unit, up = _read_mesh(path, config.faces), None, "+y" if ending in (".glb", ".gltf") else None
     else:
         raise InputError(f"{path}: ending {ending!r} is unknown; possible: {', '.join((*MESHES, *STAGES))}")
     try:
@@ -130,8 +131,8 @@ def _digits(size: float) -> int:
     return int(np.ceil(-np.log10(max(size, 1e-12) * WELD)))
 
 
-def _read_mesh(path: Path) -> Shape:
-    """Return all surfaces of a mesh file as one, colours of materials and textures on its vertices."""
+def _read_mesh(path: Path, faces: int) -> Shape:
+    """Return all surfaces of a mesh file as one, colours of materials and textures on its vertices; `faces` at most for those."""
     try:
         scene = trimesh.load_scene(path, process=False)
         shapes = [shape for shape in scene.dump() if isinstance(shape, trimesh.Trimesh)]
@@ -143,7 +144,12 @@ def _read_mesh(path: Path) -> Shape:
             else " ".join(str(error).split())[:300]
         )
         raise InputError(f"{path}: not a mesh that can be read ({why}); export it again") from error
-    return _together([(np.asarray(shape.vertices), np.asarray(shape.faces), _painted(shape)) for shape in shapes])
+    budget = faces // max(len(shapes), 1)
+    return _together([textured(shape, budget) or _plain(shape) for shape in shapes])
+
+
+def _plain(shape: trimesh.Trimesh) -> Shape:
+    return np.asarray(shape.vertices), np.asarray(shape.faces), _painted(shape)
 
 
 def _painted(shape: trimesh.Trimesh) -> np.ndarray | None:

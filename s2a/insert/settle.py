@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.insert.place.candidate_poses import CandidatePose
+from s2a.insert.place.contact import PoseConfig
 from s2a.insert.place.fit import COLLISION, Pose, moved_into_contact, placement_conflict
-from s2a.insert.place.pose import PoseConfig
 from s2a.insert.place.supports import nearby
 from s2a.insert.place.swept_volumes import reaching_into
 from s2a.insert.room_state import RoomState

@@ -19,6 +19,12 @@ UNKNOWN_HEIGHT, UNKNOWN_LONGEST = (0.03, 0.35), (0.06, 0.4)
 """Ranges for unknown objects [m]: hand-held."""
 FIRM = 0.15
 """Tilt margin, as a fraction of a right angle, beyond which more does not matter: a bottle has 0.1, a cube 0.5."""
+LOW, STEADY = 0.35, 0.4
+"""Height over longest side of what lies, and the tilt margin beyond which more does not matter for that."""
+SPREAD = 0.4
+"""Standard deviation of the logarithm of height over longest side, within a kind of objects."""
+MIRRORED, MOST = 2.0, 0.3
+"""Weight of what differs along an axis between its ends, and the most that counts: few things are as below as above."""
 ANYWHERE = (
     "on table",
     "on desk",
@@ -30,6 +36,10 @@ ANYWHERE = (
     "on dresser",
 )
 """Places for unknown objects, and for hand-held ones none of whose places exist in the room; never the floor."""
+COLOURED = 8.0
+"""Difference in the spread of colours, of 255, that tells a front from a back."""
+FLATTER = 0.15
+"""Difference of the tilt margins of a back and a front, as fractions of a right angle."""
 SOFT = ("bed", "sofa", "armchair", "couch")
 """What carries pillows and blankets, which belong on no table."""
 BEDDING = ("blanket", "duvet", "mattress", "bedspread", "quilt")
@@ -69,7 +79,7 @@ def _plan(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
         choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
     front = {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
     if choices and choices[0]["relation"] == "hanging":
-        up, front = _flat(facts)
+        up, front = _flat(facts, entry)
     plan = {"up": up, "front": front, "near": hint.near, "choices": choices[:3]}
     if choices:
         return plan
@@ -152,37 +162,60 @@ def _free(support: dict[str, Any]) -> dict[str, float]:
 
 
 def _up(facts: Any, entry: ObjectKind | None) -> str:
-    """Return the up axis with the best tilt margin among those whose proportions match the table."""
-    sides = dict(zip("xyz", facts["sides"], strict=True))
-    longest = max(sides.values())
-
-    def merit(axis: str) -> float:
-        ratio, misfit = max(sides[axis[1]] / longest, FLAT), 1.0
-        if entry:
-            low, high = entry.height[0] / entry.longest[1], entry.height[1] / entry.longest[0]
-            misfit = min(ratio / low, high / ratio, 1.0)
-        # Containers have their opening up.
-        mouth = 0.4 * (facts["hollow"].get(axis, 0.0) - facts["hollow"].get(_opposite(axis), 0.0))
-        habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.3 if axis == facts["up"] else 0.0)
-        return (min(1.0, facts["feet"].get(axis, 0.0) / FIRM) + mouth) * misfit**2 + habit
-
+    """Return the up axis that suits the table's proportions, on which it stands, and along which its ends differ."""
+    merits = {axis: _merit(facts, entry, axis) for axis in AXES}
     if facts.get("unstable"):
-        # It did not stay: take the other axis on which it stands most firmly.
-        return max((axis for axis in AXES if axis != facts["tried_up"]), key=lambda axis: facts["feet"].get(axis, 0.0))
-    return max(AXES, key=merit)
+        # It did not stay: take another axis, on which it stands firmly.
+        del merits[facts["tried_up"]]
+        merits = {axis: merit * min(1.0, facts["feet"].get(axis, 0.0) / STEADY) for axis, merit in merits.items()}
+    return max(merits, key=merits.__getitem__)
+
+
+def _merit(facts: Any, entry: ObjectKind | None, axis: str) -> float:
+    """Return how well an axis suits as the one that points up."""
+    flat = entry is not None and _usual(entry) < LOW
+    firm = min(1.0, facts["feet"].get(axis, 0.0) / (STEADY if flat else FIRM))
+    # Containers have their opening up.
+    mouth = 0.4 * (facts["hollow"].get(axis, 0.0) - facts["hollow"].get(_opposite(axis), 0.0))
+    slices = facts["slices"][axis[1]]
+    ends = MIRRORED * min(MOST, sum(abs(one - other) for one, other in zip(slices, slices[::-1], strict=True)) / 5)
+    habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.2 if axis == facts["up"] else 0.0)
+    return (firm + mouth + ends) * _fit(facts, entry, axis) + habit
+
+
+def _fit(facts: Any, entry: ObjectKind | None, axis: str) -> float:
+    """Return how well the proportions suit the table with an axis up, 0 to 1."""
+    if entry is None:
+        return 1.0
+    side, longest = facts["sides"]["xyz".index(axis[1])], max(facts["sides"])
+    ratio = max(side / longest, FLAT)
+    low, high = entry.height[0] / entry.longest[1], min(1.0, entry.height[1] / entry.longest[0])
+    off = math.log(ratio / _usual(entry)) / SPREAD
+    return min(ratio / low, high / ratio, 1.0) ** 2 * math.exp(-(off**2) / 2)
+
+
+def _usual(entry: ObjectKind) -> float:
+    """Return the usual height of a kind over its longest side."""
+    return min(1.0, math.sqrt(entry.height[0] * entry.height[1] / (entry.longest[0] * entry.longest[1])))
 
 
 def _opposite(axis: str) -> str:
     return axis.translate(str.maketrans("+-", "-+"))
 
 
-def _flat(facts: Any) -> tuple[str, str]:
-    """Return the up axis and the front of a hanging object: it faces along its thinnest side."""
+def _flat(facts: Any, entry: ObjectKind | None) -> tuple[str, str]:
+    """Return the up axis and the front of a hanging object: it faces along its thinnest side, away from its flat back."""
     sides = dict(zip("xyz", facts["sides"], strict=True))
     thin = min(sides, key=sides.__getitem__)
     axes = [axis for axis in ("+z", "+y", "+x") if axis[1] != thin]
-    up = facts["up"] if facts["up"] in axes else axes[0]
-    return up, {"x": "+x", "y": "-y", "z": "+z"}[thin]
+    up = facts["up"] if facts["up"] in axes else max(axes, key=lambda axis: _fit(facts, entry, axis))
+    usual = {"x": "+x", "y": "-y", "z": "+z"}[thin]
+    other = _opposite(usual)
+    feet, varied = facts["feet"], facts.get("varied", {})
+    # A picture has its colours in front, and what lies firmly on its back has a flat one.
+    colours = varied.get(other, 0.0) - varied.get(usual, 0.0)
+    firmer = feet.get(other, 0.0) - feet.get(usual, 0.0)
+    return up, other if colours > COLOURED or (firmer > FLATTER and colours > -COLOURED) else usual
 
 
 def _placement(facts: Any) -> Placement:

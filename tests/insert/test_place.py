@@ -17,8 +17,9 @@ from s2a.geometry.penetration import crossing, depth, inside
 from s2a.geometry.ransac import RansacConfig
 from s2a.geometry.regions import Kind, RegionConfig
 from s2a.insert.place.baseline import place_paper
+from s2a.insert.place.contact import PoseConfig, Relation
 from s2a.insert.place.fit import NoRoom, Pose
-from s2a.insert.place.pose import PoseConfig, Relation, place, places
+from s2a.insert.place.pose import place, places
 from s2a.insert.place.supports import nearby, target_plane, target_regions
 from s2a.insert.place.swept_volumes import reaching_into, swept_volumes
 from s2a.scene import Joint, Mesh, Part, Scene

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from s2a.config import compose, load
 from s2a.geometry.penetration import crossing
 from s2a.insert.place.candidate_poses import CandidatePose
+from s2a.insert.place.contact import PoseConfig
 from s2a.insert.place.fit import Pose
-from s2a.insert.place.pose import PoseConfig
 from s2a.insert.place.supports import SurfaceConfig, nearby
 from s2a.insert.plan import Choice
 from s2a.insert.room_state import RoomState

@@ -11,11 +11,11 @@ import numpy as np
 from s2a.errors import InputError
 from s2a.geometry.planes import Plane
 from s2a.geometry.regions import Region
-from s2a.insert.describe import BASIN
 from s2a.insert.place.baseline import place_paper
+from s2a.insert.place.contact import PoseConfig
 from s2a.insert.place.fit import NoRoom, Pose
-from s2a.insert.place.pose import PoseConfig, places
-from s2a.insert.place.supports import SurfaceConfig, target_plane, target_regions
+from s2a.insert.place.pose import places
+from s2a.insert.place.supports import SurfaceConfig, is_basin, target_plane, target_regions
 from s2a.insert.plan import Choice, Plan
 from s2a.insert.room_state import RoomState
 from s2a.scene import Mesh, Scene
@@ -136,7 +136,7 @@ def _ordered(regions: list[Region], choice: Choice) -> list[Region]:
     """
 
     def within(region: Region) -> bool:
-        return region.kind == "inside" or region.rim_fraction > BASIN
+        return region.kind == "inside" or is_basin(region)
 
     def merit(region: Region) -> tuple[bool, bool, float]:
         meant = choice.height is not None and abs(region.height - choice.height) < MEANT

@@ -15,8 +15,12 @@ from s2a.geometry.mesh_query import ray_mesh
 from s2a.geometry.planes import Plane
 from s2a.geometry.ransac import RansacConfig, ransac_plane
 from s2a.geometry.regions import KINDS, Kind, Region, RegionConfig, support_regions
-from s2a.scene import Mesh, Scene
+from s2a.scene import Joint, Mesh, Scene
 
+BASIN, WIDEST_BASIN = 0.5, 1.0
+"""Rim fraction from which a region is a basin, and its largest width [m]: a floor among furniture is none, a bathtub is."""
+FLAT, LARGE, RAISED = 0.012, 0.5, 0.02
+"""What is lower than this and not as long as that lies flat on something; it blocks its place up to a height [m]."""
 FAR = 2.0
 """Length of the rays that test for a free view [m]."""
 
@@ -49,11 +53,50 @@ def target_mesh(scene: Scene, target: str) -> Mesh:
     return mesh
 
 
+def standing_mesh(scene: Scene, target: str) -> Mesh:
+    """Return the surface of a part and of what moves with it: the top edge of a cabinet's door carries nothing.
+
+    Raises:
+        InputError: no such part, or one without a surface.
+    """
+    ids = _standing(scene, target)
+    mesh = merge([scene.parts[i].mesh for i in ids])
+    return mesh if len(mesh.faces) else target_mesh(scene, target)
+
+
+def _standing(scene: Scene, target: str) -> list[str]:
+    """Return the ids of a part and of its descendants that are not on a drawer or door of it."""
+    below = scene.descendants(target)
+    moving = {i for j in below if isinstance(scene.parts[j].motion, Joint) for i in (j, *scene.descendants(j))}
+    return [target, *(i for i in below if i not in moving)]
+
+
+def is_basin(region: Region) -> bool:
+    """Return True for a level region that is surrounded by a rim: a sink, a tub, a tray."""
+    return region.kind == "horizontal" and region.rim_fraction > BASIN and min(region.size) < WIDEST_BASIN
+
+
+def flat_things(scene: Scene, target: str) -> list[Mesh]:
+    """Return what lies flat in a scene, raised: lower than the noise of a scan, it would be taken for its support."""
+    own = {target, *scene.descendants(target)}
+    found = []
+    for part_id, part in scene.parts.items():
+        if part_id in own or part.parent is not None or not len(part.mesh.faces):
+            continue
+        sides = np.ptp(part.mesh.bounds, axis=0)
+        if sides[2] < FLAT and sides.max() < LARGE:
+            found.append(Mesh(part.mesh.vertices + np.array([0.0, 0.0, RAISED], np.float32), part.mesh.faces))
+    return found
+
+
 def target_regions(scene: Scene, target: str, config: RegionConfig, kinds: tuple[Kind, ...] = KINDS) -> list[Region]:
     """Return the support regions of a part, with what all other parts leave free."""
-    own = {target, *scene.descendants(target)}
-    others = [part.mesh for part_id, part in scene.parts.items() if part_id not in own]
-    return support_regions(target_mesh(scene, target), config, others, kinds)
+    scene.part(target)
+    upright = kinds == ("vertical",)
+    own = {target, *scene.descendants(target)} if upright else set(_standing(scene, target))
+    others = [part.mesh for part_id, part in scene.parts.items() if part_id not in own] + flat_things(scene, target)
+    mesh = target_mesh(scene, target) if upright else standing_mesh(scene, target)
+    return support_regions(mesh, config, others, kinds)
 
 
 def target_plane(scene: Scene, target: str, upright: bool, config: RansacConfig) -> tuple[Plane, np.ndarray]:

@@ -112,7 +112,9 @@ def _by_trimesh(path: Path, stated: Stated) -> SourceMesh:
         raise InputError(
             f"{path}: truncated or damaged ({' '.join(str(error).split())[:120]}); export it again"
         ) from error
-    found = [(matrix, scene.geometry[name]) for matrix, name in placed if isinstance(scene.geometry[name], trimesh.Trimesh)]
+    found = [
+        (matrix, scene.geometry[name]) for matrix, name in placed if isinstance(scene.geometry[name], trimesh.Trimesh)
+    ]
     if left := len(placed) - len(found):
         _log.warning("%s: %d of %d parts are points or lines, and are left out", path, left, len(placed))
     found = [(matrix, mesh) for matrix, mesh in found if len(mesh.faces)]
@@ -148,7 +150,9 @@ def _material(path: Path, material: Any) -> Material:
     """Return a material's base colour and texture."""
     image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
     factor = getattr(material, "baseColorFactor", None)
-    color = np.ones(3) if factor is None else np.asarray(factor)[:3] / (255 if np.asarray(factor).dtype.kind in "iu" else 1)
+    color = (
+        np.ones(3) if factor is None else np.asarray(factor)[:3] / (255 if np.asarray(factor).dtype.kind in "iu" else 1)
+    )
     if image is None:
         return Material(np.full(3, 170 / 255) if factor is None else color)
     try:

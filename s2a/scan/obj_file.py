@@ -44,7 +44,9 @@ def read(path: Path) -> SourceMesh:
             elif key == "mtllib":
                 materials |= _library(path, line.split(None, 1)[1].strip())
         except (ValueError, IndexError) as error:
-            raise InputError(f"{path}: line {number} {line[:60]!r} cannot be read ({error}); export it again") from error
+            raise InputError(
+                f"{path}: line {number} {line[:60]!r} cannot be read ({error}); export it again"
+            ) from error
     if not corners:
         raise InputError(f"{path}: holds no faces; export a mesh, not a point cloud")
     return _mesh(path, vertices, coordinates, np.array(corners), np.array(material), _listed(path, names, materials))

@@ -76,7 +76,9 @@ def joined(parts: list[SourceMesh], stated: Stated) -> SourceMesh:
     )
 
 
-def sample(mesh_uv: np.ndarray, corner_colors: np.ndarray, material: np.ndarray, materials: tuple[Material, ...]) -> np.ndarray:
+def sample(
+    mesh_uv: np.ndarray, corner_colors: np.ndarray, material: np.ndarray, materials: tuple[Material, ...]
+) -> np.ndarray:
     """Return colours at points of faces: texture times its factor, else the colours given, else the factor, else grey.
 
     Args:

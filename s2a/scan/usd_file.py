@@ -68,7 +68,9 @@ def _mesh(path: Path, mesh: UsdGeom.Mesh, matrix: np.ndarray) -> SourceMesh:
     vertices = points @ matrix[:3, :3] + matrix[3, :3]
     numbers = np.full(len(corners), -1 if material is None else 0)
     shade = (255 * np.clip(colors, 0, 1)).astype(np.float32)[corners]
-    return SourceMesh(vertices, indices[corners], uv[corners], shade, numbers, () if material is None else (material,), Stated())
+    return SourceMesh(
+        vertices, indices[corners], uv[corners], shade, numbers, () if material is None else (material,), Stated()
+    )
 
 
 def _fans(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -28,8 +28,9 @@ BELIEVED = (0.02, 15.0)
 """Heights [m] at which a file's own unit is believed: single objects to halls."""
 
 _LEVEL = 0.95  # cosine; within 18 degrees
-_FLOOR = 0.12  # fraction of the height in which a floor lies: scans have a few stray faces below it
-_SEEN = 0.25  # fraction of the footprint that a floor under furniture has at least
+_ENDS = 0.12  # fraction of the height at either end in which floor and ceiling lie
+_TOPS = 0.02  # fraction of the footprint that tops of furniture must exceed to count as evidence
+_SEEN = 0.1  # lowest score of the rooms that were tried: 0.2
 _CLEAR = 1.6  # factor by which the best direction has to beat the next
 
 
@@ -104,24 +105,24 @@ def _up(corners: np.ndarray, normals: np.ndarray, stated: Stated, asked: str) ->
 
 
 def _floor_score(corners: np.ndarray, normals: np.ndarray, up: np.ndarray) -> float:
-    """Return how much a room looks as if a direction were up, 0 to 1.
+    """Return how much a room looks as if a direction were up, 0 to 1: coverage of the footprint by a floor, times asymmetry.
 
-    The floor covers the footprint at the low end; walls do so for their own normals. But a scanner at eye height sees floor and
-    tops of furniture and hardly their undersides: the areas that face up and down differ, those of opposite walls do not.
+    Floor and ceiling face each other as opposite walls do. But between them tops of furniture outweigh the undersides, while the
+    fronts of furniture along opposite walls balance.
     """
     area = np.linalg.norm(normals, axis=1) / 2
     facing = normals @ up / np.maximum(2 * area, np.finfo(float).tiny)
     low, high = _span(corners, area, up)
-    ends = np.sort(
-        [high_ - low_ for low_, high_ in (_span(corners, area, axis) for axis in np.eye(3)[np.abs(up) < 0.5])]
-    )
-    footprint = float(np.prod(ends))
+    across = [np.subtract(*_span(corners, area, axis)[::-1]) for axis in np.eye(3)[np.abs(up) < 0.5]]
+    footprint = float(np.prod(across))
     if footprint <= 0 or high <= low:
         return 0.0
-    upwards, downwards = area[facing > _LEVEL].sum(), area[facing < -_LEVEL].sum()
-    bottom = (facing > _LEVEL) & (corners.mean(axis=1) @ up < low + _FLOOR * (high - low))
-    covered = min(1.0, float(area[bottom].sum()) / footprint)
-    return covered * max(0.0, float((upwards - downwards) / max(upwards + downwards, np.finfo(float).tiny)))
+    height = (corners.mean(axis=1) @ up - low) / (high - low)
+    between = (height > _ENDS) & (height < 1 - _ENDS)
+    tops, undersides = (float(area[between & (sign * facing > _LEVEL)].sum()) for sign in (1, -1))
+    floor = float(area[(facing > _LEVEL) & (height <= _ENDS)].sum())
+    asymmetry = (tops - undersides) / (tops + undersides + _TOPS * footprint)
+    return min(1.0, floor / footprint) * max(0.0, asymmetry)
 
 
 def _span(corners: np.ndarray, area: np.ndarray, axis: np.ndarray) -> tuple[float, float]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import logging
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,9 +12,15 @@ from typing import Annotated, Literal
 from s2a.errors import InputError
 from s2a.outputs import atomic_write, refuse_loss
 from s2a.ranges import Above, AtLeast
-from s2a.scan import imported
+from s2a.scan import folder, imported, ply, predicted
+from s2a.scan import predictions as reader
 
 _log = logging.getLogger(__name__)
+
+PREDICTED = "predictions.json"
+"""By this file a folder is known to be an earlier import of predictions."""
+OVERLAP = 0.5
+"""Fraction of the smaller of two masks that both may hold."""
 
 
 @dataclass(frozen=True)
@@ -83,5 +91,29 @@ def _import_mesh(config: Config, path: Path) -> str:
 
 
 def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
-    """Write the annotated scan, and return a summary."""
-    raise InputError("predictions are not read yet")
+    """Write the scan with the predictions as its annotation, and return a summary."""
+    files = folder.find_bare(scan)
+    refuse_loss(config.out, PREDICTED, [files.mesh, predictions])
+    surface = ply.read(files.mesh)
+    found = reader.read(predictions, surface, files.name)
+    kept = predicted.choose(found, config.min_score, OVERLAP)
+    if not kept:
+        scores = f"; the best score is {max(one.score for one in found):.3g}: give min_score=" if found else ""
+        raise InputError(
+            f"{predictions}: no prediction of {len(found)} has a score of {config.min_score:g} or more{scores}"
+        )
+    with atomic_write(config.out, earlier=PREDICTED) as out:
+        out.mkdir()
+        for file, name in ((files.mesh, folder.MESH), *_segments(files)):
+            shutil.copyfile(file, out / name)
+        predicted.write(out, files.name, kept)
+        written = {"scan": str(scan), "predictions": str(predictions), "found": len(found), "kept": len(kept)}
+        (out / PREDICTED).write_text(json.dumps(written, indent=1), encoding="utf-8")
+    kinds = ", ".join(f"{sum(one.kind == kind for one in kept)} {kind}" for kind in reader.KINDS)
+    handles = sum(len(one.handle) > 0 for one in kept)
+    return f"{config.out}: {len(kept)} of {len(found)} predictions ({kinds}), {handles} with a handle; next: s2a check scan={config.out}"
+
+
+def _segments(files: folder.BareFiles) -> list[tuple[Path, str]]:
+    """Return the segments of a scan and their names in the new folder."""
+    return list(zip(files.segments, (folder.SEGMENTS, folder.GROUPS), strict=True)) if files.segments else []

@@ -64,7 +64,9 @@ def read(path: Path, surface: ScanMesh, scene: str) -> list[Prediction]:
     elif path.suffix.lower() in (".pkl", ".pickle"):
         found = _from_usdnet(path, surface, scene)
     else:
-        raise InputError(f"predictions {str(path)!r}: the ending {path.suffix!r} is unknown; possible: .json, .pkl, .pickle")
+        raise InputError(
+            f"predictions {str(path)!r}: the ending {path.suffix!r} is unknown; possible: .json, .pkl, .pickle"
+        )
     return [prediction for prediction in found if len(prediction.faces)]
 
 
@@ -117,7 +119,9 @@ def _from_usdnet(path: Path, surface: ScanMesh, scene: str) -> list[Prediction]:
     if isinstance(content, Mapping) and "pred_masks" not in content:
         if scene not in content and len(content) != 1:
             known = ", ".join(map(str, list(content)[:6])) or "none"
-            raise InputError(f"{path}: holds no scene {scene!r} (scenes found: {known}); name the scan's folder like its scene")
+            raise InputError(
+                f"{path}: holds no scene {scene!r} (scenes found: {known}); name the scan's folder like its scene"
+            )
         content = content[scene] if scene in content else next(iter(content.values()))
     if not isinstance(content, Mapping):
         raise InputError(f"{path}: holds a {type(content).__name__}; expected a dictionary with pred_masks ...")

@@ -31,7 +31,9 @@ def read(path: Path) -> Any:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    except Exception as error:  # a damaged pickle provokes any: EOFError, KeyError, ValueError, AttributeError, MemoryError ...
+    except (
+        Exception
+    ) as error:  # a damaged pickle provokes any: EOFError, KeyError, ValueError, AttributeError, MemoryError ...
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         raise InputError(f"{path}: truncated or not a pickle ({reason}); save it again") from error
 

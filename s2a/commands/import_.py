@@ -111,7 +111,8 @@ def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
         (out / PREDICTED).write_text(json.dumps(written, indent=1), encoding="utf-8")
     kinds = ", ".join(f"{sum(one.kind == kind for one in kept)} {kind}" for kind in reader.KINDS)
     handles = sum(len(one.handle) > 0 for one in kept)
-    return f"{config.out}: {len(kept)} of {len(found)} predictions ({kinds}), {handles} with a handle; next: s2a check scan={config.out}"
+    counts = f"{len(kept)} of {len(found)} predictions ({kinds}), {handles} with a handle"
+    return f"{config.out}: {counts}; next: s2a check scan={config.out}"
 
 
 def _segments(files: folder.BareFiles) -> list[tuple[Path, str]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import itertools
+import keyword
 import os
 import re
 import signal
@@ -30,6 +31,7 @@ from s2a.errors import CheckFailed, InputError
 from s2a.progress import StdoutFilter
 
 COMMANDS = {
+    "import": "turn a mesh file into a scan, or predictions for a scan into an annotated one",
     "sample": "furnish a virtual room and scan it: writes an annotated scan",
     "check": "compare an annotated scan with its own surface; exit with 1 if they contradict each other",
     "register": "find the parts that stand open in a second scan of a room, and their joints",
@@ -156,7 +158,8 @@ def _module(command: str) -> Any:
         InputError: it needs an extra that is not installed.
     """
     with extras.required():
-        return importlib.import_module(f"s2a.commands.{command}")
+        # A keyword of Python's names no module that a statement could import.
+        return importlib.import_module(f"s2a.commands.{command}{'_' * keyword.iskeyword(command)}")
 
 
 def _refuse_replacing_input(settings: Any) -> None:

@@ -10,6 +10,8 @@ from s2a.errors import InputError
 MESH = "mesh_aligned_0.05.ply"
 SEGMENTS = "segments.json"
 GROUPS = "segments_anno.json"
+SCANNET = "_vh_clean_2.ply"
+"""Ending of ScanNet's mesh; beside it lie `<scene>_vh_clean_2.0.010000.segs.json` and `<scene>.aggregation.json`."""
 FOREIGN = (".obj", ".glb", ".gltf", ".stl", ".off", ".dae", ".usdz", ".fbx")
 """Endings of meshes that have to be converted to PLY first."""
 
@@ -133,8 +135,13 @@ def _folders(path: Path) -> list[Path]:
 def _meshes(path: Path) -> list[Path]:
     """Return ScanNet++'s mesh alone if it is there, or else every PLY file."""
     folders = _folders(path)
-    mesh = _first(folders, MESH)
+    mesh = _first(folders, MESH) or _scannet_mesh(folders)
     return [mesh] if mesh else [file for folder in folders for file in sorted(folder.glob("[!.]*.ply"))]
+
+
+def _scannet_mesh(folders: list[Path]) -> Path | None:
+    """Return ScanNet's decimated mesh, which its segments count in; None without one."""
+    return next((file for folder in folders for file in sorted(folder.glob(f"[!.]*{SCANNET}"))), None)
 
 
 def _why_not_one(path: Path, parts: list[Path]) -> str:
@@ -158,6 +165,10 @@ def _why_not_one(path: Path, parts: list[Path]) -> str:
 def _segments(path: Path, folders: list[Path]) -> tuple[Path, Path] | None:
     """Return ScanNet++'s two annotation files, None if there are none, or raise an InputError if one is missing."""
     segments, groups = _first(folders, SEGMENTS), _first(folders, GROUPS)
+    if not segments and not groups and (scannet := _scannet_mesh(folders)):
+        scene = scannet.name.removesuffix(SCANNET)
+        segments = next(iter(sorted(scannet.parent.glob(f"{scene}{SCANNET[:-4]}.*.segs.json"))), None)
+        groups = _first(folders, f"{scene}.aggregation.json")
     if segments and groups:
         return segments, groups
     if segments or groups:

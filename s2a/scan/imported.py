@@ -1,0 +1,124 @@
+"""A mesh file -> the folder of a scan that `s2a.scan.read` reads."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from s2a.errors import InputError
+from s2a.mesh import Mesh
+from s2a.scan import frame, mesh_files
+from s2a.scan.bake import Baked, bake
+from s2a.scan.folder import MESH
+from s2a.scan.frame import Frame
+from s2a.scan.ply_writer import write_ply
+
+RECORD = "import.json"
+"""By this file a folder is known to be an earlier import; it says what was found."""
+SOURCE_FACES = "source_faces.npy"
+"""Face of the file of each face of the scan, shape [face], int32; written where faces were split."""
+_FAR = 100.0  # [m]; from here on float32 rounds coordinates by 8 um or more
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What became of a mesh file.
+
+    Attributes:
+        frame: up axis and unit.
+        baked: the connected mesh, in the file's coordinates.
+        mesh: the scan.
+        offset: scan's coordinates less the file's turned and scaled ones [m], shape [3].
+        source_faces: number of faces in the file.
+        degenerate: number of faces without area, which keep their places.
+    """
+
+    frame: Frame
+    baked: Baked
+    mesh: Mesh
+    offset: np.ndarray
+    source_faces: int
+    degenerate: int
+
+
+def convert(path: Path, texel: float, up: str, unit: str, floor: bool) -> Imported:
+    """Read a mesh file and turn it into a scan: z up, metres, vertex colours, faces in their order.
+
+    Args:
+        path: GLB, glTF, OBJ, PLY or USD.
+        texel: length of the edges to aim at where a texture has detail [m].
+        up: a key of `frame.UP`, or "auto".
+        unit: a key of `frame.UNITS`, or "auto".
+        floor: Move the floor to z 0.
+
+    Raises:
+        InputError: the file is damaged, or neither it nor the room tells up axis or unit.
+    """
+    source = mesh_files.read(path)
+    try:
+        found = frame.find(source.vertices, source.faces, source.stated, up, unit)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    baked = bake(source, texel / found.unit)
+    points = found.apply(baked.vertices)
+    offset = _offset(points, baked.faces, floor)
+    mesh = Mesh(points + offset, baked.faces, baked.colors)
+    return Imported(found, baked, mesh, offset, len(source.faces), int((mesh.face_areas == 0).sum()))
+
+
+def write(done: Imported, source: Path, folder: Path) -> None:
+    """Write the scan's mesh, what was found, and the map of faces if any were split, into a new folder."""
+    folder.mkdir()
+    write_ply(folder / MESH, done.mesh)
+    if len(done.mesh.faces) != done.source_faces:
+        np.save(folder / SOURCE_FACES, done.baked.source_face.astype(np.int32))
+    (folder / RECORD).write_text(json.dumps(record(done, source), indent=1), encoding="utf-8")
+
+
+def record(done: Imported, source: Path) -> dict[str, Any]:
+    """Return what was found and done, for the folder: x_scan = matrix @ (x_file, 1)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = done.frame.rotation * done.frame.unit
+    matrix[:3, 3] = done.offset
+    return {
+        "source": source.name,
+        "up": done.frame.up,
+        "up_evidence": done.frame.why_up,
+        "metres_per_unit": done.frame.unit,
+        "unit_evidence": done.frame.why_unit,
+        "matrix": matrix.tolist(),
+        "source_faces": done.source_faces,
+        "faces": len(done.mesh.faces),
+        "vertices": len(done.mesh.vertices),
+        "degenerate_faces": done.degenerate,
+    }
+
+
+def _offset(points: np.ndarray, faces: np.ndarray, floor: bool) -> np.ndarray:
+    """Return the translation [m], shape [3], that puts the floor to z 0 and brings a far scan to zero."""
+    offset = np.zeros(3)
+    if np.abs(points).max() > _FAR:
+        offset = -points.min(axis=0)
+    if floor:
+        offset[2] = -_floor_height(points, faces)
+    return offset
+
+
+def _floor_height(points: np.ndarray, faces: np.ndarray) -> float:
+    """Return the height of the level faces at the bottom [m]: the fullest centimetre of the lowest 0.4 m, or the lowest point."""
+    corners = points[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normals, axis=1)
+    heights = corners[..., 2].mean(axis=1)
+    low = np.quantile(points[:, 2], 0.001)
+    level = (normals[:, 2] > 0.95 * area) & (heights > low - 0.05) & (heights < low + 0.4) & (area > 0)
+    if not level.any():
+        return float(points[:, 2].min())
+    bins = np.floor((heights[level] - low) / 0.01).astype(int)
+    full = np.bincount(bins - bins.min(), area[level])
+    near = np.abs(bins - bins.min() - full.argmax()) <= 1
+    return float(np.average(heights[level][near], weights=area[level][near]))

@@ -1,0 +1,117 @@
+"""A room's mesh as its file holds it, in the file's own frame and unit, before anything is decided about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+GREY = 170
+"""Level of what has no colour."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """What colours some faces.
+
+    Attributes:
+        color: RGB from 0 to 1, shape [3]; multiplies the texture.
+        texture: RGB, shape [row column 3], uint8, first row on top; None without one.
+    """
+
+    color: np.ndarray
+    texture: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a file states about its frame.
+
+    Attributes:
+        up: "x", "y" or "z"; None where the format does not say.
+        unit: metres a unit; None where the format does not say.
+        by: who says so ("glTF").
+    """
+
+    up: str | None = None
+    unit: float | None = None
+    by: str = ""
+
+
+@dataclass(frozen=True)
+class SourceMesh:
+    """All triangles of a file in its order, node transforms applied.
+
+    Attributes:
+        vertices: in the file's unit, shape [vertex 3], float64.
+        faces: vertex indices, shape [face 3], int64.
+        uv: texture coordinates of the corners, v upwards, shape [face 3 2]; NaN where there are none.
+        colors: RGB of the corners, shape [face 3 3], 0 to 255, float32; NaN where there are none.
+        material: index into `materials`, shape [face]; -1 for none.
+        materials: the materials.
+        stated: the file's own statement of frame and unit.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray
+    colors: np.ndarray
+    material: np.ndarray
+    materials: tuple[Material, ...]
+    stated: Stated
+
+
+def joined(parts: list[SourceMesh], stated: Stated) -> SourceMesh:
+    """Return the meshes of one file as one, in their order."""
+    vertex = np.cumsum([0] + [len(part.vertices) for part in parts])
+    first = np.cumsum([0] + [len(part.materials) for part in parts])
+    return SourceMesh(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.faces + vertex[i] for i, part in enumerate(parts)]),
+        np.concatenate([part.uv for part in parts]),
+        np.concatenate([part.colors for part in parts]),
+        np.concatenate([np.where(part.material < 0, -1, part.material + first[i]) for i, part in enumerate(parts)]),
+        tuple(material for part in parts for material in part.materials),
+        stated,
+    )
+
+
+def sample(
+    mesh_uv: np.ndarray, corner_colors: np.ndarray, material: np.ndarray, materials: tuple[Material, ...]
+) -> np.ndarray:
+    """Return colours at points of faces: texture times its factor, else the colours given, else the factor, else grey.
+
+    Args:
+        mesh_uv: texture coordinates, shape [face point 2].
+        corner_colors: RGB of the vertices there, shape [face point 3].
+        material: shape [face].
+        materials: the materials.
+
+    Returns:
+        RGB from 0 to 255, shape [face point 3], float32.
+    """
+    result = np.where(np.isnan(corner_colors), np.float32(GREY), corner_colors)
+    for index in np.unique(material[material >= 0]):
+        mine, used = material == index, materials[index]
+        factor = (255 * used.color).astype(np.float32)
+        plain = np.where(np.isnan(corner_colors[mine]), factor, corner_colors[mine])
+        if used.texture is None:
+            result[mine] = plain
+            continue
+        uv = mesh_uv[mine]
+        texels = bilinear(used.texture, np.nan_to_num(uv)) * used.color.astype(np.float32)
+        result[mine] = np.where(np.isnan(uv).any(axis=-1, keepdims=True), plain, texels)
+    return result
+
+
+def bilinear(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """Return a texture's colours, which repeats beyond 0 to 1, at coordinates [... 2], v upwards; shape [... 3], float32."""
+    height, width = texture.shape[:2]
+    # glTF, OBJ and USD alike: texel centres lie at half numbers.
+    x, y = uv[..., 0] * width - 0.5, (1.0 - uv[..., 1]) * height - 0.5
+    column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    right, down = (x - column)[..., None].astype(np.float32), (y - row)[..., None].astype(np.float32)
+    at = [[texture[(row + i) % height, (column + j) % width].astype(np.float32) for j in (0, 1)] for i in (0, 1)]
+    top, bottom = (line[0] * (1 - right) + line[1] * right for line in at)
+    mixed: np.ndarray = top * (1 - down) + bottom * down
+    return mixed

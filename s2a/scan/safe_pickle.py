@@ -15,7 +15,8 @@ _ARRAYS = ("numpy.core.multiarray", "numpy._core.multiarray")
 _NUMERIC = ("numpy.core.numeric", "numpy._core.numeric")
 _ALLOWED = {(module, name) for module in _ARRAYS for name in ("_reconstruct", "scalar")}
 _ALLOWED |= {(module, "_frombuffer") for module in _NUMERIC}
-_ALLOWED |= {("numpy", "ndarray"), ("numpy", "dtype"), ("collections", "OrderedDict")}
+_BYTES = ("_codecs", "encode")  # as protocols below 3 write bytes
+_ALLOWED |= {_BYTES, ("numpy", "ndarray"), ("numpy", "dtype"), ("collections", "OrderedDict")}
 
 
 def read(path: Path) -> Any:
@@ -49,9 +50,18 @@ class _Restricted(pickle.Unpickler):
                 "save numpy arrays in dictionaries (tensor.cpu().numpy()), or JSON"
             )
         # Pickles name the modules of the numpy that wrote them; both names have been the same functions.
+        if (module, name) == _BYTES:
+            return _latin
         if (module, name) == ("numpy", "dtype"):
             return _plain_dtype
         return super().find_class(module.replace("numpy.core", "numpy._core"), name)
+
+
+def _latin(text: str, encoding: str) -> bytes:
+    """Return bytes that a pickle holds as text."""
+    if encoding != "latin1":
+        raise InputError(f"the pickle holds bytes as {encoding!r}; save it with protocol 4, or JSON")
+    return text.encode("latin1")
 
 
 def _plain_dtype(*arguments: Any) -> np.dtype[Any]:

@@ -2,11 +2,11 @@
 
     python experiments/pick_place.py [--num-envs 8] [--runs runs/pick_place] [--rooms office_0 ...] [--seed 0]
 
-Makes the zoo and the rooms below RUNS, inserts the objects (llm=rules), and prepares each room with them as free objects. Each
-is picked from the nearest free spot of what it was put on, else of what is near, and placed as its insertion record says, by
-`s2a evaluate task=pick_place`. What is done in RUNS is not done again. Writes experiments/results/pick_place.json: a row an
-object, and all episodes together with their Wilson 95 % interval. An object that cannot be inserted, freed or planned for counts
-as so many failures, by its cause.
+Makes the zoo and the rooms below RUNS, inserts the objects (llm=rules) with 6 cm of room around each, and prepares each room
+with them as free objects. Each is picked from the nearest free spot of what it was put on, else of what is near, and placed as
+its insertion record says, by `s2a evaluate task=pick_place`. What is done in RUNS is not done again. Writes
+experiments/results/pick_place.json: a row an object, and all episodes together with their Wilson 95 % interval. An object that
+cannot be inserted, freed or planned for counts as so many failures, by its cause.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ ROOMS = {
     ("living_room", 2): ("hourglass", "Rubik's cube", "candelabra", "trophy"),
 }
 """Kinds and seeds of the rooms, and what is inserted: chosen by their size before any was tried."""
+ROOM = 0.06
+"""[m] Around an object as it is inserted: for the fingers, 15 mm thick and 12 mm off the object, and for half of the hand."""
 FAR = 0.9
 """[m] Between the start and the place, at most: an arm of 0.855 m stands between them."""
 COLUMNS = ("grasped", "carried", "released_at_rest", "placed", "undisturbed")
@@ -65,7 +67,8 @@ def _room(kind: str, seed: int, labels: tuple[str, ...], args: argparse.Namespac
         listed = {e["label"]: e for e in yaml.safe_load((args.runs / "zoo/list.yaml").read_text())}
         entries = [{"object": f"../zoo/{listed[e]['object']}", "label": e} for e in labels]
         (folder / "list.yaml").write_text(yaml.safe_dump(entries))
-        _s2a("insert", f"stage={folder}/geometric.usd", f"objects={folder}/list.yaml", "llm=rules", f"out={folder}/ins")
+        _s2a("insert", f"stage={folder}/geometric.usd", f"objects={folder}/list.yaml", "llm=rules",
+             f"placement.pose.search.margin={ROOM}", f"out={folder}/ins")  # fmt: skip
     placed = {e["label"]: e for e in json.loads((folder / "ins/insert.json").read_text())["objects"] if e.get("id")}
     if not (folder / "free.json").exists():
         (folder / "free.json").write_text(json.dumps(_prepare(folder, [e["id"] for e in placed.values()])))
@@ -143,7 +146,7 @@ def _support(path: Path, name: str) -> str:
 
     from s2a.errors import InputError
     from s2a.planner.obstacles import RoomHulls
-    from s2a.planner.places import free_placement, scanned
+    from s2a.planner.places import free_placements, scanned
     from s2a.usd import sim_stage
 
     room = sim_stage.read(path, visuals=False)
@@ -161,7 +164,7 @@ def _support(path: Path, name: str) -> str:
     }
     for support in [own, *sorted(away, key=lambda i: away[i])]:
         try:
-            start = free_placement(room, name, support, place)
+            start = next(free_placements(room, name, support, place))
         except InputError:
             continue
         if np.linalg.norm(start[:3] - place[:3]) <= FAR:

@@ -19,7 +19,8 @@ from rich.console import Console
 from rich.table import Table
 
 from s2a.scene import Joint, Scene
-from s2a.sim.world import body_index, joint_index, stiffen
+from s2a.sim.stiffness import stiffen
+from s2a.sim.world import body_index, joint_index
 from s2a.usd import geometric
 
 DT, PUSH, SECONDS = 1.0 / 240.0, 30.0, 2.0

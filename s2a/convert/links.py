@@ -15,7 +15,8 @@ from s2a.scene import Mesh
 from s2a.sim.freezing import carrier_of, kept_bodies, owner
 from s2a.sim.room import add_room, open_physics
 from s2a.sim.solver import SimConfig
-from s2a.sim.world import empty_world, joint_index, stiffen
+from s2a.sim.stiffness import stiffen
+from s2a.sim.world import empty_world, joint_index
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import SimRoom, in_scene
 

@@ -20,6 +20,7 @@ from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.planner import pull_law
 from s2a.planner.collision import most_clear
+from s2a.planner.held_object import HeldObject
 from s2a.planner.seen_grasp import SeenGrasp
 from s2a.planner.trajectory import Progress, Trajectory, closing, eased, reach_steps, sampled, timed
 from s2a.ranges import Count, CountFromZero, NotNegative, Positive
@@ -132,6 +133,8 @@ class Planner:
         self._seen = (
             None if knows_grasp or env.task.seen_grasp() is None else SeenGrasp(sim, self.trajectories, self._stage)
         )
+        aligned = self.trajectories[0].aligned
+        self._held = HeldObject(sim, self.trajectories[0], aligned) if aligned else None
         self._start = self._last = sim.joint_target_q[:, : self._targets.shape[2]].clone()
         self._clock = torch.zeros(env.num_envs, dtype=torch.long, device=sim.device)
 
@@ -158,7 +161,10 @@ class Planner:
             self._seen.see(began, seen)
         fraction = self._ramps[self._stage, step.clamp(max=self._ramps.shape[1] - 1)][:, None]
         reaching = self._start + fraction * (self._target(torch.zeros_like(step)) - self._start)
-        following = self._target((step - reach + 1).clamp(0, self._targets.shape[1] - 1))
+        index = (step - reach + 1).clamp(0, self._targets.shape[1] - 1)
+        if self._held:
+            self._held.see(index)
+        following = self._target(index)
         following = torch.where((step < reach)[:, None], reaching, following)
         self._last = torch.where(began[:, None], now, self._last)
         action = (following - now - (1.0 - self._gain) * (self._last - now)) / self._env.action_step
@@ -173,6 +179,8 @@ class Planner:
         targets = self._targets[self._stage, step]
         if self._seen:
             targets[:, : self._arm] += self._seen(step)
+        if self._held:
+            targets[:, : self._arm] += self._held(step)
         return targets
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from s2a.planner.gripper_shape import CLEARANCE, inside_gripper, opening
 from s2a.robot.spec import GripperSpec
 from s2a.scene import Mesh
 
@@ -18,8 +19,6 @@ ROLLS = 12
 """Approach directions about each closing axis."""
 CONE = 0.95
 """Cosine between closing axis and surface normal down to which a contact holds: 18 degrees, half the friction cone of mu 0.7."""
-CLEARANCE = 0.004
-"""[m] Between an open finger and the object, and around the gripper."""
 DEPTHS = (0.0, -0.006, 0.012)
 """[m] How far the object's axis of contact lies behind the tool frame's origin, towards the gripper body."""
 PAD = 0.9
@@ -62,12 +61,18 @@ class ObjectGrasps:
     Attributes:
         tool: poses of the tool frame when the fingers close, shape [grasp 4 4].
         width: distance of the pads in the grasp [m], shape [grasp].
+        opened: distance of the pads before and after [m], shape [grasp].
         score: lower is better; roughly metres of lever arm, shape [grasp].
     """
 
     tool: np.ndarray
     width: np.ndarray
+    opened: np.ndarray
     score: np.ndarray
+
+    def __getitem__(self, chosen: Sequence[int] | np.ndarray) -> ObjectGrasps:
+        """Return some of them, in this order."""
+        return ObjectGrasps(*(each[chosen] for each in (self.tool, self.width, self.opened, self.score)))
 
 
 def solids(hulls: Sequence[Mesh]) -> list[np.ndarray]:
@@ -88,7 +93,7 @@ def object_grasps(
     contact: Contact = FIRM,
     up: np.ndarray | None = None,
 ) -> ObjectGrasps:
-    """Return the grasps at which both pads meet the surface squarely and gripper body and open fingers keep clear of it.
+    """Return the grasps at which both pads meet the surface squarely and the gripper, open as by `opening`, keeps clear.
 
     Args:
         hulls: the object's collision hulls, in its body frame.
@@ -107,7 +112,7 @@ def object_grasps(
     tool = _poses(first + 0.5 * width[:, None] * axis, axis)
     width = np.repeat(width, ROLLS * len(DEPTHS))
     surface = np.asarray(trimesh.sample.sample_surface(mesh, SURFACE, seed=seed)[0])
-    free = ~_inside_gripper(tool, surface, gripper)
+    free = ~inside_gripper(tool, opening(width, gripper), surface, gripper)
     tool, width = tool[free], width[free]
     held, off = _held(tool, width, planes, gripper, contact.flat)
     good = (held >= contact.held) & (off <= contact.centered)
@@ -116,7 +121,7 @@ def object_grasps(
     away = np.linalg.norm(tool[:, :3, 3] - center, axis=1)
     score = away + TURNING * width + FULL * (1.0 - held)
     order = np.argsort(score, kind="stable")
-    return ObjectGrasps(tool[order], width[order], score[order])
+    return ObjectGrasps(tool, width, opening(width, gripper), score)[order]
 
 
 def _pinches(
@@ -239,36 +244,6 @@ def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:
     poses[..., :3, :3] = rotation[:, :, None]
     poses[..., :3, 3] = middle[:, None, None] + np.array(DEPTHS)[:, None] * forward[:, :, None]
     return poses.reshape(-1, 4, 4)
-
-
-def _inside_gripper(tool: np.ndarray, surface: np.ndarray, gripper: GripperSpec) -> np.ndarray:
-    """Return which grasps [grasp] have a point of the surface [point 3] in an open finger or in the gripper body."""
-    found = np.zeros(len(tool), bool)
-    boxes = gripper_boxes(gripper)
-    for k in range(0, len(tool), 512):
-        some = tool[k : k + 512]
-        local = surface @ some[:, :3, :3] - some[:, None, :3, 3] @ some[:, :3, :3]
-        for low, high in boxes:
-            found[k : k + 512] |= (
-                ((local > low - CLEARANCE / 2) & (local < high + CLEARANCE / 2)).all(axis=2).any(axis=1)
-            )
-    return found
-
-
-def gripper_boxes(gripper: GripperSpec) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the lower and upper corners [m] of both open fingers and of the gripper body, in the tool frame."""
-    half = gripper.max_opening / 2
-    x, thick, _ = gripper.finger_box
-    front = -gripper.body_behind
-    fingers = [
-        (np.array([-x / 2, low, front]), np.array([x / 2, low + thick, gripper.tip_ahead]))
-        for low in (half, -half - thick)
-    ]
-    body = np.array(gripper.body_box)
-    return [
-        *fingers,
-        (np.array([-body[0] / 2, -body[1] / 2, front - body[2]]), np.array([body[0] / 2, body[1] / 2, front])),
-    ]
 
 
 def matrix(vector: np.ndarray) -> np.ndarray:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from functools import cache
 
 import numpy as np
 import trimesh
 
 from s2a.geometry.mesh_query import first_hits, nearest_faces, nearest_faces_of_solids, ray_mesh
-from s2a.planner.object_grasps import gripper_boxes
-from s2a.robot.spec import GripperSpec
 from s2a.scene import Mesh
 from s2a.usd.sim_scene import SimRoom, in_scene
 
@@ -86,31 +83,6 @@ class RoomHulls:
         hit = np.isfinite(drop)
         face, _ = nearest_faces(self._tree, points - np.where(hit, drop, 0.0)[:, None] * [0.0, 0.0, 1.0])
         return np.where(hit, points[:, 2] - drop, -np.inf), [self.names[k] for k in self._owner[face]]
-
-
-@cache
-def gripper_spheres(gripper: GripperSpec, fingers: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """Return spheres that fill the gripper body, and the open fingers, in the tool frame: centers [sphere 3], radii [sphere].
-
-    They stay within the boxes, whose edges stand out of the gripper body's by 7 mm: the spheres of the robot's links stand out of
-    it by up to 20 mm, which is what is free beside many an object.
-    """
-    *both, body = gripper_boxes(gripper)
-    found = [_filled(*body, 0.25 * float((body[1] - body[0]).min()))]
-    if fingers:
-        found += [_filled(low, high, 0.5 * float(np.sort(high - low)[:2].mean())) for low, high in both]
-    return np.concatenate([c for c, _ in found]), np.concatenate([r for _, r in found])
-
-
-def _filled(low: np.ndarray, high: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return spheres that fill a box between two corners [m]: centers [sphere 3] and radii [sphere]."""
-    axes = []
-    for a, b in zip(low, high, strict=True):
-        free = b - a - 2 * radius
-        count = int(np.ceil(free / (1.5 * radius))) + 1 if free > 0.1 * radius else 1
-        axes.append(np.linspace(a + radius, b - radius, count) if count > 1 else np.array([(a + b) / 2]))
-    centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    return centers, np.full(len(centers), radius)
 
 
 def surface_points(hulls: Sequence[Mesh], count: int = 80) -> np.ndarray:

@@ -10,8 +10,9 @@ from typing import TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from s2a.planner.gripper_shape import gripper_spheres
 from s2a.planner.misses import Misses
-from s2a.planner.obstacles import RoomHulls, gripper_spheres
+from s2a.planner.obstacles import RoomHulls
 from s2a.robot.collision import SLACK, RobotShape
 
 Item = TypeVar("Item")
@@ -62,16 +63,30 @@ def bases(
 
 
 def arm_depth(
-    shape: RobotShape, near: RoomHulls, q: np.ndarray, base: np.ndarray, *, fingers: bool = True
+    shape: RobotShape,
+    near: RoomHulls,
+    q: np.ndarray,
+    base: np.ndarray,
+    *,
+    fingers: bool = True,
+    opened: float | None = None,
 ) -> np.ndarray:
-    """Return how deep the arm in joints [pose arm] reaches into the room [m], shape [pose]; base: [4 4] or [pose 4 4]."""
+    """Return how deep the arm in joints [pose arm] reaches into the room [m], shape [pose].
+
+    Args:
+        shape: of the robot.
+        near: the room.
+        q: joints [pose arm].
+        base: pose of the base, [4 4] or [pose 4 4].
+        fingers: they count too.
+        opened: distance of the pads [m]; None: fully open.
+    """
     chosen = shape.moving & ~shape.held
-    centers, radii = gripper_spheres(shape.kin.spec.gripper, fingers)
-    tool = shape.kin.tool(q)
-    held = centers @ tool[:, :3, :3].transpose(0, 2, 1) + tool[:, None, :3, 3]
-    whole = np.concatenate([shape.centers(q)[:, chosen], held], axis=1)
+    gripper = gripper_spheres(shape.kin.spec.gripper, fingers)
+    pads = None if opened is None else np.full(len(q), opened)
+    whole = np.concatenate([shape.centers(q)[:, chosen], gripper.placed(shape.kin.tool(q), pads)], axis=1)
     centers = whole @ np.swapaxes(base[..., :3, :3], -1, -2) + base[..., None, :3, 3]
-    return near.depth(centers, np.concatenate([shape.radii[chosen], radii]))
+    return near.depth(centers, np.concatenate([shape.radii[chosen], gripper.radii]))
 
 
 def reached(

@@ -10,21 +10,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.planner.free_motion import free_motion
+from s2a.planner.gripper_shape import gripper_spheres
 from s2a.planner.misses import Misses, Unreachable
-from s2a.planner.object_grasps import SAMPLES, matrix, object_grasps
-from s2a.planner.obstacles import HELD_RADIUS, RoomHulls, gripper_spheres, surface_points
+from s2a.planner.object_grasps import SAMPLES, ObjectGrasps, matrix, object_grasps
+from s2a.planner.obstacles import HELD_RADIUS, RoomHulls, surface_points
 from s2a.planner.pick_base import arm_depth, bases, chunks, reached
 from s2a.planner.pick_plan import PickPlan
+from s2a.planner.straight_paths import APPROACH, LIFT, STEP, there_and_up, unflipped
 from s2a.robot.collision import SLACK, RobotShape, robot_shape
 from s2a.robot.joint_path import follow
-from s2a.robot.kinematics import Kinematics
 from s2a.robot.spec import RobotSpec
 from s2a.usd.sim_scene import SimRoom
 
-APPROACH, LIFT = 0.10, 0.08
-"""[m] Straight paths before the grasp and after the release, and above start and place."""
-STEP = 0.02
-"""[m] Between poses of a straight path."""
 DROP = 0.001
 """[m] Above the planned place the fingers open, so that the object is not pressed onto its support."""
 GRASPS, BASES, PAIRS = 16, 24, 96
@@ -88,15 +85,16 @@ class _Search:
         for samples in SAMPLES:
             if enough:
                 break
-            tools = object_grasps(
+            every = object_grasps(
                 self._hulls, self._center, self._spec.gripper, self._seed, samples, up=self._start[2, :3]
-            ).tool
-            grasps, least = self._diverse(tools)
-            nearest, enough = min(nearest, least), len(grasps) >= ENOUGH
-            if not len(grasps):
+            )
+            kept, least = self._diverse(every)
+            grasps = every[kept]
+            nearest, enough = min(nearest, least), len(kept) >= ENOUGH
+            if not kept:
                 continue
-            for some in chunks(itertools.islice(self._pairs(grasps, fits), PAIRS), AT_ONCE):
-                found = next(self._plans([(base, pedestal, grasps[k]) for base, pedestal, k in some]), None)
+            for some in chunks(itertools.islice(self._pairs(grasps.tool, fits), PAIRS), AT_ONCE):
+                found = next(self._plans(some, grasps), None)
                 if found is not None:
                     return found
         raise self._failure(nearest)
@@ -131,30 +129,32 @@ class _Search:
                     later.append((base, pedestal, k))
         yield from later
 
-    def _diverse(self, tool: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return up to GRASPS of tool poses [grasp 4 4], in order, that keep clear, and the least penetration depth [m].
+    def _diverse(self, grasps: ObjectGrasps) -> tuple[list[int], float]:
+        """Return up to GRASPS of them, in order, that keep clear, and the least penetration depth [m].
 
         No two have nearly the same direction, so that those near to one that is kept need not be looked at.
         """
-        kept, least = np.zeros((0, 4, 4)), math.inf
-        for k in range(0, len(tool), BLOCK):
-            some = [pose for pose in tool[k : k + BLOCK] if not _is_near(pose, kept)]
+        kept: list[int] = []
+        least = math.inf
+        for first in range(0, len(grasps.tool), BLOCK):
+            block = range(first, min(first + BLOCK, len(grasps.tool)))
+            some = [k for k in block if not _is_near(grasps.tool[k], grasps.tool[kept])]
             depth = np.zeros(len(some))
             for at in (self._start, self._goal) if some else ():
-                depth = np.maximum(depth, self._gripper_depth(at @ np.stack(some)))
+                depth = np.maximum(depth, self._gripper_depth(at @ grasps.tool[some], grasps.opened[some]))
             least = min(least, float(depth.min(initial=math.inf)))
-            for pose, reached_into in zip(some, depth, strict=True):
+            for k, reached_into in zip(some, depth, strict=True):
                 # Only those that keep clear; the arm comes from somewhere above or beside, never from below.
-                if reached_into <= 0.0 and not _is_near(pose, kept):
-                    kept = np.concatenate([kept, pose[None]])
+                if reached_into <= 0.0 and not _is_near(grasps.tool[k], grasps.tool[kept]):
+                    kept.append(k)
                 if len(kept) == GRASPS:
                     return kept, least
         return kept, least
 
-    def _gripper_depth(self, tool: np.ndarray) -> np.ndarray:
+    def _gripper_depth(self, tool: np.ndarray, opened: np.ndarray) -> np.ndarray:
         """Return how deep the gripper reaches into the room at tool poses [grasp 4 4] and on the straight paths from them.
 
-        Open back from the object, and its body alone as it lifts the object or lowers it.
+        With its pads at distances `opened` [grasp] back from the object, and its body alone as it lifts the object or lowers it.
         """
         depth, still = np.zeros(len(tool)), np.zeros((len(tool), 3))
         # A few of the spheres find most of what is hit, which is not looked at again.
@@ -163,42 +163,40 @@ class _Search:
         ways += [(False, 1, still + [0.0, 0.0, up]) for up in (LIFT / 2, LIFT)]
         for fingers, every, shift in ways:
             left = np.flatnonzero(depth <= 0.0)
-            centers, radii = (each[::every] for each in gripper_spheres(self._spec.gripper, fingers))
-            places = centers @ tool[left, :3, :3].transpose(0, 2, 1) + (tool[left, :3, 3] + shift[left])[:, None]
-            depth[left] = np.maximum(depth[left], self._near.depth(places, radii + 0.002))
+            gripper = gripper_spheres(self._spec.gripper, fingers)
+            places = gripper.placed(tool[left], opened[left], every) + shift[left][:, None]
+            depth[left] = np.maximum(depth[left], self._near.depth(places, gripper.radii[::every] + 0.002))
         return depth
 
-    def _plans(self, pairs: list[tuple[np.ndarray, float, np.ndarray]]) -> Iterator[PickPlan]:
-        """Yield plans for bases [4 4], pedestals [m] and grasps [4 4]; what fails is noted.
+    def _plans(self, pairs: list[tuple[np.ndarray, float, int]], grasps: ObjectGrasps) -> Iterator[PickPlan]:
+        """Yield plans for bases [4 4], pedestals [m] and indices of grasps; what fails is noted.
 
         Inverse kinematics solve the straight paths of all of them together: they cost what starts them, not how many they are.
         """
         kin, home = self._shape.kin, np.array(self._spec.home)
         at, low = round(APPROACH / STEP), round(LIFT / STEP)
-        ups = np.stack([_there_and_up(self._start @ grasp) for _, _, grasp in pairs])
+        ups = np.stack([there_and_up(self._start @ grasps.tool[k]) for _, _, k in pairs])
         bases = np.stack([base for base, _, _ in pairs])
         todo, downs = [], []
-        for (base, pedestal, _), paths in zip(pairs, follow(kin, ups, bases, IK_SEEDS, self._seed), strict=True):
+        for (base, pedestal, k), paths in zip(pairs, follow(kin, ups, bases, IK_SEEDS, self._seed), strict=True):
             for path in self._free_paths(paths, base, home, "approach and lift", 1):
                 held = np.linalg.inv(kin.tool(path[at : at + 1])[0]) @ np.linalg.inv(base) @ self._start
                 tool = self._goal @ np.linalg.inv(held)
                 tool[2, 3] += DROP
-                todo.append((base, pedestal, path, held))
-                downs.append(_there_and_up(tool)[::-1])
+                todo.append((base, pedestal, path, held, float(grasps.opened[k])))
+                downs.append(there_and_up(tool)[::-1])
         if not todo:
             return
         lowers = follow(kin, np.stack(downs), np.stack([base for base, *_ in todo]), IK_SEEDS, self._seed)
-        for (base, pedestal, path, held), down, paths in zip(todo, downs, lowers, strict=True):
-            for lower in self._free_paths(
-                _unflipped(kin, paths, base, down), base, path[-1], "lowering and retreat", 2
-            ):
-                reach = self._move(home, path[0], base, None, "reach", 3)
-                carry = self._move(path[-1], lower[0], base, held, "carry", 4) if reach is not None else None
+        for (base, pedestal, path, held, opened), down, paths in zip(todo, downs, lowers, strict=True):
+            for lower in self._free_paths(unflipped(kin, paths, base, down), base, path[-1], "lowering and retreat", 2):
+                reach = self._move(home, path[0], base, opened, None, "reach", 3)
+                carry = self._move(path[-1], lower[0], base, opened, held, "carry", 4) if reach is not None else None
                 if reach is not None and carry is not None:
                     pose = np.array([*base[:3, 3], *Rotation.from_matrix(base[:3, :3]).as_quat()])
                     yield PickPlan(
                         pose, pedestal, reach, path[: at + 1], path[at:], carry, lower[: low + 1], lower[low:],
-                        np.linalg.inv(held),
+                        np.linalg.inv(held), opened,
                     )  # fmt: skip
 
     def _free_paths(
@@ -224,7 +222,14 @@ class _Search:
                 return
 
     def _move(
-        self, start: np.ndarray, goal: np.ndarray, base: np.ndarray, held: np.ndarray | None, name: str, stage: int
+        self,
+        start: np.ndarray,
+        goal: np.ndarray,
+        base: np.ndarray,
+        opened: float,
+        held: np.ndarray | None,
+        name: str,
+        stage: int,
     ) -> np.ndarray | None:
         """Return a collision-free motion [pose arm]; with an object of pose `held` [4 4] in the tool frame, or past it."""
         kin = self._shape.kin
@@ -232,7 +237,7 @@ class _Search:
         room_frame = self._points @ body[:3, :3].T + body[:3, 3]
 
         def depth(q: np.ndarray) -> np.ndarray:
-            found = arm_depth(self._shape, self._near, q, base)
+            found = arm_depth(self._shape, self._near, q, base, opened=opened)
             if held is not None:
                 carried = base @ kin.tool(q) @ held
                 points = self._points @ carried[:, :3, :3].transpose(0, 2, 1) + carried[:, None, :3, 3]
@@ -260,27 +265,6 @@ class _Search:
         if path is None:
             self._misses.note(stage, 0.0, f"{name}: no collision-free motion was found in {SEARCH:.0f} s")
         return path
-
-
-def _there_and_up(tool: np.ndarray) -> np.ndarray:
-    """Return poses [pose 4 4] from APPROACH before a tool pose [4 4] to it, and from there LIFT up, STEP apart."""
-    back = _line(tool, -APPROACH * tool[:3, 2])[::-1]
-    return np.concatenate([back, _line(tool, np.array([0.0, 0.0, LIFT]))[1:]])
-
-
-def _line(tool: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Return poses from a tool pose [4 4] to the same shifted by an offset [3], STEP apart, shape [pose 4 4]."""
-    count = round(float(np.linalg.norm(offset)) / STEP) + 1
-    poses = np.tile(tool, (count, 1, 1))
-    poses[:, :3, 3] += np.linspace(0.0, 1.0, count)[:, None] * offset
-    return poses
-
-
-def _unflipped(kin: Kinematics, paths: np.ndarray, base: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Return those of joint paths [path pose arm] along tool poses [pose 4 4] on which the tool is not turned by half."""
-    wanted = np.linalg.inv(base) @ poses[0]
-    turn = np.einsum("pij,ij->p", kin.tool(paths[:, 0])[:, :3, :3], wanted[:3, :3])
-    return paths[turn > 2.9]  # the trace of a rotation by 0: 3; by half a turn: -1
 
 
 def _is_near(pose: np.ndarray, others: np.ndarray) -> bool:

@@ -25,6 +25,7 @@ class PickPlan:
         lower: from there to the place.
         retreat: from there with open fingers, back from the object.
         grasp: tool frame in the object's body frame when the fingers close, shape [4 4].
+        opened: distance of the pads before and after [m].
     """
 
     base: np.ndarray
@@ -36,6 +37,7 @@ class PickPlan:
     lower: np.ndarray
     retreat: np.ndarray
     grasp: np.ndarray
+    opened: float
 
     def swept(self, spec: RobotSpec, surface: np.ndarray) -> np.ndarray:
         """Return points [point 3] that the arm, from home on, and the object's surface [point 3] in its hand pass."""

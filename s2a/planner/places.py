@@ -5,24 +5,34 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
+from s2a.planner.misses import Unreachable
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import RoomHulls, surface_points
 from s2a.usd.sim_scene import SimRoom
 
+Ends = TypeVar("Ends")
+Plan = TypeVar("Plan")
 GRID = 0.04
 """[m] Between the spots that are tried on a support."""
-LEVEL = 0.004
-"""[m] Up to which a support's height may differ below an object."""
+LEVEL = 0.0015
+"""[m] Up to which a support's height may differ below an object; half over an edge of 4 mm, a wine glass falls over."""
 APART = 0.15
 """[m] Least distance of a free spot from where the object stands."""
-MARGIN = 0.04
-"""[m] Between an object on a free spot and everything beside it: an open finger with its clearance, and the arm's error."""
+MARGINS = 0.16, 0.08, 0.04
+"""[m] Between an object on a free spot and everything beside it: room for the gripper from all sides; else half of its width;
+else an open finger with its clearance, and the arm's error."""
+NEARBY = 0.7
+"""[m] From the other end of the motion, up to which spots come first, however little room is around them."""
+CANDIDATES = 4
+"""Free places of a support that a task plans for, one after the other, until there is a plan."""
 GAP = 0.001
 """[m] Between an object and its support where it is put down."""
 
@@ -43,31 +53,34 @@ def scanned(room: SimRoom, name: str) -> np.ndarray:
     return np.array([*body.position, *body.orientation], float)
 
 
-def place_pose(room: SimRoom, name: str, said: str | None, other: np.ndarray) -> np.ndarray:
-    """Return the pose of an object's body frame that a key says, 7-vector, scene frame.
+def place_poses(room: SimRoom, name: str, said: str | None, other: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield the poses of an object's body frame that a key says, 7-vectors, scene frame: one, or several of a support.
 
     Args:
         room: the room.
         name: id of the object.
-        said: None: as it stands; "x y z [yaw in degrees]"; an insert.json; the id of a support: its free spot nearest to `other`.
+        said: None: as it stands; "x y z [yaw in degrees]"; an insert.json; the id of a support: free spots near `other`.
         other: the other end of the motion, 7-vector.
 
     Raises:
         InputError: none of these; no free spot; an insertion of another object.
     """
     if said is None:
-        return scanned(room, name)
+        yield scanned(room, name)
+        return
     if said.endswith(".json"):
-        return _inserted(room, name, Path(said))
+        yield _inserted(room, name, Path(said))
+        return
     try:
         numbers = [float(x) for x in said.replace(",", " ").split()]
     except ValueError:
-        return free_placement(room, name, said, other)
+        yield from itertools.islice(free_placements(room, name, said, other), CANDIDATES)
+        return
     if len(numbers) not in (3, 4):
         raise InputError(f"{said!r} is no pose; expected 'x y z' or 'x y z yaw', metres and degrees")
     yaw = Rotation.from_euler("z", numbers[3] if len(numbers) == 4 else 0.0, degrees=True)
     turned = yaw * Rotation.from_quat(room.free[name].orientation)
-    return np.array([*numbers[:3], *turned.as_quat()])
+    yield np.array([*numbers[:3], *turned.as_quat()])
 
 
 def _inserted(room: SimRoom, name: str, record: Path) -> np.ndarray:
@@ -81,10 +94,11 @@ def _inserted(room: SimRoom, name: str, record: Path) -> np.ndarray:
     return scanned(room, name)
 
 
-def free_placement(room: SimRoom, name: str, support: str, other: np.ndarray) -> np.ndarray:
-    """Return a pose at which an object stands on a support, level and clear of all else, turned as it is in the file.
+def free_placements(room: SimRoom, name: str, support: str, other: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield poses at which an object stands on a support, level and clear of all else, turned as it is in the file.
 
-    The nearest one to `other` (7-vector) that is APART from it.
+    They are APART from each other and from `other` (7-vector). First come those NEARBY with the largest of MARGINS, and of those
+    the nearest ones.
 
     Raises:
         InputError: no such support near the object, or no free spot on it.
@@ -95,29 +109,56 @@ def free_placement(room: SimRoom, name: str, support: str, other: np.ndarray) ->
         known = ", ".join(dict.fromkeys(near.names))
         raise InputError(f"{support!r} supports nothing within 2 m of {name!r}; near are: {known}")
     bounds = np.concatenate([h.vertices for h in hulls])
-    low, high = bounds.min(axis=0), bounds.max(axis=0)
     body = room.free[name]
     turn = matrix(scanned(room, name))[:3, :3]
     points = surface_points([c.mesh for c in body.colliders], 200) @ turn.T
+    taken = [np.array(other[:2])]
+    for margin, spot in _spots(bounds.min(axis=0), bounds.max(axis=0), other):
+        if min(np.linalg.norm(spot - each) for each in taken) < APART:
+            continue
+        z = _standing(near, support, points, spot, float(bounds[:, 2].max()), margin)
+        if z is not None:
+            taken.append(spot)
+            yield np.array([*spot, z, *body.orientation])
+    if len(taken) == 1:
+        raise InputError(
+            f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands"
+        )
+
+
+def _spots(low: np.ndarray, high: np.ndarray, other: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield margins [m] and places [2] between two corners, in the order of `free_placements`."""
+    grid = [np.arange(low[k], high[k], GRID) for k in range(2)]
+    spots = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 2)
+    away = np.linalg.norm(spots - other[:2], axis=1)
+    spots = spots[np.argsort(away, kind="stable")]
+    split = int((away <= NEARBY).sum())
+    for some in (spots[:split], spots[split:]):
+        yield from itertools.product(MARGINS, some)
+
+
+def _standing(
+    near: RoomHulls, support: str, points: np.ndarray, spot: np.ndarray, top: float, margin: float
+) -> float | None:
+    """Return the height [m] of an object's origin that stands on a support at a place [2]; None: it does not, or not clear.
+
+    Args:
+        near: the room around the object.
+        support: id of the part.
+        points: of the object's surface, turned, about its origin [point 3].
+        spot: x and y.
+        top: of the support [m].
+        margin: to everything beside it [m].
+    """
     foot = footprint(points)
-    spots = [
-        np.array([x, y])
-        for x, y in itertools.product(np.arange(low[0], high[0], GRID), np.arange(low[1], high[1], GRID))
-    ]
-    spots = [s for s in spots if np.linalg.norm(s - other[:2]) >= APART]
-    for spot in sorted(spots, key=lambda s: float(np.linalg.norm(s - other[:2]))):
-        asked = np.c_[foot + spot, np.full(len(foot), high[2] + 0.3)]
-        height, names = near.below(asked)
-        if np.ptp(height) > LEVEL or set(names) != {support} or not math.isfinite(height[0]):
-            continue
-        z = float(height.max()) + GAP - float(points[:, 2].min())
-        beside = points[points[:, 2] > points[:, 2].min() + MARGIN + 0.01] + [*spot, z]
-        if len(beside) and near.depth(beside, np.full(len(beside), MARGIN)) > 0.0:
-            continue
-        return np.array([*spot, z, *body.orientation])
-    raise InputError(
-        f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands"
-    )
+    height, names = near.below(np.c_[foot + spot, np.full(len(foot), top + 0.3)])
+    if np.ptp(height) > LEVEL or set(names) != {support} or not math.isfinite(height[0]):
+        return None
+    z = float(height.max()) + GAP - float(points[:, 2].min())
+    beside = points + [*spot, z]
+    # Spheres about what is low would reach into the support.
+    beside[:, 2] = np.maximum(beside[:, 2], float(height.max()) + margin + LEVEL)
+    return None if near.depth(beside, np.full(len(beside), margin)) > 0.0 else z
 
 
 def footprint(points: np.ndarray) -> np.ndarray:
@@ -125,3 +166,19 @@ def footprint(points: np.ndarray) -> np.ndarray:
     low, high = points[:, :2].min(axis=0) - 0.01, points[:, :2].max(axis=0) + 0.01
     sides = [np.linspace(a, b, 3) for a, b in zip(low, high, strict=True)]
     return np.array(list(itertools.product(*sides)))
+
+
+def first_planned(ends: Iterable[Ends], plan: Callable[[Ends], Plan]) -> tuple[Ends, Plan]:
+    """Return the first of some starts and places for which there is a plan, and that plan.
+
+    Raises:
+        Unreachable: of the first ones, where there is none for any.
+    """
+    first: Unreachable | None = None
+    for each in ends:
+        try:
+            return each, plan(each)
+        except Unreachable as error:
+            first = first or error
+    assert first is not None, "`place_poses` yields a pose, or raises"
+    raise first

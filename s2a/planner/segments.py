@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
-from s2a.planner.trajectory import USED, Trajectory, closing, reach_steps, timed
+from s2a.planner.trajectory import USED, Aligned, Trajectory, closing, reach_steps, timed
 from s2a.robot.spec import JointLimits, RobotSpec
 
 SPEED = 0.6
 """[rad] Of all joints together that the arm moves in a second between two straight paths."""
 SETTLE = 0.7
 """[s] Between two motions: the arm's controller lags by 0.2 s."""
+ALIGN = 1.0
+"""[s] In which the arm makes up for how an object has slipped in the gripper: a few degrees and millimetres, seldom 20 and 50."""
 
 
 class Segments:
@@ -37,6 +40,7 @@ class Segments:
         self._wide = self._fingers = spec.gripper.finger_joint_open
         self._arm, self._finger = [first[None]], [np.full(1, self._wide)]
         self.closed = 0
+        self._aligned: Aligned | None = None
 
     def go(self, path: np.ndarray, seconds: float) -> None:
         """Follow a path [pose arm] in `seconds` or more, and wait for the arm."""
@@ -52,14 +56,36 @@ class Segments:
 
     def close(self) -> None:
         """Close the fingers on what is between them."""
-        self._grip(self._shut)
-        self.closed = self.closed or sum(map(len, self._arm))
+        self._grip(0.0)
+        self.closed = self.closed or self._count()
 
-    def open(self) -> None:
-        """Open the fingers."""
-        self._grip(self._wide - self._shut)
+    def open(self, distance: float | None = None) -> None:
+        """Open the fingers until their pads are at a distance [m]; None: fully."""
+        self._grip(self._wide if distance is None else distance / self._spec.gripper.max_opening * self._wide)
 
-    def _grip(self, values: np.ndarray) -> None:
+    def align(self, held: np.ndarray) -> None:
+        """Stand, and make up for how the object, planned at `held` [4 4] in the tool frame, has slipped in the gripper."""
+        seen, steps = self._count() - 1, math.ceil(ALIGN * self._rate)
+        self._stand(steps)
+        self._stand(math.ceil(SETTLE * self._rate))
+        self._aligned = Aligned(seen, seen + steps, seen + steps, seen + 2 * steps, held)
+
+    def leave_aligned(self) -> None:
+        """Have let go of what was aligned: from here on ever less is made up for."""
+        if self._aligned is not None:
+            released, steps = self._count() - 1, self._aligned.ready - self._aligned.seen
+            self._aligned = replace(self._aligned, released=released, back=released + steps)
+
+    def _count(self) -> int:
+        return sum(map(len, self._arm))
+
+    def _stand(self, steps: int) -> None:
+        self._arm.append(np.tile(self._arm[-1][-1], (steps, 1)))
+        self._finger.append(np.full(len(self._arm[-1]), self._fingers))
+
+    def _grip(self, goal: float) -> None:
+        """Move the fingers to a joint position, in the time that they need for all of their way."""
+        values = goal + (self._fingers - goal) * self._shut / self._wide
         self._arm.append(np.tile(self._arm[-1][-1], (len(values), 1)))
         self._finger.append(values)
         self._fingers = float(values[-1])
@@ -72,4 +98,4 @@ class Segments:
         home = np.array(self._spec.home)
         reach = reach_steps(home, arms[0], noise, max(0.5 * reach_time, opening), self._limits, self._rate)
         targets = np.concatenate([arms, fingers, fingers], axis=1)
-        return Trajectory(targets, np.zeros(len(arms)), reach, self.closed)
+        return Trajectory(targets, np.zeros(len(arms)), reach, self.closed, self._aligned)

@@ -22,6 +22,25 @@ RAMP = 0.1
 
 
 @dataclass(frozen=True)
+class Aligned:
+    """Where a trajectory makes up for how an object has slipped in the gripper; indices of its targets.
+
+    Attributes:
+        seen: where the arm stands above the place and measures how it holds the object.
+        ready: from where on what it holds is where it was planned to be.
+        released: where it has let go and is clear of it.
+        back: from where on nothing is made up for; beyond the end where the motion ends before.
+        held: planned pose of the object in the tool frame, shape [4 4].
+    """
+
+    seen: int
+    ready: int
+    released: int
+    back: int
+    held: np.ndarray
+
+
+@dataclass(frozen=True)
 class Trajectory:
     """Joint targets, one a control step.
 
@@ -30,12 +49,14 @@ class Trajectory:
         part: coordinate of the part at each [m or rad], shape [step].
         reach_steps: control steps from the start of an episode to `targets[0]`.
         closed: index of the first target with the gripper closed.
+        aligned: where it makes up for how an object has slipped in the gripper; None: nowhere.
     """
 
     targets: np.ndarray
     part: np.ndarray
     reach_steps: int
     closed: int
+    aligned: Aligned | None = None
 
 
 def eased(time: np.ndarray) -> np.ndarray:

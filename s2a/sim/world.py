@@ -21,6 +21,7 @@ from s2a.scene import Joint, Mesh
 from s2a.sim.freezing import kept_bodies
 from s2a.sim.nearby import Missing, Workspace, warn
 from s2a.sim.room import add_pedestal, add_room, open_physics, pedestal, workspace
+from s2a.sim.stiffness import harden, stiffen
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
 
@@ -196,6 +197,8 @@ def build_world(
     else:
         missing.append(lacking)
     for part in stage.active:
+        if part in stage.room.free:
+            harden(builder, body_index(builder, part), dt)
         if part in stage.room.articulations:
             dof = axis_of(builder, part, stage.room.articulations[part].joint.kind)[1]
             builder.joint_target_mode[dof] = newton.JointTargetMode.POSITION
@@ -250,18 +253,3 @@ def axis_of(builder: newton.ModelBuilder, part: str, kind: str) -> tuple[int, in
     joint = builder.joint_child.index(body)
     further = int(kind == "revolute" and sum(builder.joint_dof_dim[joint]) == 2)
     return builder.joint_q_start[joint] + further, builder.joint_qd_start[joint] + further
-
-
-def stiffen(builder: newton.ModelBuilder, dof: int, dt: float) -> None:
-    """Make one joint's limits and its dry friction as stiff as the time step allows.
-
-    Newton's default limit is so soft that a drawer pulled by 30 N passes it by 0.2 m. MuJoCo's default friction lets an
-    oven door creep by 0.4 mm/s though it weighs a third of what the friction holds. MuJoCo keeps a constraint stable down
-    to a time constant of two steps; "mode 1" hands solref over unscaled.
-    """
-    fast = wp.vec2(2.0 * dt, 1.0)
-    raw = {"solreflimit": fast, "solreflimit_mode": 1, "solimplimit": (0.99, 0.999, 0.0005, 0.5, 2.0)}
-    raw |= {"solreffriction": fast, "solimpfriction": (0.99, 0.999, 0.0005, 0.5, 2.0)}
-    for name, value in raw.items():
-        attribute = builder.custom_attributes[f"mujoco:{name}"]
-        attribute.values = {**(attribute.values or {}), dof: value}

@@ -8,7 +8,8 @@ import trimesh
 from cabinet import box
 
 from s2a import robot
-from s2a.planner.object_grasps import ObjectGrasps, gripper_boxes, object_grasps
+from s2a.planner.gripper_shape import gripper_boxes, gripper_spheres
+from s2a.planner.object_grasps import ObjectGrasps, object_grasps
 from s2a.scene import Mesh
 
 GRIPPER = robot.load("panda").gripper
@@ -53,10 +54,28 @@ def test_no_grasp_has_the_object_in_a_finger_or_in_the_gripper_body() -> None:
     half = np.array([0.03, 0.02, 0.1])
     found = grasps(box((0, 0, 0), tuple(half)))
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-    for tool in found.tool:
+    for tool, opened in zip(found.tool, found.opened, strict=True):
         local = (corners - tool[:3, 3]) @ tool[:3, :3]
-        for low, high in gripper_boxes(GRIPPER):
-            assert not ((local > low) & (local < high)).all(axis=1).any()
+        nearer = np.array([0.0, (GRIPPER.max_opening - opened) / 2, 0.0])
+        for (low, high), side in zip(gripper_boxes(GRIPPER), (-1, 1, 0), strict=True):
+            assert not ((local > low + side * nearer) & (local < high + side * nearer)).all(axis=1).any()
+
+
+def test_the_fingers_open_no_farther_than_a_grasp_needs() -> None:
+    """Beside a pencil of 8 mm the pads stand 12 mm off on either side; a cube of 6 cm leaves them 1 cm each."""
+    for half, opened in ((0.004, 0.032), (0.03, 0.08)):
+        found = grasps(box((0, 0, 0), (half, half, half)))
+        np.testing.assert_allclose(found.opened, opened, atol=1e-6)
+
+
+def test_spheres_of_fingers_move_with_their_opening() -> None:
+    """Between pads 3 cm apart each finger is 25 mm nearer to the middle than fully open; the gripper's body is where it was."""
+    spheres = gripper_spheres(GRIPPER)
+    tool = np.eye(4)[None]
+    moved = spheres.placed(tool, np.array([0.03]))[0] - spheres.placed(tool)[0]
+    along = np.where(np.abs(spheres.centers[:, 1]) > 0.04, -0.025 * np.sign(spheres.centers[:, 1]), 0.0)
+    fingers = spheres.centers[:, 2] > -GRIPPER.body_behind
+    np.testing.assert_allclose(moved, np.where(fingers, along, 0.0)[:, None] * [0.0, 1.0, 0.0], atol=1e-12)
 
 
 def test_the_best_grasp_is_nearest_to_the_center_of_mass() -> None:

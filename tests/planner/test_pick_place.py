@@ -14,13 +14,14 @@ from cabinet import box, free_cube, write_cabinet
 from s2a import robot
 from s2a.errors import InputError
 from s2a.planner.free_motion import free_motion
+from s2a.planner.gripper_shape import gripper_boxes
 from s2a.planner.misses import Misses
-from s2a.planner.object_grasps import gripper_boxes, matrix, object_grasps
+from s2a.planner.object_grasps import matrix, object_grasps
 from s2a.planner.obstacles import RoomHulls
 from s2a.planner.pick_base import arm_depth, bases, reached
 from s2a.planner.pick_place import Unreachable, plan_pick
 from s2a.planner.pick_plan import PickPlan
-from s2a.planner.places import APART, free_placement, place_pose
+from s2a.planner.places import APART, MARGINS, first_planned, free_placements, place_poses
 from s2a.robot.collision import robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
@@ -153,22 +154,53 @@ def test_a_place_in_something_is_said(tmp_path: Path) -> None:
 
 
 def test_a_free_placement_is_level_apart_and_on_the_support(tmp_path: Path) -> None:
-    pose = free_placement(room_of(tmp_path), "cube_9", "cabinet_1", START)
+    pose = next(free_placements(room_of(tmp_path), "cube_9", "cabinet_1", START))
     assert np.linalg.norm(pose[:2] - START[:2]) >= APART
     assert pose[2] == pytest.approx(0.802 + 0.025 + 0.001, abs=1e-3)
     assert abs(pose[0]) < 0.305 - 0.025
     assert abs(pose[1]) < 0.381 - 0.025
 
 
+def test_free_placements_are_apart_and_those_with_room_for_the_hand_come_first(tmp_path: Path) -> None:
+    """A block of 4 cm stands in the middle."""
+    room = room_of(tmp_path, beside=[box((0, 0, 0.85), (0.02, 0.02, 0.048))])
+    poses = np.array(list(free_placements(room, "cube_9", "cabinet_1", START)))
+    apart = np.linalg.norm(poses[:, None, :2] - poses[None, :, :2], axis=2) + 9.0 * np.eye(len(poses))
+    assert len(poses) > 3 and apart.min() >= APART
+    beside = np.linalg.norm(np.maximum(np.abs(poses[:, :2]) - 0.02 - 0.025, 0.0), axis=1)
+    first = int((beside < MARGINS[0]).argmax())
+    assert 0 < first and (beside[:first] >= MARGINS[0]).all() and beside.min() >= MARGINS[2]
+
+
+def test_the_next_spot_is_planned_for_where_the_first_one_has_no_plan() -> None:
+    def plan(spot: int) -> str:
+        if spot < 3:
+            raise Unreachable(f"not from {spot}")
+        return f"from {spot}"
+
+    assert first_planned([1, 2, 3, 4], plan) == (3, "from 3")
+    with pytest.raises(Unreachable, match="not from 1"):
+        first_planned([1, 2], plan)
+
+
+def test_what_is_low_keeps_clear_of_what_stands_beside_it_too(tmp_path: Path) -> None:
+    """Blocks of 3 cm stand 9 cm apart all over the cabinet: an object as low is put between no two of them."""
+    places = [(x, y) for x in np.arange(-0.27, 0.28, 0.09) for y in np.arange(-0.36, 0.37, 0.09)]
+    top = [box((x, y, 0.817), (0.01, 0.01, 0.015)) for x, y in places]
+    room = room_of(tmp_path, side=0.03, beside=top)
+    with pytest.raises(InputError, match="no level spot that is free"):
+        next(free_placements(room, "cube_9", "cabinet_1", np.array([0.0, -1.0, 0.8, 0, 0, 0, 1.0])))
+
+
 def test_a_record_of_another_object_is_refused(tmp_path: Path) -> None:
     room, record = room_of(tmp_path), tmp_path / "insert.json"
     record.write_text(json.dumps({"objects": [{"id": "mug_3"}]}))
     with pytest.raises(InputError, match="did not insert 'cube_9'; it inserted: mug_3"):
-        place_pose(room, "cube_9", str(record), START)
+        next(place_poses(room, "cube_9", str(record), START))
 
 
 def test_a_pose_may_be_turned(tmp_path: Path) -> None:
-    pose = place_pose(room_of(tmp_path), "cube_9", "0.1 0.2 0.9 90", START)
+    (pose,) = place_poses(room_of(tmp_path), "cube_9", "0.1 0.2 0.9 90", START)
     np.testing.assert_allclose(matrix(pose)[:3, 0], [0.0, 1.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(pose[:3], [0.1, 0.2, 0.9])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,10 +14,11 @@ from s2a.geometry.mesh_ops import merge
 from s2a.planner.motion import PlannerConfig
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import surface_points
-from s2a.planner.pick_place import LIFT, plan_pick
+from s2a.planner.pick_place import plan_pick
 from s2a.planner.pick_plan import PickPlan
-from s2a.planner.places import free_object, place_pose, scanned
+from s2a.planner.places import first_planned, free_object, place_poses, scanned
 from s2a.planner.segments import Segments
+from s2a.planner.straight_paths import LIFT
 from s2a.planner.trajectory import Trajectory
 from s2a.scene import Joint
 from s2a.sim.nearby import Workspace
@@ -63,8 +64,9 @@ def read_stage(
     """
     room = sim_stage.read(path, visuals=False)
     target, name = free_object(room, part), robot or DEFAULT_ROBOT
-    start, goal = _ends(room, target, config)
-    plan = plan_pick(room, target, start, goal, robots.load(name))
+    (start, goal), plan = first_planned(
+        _ends(room, target, config), lambda ends: plan_pick(room, target, *ends, robots.load(name))
+    )
     near = neighbours(room, target, start, goal)
     surface = merge([c.mesh for c in room.free[target].colliders])
     return PickStage(
@@ -93,18 +95,21 @@ def neighbours(room: sim_stage.SimRoom, target: str, start: np.ndarray, goal: np
     ]  # fmt: skip
 
 
-def _ends(room: sim_stage.SimRoom, target: str, config: PickPlaceConfig) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the object starts and where it is to be placed, 7-vectors."""
+def _ends(room: sim_stage.SimRoom, target: str, config: PickPlaceConfig) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield where the object may start and where it is to be placed, 7-vectors."""
     if config.start == config.place:
         raise InputError(
             f"task.start and task.place are both {config.place!r}; give the id of a support, a pose or a record"
         )
     here = scanned(room, target)
     if config.start is None or config.start.endswith(".json"):
-        start = place_pose(room, target, config.start, here)
-        return start, place_pose(room, target, config.place, start)
-    goal = place_pose(room, target, config.place, here)
-    return place_pose(room, target, config.start, goal), goal
+        (start,) = place_poses(room, target, config.start, here)
+        for goal in place_poses(room, target, config.place, start):
+            yield start, goal
+        return
+    goal = next(place_poses(room, target, config.place, here))
+    for start in place_poses(room, target, config.start, goal):
+        yield start, goal
 
 
 def trajectory(sim: Simulation, plan: PickPlan, config: PlannerConfig) -> Trajectory:
@@ -123,11 +128,15 @@ def segments(sim: Simulation, first: np.ndarray, config: PlannerConfig) -> Segme
 def pick(found: Segments, plan: PickPlan, config: PlannerConfig) -> None:
     """Add the segments of a plan to a motion."""
     straight = config.approach_time * LIFT / config.approach
+    found.open(plan.opened)
     found.between(plan.reach, config.reach_time)
     found.go(plan.approach, config.approach_time)
     found.close()
     found.go(plan.lift, straight)
     found.between(plan.carry, config.reach_time)
+    found.align(np.linalg.inv(plan.grasp))
     found.go(plan.lower, 2.0 * straight)
-    found.open()
+    found.open(plan.opened)
     found.go(plan.retreat, config.approach_time)
+    found.leave_aligned()
+    found.open()

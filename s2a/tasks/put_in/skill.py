@@ -12,7 +12,7 @@ from s2a import robot as robots
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
 from s2a.planner.motion import PlannerConfig
-from s2a.planner.places import free_object, place_pose
+from s2a.planner.places import first_planned, free_object, place_poses
 from s2a.planner.put_in import PutPlan, PutTask, plan_put
 from s2a.planner.trajectory import Trajectory
 from s2a.robot.tool_path import opening_coordinate
@@ -67,9 +67,11 @@ def read_stage(path: Path, part: str | None, robot: str | None, also: Sequence[s
         raise InputError(f"task.place={config.place} is no articulated part of room {room.name!r}; possible: {known}")
     into = config.place
     grasp = np.array([*room.articulations[into].grasp.point, 0.0, 0.0, 0.0, 1.0])
-    start = place_pose(room, target, config.start, grasp)
     opened = opening_coordinate(room.articulations[into].joint, grasp[:3], config.opening)
-    put = plan_put(PutTask(room, target, start, into, opened, APPROACH, DEPTH), robots.load(name))
+    start, put = first_planned(
+        place_poses(room, target, config.start, grasp),
+        lambda start: plan_put(PutTask(room, target, start, into, opened, APPROACH, DEPTH), robots.load(name)),
+    )
     near = skill.neighbours(room, target, start, put.goal)
     surface = merge([c.mesh for c in room.free[target].colliders])
     return PutStage(

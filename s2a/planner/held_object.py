@@ -1,0 +1,84 @@
+"""Placing what slipped in the gripper: above the place the arm sees how it holds the object, and makes up for it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+
+from s2a.planner.trajectory import Aligned, Trajectory, eased
+from s2a.robot.kinematics import kinematics
+from s2a.robot.tool_path import matrices
+from s2a.sim.simulation import Simulation
+
+STEPS = 8
+"""Control steps between poses for which inverse kinematics are solved; between them, what is added changes evenly."""
+ITERATIONS, DAMPING = 12, 1e-3
+"""Of the inverse kinematics: starts are within FARTHEST and STEEPEST of their targets."""
+FARTHEST, STEEPEST = 0.05, math.radians(40.0)
+"""[m, rad] By which an object may be off in the gripper. What is farther off has fallen, and is not held."""
+
+
+class HeldObject:
+    """What is added to the arm's targets from where it sees the object in the gripper until it has let go.
+
+    With T the pose of the tool, H that of the object in it as planned and S as seen, T becomes T H S^-1: the object then passes
+    where it was planned to.
+    """
+
+    def __init__(self, sim: Simulation, trajectory: Trajectory, aligned: Aligned) -> None:
+        """Find the poses of the tool between seeing it and the release.
+
+        Args:
+            sim: whose worlds hold one object each, the target.
+            trajectory: all of it.
+            aligned: when and what.
+        """
+        self._sim, self._aligned, self._kin = sim, aligned, kinematics(sim.robot)
+        arm = len(sim.robot.arm_joints)
+        self._at = np.append(np.arange(aligned.ready, aligned.released, STEPS), aligned.released)
+        self._arm = trajectory.targets[self._at, :arm]
+        self._tool = self._kin.tool(self._arm)
+        self._weight = torch.tensor(_weights(aligned, len(trajectory.targets)), dtype=torch.float32, device=sim.device)
+        shape = (sim.num_envs, len(self._at), arm)
+        self._moved = torch.zeros(shape, dtype=torch.float32, device=sim.device)
+
+    def see(self, step: torch.Tensor) -> None:
+        """See the object in the gripper in worlds that have come to that step of the trajectory, shape [world]."""
+        worlds = step == self._aligned.seen
+        if bool(worlds.any()):
+            self._moved[worlds] = torch.tensor(self._correction(worlds.cpu().numpy()), device=self._moved.device)
+
+    def _correction(self, worlds: np.ndarray) -> np.ndarray:
+        """Return what to add to the arm's joints in some worlds, shape [some pose arm]; 0 where the object is not held."""
+        sim = self._sim
+        poses = sim.state.body_q.numpy().reshape(sim.num_envs, -1, 7)[worlds]
+        tool = matrices(poses[:, sim.layout.tool_body])
+        tool[:, :3, 3] += tool[:, :3, :3] @ np.array(sim.robot.tool_offset)
+        seen = np.linalg.inv(tool) @ matrices(poses[:, sim.layout.part_body])
+        change = self._aligned.held @ np.linalg.inv(seen)
+        turn = np.arccos(np.clip((np.trace(change[:, :3, :3], axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
+        off = np.linalg.norm(seen[:, :3, 3] - self._aligned.held[:3, 3], axis=1)
+        held = (off <= FARTHEST) & (turn <= STEEPEST)
+        targets = (self._tool[None] @ change[:, None])[held]
+        start = np.tile(self._arm, (len(targets), 1))
+        arm, _ = self._kin.solve(targets.reshape(-1, 4, 4), start, ITERATIONS, DAMPING)
+        found = np.zeros((len(seen), *self._arm.shape), np.float32)
+        found[held] = (arm - start).reshape(-1, *self._arm.shape)
+        return found
+
+    def __call__(self, step: torch.Tensor) -> torch.Tensor:
+        """Return what to add to the arm's targets, shape [world arm], at these steps of the trajectory, shape [world]."""
+        place = ((step - self._aligned.ready) / STEPS).clamp(0, self._moved.shape[1] - 1)
+        low = place.floor().long().clamp(max=self._moved.shape[1] - 2)
+        world, rest = torch.arange(len(step), device=step.device), (place - low)[:, None]
+        between = (1.0 - rest) * self._moved[world, low] + rest * self._moved[world, low + 1]
+        return self._weight[step.clamp(0, len(self._weight) - 1)][:, None] * between
+
+
+def _weights(aligned: Aligned, steps: int) -> np.ndarray:
+    """Return the fraction of the correction at each step: rising while the arm stands, falling on the way after the release."""
+    step = np.arange(steps)
+    rising = eased((step - aligned.seen) / (aligned.ready - aligned.seen))
+    return rising - eased((step - aligned.released) / (aligned.back - aligned.released))

@@ -140,6 +140,37 @@ def test_plain_arrays_come_through(tmp_path: Path, protocol: int) -> None:
     assert np.array_equal(found["a"], content["a"]) and found["b"] == content["b"]
 
 
+def forged(state: tuple[object, ...], data: object) -> bytes:
+    """Return the pickle of an array of two whose type claims a state of its own."""
+
+    def plain(value: object) -> bytes:
+        return pickle.dumps(value, 2)[2:-1]
+
+    array = b"cnumpy._core.multiarray\n_reconstruct\n(cnumpy\nndarray\n" + plain((0,)) + plain("b") + b"tR"
+    dtype = b"cnumpy\ndtype\n" + plain(("i8", False, True)) + b"R" + plain(state) + b"b"
+    return b"\x80\x02" + array + b"(" + plain(1) + plain((2,)) + dtype + b"\x89" + plain(data) + b"tb."
+
+
+def test_an_array_that_claims_to_hold_objects_holds_numbers(tmp_path: Path) -> None:
+    """By the flags (63) numpy's own type takes the numbers for addresses."""
+    (tmp_path / "p.pkl").write_bytes(forged((3, "|", None, None, None, 8, 8, 63), np.array([1, 2]).tobytes()))
+    found = safe_pickle.read(tmp_path / "p.pkl")
+    assert found.tolist() == [1, 2] and not found.dtype.hasobject
+    (tmp_path / "p.pkl").write_bytes(forged((3, "|", None, None, None, 8, 8, 63), [1, 2]))
+    with pytest.raises(InputError, match="not a pickle"):
+        safe_pickle.read(tmp_path / "p.pkl")
+
+
+def test_byte_orders_and_fortran_order_are_kept(tmp_path: Path) -> None:
+    for content in (
+        np.arange(6, dtype=">i4").reshape(2, 3),
+        np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+        np.zeros((0, 3)),
+    ):
+        (tmp_path / "p.pkl").write_bytes(pickle.dumps(content))
+        assert np.array_equal(safe_pickle.read(tmp_path / "p.pkl"), content)
+
+
 @pytest.mark.parametrize("data", [b"", b"not a pickle", pickle.dumps(np.arange(9))[:-20]])
 def test_what_is_damaged_is_said(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "p.pkl").write_bytes(data)

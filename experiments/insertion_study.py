@@ -42,7 +42,8 @@ from s2a.errors import InputError
 from s2a.geometry.mesh_ops import sample
 from s2a.geometry.penetration import depth
 from s2a.insert.batch import open_room
-from s2a.insert.pipeline import InsertContext, Inserted, ObjectRequest, StabilityCheck, insert
+from s2a.insert.context import InsertContext, Inserted, ObjectRequest, StabilityCheck
+from s2a.insert.pipeline import insert
 from s2a.insert.place.fit import NoRoom
 from s2a.insert.place.supports import nearby
 from s2a.insert.place.swept_volumes import intersects, reaching_into

@@ -14,7 +14,7 @@ from s2a import config
 from s2a.geometry.mesh_ops import merge
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera
 from s2a.geometry.render import render
-from s2a.insert.pipeline import Inserted
+from s2a.insert.context import Inserted
 from s2a.insert.room_state import RoomState
 
 

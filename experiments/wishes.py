@@ -19,7 +19,7 @@ from insertion_study import RESULTS, _insert_settings, _stage, _zoo  # the same 
 
 from s2a.insert.attempt import attempt
 from s2a.insert.batch import open_room
-from s2a.insert.pipeline import ObjectRequest
+from s2a.insert.context import ObjectRequest
 from s2a.insert.wishes.heed import read_wish
 from s2a.llm.client import choose
 from s2a.provenance import provenance

@@ -28,7 +28,7 @@ from rich.table import Table
 from s2a.config import compose, load
 from s2a.errors import InputError
 from s2a.insert.batch import RECORD, insert_into, open_room
-from s2a.insert.pipeline import ObjectRequest
+from s2a.insert.context import ObjectRequest
 from s2a.insert.room_state import RoomState
 from s2a.insert.settings import InsertSettings
 from s2a.llm.client import choose

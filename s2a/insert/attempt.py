@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from s2a.errors import InputError
-from s2a.insert.pipeline import InsertContext, Inserted, ObjectRequest, Planned, fixed, planned
+from s2a.insert.context import InsertContext, Inserted, ObjectRequest
+from s2a.insert.pipeline import Planned, fixed, planned
 from s2a.insert.room_state import RoomState
 from s2a.insert.settings import InsertSettings
 from s2a.insert.stability import drop_check

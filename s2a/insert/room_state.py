@@ -14,7 +14,7 @@ from s2a.insert.place.swept_volumes import swept_volumes
 from s2a.scene import Mesh, Scene
 
 if TYPE_CHECKING:
-    from s2a.insert.pipeline import Inserted
+    from s2a.insert.context import Inserted
 
 
 class RoomState:

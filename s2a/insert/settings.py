@@ -9,8 +9,8 @@ from typing import Literal
 from s2a.geometry.orbit_camera import OrbitCamera
 from s2a.geometry.ransac import RansacConfig
 from s2a.geometry.regions import RegionConfig
+from s2a.insert.context import InsertConfig
 from s2a.insert.object_file import ObjectConfig
-from s2a.insert.pipeline import InsertConfig
 from s2a.insert.place.pose import PoseConfig
 from s2a.insert.place.supports import SurfaceConfig
 from s2a.insert.stability import DropTestConfig, HullsConfig

@@ -12,7 +12,7 @@ from s2a.certify.drop_test import DropTestConfig, drop_test
 from s2a.geometry.convex import hull
 from s2a.geometry.decompose import one_hull
 from s2a.geometry.mesh_ops import sample
-from s2a.insert.pipeline import StabilityCheck
+from s2a.insert.context import StabilityCheck
 from s2a.insert.place.candidate_poses import CandidatePose
 from s2a.insert.place.supports import nearby
 from s2a.insert.settle import rests_upright

@@ -15,7 +15,7 @@ from s2a.geometry.convex import halfspaces, hull
 from s2a.geometry.occupancy import distinct_cells
 from s2a.geometry.regions import Region, RegionConfig
 from s2a.insert import describe
-from s2a.insert.pipeline import Inserted
+from s2a.insert.context import Inserted
 from s2a.insert.place.fit import NoRoom
 from s2a.insert.place.supports import SurfaceConfig, facing, target_regions, within
 from s2a.insert.place.swept_volumes import SweptVolume, heights_within

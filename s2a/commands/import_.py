@@ -109,6 +109,8 @@ def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
         predicted.write(out, files.name, kept)
         written = {"scan": str(scan), "predictions": str(predictions), "found": len(found), "kept": len(kept)}
         (out / PREDICTED).write_text(json.dumps(written, indent=1), encoding="utf-8")
+    if assumed := sum(one.assumed_range for one in kept):
+        _log.warning("%s: %d of %d joints come without a range, and get the usual one", predictions, assumed, len(kept))
     kinds = ", ".join(f"{sum(one.kind == kind for one in kept)} {kind}" for kind in reader.KINDS)
     handles = sum(len(one.handle) > 0 for one in kept)
     counts = f"{len(kept)} of {len(found)} predictions ({kinds}), {handles} with a handle"

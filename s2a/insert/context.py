@@ -1,4 +1,4 @@
-"""What an insertion is given and what it gives: settings, requests, the room and logs of one insertion, its result."""
+"""What an insertion is given and what it returns: settings, object and hint, room, model and logs; the object in its place."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from torch import nn
 
 from s2a.outputs import atomic_write
 from s2a.rl import run_world
-from s2a.rl.policy_file import note_world
+from s2a.rl.policy_file import forget_source, note_world
 
 
 def export(model: nn.Module, checkpoint: Path) -> list[Path]:
@@ -45,6 +45,7 @@ def export(model: nn.Module, checkpoint: Path) -> list[Path]:
             external_data=False,
             verbose=False,
         )
+        forget_source(out)
         world = checkpoint.parent / run_world.FILE
         if world.is_file():
             note_world(out, world.read_text())

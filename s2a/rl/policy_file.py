@@ -106,6 +106,16 @@ def _opened(file: Path) -> onnxruntime.InferenceSession:
         raise InputError(f"{file}: not a policy ({why}); give an .onnx that s2a train wrote") from error
 
 
+def forget_source(file: Path) -> None:
+    """Remove from an ONNX file what torch's exporter notes of each node: among it the paths of the source that made it."""
+    import onnx
+
+    model = onnx.load(file)
+    for node in model.graph.node:
+        node.ClearField("metadata_props")
+    onnx.save(model, file)
+
+
 def note_world(file: Path, world: str) -> None:
     """Write into an ONNX file's metadata in which world it was trained, as world.json has it."""
     import onnx

@@ -113,7 +113,10 @@ def mesh_remedy(path: Path) -> str | None:
         )
     up = ", and turn it z up (glTF has y up)" if path.suffix.lower() in (".glb", ".gltf") else ""
     call = f"trimesh.load({path.name!r}, force='mesh', process=False).export({MESH!r})"
-    return f"{path.name} is no PLY: convert it in Python, which keeps the order of its faces: {call}{up}"
+    return (
+        f"{path.name} is no PLY: give s2a import mesh={path.name} out=FOLDER; for annotations that count its faces, convert it "
+        f"in Python, which keeps the order of its faces: {call}{up}"
+    )
 
 
 def _missing_mesh(folders: list[Path]) -> str:

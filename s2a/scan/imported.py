@@ -14,7 +14,7 @@ from s2a.mesh import Mesh
 from s2a.scan import frame, mesh_files
 from s2a.scan.bake import Baked, bake
 from s2a.scan.folder import MESH
-from s2a.scan.frame import Frame
+from s2a.scan.frame import FileFrame
 from s2a.scan.ply_writer import write_ply
 
 RECORD = "import.json"
@@ -37,7 +37,7 @@ class Imported:
         degenerate: number of faces without area, which keep their places.
     """
 
-    frame: Frame
+    frame: FileFrame
     baked: Baked
     mesh: Mesh
     offset: np.ndarray

@@ -115,11 +115,12 @@ def _by_trimesh(path: Path, stated: Stated) -> SourceMesh:
     found = [
         (matrix, scene.geometry[name]) for matrix, name in placed if isinstance(scene.geometry[name], trimesh.Trimesh)
     ]
-    if left := len(placed) - len(found):
-        _log.warning("%s: %d of %d parts are points or lines, and are left out", path, left, len(placed))
+    left = len(placed) - len(found)
     found = [(matrix, mesh) for matrix, mesh in found if len(mesh.faces)]
     if not found:
         raise InputError(f"{path}: holds no faces; export a mesh, not a point cloud")
+    if left:
+        _log.warning("%s: %d of %d parts are points or lines, and are left out", path, left, len(placed))
     return joined([_from_trimesh(path, mesh, matrix) for matrix, mesh in found], stated)
 
 

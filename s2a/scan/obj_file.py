@@ -100,18 +100,19 @@ def _library(path: Path, name: str) -> dict[str, Material]:
         _log.warning("%s: %s is missing", path, name)
         return {}
     found: dict[str, Material] = {}
-    current = ""
+    current, textured = "", set[str]()
     for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
         key, *words = line.split("#")[0].split() or [""]
         if key == "newmtl":
             current = " ".join(words)
             found[current] = Material(np.full(3, GREY / 255))
-        elif key == "Kd" and len(words) >= 3 and found[current].texture is None:
+        elif key == "Kd" and len(words) >= 3 and current not in textured:
             found[current] = Material(np.array([float(word) for word in words[:3]]))
         elif key == "map_Kd" and words:
             texture = read_image(path, file.parent / _texture_name(file.parent, words))
-            if texture is not None:  # its factor is left at 1: exporters write Kd 0 or 0.8 beside a texture
-                found[current] = Material(np.ones(3), texture)
+            # The factor is left at 1: exporters write Kd 0 or 0.8 beside a texture. Without the texture it tells nothing.
+            found[current] = Material(np.full(3, GREY / 255) if texture is None else np.ones(3), texture)
+            textured.add(current)
     return found
 
 

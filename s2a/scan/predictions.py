@@ -36,6 +36,7 @@ class Prediction:
         score: confidence, 0 to 1.
         faces: of the scan, shape [n], int64.
         handle: faces of the part to grasp, shape [n], int64; may be empty.
+        assumed_range: the upper limit was not predicted, and is the usual one.
     """
 
     label: str
@@ -46,6 +47,7 @@ class Prediction:
     score: float
     faces: np.ndarray
     handle: np.ndarray
+    assumed_range: bool = False
 
 
 def read(path: Path, surface: ScanMesh, scene: str) -> list[Prediction]:
@@ -93,7 +95,8 @@ def _record(record: Record, surface: ScanMesh) -> Prediction:
     label = record.text("label") if record.has("label") else USUAL_LABEL[kind]
     handle = _mask(record.record("handle"), surface) if record.has("handle") else np.empty(0, dtype=np.int64)
     axis, origin = _axis(record), record.vector("origin")
-    return Prediction(label, kind, axis, origin, (low, high), score, _mask(record, surface), handle)
+    assumed = not record.has("rangeMax")
+    return Prediction(label, kind, axis, origin, (low, high), score, _mask(record, surface), handle, assumed)
 
 
 def _axis(record: Record) -> np.ndarray:
@@ -144,7 +147,7 @@ def _usdnet(
     """Return one part of USDNet's, which predicts no range."""
     faces = faces_of_vertices(inside, surface.faces)
     limits = (0.0, USUAL_RANGE[kind])
-    return Prediction(USUAL_LABEL[kind], kind, axis, origin, limits, score, faces, np.empty(0, dtype=np.int64))
+    return Prediction(USUAL_LABEL[kind], kind, axis, origin, limits, score, faces, np.empty(0, dtype=np.int64), True)
 
 
 def _array(path: Path, content: Mapping[str, Any], key: str, shape: tuple[int | None, ...]) -> np.ndarray:

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import pickle
 import reprlib
+from collections import OrderedDict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from s2a.errors import InputError
-
-_ARRAYS = ("numpy.core.multiarray", "numpy._core.multiarray")
-_NUMERIC = ("numpy.core.numeric", "numpy._core.numeric")
-_ALLOWED = {(module, name) for module in _ARRAYS for name in ("_reconstruct", "scalar")}
-_ALLOWED |= {(module, "_frombuffer") for module in _NUMERIC}
-_ALLOWED |= {("numpy", "ndarray"), ("numpy", "dtype"), ("collections", "OrderedDict")}
 
 
 def read(path: Path) -> Any:
@@ -26,37 +21,95 @@ def read(path: Path) -> Any:
     """
     try:
         with path.open("rb") as file:
-            return _Restricted(file).load()
+            return _resolved(_Restricted(file).load())
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    except (
-        Exception
-    ) as error:  # a damaged pickle provokes any: EOFError, KeyError, ValueError, AttributeError, MemoryError ...
+    except Exception as error:  # damage provokes any: EOFError, KeyError, ValueError, AttributeError, MemoryError ...
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         raise InputError(f"{path}: truncated or not a pickle ({reason}); save it again") from error
 
 
 class _Restricted(pickle.Unpickler):
-    """An unpickler that finds numpy's constructors and nothing else."""
+    """An unpickler that finds stand-ins of numpy's constructors and nothing else."""
 
     def find_class(self, module: str, name: str) -> Any:
-        """Return an allowed constructor."""
-        if (module, name) not in _ALLOWED:
+        """Return what stands for an allowed constructor."""
+        found = _STAND_INS.get((module.replace("numpy.core", "numpy._core"), name))
+        if found is None:
             raise InputError(
                 f"the pickle asks for {reprlib.repr(module + '.' + name)}, which may run code; "
                 "save numpy arrays in dictionaries (tensor.cpu().numpy()), or JSON"
             )
-        # Pickles name the modules of the numpy that wrote them; both names have been the same functions.
-        if (module, name) == ("numpy", "dtype"):
-            return _plain_dtype
-        return super().find_class(module.replace("numpy.core", "numpy._core"), name)
+        return found
 
 
-def _plain_dtype(*arguments: Any) -> np.dtype[Any]:
-    """Return a type of numbers or strings; arrays of objects hold anything."""
-    kind = np.dtype(*arguments)
-    if kind.hasobject:
-        raise InputError("the pickle holds an array of objects; save arrays of numbers, or JSON")
-    return kind
+class _Dtype:
+    """A type of numbers or strings. numpy's own takes flags from a pickle by which it reads numbers as addresses of objects."""
+
+    def __init__(self, code: str, align: bool = False, copy: bool = False) -> None:
+        self.plain = np.dtype(code)
+        if self.plain.hasobject:
+            raise InputError("the pickle holds an array of objects; save arrays of numbers, or JSON")
+        if self.plain.kind not in "biufcSU":
+            raise InputError(f"the pickle holds an array of {self.plain}; save arrays of numbers, or JSON")
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """Take the byte order, which is all that a plain type has."""
+        if state[1] in ("<", ">"):
+            self.plain = self.plain.newbyteorder(state[1])
+
+
+class _Array:
+    """An array whose contents follow."""
+
+    value: np.ndarray = np.zeros(0)
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        _, shape, dtype, fortran, data = state
+        self.value = _from_buffer(data, dtype, shape, "F" if fortran else "C").value
+
+
+def _reconstruct(*_: Any) -> _Array:
+    return _Array()
+
+
+def _from_buffer(data: bytes, dtype: _Dtype, shape: tuple[int, ...], order: str) -> _Array:
+    found = _Array()
+    flat = np.frombuffer(data, dtype.plain) if data else np.zeros(0, dtype.plain)
+    found.value = flat.reshape(shape, order="F" if order == "F" else "C").copy()
+    return found
+
+
+def _scalar(dtype: _Dtype, data: bytes) -> Any:
+    return np.frombuffer(data, dtype.plain)[0]
+
+
+def _latin(text: str, encoding: str) -> bytes:
+    """Return bytes that a pickle of a protocol below 3 holds as text."""
+    if encoding != "latin1":
+        raise InputError(f"the pickle holds bytes as {encoding!r}; save it with protocol 4, or JSON")
+    return text.encode("latin1")
+
+
+def _resolved(value: Any) -> Any:
+    """Return contents with arrays in the place of what stands for them."""
+    if isinstance(value, _Array):
+        return value.value
+    if isinstance(value, dict):
+        return {key: _resolved(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return type(value)(_resolved(each) for each in value)
+    return value
+
+
+_STAND_INS = {
+    ("numpy._core.multiarray", "_reconstruct"): _reconstruct,
+    ("numpy._core.multiarray", "scalar"): _scalar,
+    ("numpy._core.numeric", "_frombuffer"): _from_buffer,
+    ("numpy", "ndarray"): _Array,
+    ("numpy", "dtype"): _Dtype,
+    ("_codecs", "encode"): _latin,
+    ("collections", "OrderedDict"): OrderedDict,
+}

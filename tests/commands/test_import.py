@@ -56,7 +56,9 @@ def test_a_texture_becomes_colours_and_split_faces_keep_their_source(tmp_path: P
     assert np.bincount(source, areas) == pytest.approx(whole, abs=1e-5)
     x = scan.vertices[:, 0]
     assert scan.colors is not None
-    assert (scan.colors[(x > 0.15) & (x < 1.9), 2] > 250).all() and (scan.colors[(x < -0.15) & (x > -1.9), 0] > 250).all()
+    assert (scan.colors[(x > 0.15) & (x < 1.9), 2] > 250).all() and (
+        scan.colors[(x < -0.15) & (x > -1.9), 0] > 250
+    ).all()
 
 
 def test_split_faces_leave_no_gaps(tmp_path: Path) -> None:
@@ -73,7 +75,9 @@ def test_the_record_maps_the_file_to_the_scan(tmp_path: Path) -> None:
     record = json.loads((tmp_path / "scan" / "import.json").read_text())
     matrix = np.array(record["matrix"])
     assert (record["up"], record["metres_per_unit"]) == ("y", 0.01)
-    assert moved.vertices[faces] @ matrix[:3, :3].T + matrix[:3, 3] == pytest.approx(scan.vertices[scan.faces], abs=1e-5)
+    assert moved.vertices[faces] @ matrix[:3, :3].T + matrix[:3, 3] == pytest.approx(
+        scan.vertices[scan.faces], abs=1e-5
+    )
     assert scan.vertices[:, 2].min() == pytest.approx(0, abs=1e-5)
 
 
@@ -163,7 +167,9 @@ def test_degenerate_faces_keep_their_numbers_and_far_rooms_come_near(
 ) -> None:
     vertices, faces = textured_room.room()
     vertices = vertices + [4.5e5, 5.4e6, 0]
-    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + ["f 1 1 2"] + ["f {} {} {}".format(*face) for face in faces + 1]
+    lines = (
+        [f"v {x} {y} {z}" for x, y, z in vertices] + ["f 1 1 2"] + ["f {} {} {}".format(*face) for face in faces + 1]
+    )
     (tmp_path / "far.obj").write_text("\n".join(lines))
     scan = imported(tmp_path, tmp_path / "far.obj", "up=z")
     assert "1 faces have no area" in capsys.readouterr().err

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 import shlex
 from dataclasses import dataclass
@@ -115,7 +114,7 @@ def test_the_meaning_of_every_key_comes_from_the_docstrings_nested_ones_too():
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_composes_loads_and_documents_each_of_its_keys(command: str):
-    cls = importlib.import_module(f"s2a.commands.{command}").Config
+    cls = cli._module(command).Config
     values = config.compose(command)
     required = [f"{key}=given" for key, value in config.leaves(values) if value == config.REQUIRED]
     config.load(cls, config.compose(command, required))
@@ -126,7 +125,7 @@ def test_every_command_composes_loads_and_documents_each_of_its_keys(command: st
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_examples_in_the_help_of_every_command_are_understood(command: str):
     calls = [line.partition(f"s2a {command} ")[2] for line in usage.examples(command) if f"s2a {command} " in line]
-    cls = importlib.import_module(f"s2a.commands.{command}").Config
+    cls = cli._module(command).Config
     assert [config.load(cls, cli.compose(command, shlex.split(call))) for call in calls]
 
 
@@ -139,7 +138,7 @@ def test_the_help_shows_values_as_they_are_typed_and_every_choice():
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_option_of_every_group_composes(command: str):
-    cls = importlib.import_module(f"s2a.commands.{command}").Config
+    cls = cli._module(command).Config
     required = [f"{k}=given" for k, value in config.leaves(config.compose(command)) if value == config.REQUIRED]
     for line in usage.options(command, cls)[1:]:
         group, names = re.fullmatch(r"  ([\w/]+)=...  one of: (.*)", line).groups()  # type: ignore[union-attr]
@@ -149,7 +148,7 @@ def test_every_option_of_every_group_composes(command: str):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_key_shares_its_name_with_a_folder_because_hydra_would_look_for_the_value_there(command: str):
-    cls = importlib.import_module(f"s2a.commands.{command}").Config
+    cls = cli._module(command).Config
     groups = [line.split("=")[0].strip() for line in usage.options(command, cls)[1:]]
     folders = {path.name for path in config.folder().iterdir() if path.is_dir()} - set(groups)
     assert folders.isdisjoint(config.compose(command))

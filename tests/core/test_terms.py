@@ -102,6 +102,7 @@ ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
     "s2a/aliases.py": (tuple(WORDS), "lists the old names"),
     "s2a/do/plan.py": (("refusal",), "a field of the model's answers, which are recorded word for word"),
     "s2a/insert/scale.py": (("longest",), "a field of the model's answers, which are recorded word for word"),
+    "s2a/insert/context.py": (("wish",), "the command line's own word: wish=prefer"),
     "s2a/insert/pipeline.py": (("wish",), "the command line's own word: wish=prefer"),
     "s2a/insert/settings.py": (("wish",), "the command line's own word: wish=prefer"),
     "s2a/insert/wishes/heed.py": (("wish",), "the command line's own word: wish=prefer"),

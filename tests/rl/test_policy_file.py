@@ -16,7 +16,7 @@ from s2a.errors import InputError
 from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.config import PpoConfig
 from s2a.rl.export import export
-from s2a.rl.policy_file import PRETRAINED, PolicyFile
+from s2a.rl.policy_file import PRETRAINED, PolicyFile, forget_source
 from s2a.rl.ppo import train
 from s2a.rl.run_world import FILE, write_world
 from s2a.sim.simulation import SimConfig
@@ -118,3 +118,23 @@ def test_the_policy_in_the_box_is_small_and_was_trained_as_it_is_said(tmp_path: 
     env.observation = torch.zeros(4, 63)
     actions = file.bound(env)(torch.randn(4, 63, generator=torch.Generator().manual_seed(0)))
     assert actions.shape == (4, 9) and np.isfinite(actions.numpy()).all()
+
+
+def test_the_policy_in_the_package_tells_of_no_file_of_the_machine_that_made_it() -> None:
+    path = Path(__file__).parents[2] / "s2a/policies/open_part.onnx"
+    assert b"site-packages" not in path.read_bytes() and b".py" not in path.read_bytes()
+
+
+def test_what_the_exporter_notes_of_its_source_is_forgotten(tmp_path: Path) -> None:
+    graph = onnx.helper.make_graph(
+        [onnx.helper.make_node("Neg", ["obs"], ["actions"])],
+        "policy",
+        [onnx.helper.make_tensor_value_info("obs", onnx.TensorProto.FLOAT, ["world", 3])],
+        [onnx.helper.make_tensor_value_info("actions", onnx.TensorProto.FLOAT, ["world", 3])],
+    )
+    graph.node[0].metadata_props.add(key="pkg.torch.onnx.stack_trace", value='File "/home/me/mlp.py", line 240')
+    onnx.save(onnx.helper.make_model(graph), tmp_path / "policy.onnx")
+    assert b"/home/me" in (tmp_path / "policy.onnx").read_bytes()
+    forget_source(tmp_path / "policy.onnx")
+    assert b"/home/me" not in (tmp_path / "policy.onnx").read_bytes()
+    onnx.checker.check_model(onnx.load(tmp_path / "policy.onnx"))

@@ -59,4 +59,4 @@ def test_a_mesh_file_in_place_of_a_folder_is_to_be_converted(
     key = {"export": "scan", "view": "path"}[command]
     out = [f"out={tmp_path / 'usd'}"] if command == "export" else []
     assert cli.main([command, f"{key}={tmp_path / 'room.glb'}", *out]) == 2
-    assert "convert it in Python" in capsys.readouterr().err
+    assert "s2a import mesh=room.glb" in capsys.readouterr().err

@@ -4,7 +4,7 @@
 
 Fifty kinds of household objects that the rooms are furnished with and that are not in the zoo, drawn twice (seed 7), in files as
 untidy as the zoo's: any unit, up axis, heading, origin and format. None was looked at when the table of kinds was written or
-extended. placement_judge.py judges, which shares no code with what places; it is formulas and a table by hand, no person.
+extended. placement_checks.py rates, which shares no code with what places; it is formulas and a table by hand, no person.
 Prints a line a room, and writes one an object to experiments/results/other_objects_NAME.json, with the failures by check.
 """
 
@@ -35,8 +35,8 @@ from s2a.synth.zoo.zoo_object import ZooObject
 
 SEED = 7
 CREAM = (230, 220, 200)
-Draw = Callable[[np.random.Generator], Piece]
-KINDS: dict[str, list[tuple[str, str, Draw]]] = {
+Sampler = Callable[[np.random.Generator], Piece]
+KINDS: dict[str, list[tuple[str, str, Sampler]]] = {
     "kitchen": [
         ("bread bin", "on", household.bread_bin),
         ("jar of jam", "on", household.jar),
@@ -165,7 +165,7 @@ def _pairs(items: list, draws: int) -> list[list]:
     return [items[kind::kinds] for kind in range(kinds)]
 
 
-def _object(label: str, placement: str, draw: Draw, room: str, rng: np.random.Generator) -> ZooObject:
+def _object(label: str, placement: str, draw: Sampler, room: str, rng: np.random.Generator) -> ZooObject:
     """Return one object, on z = 0."""
     surface = _whole(draw(rng))
     surface.vertices[:, 2] -= surface.vertices[:, 2].min()

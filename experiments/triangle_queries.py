@@ -1,4 +1,4 @@
-"""Rays, depths and points of triangle meshes for those who judge: Warp's own queries, apart from s2a.geometry."""
+"""Rays, depths and points of triangle meshes for independent checks: Warp's own queries, apart from s2a.geometry."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from s2a.scene import Scene
 def _rays(
     mesh: wp.uint64,
     start: wp.array(dtype=wp.vec3),
-    way: wp.array(dtype=wp.vec3),
+    direction: wp.array(dtype=wp.vec3),
     t: wp.array(dtype=float),
     f: wp.array(dtype=int),
 ):
     i = wp.tid()
-    hit = wp.mesh_query_ray(mesh, start[i], way[i], t[i])
+    hit = wp.mesh_query_ray(mesh, start[i], direction[i], t[i])
     f[i] = -1
     if hit.result:
         t[i] = hit.t
@@ -35,13 +35,13 @@ def _signed(mesh: wp.uint64, points: wp.array(dtype=wp.vec3), reach: float, dept
         depth[i] = -hit.sign * wp.length(near - points[i])
 
 
-def cast(mesh: wp.Mesh, start: np.ndarray, way: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def cast(mesh: wp.Mesh, start: np.ndarray, direction: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the distance [m], at most `reach`, and the face (-1: none) that rays [ray 3] meet first, shape [ray] each."""
     if not len(start):
         return np.zeros(0), np.zeros(0, int)
     t = wp.array(np.asarray(reach, np.float32), dtype=float, device="cpu")
     face = wp.zeros(len(start), dtype=int, device="cpu")
-    wp.launch(_rays, len(start), inputs=[mesh.id, _vec(start), _vec(way)], outputs=[t, face], device="cpu")
+    wp.launch(_rays, len(start), inputs=[mesh.id, _vec(start), _vec(direction)], outputs=[t, face], device="cpu")
     return t.numpy().astype(np.float64), face.numpy()
 
 
@@ -79,7 +79,7 @@ def _vec(points: np.ndarray) -> wp.array:
     return wp.array(np.asarray(points, np.float32), dtype=wp.vec3, device="cpu")
 
 
-class Surroundings:
+class Obstacles:
     """The room around one object: all triangles but its own, and which part each belongs to."""
 
     def __init__(self, scene: Scene, leave_out: str | None = None) -> None:
@@ -91,9 +91,9 @@ class Surroundings:
         self.owner = np.repeat(np.arange(len(parts)), [len(part.mesh.faces) for _, part in parts])
         self.tree = tree(self.vertices, self.faces)
 
-    def cast(self, start: np.ndarray, way: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    def cast(self, start: np.ndarray, direction: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the distance (`reach` if there is none) and the face (-1) of the first triangle along rays [ray 3]."""
-        return cast(self.tree, start, way, np.full(len(start), reach))
+        return cast(self.tree, start, direction, np.full(len(start), reach))
 
     def part_of(self, face: np.ndarray) -> str:
         """Return the part that most of some faces belong to; empty if there are none."""

@@ -3,7 +3,7 @@
     python experiments/twelve_at_once.py [--runs runs/twelve] [--seeds 100 101] [--rooms kitchen ...] [--count 12] [--name rules]
 
 Rooms and objects are made unless they are there. The objects of a room are drawn from the category of the zoo that belongs
-there, by the room's seed. What came of it is judged by placement_judge.py, which shares no code with what places, in the room
+there, by the room's seed. What came of it is rated by placement_checks.py, which shares no code with what places, in the room
 with all twelve; right is what passes all its checks. Prints a line a room, and writes one an object to
 experiments/results/twelve_NAME.json. Seconds are of reading the room, insertion and files: wall, and CPU of all processes.
 """
@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from insertion_study import RESULTS, ROOMS, _insert_settings, _stage, _zoo
-from placement_judge import CHECKS, Placed, Truth, judge, up_and_front
+from placement_checks import CHECKS, Placed, Truth, check, up_and_front
 from scipy.spatial.transform import Rotation
 
 from s2a.insert.batch import insert_into, open_room
@@ -77,7 +77,7 @@ def _room(name: str, seed: int, args: argparse.Namespace) -> dict:
 
 
 def row_of(one: dict, inserted: Inserted | None, record: Record, scene) -> dict:
-    """Return the row of an object: its line of the zoo's truth, what was made of it, and the judge's checks."""
+    """Return the row of an object: its line of the zoo's truth, what was made of it, and the independent checks."""
     row = {"object": one["label"], "written": inserted is not None, "right": False}
     if inserted is None:
         return row | {"problem": record["problem"][:300]}
@@ -86,7 +86,7 @@ def row_of(one: dict, inserted: Inserted | None, record: Record, scene) -> dict:
     known = Truth(one["label"], max(one["size"]), one["size"][2], one["placement"])
     turned = Rotation.from_quat(inserted.placement.orientation).inv().apply(inserted.part.mesh.vertices)
     placed = Placed(inserted.part.mesh, up, front, float(np.ptp(turned, axis=0).max()))
-    found = judge(scene, placed, known, inserted.placement.part_id)
+    found = check(scene, placed, known, inserted.placement.part_id)
     return row | found | {"failed": [check for check in CHECKS if not found[check]]}
 
 

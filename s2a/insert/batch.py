@@ -161,12 +161,12 @@ def _write(found: list[Inserted], records: list[Record], room: RoomState, settin
 
 def _render(inserted: Inserted, room: RoomState, camera: OrbitCamera, path: Path) -> None:
     """Render an object in its place, from where it is seen."""
-    pose = picture_pose(inserted, room.scene, camera)
+    pose = image_pose(inserted, room.scene, camera)
     with atomic_write(path) as out:
         write_png(render([part.mesh for part in room.scene.parts.values()], pose, camera), out)
 
 
-def picture_pose(inserted: Inserted, scene: Scene, camera: OrbitCamera) -> CameraPose:
+def image_pose(inserted: Inserted, scene: Scene, camera: OrbitCamera) -> CameraPose:
     """Return the camera pose of the image of an object in its place, in the room with it."""
     front = Rotation.from_quat(inserted.candidate.pose.quaternion).apply([1.0, 0.0, 0.0])
     return viewpoint(scene, inserted.part.mesh, front, camera)

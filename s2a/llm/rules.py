@@ -25,6 +25,8 @@ SPREAD = 0.4
 """Standard deviation of the logarithm of height over longest side, within a kind of objects."""
 MIRRORED, MOST = 2.0, 0.3
 """Weight of what differs along an axis between its ends, and the most that counts: few things are as below as above."""
+ROUND, ALIKE = 0.2, 0.05
+"""Weight of two sides that are alike, to that fraction: what a wheel or a mould turned has its axis upright, a cup or a plate."""
 ANYWHERE = (
     "on table",
     "on desk",
@@ -177,10 +179,12 @@ def _merit(facts: Any, entry: ObjectKind | None, axis: str) -> float:
     firm = min(1.0, facts["feet"].get(axis, 0.0) / (STEADY if flat else FIRM))
     # Containers have their opening up.
     mouth = 0.4 * (facts["hollow"].get(axis, 0.0) - facts["hollow"].get(_opposite(axis), 0.0))
-    slices = facts["slices"][axis[1]]
+    slices = facts.get("slices", {}).get(axis[1], ())
     ends = MIRRORED * min(MOST, sum(abs(one - other) for one, other in zip(slices, slices[::-1], strict=True)) / 5)
+    one, other = (side for name, side in zip("xyz", facts["sides"], strict=True) if name != axis[1])
+    turned = ROUND if abs(one - other) <= ALIKE * max(one, other) else 0.0
     habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.2 if axis == facts["up"] else 0.0)
-    return (firm + mouth + ends) * _fit(facts, entry, axis) + habit
+    return (firm + mouth + ends + turned) * _fit(facts, entry, axis) + habit
 
 
 def _fit(facts: Any, entry: ObjectKind | None, axis: str) -> float:

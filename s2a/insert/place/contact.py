@@ -54,7 +54,7 @@ class PoseConfig:
 
 
 @dataclass(frozen=True)
-class Task:
+class ContactQuery:
     """Inputs of the exact tests, as `place` has them; `base` rotates from the object's frame to the region's."""
 
     scene: Scene
@@ -66,40 +66,40 @@ class Task:
     volumes: list[SweptVolume]
 
 
-def refined(task: Task, candidate: GridCandidate, number: int) -> tuple[Pose, str | None]:
+def refined(query: ContactQuery, candidate: GridCandidate, number: int) -> tuple[Pose, str | None]:
     """Return the exact pose of a candidate, and the conflict there or None; what would fall over leans if it may."""
-    if task.relation == "against" and slender(task.object):
-        pose, conflict = _touching(task, candidate, number, lean=True)
+    if query.relation == "against" and slender(query.object):
+        pose, conflict = _touching(query, candidate, number, lean=True)
         if conflict is None:
             return pose, None
-    return _touching(task, candidate, number, lean=False)
+    return _touching(query, candidate, number, lean=False)
 
 
-def _touching(task: Task, candidate: GridCandidate, number: int, lean: bool) -> tuple[Pose, str | None]:
+def _touching(query: ContactQuery, candidate: GridCandidate, number: int, lean: bool) -> tuple[Pose, str | None]:
     """Return the pose of a candidate lowered, or pushed, until it touches, and the conflict there or None."""
-    scene, object, region, config = task.scene, task.object, task.region, task.config
+    scene, object, region, config = query.scene, query.object, query.region, query.config
     toward = -region.normal if region.kind == "vertical" else np.array([0.0, 0.0, -1.0])
-    turn = _turn(region, task.base, candidate.turn)
+    turn = _turn(region, query.base, candidate.turn)
     turn = leaned(turn) if lean else turn
-    start = _start(task, candidate, turn, toward, number)
+    start = _start(query, candidate, turn, toward, number)
     if lean:
         # The search found room for it upright; its top is not to begin in the wall.
         forward = turn @ np.array([1.0, 0.0, 0.0]) * (1.0, 1.0, 0.0)
         away = float(np.ptp(object.bounds[:, 2])) * float(np.sin(LEAN)) * forward / np.linalg.norm(forward)
         start = replace(start, position=tuple((np.array(start.position) + away).tolist()))
-    against = task.relation == "against"
+    against = query.relation == "against"
     reach = config.slide if against else 2 * config.lowering_height
     local = nearby(scene, *_grown(start.moved(object).bounds, reach + 0.01))
     pose = moved_into_contact(start, object, local, toward, 2 * config.lowering_height, config.contact_gap)
     if pose is None:
         return start, "carry nothing"
     if against:
-        pose = _slid_back(task, pose, local, turn, config.back_gap)
+        pose = _slid_back(query, pose, local, turn, config.back_gap)
         if pose is None:
             return start, "have nothing behind them"
     for _ in range(4):
         pose = pose.rounded()
-        conflict = placement_conflict(scene, pose.moved(object), local, task.volumes, config.swept_volume_tolerance)
+        conflict = placement_conflict(scene, pose.moved(object), local, query.volumes, config.swept_volume_tolerance)
         if conflict != COLLISION:
             break
         # Between two edges the distance may be shorter than from any point that was queried.
@@ -107,23 +107,23 @@ def _touching(task: Task, candidate: GridCandidate, number: int, lean: bool) -> 
     return pose, conflict
 
 
-def _slid_back(task: Task, pose: Pose, local: Mesh, turn: np.ndarray, gap: float) -> Pose | None:
+def _slid_back(query: ContactQuery, pose: Pose, local: Mesh, turn: np.ndarray, gap: float) -> Pose | None:
     """Return a standing pose moved back until it almost touches; None if there is nothing behind it."""
     # Off the floor, over whose bumps it would stumble.
-    up = np.array([0.0, 0.0, task.config.lowering_height])
+    up = np.array([0.0, 0.0, query.config.lowering_height])
     lifted = replace(pose, position=tuple((np.array(pose.position) + up).tolist()))
     back = turn @ np.array([-1.0, 0.0, 0.0]) * (1.0, 1.0, 0.0)
-    behind = moved_into_contact(lifted, task.object, local, back / np.linalg.norm(back), task.config.slide, gap)
+    behind = moved_into_contact(lifted, query.object, local, back / np.linalg.norm(back), query.config.slide, gap)
     if behind is None:
         return None
-    down, reach = np.array([0.0, 0.0, -1.0]), 3 * task.config.lowering_height
-    return moved_into_contact(behind, task.object, local, down, reach, task.config.contact_gap)
+    down, reach = np.array([0.0, 0.0, -1.0]), 3 * query.config.lowering_height
+    return moved_into_contact(behind, query.object, local, down, reach, query.config.contact_gap)
 
 
-def _start(task: Task, candidate: GridCandidate, turn: np.ndarray, toward: np.ndarray, number: int) -> Pose:
+def _start(query: ContactQuery, candidate: GridCandidate, turn: np.ndarray, toward: np.ndarray, number: int) -> Pose:
     """Return the pose above a candidate from which the object is lowered."""
-    lowest = float((task.object.vertices @ turn.T @ -toward).min())
-    start = task.region.points(candidate.place[None])[0] + (lowest - task.config.lowering_height) * toward
+    lowest = float((query.object.vertices @ turn.T @ -toward).min())
+    start = query.region.points(candidate.place[None])[0] + (lowest - query.config.lowering_height) * toward
     quaternion = tuple(Rotation.from_matrix(turn).as_quat().tolist())
     return Pose(tuple(start.tolist()), quaternion, candidate.room, number)
 

@@ -13,12 +13,12 @@ import numpy as np
 
 from s2a.errors import InputError
 from s2a.geometry.regions import Region
-from s2a.insert.place.contact import PoseConfig, Relation, Task, refined
+from s2a.insert.place.contact import ContactQuery, PoseConfig, Relation, refined
 from s2a.insert.place.fit import NoRoom, Pose
 from s2a.insert.place.occupied import occupancy_grid
 from s2a.insert.place.preferences import preferences
 from s2a.insert.place.search import GridCandidate, grid_candidates
-from s2a.insert.place.supports import facing, flat_things
+from s2a.insert.place.supports import facing, flat_objects
 from s2a.insert.place.swept_volumes import SweptVolume, reaching_into
 from s2a.scene import Mesh, Scene
 
@@ -70,33 +70,33 @@ def places(
     base, radius, height = _frame(scene, object, region, target)
     low, high = _box(region, radius, height)
     volumes = reaching_into(volumes, low, high, scene, target)
-    obstacles = [*(part.mesh for part in scene.parts.values()), *flat_things(scene, target)]
+    obstacles = [*(part.mesh for part in scene.parts.values()), *flat_objects(scene, target)]
     grid = occupancy_grid(region, radius, height, obstacles, volumes, config.search)
     tall = float(np.ptp(object.bounds[:, 2]))
     wanted = preferences(scene, region, target, relation == "against", near, tall, config.search.habits)
     found = grid_candidates(grid, region, object, base, wanted, config.search, keep)
     if not found:
         raise NoRoom(_why(region, object))
-    task = Task(scene, object, region, relation, config, base, volumes)
-    yield from _free(task, found, max(2.0, config.min_spacing * radius / region.cell), target)
+    query = ContactQuery(scene, object, region, relation, config, base, volumes)
+    yield from _free(query, found, max(2.0, config.min_spacing * radius / region.cell), target)
 
 
-def _free(task: Task, found: list[GridCandidate], spacing: float, target: str) -> Iterator[Pose]:
+def _free(query: ContactQuery, found: list[GridCandidate], spacing: float, target: str) -> Iterator[Pose]:
     """Yield the free poses among candidates, some cells [cell] apart, one at least."""
     conflicts: list[str] = []
     good = 0
-    for number, candidate in enumerate(_spread(found, spacing, task.config.attempts), start=1):
-        pose, conflict = refined(task, candidate, number)
+    for number, candidate in enumerate(_spread(found, spacing, query.config.attempts), start=1):
+        pose, conflict = refined(query, candidate, number)
         if conflict is not None:
             conflicts.append(conflict)
             continue
         yield pose
         good += 1
-        if good == task.config.alternatives:
+        if good == query.config.alternatives:
             return
     if not good:
         worst = max(set(conflicts), key=conflicts.count)
-        height = task.region.height
+        height = query.region.height
         raise NoRoom(f"none of {len(conflicts)} places on {target!r} at {height:.2f} m is free: most {worst}")
 
 

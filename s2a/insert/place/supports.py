@@ -76,7 +76,7 @@ def is_basin(region: Region) -> bool:
     return region.kind == "horizontal" and region.rim_fraction > BASIN and min(region.size) < WIDEST_BASIN
 
 
-def flat_things(scene: Scene, target: str) -> list[Mesh]:
+def flat_objects(scene: Scene, target: str) -> list[Mesh]:
     """Return what lies flat in a scene, raised: lower than the noise of a scan, it would be taken for its support."""
     own = {target, *scene.descendants(target)}
     found = []
@@ -94,7 +94,7 @@ def target_regions(scene: Scene, target: str, config: RegionConfig, kinds: tuple
     scene.part(target)
     upright = kinds == ("vertical",)
     own = {target, *scene.descendants(target)} if upright else set(_standing(scene, target))
-    others = [part.mesh for part_id, part in scene.parts.items() if part_id not in own] + flat_things(scene, target)
+    others = [part.mesh for part_id, part in scene.parts.items() if part_id not in own] + flat_objects(scene, target)
     mesh = target_mesh(scene, target) if upright else standing_mesh(scene, target)
     return support_regions(mesh, config, others, kinds)
 

@@ -1,6 +1,6 @@
 """Does the picture of an insertion show the object? The zoo's hundred objects, each alone in its room, by the rules.
 
-    python experiments/pictures.py [--runs runs/pictures] [--seed 100] [--categories bathroom ...] [--name rules]
+    python experiments/insertion_images.py [--runs runs/pictures] [--seed 100] [--categories bathroom ...] [--name rules]
 
 Rooms and objects are those of insertion_study.py with the same --runs and --seed. Each picture is rendered as `picture=` does,
 once with the object and once without it; besides, each pixel's rays are cast at the object alone and at the whole room. Shown is
@@ -26,7 +26,7 @@ from s2a.geometry.mesh_ops import merge
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera
 from s2a.geometry.render import render
 from s2a.insert.attempt import attempt
-from s2a.insert.batch import open_room, picture_pose
+from s2a.insert.batch import image_pose, open_room
 from s2a.insert.context import Inserted, ObjectRequest
 from s2a.insert.room_state import RoomState
 from s2a.insert.settings import InsertSettings
@@ -84,7 +84,7 @@ def _row(room: RoomState, request: ObjectRequest, settings: InsertSettings) -> d
     without = [part.mesh for part in room.scene.parts.values()]
     room.add(inserted)
     start = time.perf_counter()
-    pose = picture_pose(inserted, room.scene, settings.camera)
+    pose = image_pose(inserted, room.scene, settings.camera)
     return (
         row | _looked_at(inserted, without, pose, settings.camera) | {"seconds": round(time.perf_counter() - start, 2)}
     )

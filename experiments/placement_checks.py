@@ -2,7 +2,7 @@
 
 Nothing of `s2a.insert` is imported here: what carries an object is found by rays cast down from it, collisions by winding numbers
 of the closed object and by its edges, openings by moving the triangles of every drawer and door through 25 positions. Which
-supports suit which object is written in judge.yaml, by hand, from labels alone. It is a judge by formulas, not a person.
+supports suit which object is written in suits.yaml, by hand, from labels alone. It rates by formulas; it is no person.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
-from triangle_queries import Surroundings, cast, dense, depths, spread
+from triangle_queries import Obstacles, cast, dense, depths, spread
 
 from s2a.articulation import displace
 from s2a.mesh import Mesh
@@ -44,13 +44,13 @@ class Truth:
 
     Attributes:
         label: its name.
-        longest: its longest side [m]; None if unknown.
+        length: its longest side [m]; None if unknown.
         height: in its usual pose [m]; None if unknown.
         placement: "on", "inside", "hanging" or "against wall".
     """
 
     label: str
-    longest: float | None
+    length: float | None
     height: float | None
     placement: str
 
@@ -61,18 +61,18 @@ class Placed:
 
     Attributes:
         mesh: in the scene [m].
-        up: direction of its true up axis in the scene, shape [3]; None if every way up is right.
+        up: direction of its true up axis in the scene, shape [3]; None if every direction up is right.
         front: direction of its true front in the scene, shape [3]; None if it has none.
-        longest: its longest side along its own axes [m].
+        length: its longest side along its own axes [m].
     """
 
     mesh: Mesh
     up: np.ndarray | None
     front: np.ndarray | None
-    longest: float
+    length: float
 
 
-def judge(scene: Scene, placed: Placed, truth: Truth, leave_out: str | None = None) -> dict:
+def check(scene: Scene, placed: Placed, truth: Truth, leave_out: str | None = None) -> dict:
     """Return the checks of CHECKS, the id and label of what carries the object, and the figures behind them.
 
     Args:
@@ -81,10 +81,10 @@ def judge(scene: Scene, placed: Placed, truth: Truth, leave_out: str | None = No
         truth: what is known of it.
         leave_out: id of the object in the scene.
     """
-    room, points = Surroundings(scene, leave_out), spread(placed.mesh)
+    room, points = Obstacles(scene, leave_out), spread(placed.mesh)
     found: dict = {"size": True, "upright": True}
-    if truth.longest:
-        found["ratio"] = round(placed.longest / truth.longest, 4)
+    if truth.length:
+        found["ratio"] = round(placed.length / truth.length, 4)
         found["size"] = abs(found["ratio"] - 1.0) <= SIZE
     if placed.up is not None:
         tilt = float(np.arccos(np.clip(placed.up[2], -1.0, 1.0)))
@@ -118,7 +118,7 @@ def _named(label: str, words: list[str]) -> bool:
 
 
 def suits(truth: Truth, support: str) -> bool:
-    """Return True if an object of this name may be on a support of that name, by judge.yaml."""
+    """Return True if an object of this name may be on a support of that name, by suits.yaml."""
     table, label, below = _table(), truth.label.lower(), support.lower()
     if truth.placement == "hanging":
         return _named(below, table["hangs_on"])
@@ -134,7 +134,7 @@ def suits(truth: Truth, support: str) -> bool:
 
 @cache
 def _table() -> dict[str, list[str]]:
-    return yaml.safe_load((Path(__file__).parent / "judge.yaml").read_text())
+    return yaml.safe_load((Path(__file__).parent / "suits.yaml").read_text())
 
 
 def up_and_front(
@@ -158,7 +158,7 @@ def _axis(name: str) -> np.ndarray:
     return (1.0 if name[0] == "+" else -1.0) * np.eye(3)["xyz".index(name[1])]
 
 
-def _carried(room: Surroundings, points: np.ndarray, leans: bool) -> dict:
+def _carried(room: Obstacles, points: np.ndarray, leans: bool) -> dict:
     """Return what is below an object, by rays down from its underside; what leans need not stand by itself."""
     cell = max(0.004, float(np.ptp(points[:, :2], axis=0).max()) / 40)
     cells, where = np.unique(np.floor(points[:, :2] / cell).astype(int), axis=0, return_inverse=True)
@@ -184,12 +184,14 @@ def _carried(room: Surroundings, points: np.ndarray, leans: bool) -> dict:
 
 def _holds(contacts: np.ndarray, middle: np.ndarray, cell: float) -> bool:
     """Return True if a point [2] is over the hull of contacts [point 2], to a cell."""
-    grown = np.concatenate([contacts + cell * np.array(way) for way in ((1, 1), (1, -1), (-1, 1), (-1, -1))])
+    grown = np.concatenate(
+        [contacts + cell * np.array(direction) for direction in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+    )
     planes = ConvexHull(grown).equations
     return bool((planes[:, :2] @ middle + planes[:, 2] <= 0).all())
 
 
-def _hung(room: Surroundings, placed: Placed, points: np.ndarray, either: bool) -> dict:
+def _hung(room: Obstacles, placed: Placed, points: np.ndarray, either: bool) -> dict:
     """Return what is behind a hanging object: a wall within a few centimetres; its front, or either side, looks into the room."""
     front = placed.front
     assert front is not None
@@ -211,17 +213,17 @@ def _hung(room: Surroundings, placed: Placed, points: np.ndarray, either: bool) 
     }
 
 
-def _behind(room: Surroundings, points: np.ndarray) -> float:
+def _behind(room: Obstacles, points: np.ndarray) -> float:
     """Return the smallest distance from the upper half of an object sideways to something [m]."""
     upper = points[points[:, 2] > np.median(points[:, 2])]
     found = []
     for angle in np.arange(16) * np.pi / 8:
-        way = np.array([np.cos(angle), np.sin(angle), 0.0])
-        found.append(float(room.cast(upper, np.tile(way, (len(upper), 1)), 2.0)[0].min()))
+        direction = np.array([np.cos(angle), np.sin(angle), 0.0])
+        found.append(float(room.cast(upper, np.tile(direction, (len(upper), 1)), 2.0)[0].min()))
     return min(found)
 
 
-def _free(room: Surroundings, mesh: Mesh, points: np.ndarray) -> dict:
+def _free(room: Obstacles, mesh: Mesh, points: np.ndarray) -> dict:
     """Return how deep the room reaches into a closed object, and edges of it that pass through a surface of the room."""
     near = room.points_near(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
     deepest = float(depths(mesh, near).max(initial=0.0))
@@ -229,8 +231,8 @@ def _free(room: Surroundings, mesh: Mesh, points: np.ndarray) -> dict:
     a, b = (mesh.vertices[edges[:, i]].astype(np.float64) for i in (0, 1))
     length = np.linalg.norm(b - a, axis=1)
     a, b, length = a[length > 1e-6], b[length > 1e-6], length[length > 1e-6]
-    way = (b - a) / length[:, None]
-    distance, face = cast(room.tree, a, way, length)
+    direction = (b - a) / length[:, None]
+    distance, face = cast(room.tree, a, direction, length)
     through = np.where(face >= 0, np.minimum(distance, length - distance), 0.0)
     pierced = float(through.max(initial=0.0))
     return {"free": max(deepest, pierced) <= DEEP, "depth": round(deepest, 4), "pierced": round(pierced, 4)}

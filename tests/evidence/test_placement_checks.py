@@ -1,10 +1,10 @@
-"""The judge of placements tells right from wrong on furniture whose answer is known."""
+"""The checks of placements tell right from wrong on furniture whose answer is known."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from placement_judge import Placed, Truth, judge, suits, up_and_front
+from placement_checks import Placed, Truth, check, suits, up_and_front
 from rough_furniture import at, block, sheet, table
 
 from s2a.scene import Joint, Mesh, Part, Scene
@@ -13,9 +13,9 @@ UP, FRONT = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
 CUP = Truth("coffee mug", 0.1, 0.1, "on")
 
 
-def judged(mesh: Mesh, truth: Truth = CUP, scene: Scene | None = None, up: np.ndarray = UP) -> dict:
+def checked(mesh: Mesh, truth: Truth = CUP, scene: Scene | None = None, up: np.ndarray = UP) -> dict:
     longest = float(np.ptp(mesh.vertices, axis=0).max())
-    return judge(scene or table(), Placed(mesh, up, FRONT, longest), truth)
+    return check(scene or table(), Placed(mesh, up, FRONT, longest), truth)
 
 
 def cup(x: float = 0.8, y: float = 0.3, z: float = 0.743) -> Mesh:
@@ -23,7 +23,7 @@ def cup(x: float = 0.8, y: float = 0.3, z: float = 0.743) -> Mesh:
 
 
 def test_a_mug_on_the_table_is_right() -> None:
-    found = judged(cup())
+    found = checked(cup())
     assert found["right"]
     assert found["support"] == "table_2"
 
@@ -40,13 +40,13 @@ def test_a_mug_on_the_table_is_right() -> None:
     ],
 )
 def test_each_fault_is_found(mesh: Mesh, check: str) -> None:
-    found = judged(mesh)
+    found = checked(mesh)
     assert not found["right"]
     assert not found[check]
 
 
 def test_upside_down_is_found() -> None:
-    assert not judged(cup(), up=-UP)["upright"]
+    assert not checked(cup(), up=-UP)["upright"]
 
 
 def test_a_drawer_that_would_meet_it_is_found() -> None:
@@ -54,7 +54,7 @@ def test_a_drawer_that_would_meet_it_is_found() -> None:
     front = at(block(0.4, 0.02, 0.15), 0.8, 0.02, 0.75)
     slide = Joint("prismatic", (0.0, 1.0, 0.0), (0.8, 0.0, 0.75), (0.0, 0.4))
     scene = Scene("room", {**parts, "drawer_9": Part("drawer", front, "table_2", slide)})
-    assert judged(cup(), scene=scene)["blocks"] == ["drawer_9"]
+    assert checked(cup(), scene=scene)["blocks"] == ["drawer_9"]
 
 
 @pytest.mark.parametrize("gap", [0.005, 0.3])
@@ -63,7 +63,7 @@ def test_what_hangs_has_a_wall_behind_it(gap: float) -> None:
     wall = Mesh(flat.vertices[:, [2, 0, 1]], flat.faces)  # the plane x = 0
     scene = Scene("room", {"wall_1": Part("wall", wall)})
     picture = at(block(0.02, 0.6, 0.4), gap + 0.01, 0.0, 1.5)
-    found = judged(picture, Truth("painting", 0.6, 0.4, "hanging"), scene)
+    found = checked(picture, Truth("painting", 0.6, 0.4, "hanging"), scene)
     assert found["right"] == (gap < 0.01)
 
 

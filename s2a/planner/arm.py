@@ -48,7 +48,7 @@ def arm_along(sim: Simulation, path: ToolPath, arm: np.ndarray) -> Arm:
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     base = matrices(sim.stage.base[None])[0, :3, :3]
     pull = np.einsum("pi,ij,pjk->pk", tangent, base, _jacobians(kinematics(sim.robot), joints))
-    gains, limits = sim.config.gains or sim.robot.gains, sim.plan_limits
+    gains, limits = sim.config.gains_of(sim.robot), sim.plan_limits
     mobility = np.array([row @ np.linalg.solve(_mass_matrix(sim, q), row) for row, q in zip(pull, joints, strict=True)])
     compliance, rate = (pull**2).sum(axis=1), np.abs(np.gradient(joints, along, axis=0)).max(axis=0)
     return Arm(

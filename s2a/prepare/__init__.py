@@ -14,8 +14,9 @@ from s2a.geometry.mesh_ops import merge
 from s2a.geometry.simplify import DecimateConfig
 from s2a.prepare.base_pose import BaseConfig
 from s2a.prepare.colliders.cabinet import CabinetConfig, anchor, cabinet_body
-from s2a.prepare.colliders.free import FreeConfig, FreeObject, free_objects
-from s2a.prepare.colliders.room import RoomConfig, cut_out
+from s2a.prepare.colliders.free import FreeConfig, FreeObject, free_objects, level_tops
+from s2a.prepare.colliders.level_top import LevelTop
+from s2a.prepare.colliders.room import RoomConfig, below_tops, cut_out
 from s2a.prepare.colliders.target import ColliderConfig
 from s2a.prepare.filtering import filtered_pairs
 from s2a.prepare.interior import cabinet_walls
@@ -27,7 +28,7 @@ from s2a.prepare.target import bodies, parent_body
 from s2a.ranges import NotNegative
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
-from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Grasp, SimBody, SimRoom
+from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, Grasp, SimBody, SimRoom
 
 __all__ = ["ALL", "PrepareConfig", "prepare"]
 
@@ -100,13 +101,14 @@ def prepare(
     extracted = free_objects(scene, free, tuple(results), config.free)
     owners = bodies(scene, results)
     obstacles = _obstacles(scene, results, extracted, config)
-    fixed = _fixed_bodies(scene, results, owners, obstacles, config)
+    tops = level_tops(extracted)
+    fixed = _fixed_bodies(scene, results, owners, obstacles, tops, config)
     moving = {part: _moving_body(scene, result, config) for part, result in results.items()}
     filtered = filtered_pairs(moving, fixed, {part: result.target.joint for part, result in results.items()})
     taken = {i for item in extracted for i in item.members}
     static = [i for i, owner in owners.items() if owner is None and i not in taken]
     around = [hull for group in obstacles.values() for hull in group]
-    colliders, trimmed = cut_out(still.colliders(static), around, config.room)
+    colliders, trimmed = cut_out(below_tops(still.colliders(static), tops, config.room), around, config.room)
     visual = still.visual(static)
     return SimRoom(
         name=scene.name,
@@ -116,7 +118,7 @@ def prepare(
             for part, result in results.items()
         },
         static_visual=visual.mesh,
-        static_colliders=(*(item.support for item in extracted), *colliders),
+        static_colliders=(*_supports(extracted, tops, obstacles, config.room), *colliders),
         free={item.body.id: item.body for item in extracted},
         notes=_notes(fixed, trimmed),
         static_parts=visual.parts,
@@ -151,17 +153,31 @@ def _obstacles(
     return found
 
 
+def _supports(
+    extracted: Sequence[FreeObject],
+    tops: Sequence[LevelTop],
+    obstacles: Mapping[str, Sequence[Mesh]],
+    config: RoomConfig,
+) -> list[Collider]:
+    """Return what free objects stand on: level tops where nothing else moves and no robot stands, and tops of their own."""
+    ids = {item.body.id for item in extracted}
+    around = [hull for owner, hulls in obstacles.items() if owner not in ids for hull in hulls]
+    boxes = [Collider(top.part, each) for top in tops for each in top.boxes]
+    return [*(item.support for item in extracted if item.support), *cut_out(boxes, around, config)[0]]
+
+
 def _fixed_bodies(
     scene: Scene,
     results: Mapping[str, PartResult],
     owners: Mapping[str, str | None],
     obstacles: Mapping[str, Sequence[Mesh]],
+    tops: Sequence[LevelTop],
     config: PrepareConfig,
 ) -> dict[str, SimBody]:
     """Return the cabinets and anchors that articulated parts move against.
 
-    A cabinet leaves the gripper its path to each of its own handles, and other objects' parts theirs. Its own parts overlap
-    it, as scans of closed furniture do; a joint's two bodies do not collide.
+    A cabinet leaves the gripper its path to each of its own handles, other objects' parts theirs, and its level tops their
+    layer. Its own parts overlap it, as scans of closed furniture do; a joint's two bodies do not collide.
     """
     found = {}
     for body in dict.fromkeys(scene.root(part) for part in results):
@@ -174,6 +190,7 @@ def _fixed_bodies(
         walls = next(filter(None, (cabinet_walls(surface, r.target) for r in own)), []) if config.interior else []
         free = [hull for owner, hulls in obstacles.items() if owner != body for hull in hulls]
         free += [result.corridor for result in own]
+        free += [hull for top in tops if scene.root(top.part) == body for hull in top.layer]
         found[body] = cabinet_body(scene, members, free, walls, config.cabinet)
     return found
 

@@ -43,15 +43,15 @@ def build_worlds(stages: Sequence[SimStage], settings: WorldSettings) -> list[ne
 
 def _packed_world(settings: WorldSettings, stage: SimStage) -> tuple[dict[str, Any], Missing | None]:
     """Return a stage's world as values that another process can be sent, and what it lacks of its room."""
-    config = settings.config
+    config, spec = settings.config, robot.load(stage.robot)
     missing: list[Missing | None] = []
     values = _pack(
         build_world(
             stage,
             config.joint,
             config.dt,
-            robot=robot.load(stage.robot) if settings.with_robot else None,
-            gains=config.gains,
+            robot=spec if settings.with_robot else None,
+            gains=config.gains_of(spec),
             gravity_compensation=config.gravity_compensation,
             static_colliders=config.load_static_colliders,
             realistic=config.limits is not None and config.limits.drives,

@@ -70,7 +70,7 @@ class Simulation:
         self.stage_of_env = np.arange(num_envs) % len(self.stages)
         _check_robots(self.stages)
         self.robot = robot.load(self.stage.robot)
-        limits, gains = self.robot.limits, config.gains or self.robot.gains
+        limits, gains = self.robot.limits, config.gains_of(self.robot)
         self.arm_limits = config.limits.of(limits) if config.limits else limits
         self.plan_limits = config.limits.sustained(limits, gains) if config.limits else limits
         with wp.ScopedDevice(device):

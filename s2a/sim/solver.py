@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import mujoco_warp
 import newton
 
-from s2a.ranges import Count, Positive
-from s2a.robot.spec import Gains, MotionLimits
+from s2a.ranges import Count, NotNegative, Positive
+from s2a.robot.spec import Gains, MotionLimits, RobotSpec
 from s2a.sim.vary import Variation
 from s2a.sim.world import JointConfig
 
@@ -37,6 +37,7 @@ class SimConfig:
         limits: what the arm's controller keeps to; null: nothing, and targets move as far as the task's action asks.
         joint: how the target's joint resists.
         vary: by what worlds differ; null: by nothing.
+        grip_stiffness: position gain of the finger joints [N/m], instead of that of the gains; null: theirs.
     """
 
     dt: Positive
@@ -54,6 +55,12 @@ class SimConfig:
     limits: MotionLimits | None
     joint: JointConfig
     vary: Variation | None
+    grip_stiffness: NotNegative | None = None
+
+    def gains_of(self, robot: RobotSpec) -> Gains:
+        """Return the gains of a robot's position controller."""
+        gains = self.gains or robot.gains
+        return gains if self.grip_stiffness is None else replace(gains, finger_stiffness=self.grip_stiffness)
 
 
 def make_solver(model: newton.Model, config: SimConfig, **options: Any) -> newton.solvers.SolverMuJoCo:

@@ -17,9 +17,11 @@ from s2a.certify.physics_motion import rest
 from s2a.errors import InputError
 from s2a.geometry.closed_solid import border, close, drop_small_components, loops
 from s2a.geometry.convex import box
-from s2a.geometry.mesh_ops import keep
+from s2a.geometry.mesh_ops import keep, merge
+from s2a.geometry.mesh_query import first_hits, ray_mesh
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.colliders.free import free_object, free_objects
+from s2a.prepare.colliders.level_top import level_top
 from s2a.scene import Mesh, Part, Scene
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import SimRoom, in_scene
@@ -156,9 +158,37 @@ def on_a_tray() -> Scene:
 
 def test_what_carries_an_object_hides_what_is_below() -> None:
     found = free_object(on_a_tray(), "box_23", settings().free)
-    assert found.support.part == "tray_22"
-    assert found.support.mesh.bounds[1, 2] == pytest.approx(0.76, abs=1e-5)
-    assert free_object(on_a_tray(), "box_21", settings().free).support.part == "box_20"
+    assert found.below == "tray_22"
+    assert found.top.height == pytest.approx(0.76, abs=1e-5)
+    assert free_object(on_a_tray(), "box_21", settings().free).below == "box_20"
+
+
+def noisy(extent: float, rise: float = 0.0) -> Mesh:
+    """Return a table's top as a scan sees it, `extent` [m] wide around the carton, which rises by `rise` [m] along x."""
+    solid = trimesh.creation.box(extents=(extent, extent, 0.03))
+    for _ in range(5):
+        solid = solid.subdivide()
+    points = solid.vertices + np.random.default_rng(1).normal(0.0, 0.0008, solid.vertices.shape)
+    points[:, 2] += rise * points[:, 0] / extent
+    return Mesh(points + [0.5, 1.2, 0.725], solid.faces)
+
+
+def test_a_level_support_is_flat_over_all_of_its_extent() -> None:
+    scene = room(table_4=Part("table", noisy(0.8)))
+    found = prepare(scene, "drawer_7", settings(), ["box_20"])
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.12, 0.88, 40), np.linspace(0.82, 1.58, 40)))
+    starts = np.c_[x, y, np.full(len(x), 0.78)]
+    own = merge([c.mesh for c in found.static_colliders if c.part == "table_4"])
+    falls = first_hits(ray_mesh(own.vertices, own.faces), starts, np.tile([0.0, 0.0, -1.0], (len(x), 1)))
+    assert np.ptp(falls) < 1e-5
+    # Half of the noise's faces lie above the height of the top, which is their median.
+    assert 0.78 - falls[0] == pytest.approx(0.74, abs=5e-4)
+
+
+def test_what_is_not_level_has_no_level_top() -> None:
+    config = settings().free
+    assert level_top("slab", noisy(0.8), 0.74, config.thickness, config.top) is not None
+    assert level_top("slab", noisy(0.8, rise=0.02), 0.74, config.thickness, config.top) is None
 
 
 def test_what_stands_on_something_that_moves_is_refused() -> None:

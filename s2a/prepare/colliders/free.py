@@ -19,6 +19,7 @@ from s2a.geometry.mesh_ops import merge, within
 from s2a.geometry.mesh_query import first_hits, ray_mesh
 from s2a.geometry.sweep import grown
 from s2a.prepare.colliders.foot import split_foot, whole_foot
+from s2a.prepare.colliders.level_top import LevelTop, TopConfig, level_top, reused
 from s2a.prepare.mass import MassConfig, annotated_mass
 from s2a.ranges import AtLeast, Count, Fraction, NotNegative, Positive
 from s2a.scene import Mesh, Scene
@@ -45,6 +46,7 @@ class FreeConfig:
         thickness: of that top [m].
         clearance: what is cut free around it [m].
         mass: what it weighs.
+        top: level tops of what carries objects.
     """
 
     search_radius: Positive
@@ -57,6 +59,7 @@ class FreeConfig:
     thickness: Positive
     clearance: NotNegative
     mass: MassConfig
+    top: TopConfig
 
 
 @dataclass(frozen=True)
@@ -65,14 +68,18 @@ class FreeObject:
 
     Attributes:
         body: the object, its frame at its centre of mass.
-        support: the horizontal top under it.
+        support: the horizontal top under it; None where `top` carries all of it.
+        below: id of what carries it.
+        top: level top of all of that; None where it is not level.
         members: ids of all its parts, which leave the room.
         space: convex hulls that nothing else may reach into, scene coordinates.
         bounds: lowest and highest corner [m], shape [2 3], scene coordinates.
     """
 
     body: SimBody
-    support: Collider
+    support: Collider | None
+    below: str
+    top: LevelTop | None
     members: tuple[str, ...]
     space: tuple[Mesh, ...]
     bounds: np.ndarray
@@ -92,11 +99,13 @@ def free_objects(
     Raises:
         InputError: one of them cannot be extracted (see `free_object`), or stands on one of them or on a part that moves.
     """
-    found = [free_object(scene, part, config) for part in dict.fromkeys(parts)]
+    found: list[FreeObject] = []
+    for part in dict.fromkeys(parts):
+        found.append(free_object(scene, part, config, [item.top for item in found if item.top]))
     moving = {i for part in articulated for i in (part, *scene.descendants(part))}
     moving |= {i for item in found for i in item.members}
     for item in found:
-        below = item.support.part
+        below = item.below
         if below in moving:
             raise InputError(
                 f"free={item.body.id}: it stands on {below!r}, which moves too; leave one of them as it is"
@@ -104,8 +113,13 @@ def free_objects(
     return [replace(item, support=_beside(item, [o for o in found if o is not item])) for item in found]
 
 
-def free_object(scene: Scene, part: str, config: FreeConfig) -> FreeObject:
-    """Return an object that was part of the room as a free body.
+def level_tops(objects: Sequence[FreeObject]) -> list[LevelTop]:
+    """Return the level tops on which objects stand, each once."""
+    return list({id(item.top): item.top for item in objects if item.top}.values())
+
+
+def free_object(scene: Scene, part: str, config: FreeConfig, tops: Sequence[LevelTop] = ()) -> FreeObject:
+    """Return an object that was part of the room as a free body; on one of some tops, if it stands there.
 
     Raises:
         InputError: the part is unknown, or belongs to another object, or something of it moves on a joint; it has no surface;
@@ -118,6 +132,9 @@ def free_object(scene: Scene, part: str, config: FreeConfig) -> FreeObject:
         raise InputError(f"part {part!r} of scene {scene.name!r} has no surface; it cannot be extracted from the room")
     surface = drop_small_components(surface, config.min_component_area)
     below, ground = _support(scene, part, members, surface, config)
+    flat = reused(tops, below, ground, config.top.band)
+    flat = flat or level_top(below, scene.parts[below].mesh, ground, config.thickness, config.top)
+    ground = flat.height if flat else ground
     solid = close(surface, ground, config.search_radius)
 
     mass = _mass(scene, members, solid, config)
@@ -133,7 +150,8 @@ def free_object(scene: Scene, part: str, config: FreeConfig) -> FreeObject:
     size = np.array([*(high - low)[:2] + 2 * config.margin, config.thickness])
     top = box(np.array([*(low + high)[:2] / 2, ground - config.thickness / 2]), np.eye(3), size)
     body = _body(part, solid, hulls, mass)
-    return FreeObject(body, Collider(below, top), members, tuple(s for s in spaces if s is not None), solid.bounds)
+    own = None if flat and flat.carries(low[:2], high[:2]) else Collider(below, top)
+    return FreeObject(body, own, below, flat, members, tuple(s for s in spaces if s is not None), solid.bounds)
 
 
 def _body(part: str, solid: Mesh, hulls: Sequence[Mesh], mass: Mass) -> SimBody:
@@ -146,11 +164,13 @@ def _body(part: str, solid: Mesh, hulls: Sequence[Mesh], mass: Mass) -> SimBody:
     return SimBody(part, local(solid), colliders, replace(mass, center=(0.0, 0.0, 0.0)), position=mass.center)
 
 
-def _beside(item: FreeObject, others: Sequence[FreeObject]) -> Collider:
+def _beside(item: FreeObject, others: Sequence[FreeObject]) -> Collider | None:
     """Return the support of an object without what of its margin would reach under another object.
 
     That one stands on a top of its own, which may be a millimetre lower.
     """
+    if item.support is None or item.top is not None:
+        return item.support
     (low, high), own = item.support.mesh.bounds.copy(), item.bounds
     for other in others:
         near, far = other.bounds

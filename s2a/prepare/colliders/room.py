@@ -13,6 +13,7 @@ from s2a.geometry.convex import APART, MARGIN, clip, cut_free, overlap, volume
 from s2a.geometry.decompose import one_hull, vhacd
 from s2a.geometry.planes import find_planes, slabs
 from s2a.geometry.simplify import is_structure
+from s2a.prepare.colliders.level_top import LevelTop
 from s2a.ranges import AtLeast, Count, NotNegative, Positive
 from s2a.scene import Mesh, Part
 from s2a.usd.sim_scene import Collider
@@ -83,6 +84,15 @@ def cut_out(
             trimmed[collider.part] = None
         found += [Collider(collider.part, piece, collider.structure) for piece in left]
     return tuple(found), tuple(trimmed)
+
+
+def below_tops(colliders: Sequence[Collider], tops: Sequence[LevelTop], config: RoomConfig) -> list[Collider]:
+    """Cut colliders free of the layers of their own part's level tops."""
+    found: list[Collider] = []
+    for collider in colliders:
+        layers = [hull for top in tops if top.part == collider.part for hull in top.layer]
+        found += cut_out([collider], layers, config)[0]
+    return found
 
 
 def cut_all(

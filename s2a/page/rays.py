@@ -1,0 +1,64 @@
+"""Which part a ray from the camera meets first."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from s2a.page.room import Coordinates, PagePart
+from s2a.scene import Mesh
+
+PARALLEL = 1e-15
+"""[m^2] A triangle of which a ray sees less is not met."""
+
+
+def pick(at: Coordinates, origin: np.ndarray, direction: np.ndarray) -> str | None:
+    """Return the id of the part that a ray meets first, with the joints where they stand, or None.
+
+    Surfaces seen from behind are not shown, and not met either.
+
+    Args:
+        at: the room, and its joints' coordinates.
+        origin: where the ray begins [m], scene coordinates, shape [3].
+        direction: where it leads, shape [3].
+    """
+    nearest, found = np.inf, None
+    poses = {mover: np.linalg.inv(at.pose(mover)) for mover in {part.mover for part in at.room.parts.values()}}
+    for part_id, part in at.room.parts.items():
+        distance = _distance(part, poses[part.mover], origin, direction, nearest)
+        if distance < nearest:
+            nearest, found = distance, part_id
+    return found
+
+
+def _distance(part: PagePart, back: np.ndarray, origin: np.ndarray, direction: np.ndarray, nearest: float) -> float:
+    """Return how far along a ray [multiple of its direction] the surface of a part is; inf where it misses it."""
+    if not len(part.surface.faces):
+        return np.inf
+    start, way = back[:3, :3] @ origin + back[:3, 3], back[:3, :3] @ direction
+    if _enters(part.surface.bounds, start, way) >= nearest:
+        return np.inf
+    return _meets(part.surface, start, way)
+
+
+def _enters(box: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> float:
+    """Return where a ray enters a box [2 3], 0 if it begins in it; inf where it misses it."""
+    safe = np.where(direction == 0.0, 1e-30, direction)
+    ends = np.sort((box - origin) / safe, axis=0)
+    enter, leave = max(ends[0].max(), 0.0), ends[1].min()
+    return float(enter) if enter <= leave else np.inf
+
+
+def _meets(mesh: Mesh, origin: np.ndarray, direction: np.ndarray) -> float:
+    """Return where a ray meets the front of a mesh first (Moeller and Trumbore, 1997); inf where it does not."""
+    corner = mesh.vertices[mesh.faces[:, 0]]
+    one, other = mesh.vertices[mesh.faces[:, 1]] - corner, mesh.vertices[mesh.faces[:, 2]] - corner
+    across = np.cross(direction, other)
+    size = np.einsum("ij,ij->i", one, across)
+    front = np.flatnonzero(size > PARALLEL)
+    one, other, across, size = one[front], other[front], across[front], size[front]
+    offset = origin - corner[front]
+    turned = np.cross(offset, one)
+    u, v = np.einsum("ij,ij->i", offset, across) / size, turned @ direction / size
+    along = np.einsum("ij,ij->i", other, turned) / size
+    inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (along > 0.0)
+    return float(along[inside].min(initial=np.inf))

@@ -9,11 +9,12 @@ import numpy as np
 
 from s2a.articulation import open_limit, opening_sign
 from s2a.page.palette import hue
-from s2a.page.room import PageRoom
+from s2a.page.room import Extra, PageRoom
 from s2a.scene import Joint, Mesh
 
-SURFACES, BY_PART, COLLIDERS, GRASPS, AXES = "surfaces", "colours by part", "colliders", "grasp regions", "joint axes"
-LAYERS = (SURFACES, BY_PART, COLLIDERS, GRASPS, AXES)
+SURFACES, BY_PART, GRASPS, AXES = "surfaces", "colours by part", "grasp regions", "joint axes"
+COLLIDERS, WALLS = "colliders", "colliders of walls"
+LAYERS = (SURFACES, BY_PART, COLLIDERS, WALLS, GRASPS, AXES)
 """What can be shown and hidden, by its caption."""
 LIFT = 0.003
 """[m] A region is drawn so far above the surface that it lies on, lest both flicker."""
@@ -35,14 +36,12 @@ class Node:
         name: of the node within its layer.
         mover: id of the jointed part that it moves with, or None.
         mesh: in scene coordinates, at the scanned pose; it has a face at least.
-        opacity: 1 for opaque.
     """
 
     layer: str
     name: str
     mover: str | None
     mesh: Mesh
-    opacity: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -67,27 +66,26 @@ def surfaces(room: PageRoom) -> Iterator[Node]:
     yield from _merged(SURFACES, [(part.mover, part.surface) for part in room.parts.values()])
 
 
-def colored(room: PageRoom, opacity: float = 1.0) -> Iterator[Node]:
+def colored(room: PageRoom) -> Iterator[Node]:
     """Yield the surfaces, each part in a colour of its own, one node for all that move with the same joint."""
     painted = [(part.mover, paint(part.surface, hue(i))) for i, part in enumerate(room.parts.values())]
-    yield from _merged(BY_PART, painted, opacity)
+    yield from _merged(BY_PART, painted)
 
 
 def colliders(room: PageRoom) -> Iterator[Node]:
-    """Yield the collision hulls, each in a colour of its own."""
-    yield from _merged(COLLIDERS, [(hull.mover, paint(hull.mesh, hue(i))) for i, hull in enumerate(room.colliders)])
+    """Yield the collision hulls, each in a colour of its own, but for the structure's, which hide the room."""
+    yield from _merged(COLLIDERS, [(hull.mover, mesh) for hull, mesh in _hulls(room) if not hull.structure])
+
+
+def walls(room: PageRoom) -> Iterator[Node]:
+    """Yield the collision hulls of walls, floor and ceiling."""
+    yield from _merged(WALLS, [(hull.mover, mesh) for hull, mesh in _hulls(room) if hull.structure])
 
 
 def grasps(room: PageRoom) -> Iterator[Node]:
     """Yield the grasp regions, a little above their surface."""
     regions = [(region.mover, paint(lifted(region.mesh), REGION_COLOR)) for region in room.grasps]
     yield from _merged(GRASPS, regions)
-
-
-def meshes(room: PageRoom) -> Iterator[Node]:
-    """Yield every mesh of every layer."""
-    for layer in (surfaces, colored, colliders, grasps):
-        yield from layer(room)
 
 
 def arrows(room: PageRoom) -> Iterator[Arrow]:
@@ -129,14 +127,19 @@ def joined(pieces: list[Mesh]) -> Mesh:
     )
 
 
-def _merged(layer: str, pieces: list[tuple[str | None, Mesh]], opacity: float = 1.0) -> Iterator[Node]:
+def _hulls(room: PageRoom) -> Iterator[tuple[Extra, Mesh]]:
+    for number, hull in enumerate(room.colliders):
+        yield hull, paint(hull.mesh, hue(number))
+
+
+def _merged(layer: str, pieces: list[tuple[str | None, Mesh]]) -> Iterator[Node]:
     """Yield one node for all pieces that move with the same joint, and look alike: some have colours, others none."""
     groups: dict[tuple[str | None, bool], list[Mesh]] = {}
     for mover, mesh in pieces:
         if len(mesh.faces):
             groups.setdefault((mover, mesh.colors is None), []).append(mesh)
     for (mover, bare), found in groups.items():
-        yield Node(layer, f"{mover or STILL}{'_plain' * bare}", mover, joined(found), opacity)
+        yield Node(layer, f"{mover or STILL}{'_plain' * bare}", mover, joined(found))
 
 
 def _arrow(joint: Joint, points: np.ndarray) -> np.ndarray:

@@ -18,7 +18,15 @@ STYLE = """<style>
 .s2a-card { padding: 0 0.75em 0.5em; font-size: 0.875em; line-height: 1.45; overflow-wrap: anywhere; }
 .s2a-card td { vertical-align: top; padding-right: 1em; }
 .s2a-card td:first-child { color: gray; white-space: nowrap; }
+button.mantine-Button-root:not([data-variant]), button.mantine-Button-root[data-variant="filled"] {
+  background: transparent; color: inherit; font-weight: 400; height: 1.7em !important; padding: 0 0.4em; }
+button.mantine-Button-root:not([data-variant="outline"]) .mantine-Button-inner { justify-content: start; }
+button.mantine-Button-root:not([data-variant="outline"]):hover { background: rgba(128, 128, 128, 0.15); }
+button.mantine-Button-root[style*="yellow"] { background: rgba(255, 170, 0, 0.35) !important; }
+div:has(> button.mantine-Button-root:not([data-variant="outline"])) { padding-bottom: 0.1em !important; }
 </style>"""
+"""Rows of the tree are viser's buttons: flat, and to the left; the yellow one is selected."""
+PLAIN_ROW, SELECTED_ROW = "gray", "yellow"
 WIDTH = 380
 """[pixel] of the panel."""
 
@@ -29,6 +37,8 @@ class Panel:
     def __init__(self, server: viser.ViserServer, nodes: SceneNodes) -> None:
         self._nodes, self._room, self._server = nodes, nodes.at.room, server
         self._sliders: dict[str, viser.GuiSliderHandle] = {}
+        self._rows: dict[str, viser.GuiButtonHandle] = {}
+        self._selected: str | None = None
         gui = server.gui
         gui.set_panel_label(self._room.name)
         gui.add_html(STYLE)
@@ -46,6 +56,10 @@ class Panel:
         """Mark a part and show its facts; None: no part."""
         self._nodes.select(part)
         self._card.content = card(self._room, part)
+        for chosen, color in ((self._selected, PLAIN_ROW), (part, SELECTED_ROW)):
+            if chosen is not None:
+                self._rows[chosen].color = color
+        self._selected = part
 
     def _add_layers(self) -> None:
         for layer in offered(self._room):
@@ -71,8 +85,8 @@ class Panel:
 
     def _add_tree(self) -> None:
         for part, depth in rows(self._room):
-            button = self._server.gui.add_button(row(self._room, part, depth), color="gray")
-            button.on_click(_selecting(self, part))
+            self._rows[part] = self._server.gui.add_button(row(self._room, part, depth), color=PLAIN_ROW)
+            self._rows[part].on_click(_selecting(self, part))
 
     def _clicked(self, event: viser.SceneClickEvent) -> None:
         self.select(pick(self._nodes.at, np.array(event.ray_origin), np.array(event.ray_direction)))
@@ -83,6 +97,7 @@ def offered(room: PageRoom) -> list[str]:
     empty = {
         layers.SURFACES: room.boxes,
         layers.COLLIDERS: not room.colliders,
+        layers.WALLS: not any(hull.structure for hull in room.colliders),
         layers.GRASPS: not room.grasps,
         layers.AXES: not room.joints,
     }

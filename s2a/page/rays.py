@@ -14,7 +14,8 @@ PARALLEL = 1e-15
 def pick(at: Coordinates, origin: np.ndarray, direction: np.ndarray) -> str | None:
     """Return the id of the part that a ray meets first, with the joints where they stand, or None.
 
-    Surfaces seen from behind are not shown, and not met either.
+    Surfaces seen from behind are not shown, and not met either. Of the boxes of a description, which hold each other, it is
+    the smallest one that the ray meets.
 
     Args:
         at: the room, and its joints' coordinates.
@@ -22,11 +23,13 @@ def pick(at: Coordinates, origin: np.ndarray, direction: np.ndarray) -> str | No
         direction: where it leads, shape [3].
     """
     nearest, found = np.inf, None
-    poses = {mover: np.linalg.inv(at.pose(mover)) for mover in {part.mover for part in at.room.parts.values()}}
+    backs = {mover: np.linalg.inv(at.pose(mover)) for mover in {part.mover for part in at.room.parts.values()}}
     for part_id, part in at.room.parts.items():
-        distance = _distance(part, poses[part.mover], origin, direction, nearest)
-        if distance < nearest:
-            nearest, found = distance, part_id
+        limit = np.inf if at.room.boxes else nearest
+        distance = _distance(part, backs[part.mover], origin, direction, limit)
+        rank = float(part.surface.face_areas.sum()) if at.room.boxes and distance < np.inf else distance
+        if rank < nearest:
+            nearest, found = rank, part_id
     return found
 
 

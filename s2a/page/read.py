@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +13,15 @@ from s2a.errors import InputError
 from s2a.page.room import Extra, PagePart, PageRoom
 from s2a.scene import Mesh, Scene
 from s2a.usd import descriptive, geometric, sim_stage
+from s2a.usd.descriptive import DescribedPart
 from s2a.usd.sim_scene import SimBody, SimRoom, in_scene
 from s2a.usd.stage import open_stage, read_attribute, reading
+
+CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+"""Of the box of unit size."""
+SIDES = np.array([(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4)])
+SIDES = np.concatenate([SIDES, [(1, 5, 7), (1, 7, 3)]])
+"""Its triangles, anticlockwise from outside."""
 
 
 def read(path: Path) -> PageRoom:
@@ -26,6 +35,8 @@ def read(path: Path) -> PageRoom:
     with reading(path):
         stage = open_stage(path, payloads=False)  # held, since its prims end with it
         flavour = read_attribute(stage.GetDefaultPrim(), "flavour", str)
+        if flavour == descriptive.FLAVOUR:
+            return of_description(path.stem, descriptive.read(path))
         if flavour == geometric.FLAVOUR:
             return of_scene(geometric.read(path))
         if flavour == sim_stage.FLAVOUR:
@@ -66,9 +77,29 @@ def of_sim_room(room: SimRoom) -> PageRoom:
                 for body in (*room.bodies.values(), *room.free.values())
                 for collider in body.colliders
             ]
-            + [Extra(collider.part, None, collider.mesh) for collider in room.static_colliders]
+            + [Extra(collider.part, None, collider.mesh, collider.structure) for collider in room.static_colliders]
         ),
         tuple(Extra(i, i, part.grasp.region) for i, part in room.articulations.items()),
+    )
+
+
+def of_description(name: str, parts: Mapping[str, DescribedPart]) -> PageRoom:
+    """Return the page of a description: the box of every part, which holds those inside it, too."""
+    return PageRoom(
+        name,
+        {
+            i: PagePart(
+                part.label,
+                _box(part),
+                part.parent,
+                _described_mover(parts, i),
+                part.joint or ("free" if part.motion == "free" else "fixed"),
+                part.mass,
+            )
+            for i, part in parts.items()
+        },
+        {i: _described_mover(parts, part.against) for i, part in parts.items() if part.joint},
+        boxes=True,
     )
 
 
@@ -104,6 +135,21 @@ def _static(room: SimRoom) -> dict[str, Mesh]:
     ends = np.searchsorted(owners[order], np.arange(len(room.static_parts) + 1))
     faces = {part: visual.faces[order[ends[i] : ends[i + 1]]] for i, part in enumerate(room.static_parts)}
     return {part: cut(visual, those) for part, those in faces.items() if len(those)}
+
+
+def _described_mover(parts: Mapping[str, DescribedPart], part: str | None) -> str | None:
+    """Return the jointed part that a part moves with: itself, or the nearest one that it is inside of."""
+    while part in parts and parts[part].joint is None:
+        part = parts[part].parent
+    return part if part in parts else None
+
+
+def _box(part: DescribedPart) -> Mesh:
+    if part.center is None or part.size is None:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3)))
+    cos, sin = math.cos(part.yaw), math.sin(part.yaw)
+    corners = CORNERS * part.size @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return Mesh(corners + part.center, SIDES)
 
 
 def cut(mesh: Mesh, faces: np.ndarray) -> Mesh:

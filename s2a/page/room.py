@@ -41,11 +41,13 @@ class Extra:
         part: id of the part.
         mover: id of the jointed part that it moves with, or None.
         mesh: in scene coordinates, at the scanned pose.
+        structure: It is of a wall, the floor or the ceiling.
     """
 
     part: str
     mover: str | None
     mesh: Mesh
+    structure: bool = False
 
 
 @dataclass(frozen=True)

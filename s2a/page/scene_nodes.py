@@ -9,15 +9,22 @@ import viser
 import viser.transforms
 
 from s2a.page import glb, layers
-from s2a.page.layers import AXES, BY_PART, COLLIDERS, GRASPS, SURFACES
+from s2a.page.layers import AXES, BY_PART, COLLIDERS, GRASPS, SURFACES, WALLS
 from s2a.page.room import Coordinates, PageRoom
 
-TRANSLUCENT = 0.35
+MAKERS = {
+    SURFACES: layers.surfaces,
+    BY_PART: layers.colored,
+    COLLIDERS: layers.colliders,
+    WALLS: layers.walls,
+    GRASPS: layers.grasps,
+}
+TRANSLUCENT = 0.3
 """Opacity of a description's boxes."""
 ARROW_COLORS = {"prismatic": (30, 110, 255), "revolute": (210, 30, 200)}
 SHAFT, HEAD, HEAD_LENGTH = 0.008, 0.02, 0.05
 """[m] Radii of an arrow's shaft and head, and the length of its head."""
-MARKED, MARK_OPACITY = (0.9, 0.75, 0.0), 0.6
+MARKED, MARK_OPACITY = (1.0, 0.5, 0.0), 0.7
 """Linear RGB and opacity of the part that is selected."""
 SELECTED = "/selected"
 
@@ -65,7 +72,7 @@ class SceneNodes:
         if part is None or not len(self.at.room.parts[part].surface.faces):
             return
         chosen = self.at.room.parts[part]
-        mark = glb.encode(layers.lifted(chosen.surface, layers.LIFT / 2), MARKED, MARK_OPACITY)
+        mark = glb.encode(layers.lifted(chosen.surface), MARKED, MARK_OPACITY)
         self._mesh(SELECTED, chosen.mover, mark)
 
     def _add(self, layer: str) -> None:
@@ -75,10 +82,8 @@ class SceneNodes:
                 self._arrow(f"{_path(AXES)}/{arrow.name}", arrow, room.joints[arrow.name].kind)
             return
         opacity = TRANSLUCENT if room.boxes else 1.0
-        makers = {SURFACES: layers.surfaces, COLLIDERS: layers.colliders, GRASPS: layers.grasps}
-        nodes = layers.colored(room, opacity) if layer == BY_PART else makers[layer](room)
-        for node in nodes:
-            self._mesh(f"{_path(layer)}/{node.name}", node.mover, glb.encode(node.mesh, opacity=node.opacity))
+        for node in MAKERS[layer](room):
+            self._mesh(f"{_path(layer)}/{node.name}", node.mover, glb.encode(node.mesh, opacity=opacity))
 
     def _mesh(self, name: str, mover: str | None, data: bytes) -> None:
         turned, position = _pose(self.at.pose(mover))

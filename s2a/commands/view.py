@@ -76,7 +76,9 @@ def run(config: Config) -> str:
     if room and config.page:
         _serve(room, config)
     elif not said:
-        raise InputError("key 'text' is false and nothing else is requested; give image=FILE.png, page=true or text=true")
+        raise InputError(
+            "key 'text' is false and nothing else is requested; give image=FILE.png, page=true or text=true"
+        )
     return "\n".join(said)
 
 
@@ -85,7 +87,9 @@ def _refuse_idle_keys(config: Config) -> None:
     if config.colliders and not config.image:
         raise InputError("key 'colliders' applies to an image, and none is requested; give image=FILE.png")
     if config.part and not (config.image or config.page or config.html):
-        raise InputError("key 'part' applies to an image or a page, and none is requested; give image=FILE.png or page=true")
+        raise InputError(
+            "key 'part' applies to an image or a page, and none is requested; give image=FILE.png or page=true"
+        )
 
 
 def _page_room(config: Config) -> PageRoom:

@@ -38,7 +38,10 @@ def encode(mesh: Mesh, color: Color | None = None, opacity: float = 1.0) -> byte
     short = len(mesh.vertices) <= MAX_SHORT
     indices = mesh.faces.astype(np.uint16 if short else np.uint32).ravel()
     arrays: list[tuple[np.ndarray, dict[str, Any]]] = [
-        (indices, {"componentType": UNSIGNED_SHORT if short else UNSIGNED_INT, "type": "SCALAR", "count": indices.size}),
+        (
+            indices,
+            {"componentType": UNSIGNED_SHORT if short else UNSIGNED_INT, "type": "SCALAR", "count": indices.size},
+        ),
         (points, {"min": points[:, :3].min(axis=0).tolist(), "max": points[:, :3].max(axis=0).tolist()}),
     ]
     attributes = {"POSITION": 1}

@@ -152,5 +152,3 @@ def _arrow(joint: Joint, points: np.ndarray) -> np.ndarray:
     along = (points - origin) @ axis
     low, high = along.min() - MARGIN, along.max() + MARGIN
     return origin + np.outer([low, high] if opening_sign(joint) > 0 else [high, low], axis)
-
-

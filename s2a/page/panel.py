@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 import viser
@@ -26,7 +27,8 @@ button.mantine-Button-root[style*="yellow"] { background: rgba(255, 170, 0, 0.35
 div:has(> button.mantine-Button-root:not([data-variant="outline"])) { padding-bottom: 0.1em !important; }
 </style>"""
 """Rows of the tree are viser's buttons: flat, and to the left; the yellow one is selected."""
-PLAIN_ROW, SELECTED_ROW = "gray", "yellow"
+PLAIN_ROW: Literal["gray"] = "gray"
+SELECTED_ROW: Literal["yellow"] = "yellow"
 WIDTH = 380
 """[pixel] of the panel."""
 
@@ -56,15 +58,16 @@ class Panel:
         """Mark a part and show its facts; None: no part."""
         self._nodes.select(part)
         self._card.content = card(self._room, part)
-        for chosen, color in ((self._selected, PLAIN_ROW), (part, SELECTED_ROW)):
-            if chosen is not None:
-                self._rows[chosen].color = color
+        if self._selected is not None:
+            self._rows[self._selected].color = PLAIN_ROW
+        if part is not None:
+            self._rows[part].color = SELECTED_ROW
         self._selected = part
 
     def _add_layers(self) -> None:
         for layer in offered(self._room):
             box = self._server.gui.add_checkbox(layer, layer == first(self._room))
-            box.on_update(lambda event, layer=layer: self._nodes.show(layer, event.target.value))
+            box.on_update(self._showing(layer))
             self._nodes.show(layer, box.value)
 
     def _add_joints(self) -> None:
@@ -75,18 +78,28 @@ class Panel:
             name, size = unit(joint)
             low, high = sorted((*joint.limits, 0.0))[::2]
             slider = gui.add_slider(f"{part} [{name}]", round(low / size, 1), round(high / size, 1), 0.1, 0.0)
-            slider.on_update(lambda event, part=part: self._nodes.move(part, event.target.value))
+            slider.on_update(self._moving(part))
             self._sliders[part] = slider
 
     def _move_all(self, fraction: float) -> None:
         with self._server.atomic():
             for part, joint in self._room.joints.items():
-                self._sliders[part].value = round(fraction * open_limit(joint) / unit(joint)[1], 1)
+                opened = round(fraction * open_limit(joint) / unit(joint)[1], 1)
+                self._sliders[part].value = opened  # type: ignore[misc] # mypy overlooks its setter
 
     def _add_tree(self) -> None:
         for part, depth in rows(self._room):
             self._rows[part] = self._server.gui.add_button(row(self._room, part, depth), color=PLAIN_ROW)
-            self._rows[part].on_click(_selecting(self, part))
+            self._rows[part].on_click(self._selecting(part))
+
+    def _showing(self, layer: str) -> Callable[[viser.GuiEvent], None]:
+        return lambda event: self._nodes.show(layer, event.target.value)
+
+    def _moving(self, part: str) -> Callable[[viser.GuiEvent], None]:
+        return lambda event: self._nodes.move(part, event.target.value)
+
+    def _selecting(self, part: str) -> Callable[[viser.GuiEvent], None]:
+        return lambda event: self.select(part)
 
     def _clicked(self, event: viser.SceneClickEvent) -> None:
         self.select(pick(self._nodes.at, np.array(event.ray_origin), np.array(event.ray_direction)))
@@ -107,7 +120,3 @@ def offered(room: PageRoom) -> list[str]:
 def first(room: PageRoom) -> str:
     """Return the layer that a page shows first."""
     return layers.BY_PART if room.boxes else layers.SURFACES
-
-
-def _selecting(panel: Panel, part: str) -> Callable[[viser.GuiEvent], None]:
-    return lambda event: panel.select(part)

@@ -19,7 +19,9 @@ from s2a.usd.stage import open_stage, read_attribute, reading
 
 CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 """Of the box of unit size."""
-SIDES = np.array([(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4)])
+SIDES = np.array(
+    [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4)]
+)
 SIDES = np.concatenate([SIDES, [(1, 5, 7), (1, 7, 3)]])
 """Its triangles, anticlockwise from outside."""
 
@@ -41,7 +43,9 @@ def read(path: Path) -> PageRoom:
             return of_scene(geometric.read(path))
         if flavour == sim_stage.FLAVOUR:
             return of_sim_room(sim_stage.read(path))
-    raise InputError(f"{path}: cannot be shown on a page; give a scan's folder, or a stage of s2a export or s2a prepare")
+    raise InputError(
+        f"{path}: cannot be shown on a page; give a scan's folder, or a stage of s2a export or s2a prepare"
+    )
 
 
 def of_scene(scene: Scene) -> PageRoom:
@@ -139,9 +143,9 @@ def _static(room: SimRoom) -> dict[str, Mesh]:
 
 def _described_mover(parts: Mapping[str, DescribedPart], part: str | None) -> str | None:
     """Return the jointed part that a part moves with: itself, or the nearest one that it is inside of."""
-    while part in parts and parts[part].joint is None:
+    while part is not None and part in parts and parts[part].joint is None:
         part = parts[part].parent
-    return part if part in parts else None
+    return part if part in parts else None  # "world" is none
 
 
 def _box(part: DescribedPart) -> Mesh:

@@ -90,16 +90,20 @@ class SceneNodes:
         self._keep(
             name,
             mover,
-            self._scene.add_glb(
-                name, data, wxyz=turned, position=position, cast_shadow=False, receive_shadow=False
-            ),
+            self._scene.add_glb(name, data, wxyz=turned, position=position, cast_shadow=False, receive_shadow=False),
         )
 
     def _arrow(self, name: str, arrow: layers.Arrow, kind: str) -> None:
         turned, position = _pose(self.at.pose(arrow.mover))
-        sizes = {"shaft_radius": SHAFT, "head_radius": HEAD, "head_length": HEAD_LENGTH}
         handle = self._scene.add_arrows(
-            name, arrow.ends[None], ARROW_COLORS[kind], wxyz=turned, position=position, **sizes
+            name,
+            arrow.ends[None],
+            ARROW_COLORS[kind],
+            shaft_radius=SHAFT,
+            head_radius=HEAD,
+            head_length=HEAD_LENGTH,
+            wxyz=turned,
+            position=position,
         )
         self._keep(name, arrow.mover, handle)
 

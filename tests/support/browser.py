@@ -42,7 +42,9 @@ class Page:
 
     def press(self, caption: str) -> None:
         """Click the button or tab with this caption, or one that begins so."""
-        path = f"//*[self::button or @role='tab'][starts-with(translate(normalize-space(.), '\u2003', ''), '{caption}')]"
+        path = (
+            f"//*[self::button or @role='tab'][starts-with(translate(normalize-space(.), '\u2003', ''), '{caption}')]"
+        )
         self.driver.find_element(By.XPATH, path).click()
 
     def tick(self, caption: str) -> None:
@@ -57,7 +59,13 @@ class Page:
     def click(self, x: float, y: float) -> None:
         """Click a place in the window [pixel]."""
         for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
-            event = {"type": kind, "x": x, "y": y, "button": "left" if kind != "mouseMoved" else "none", "clickCount": 1}
+            event = {
+                "type": kind,
+                "x": x,
+                "y": y,
+                "button": "left" if kind != "mouseMoved" else "none",
+                "clickCount": 1,
+            }
             self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event)
             time.sleep(0.1)
 
@@ -92,7 +100,8 @@ def browser(width: int = 1280, height: int = 800) -> Iterator[Page]:
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
     driver.execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride", {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        "Emulation.setDeviceMetricsOverride",
+        {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False},
     )
     try:
         yield Page(driver)

@@ -11,6 +11,7 @@ from typing import Annotated
 import numpy as np
 
 from s2a.errors import InputError
+from s2a.geometry.mesh_ops import painted
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.outputs import atomic_write, require_png
 from s2a.page.palette import hue
@@ -125,7 +126,7 @@ def _page_view(room: PageRoom, config: Config) -> CameraPose:
 
 def _image(scene: Visible, config: Config, path: Path) -> str:
     # Loads Warp, which the tree does not need.
-    from s2a.geometry.render import painted, render, write_png
+    from s2a.geometry.render import render, write_png
 
     meshes = list(scene.surfaces.values())
     if config.colliders:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.articulation import open_limit, opening_sign
+from s2a.geometry.mesh_ops import merge, painted
 from s2a.page.palette import hue
 from s2a.page.room import Extra, PageRoom
 from s2a.scene import Joint, Mesh
@@ -68,8 +69,8 @@ def surfaces(room: PageRoom) -> Iterator[Node]:
 
 def colored(room: PageRoom) -> Iterator[Node]:
     """Yield the surfaces, each part in a colour of its own, one node for all that move with the same joint."""
-    painted = [(part.mover, paint(part.surface, hue(i))) for i, part in enumerate(room.parts.values())]
-    yield from _merged(BY_PART, painted)
+    colors = [(part.mover, painted(part.surface, hue(i))) for i, part in enumerate(room.parts.values())]
+    yield from _merged(BY_PART, colors)
 
 
 def colliders(room: PageRoom) -> Iterator[Node]:
@@ -84,7 +85,7 @@ def walls(room: PageRoom) -> Iterator[Node]:
 
 def grasps(room: PageRoom) -> Iterator[Node]:
     """Yield the grasp regions, a little above their surface."""
-    regions = [(region.mover, paint(lifted(region.mesh), REGION_COLOR)) for region in room.grasps]
+    regions = [(region.mover, painted(lifted(region.mesh), REGION_COLOR)) for region in room.grasps]
     yield from _merged(GRASPS, regions)
 
 
@@ -101,11 +102,6 @@ def arrows(room: PageRoom) -> Iterator[Arrow]:
         yield Arrow(part_id, room.carriers[part_id], ends)
 
 
-def paint(mesh: Mesh, color: tuple[int, int, int]) -> Mesh:
-    """Return a mesh in one colour."""
-    return Mesh(mesh.vertices, mesh.faces, np.tile(np.array(color, np.uint8), (len(mesh.vertices), 1)))
-
-
 def lifted(mesh: Mesh, height: float = LIFT) -> Mesh:
     """Return a mesh whose vertices are moved along their normals [m]."""
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
@@ -116,30 +112,19 @@ def lifted(mesh: Mesh, height: float = LIFT) -> Mesh:
     return Mesh(mesh.vertices + height * normals / np.maximum(lengths, 1e-12), mesh.faces, mesh.colors)
 
 
-def joined(pieces: list[Mesh]) -> Mesh:
-    """Return several meshes as one; it has colours if all of them have."""
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in pieces)])
-    colors = [mesh.colors for mesh in pieces if mesh.colors is not None]
-    return Mesh(
-        np.concatenate([mesh.vertices for mesh in pieces]),
-        np.concatenate([mesh.faces + start for mesh, start in zip(pieces, starts[:-1], strict=True)]),
-        np.concatenate(colors) if len(colors) == len(pieces) else None,
-    )
-
-
 def _hulls(room: PageRoom) -> Iterator[tuple[Extra, Mesh]]:
     for number, hull in enumerate(room.colliders):
-        yield hull, paint(hull.mesh, hue(number))
+        yield hull, painted(hull.mesh, hue(number))
 
 
 def _merged(layer: str, pieces: list[tuple[str | None, Mesh]]) -> Iterator[Node]:
-    """Yield one node for all pieces that move with the same joint, and look alike: some have colours, others none."""
-    groups: dict[tuple[str | None, bool], list[Mesh]] = {}
+    """Yield one node for all pieces that move with the same joint."""
+    groups: dict[str | None, list[Mesh]] = {}
     for mover, mesh in pieces:
         if len(mesh.faces):
-            groups.setdefault((mover, mesh.colors is None), []).append(mesh)
-    for (mover, bare), found in groups.items():
-        yield Node(layer, f"{mover or STILL}{'_plain' * bare}", mover, joined(found))
+            groups.setdefault(mover, []).append(mesh)
+    for mover, found in groups.items():
+        yield Node(layer, mover or STILL, mover, merge(found))
 
 
 def _arrow(joint: Joint, points: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from s2a import scan
 from s2a.errors import InputError
+from s2a.geometry.mesh_ops import keep
 from s2a.page.room import Extra, PagePart, PageRoom
 from s2a.scene import Mesh, Scene
 from s2a.usd import descriptive, geometric, sim_stage
@@ -137,8 +138,8 @@ def _static(room: SimRoom) -> dict[str, Mesh]:
         return {"static": visual}
     order = np.argsort(owners, kind="stable")
     ends = np.searchsorted(owners[order], np.arange(len(room.static_parts) + 1))
-    faces = {part: visual.faces[order[ends[i] : ends[i + 1]]] for i, part in enumerate(room.static_parts)}
-    return {part: cut(visual, those) for part, those in faces.items() if len(those)}
+    faces = {part: order[ends[i] : ends[i + 1]] for i, part in enumerate(room.static_parts)}
+    return {part: keep(visual, those) for part, those in faces.items() if len(those)}
 
 
 def _described_mover(parts: Mapping[str, DescribedPart], part: str | None) -> str | None:
@@ -154,10 +155,3 @@ def _box(part: DescribedPart) -> Mesh:
     cos, sin = math.cos(part.yaw), math.sin(part.yaw)
     corners = CORNERS * part.size @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return Mesh(corners + part.center, SIDES)
-
-
-def cut(mesh: Mesh, faces: np.ndarray) -> Mesh:
-    """Return the mesh of some faces [face 3] of a mesh, with the vertices that they use."""
-    used, renumbered = np.unique(faces, return_inverse=True)
-    colors = None if mesh.colors is None else mesh.colors[used]
-    return Mesh(mesh.vertices[used], renumbered.reshape(-1, 3), colors)

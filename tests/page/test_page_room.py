@@ -12,6 +12,7 @@ import usd_room
 from cabinet import free_cube, write_cabinet
 
 from s2a.errors import InputError
+from s2a.geometry.mesh_ops import merge
 from s2a.page import layers, rows
 from s2a.page.rays import pick
 from s2a.page.read import of_scene, of_sim_room, read
@@ -194,7 +195,7 @@ def _hulls(stage: sim_stage.SimRoom) -> list[tuple[Collider, ...]]:
 
 def test_static_faces_go_back_to_their_parts() -> None:
     floor, wall = usd_room.box((0, 0, 0), (4, 4, 0.1), seed=1), usd_room.box((0, 2, 1), (4, 0.1, 2), seed=2)
-    both = layers.joined([floor, wall])
+    both = merge([floor, wall])
     owners = np.repeat([1, 0], 12)
     room = SimRoom("two", {}, {}, both, (), static_parts=("wall_2", "floor_1"), static_face_part=owners)
     page = of_sim_room(room)

@@ -54,7 +54,8 @@ class Page:
     def type(self, caption: str, value: float) -> None:
         """Write a number into the box beside the slider with this caption."""
         box = self._row(caption).find_element(By.XPATH, ".//input[@type='text' or @inputmode]")
-        box.send_keys(Keys.CONTROL + "a", f"{value:g}", Keys.TAB)
+        box.send_keys(Keys.CONTROL, "a")
+        box.send_keys(f"{value:g}", Keys.TAB)
 
     def click(self, x: float, y: float) -> None:
         """Click a place in the window [pixel]."""

@@ -17,13 +17,17 @@ from s2a.outputs import atomic_write, require_png
 from s2a.page.palette import hue
 from s2a.page.read import read as read_page
 from s2a.page.room import PageRoom
-from s2a.ranges import AtLeast
+from s2a.page.thin import thinned
+from s2a.ranges import AtLeast, Count
 from s2a.scan.folder import mesh_remedy
 from s2a.scene import Mesh
 from s2a.terminal import report
 from s2a.usd.stage import ENCODINGS
 from s2a.usd.tree import tree
 from s2a.usd.visuals import Visible, visible
+
+FILE_FACES = 320_000
+"""Faces that a file of 10 MB has room for, with and without their scanned colours."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,7 @@ class Config:
         page: Serve a page for the browser, until Ctrl-C: parts, a slider for every joint, colliders, grasp regions, axes.
         port: of the page's server; the next free one where it is taken.
         html: file to write with the page as a recording in which every joint opens once, or null.
+        max_faces: of the surfaces on the page; beyond, neighbouring vertices are merged. null: all, and 320,000 in the file.
         part: id of the part at the centre of the image or page, or null for the whole room.
         colliders: Render the collision hulls instead of the surfaces, each in its own colour, in the image.
         camera: intrinsics and framing of the image; those of the page where it begins.
@@ -48,6 +53,7 @@ class Config:
     page: bool
     port: Annotated[int, AtLeast(1, 65535)]
     html: Path | None
+    max_faces: Count | None
     part: str | None
     colliders: bool
     camera: OrbitCamera
@@ -104,6 +110,7 @@ def _serve(room: PageRoom, config: Config) -> None:
     """Serve the page until somebody interrupts."""
     from s2a.page.serve import served  # viser is of the extra "view"
 
+    room = thinned(room, config.max_faces) if config.max_faces else room
     with served(room, _page_view(room, config), config.camera.fov, config.port) as address:
         report(f"{room.name} at {address}; Ctrl-C ends it")
         with suppress(KeyboardInterrupt):
@@ -113,10 +120,12 @@ def _serve(room: PageRoom, config: Config) -> None:
 def _recording(room: PageRoom, config: Config, path: Path) -> str:
     from s2a.page.recording import write
 
+    total, room = room.faces, thinned(room, config.max_faces or FILE_FACES)
     with atomic_write(path) as file:
         write(room, _page_view(room, config), config.camera.fov, file)
         size = file.stat().st_size
-    return f"{path}: page of {room.name}, {len(room.joints)} joints open one after the other; {size / 1e6:.1f} MB"
+    faces = f"{room.faces:,} of {total:,} faces" if room.faces < total else f"{total:,} faces"
+    return f"{path}: {room.name}, {faces}, {len(room.joints)} joints open one after the other; {size / 1e6:.1f} MB"
 
 
 def _page_view(room: PageRoom, config: Config) -> CameraPose:

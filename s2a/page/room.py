@@ -76,6 +76,11 @@ class PageRoom:
         return {i: part.motion for i, part in self.parts.items() if isinstance(part.motion, Joint)}
 
     @cached_property
+    def faces(self) -> int:
+        """Number of faces of all surfaces."""
+        return sum(len(part.surface.faces) for part in self.parts.values())
+
+    @cached_property
     def children(self) -> dict[str | None, tuple[str, ...]]:
         """Ids of the direct children of every part; of None: the parts that belong to no other."""
         found: dict[str | None, list[str]] = {}

@@ -71,7 +71,7 @@ def run(config: Config) -> str:
         raise InputError(f"{config.path}: {remedy}, in a folder of its own, and give that folder")
     if config.image:
         require_png(config.image)
-    _refuse_idle_keys(config)
+    _refuse_keys(config)
     room = _page_room(config) if config.page or config.html else None
     said = []
     if config.image:
@@ -89,10 +89,12 @@ def run(config: Config) -> str:
     return "\n".join(said)
 
 
-def _refuse_idle_keys(config: Config) -> None:
-    """Raise an InputError for a key that would change nothing."""
+def _refuse_keys(config: Config) -> None:
+    """Raise an InputError for a key that would change nothing, or a file of another kind."""
     if config.colliders and not config.image:
         raise InputError("key 'colliders' applies to an image, and none is requested; give image=FILE.png")
+    if config.html and config.html.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"key 'html' is {str(config.html)!r}; expected an HTML file: give html=FILE.html")
     if config.part and not (config.image or config.page or config.html):
         raise InputError(
             "key 'part' applies to an image or a page, and none is requested; give image=FILE.png or page=true"

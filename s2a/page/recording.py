@@ -40,12 +40,15 @@ def write(room: PageRoom, view: CameraPose, fov: float, path: Path) -> None:
         for layer in offered(room):
             nodes.show(layer)
             nodes.show(layer, layer == first(room))
+        names = {part: server.scene.add_label(f"/names/{part}", part, visible=False) for part in room.joints}
         serializer = server.get_scene_serializer()
         for part, fractions in timeline(room):
             serializer.insert_sleep(PAUSE)
+            names[part].position, names[part].visible = _top(room, part), True
             for fraction in fractions:
                 nodes.move(part, fraction * open_limit(room.joints[part]) / unit(room.joints[part])[1])
                 serializer.insert_sleep(SECONDS / FRAMES)
+            names[part].visible = False
         path.write_text(serializer.as_html().replace(TITLE, f"<title>{room.name}</title>"))
     finally:
         server.stop()
@@ -55,3 +58,9 @@ def timeline(room: PageRoom) -> Iterator[tuple[str, np.ndarray]]:
     """Yield the jointed parts with the fractions of their open limit through which they pass, 0 at the end."""
     for part in room.joints:
         yield part, 0.5 - 0.5 * np.cos(np.linspace(0.0, 2.0 * np.pi, FRAMES + 1)[1:])
+
+
+def _top(room: PageRoom, part: str) -> np.ndarray:
+    """Return the place of a part's name [m], shape [3]: above its middle; on its joint where it has no surface."""
+    low, high = room.parts[part].surface.bounds
+    return np.array(room.joints[part].origin) if np.isnan(low).any() else np.array([*(low + high)[:2] / 2, high[2]])

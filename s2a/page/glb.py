@@ -24,13 +24,14 @@ WHITE, PLAIN = (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)
 Color = tuple[float, float, float]
 
 
-def encode(mesh: Mesh, color: Color | None = None, opacity: float = 1.0) -> bytes:
+def encode(mesh: Mesh, color: Color | None = None, opacity: float = 1.0, both_sides: bool = False) -> bytes:
     """Return a mesh as the bytes of a .glb file.
 
     Args:
         mesh: with a face at least, in any frame [m].
         color: linear RGB of the whole mesh, 0 to 1; None: its vertices' colours, or else PLAIN.
         opacity: 1 for opaque.
+        both_sides: Show faces from behind, too.
     """
     low, extent = mesh.bounds[0], np.maximum(np.ptp(mesh.bounds, axis=0), MIN_EXTENT)
     points = np.zeros((len(mesh.vertices), 4), np.uint16)  # the fourth aligns them
@@ -57,14 +58,15 @@ def encode(mesh: Mesh, color: Color | None = None, opacity: float = 1.0) -> byte
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "translation": low.tolist(), "scale": extent.tolist()}],
         "meshes": [{"primitives": [{"attributes": attributes, "indices": 0, "material": 0}]}],
-        "materials": [_material(color or plain, opacity)],
+        "materials": [_material(color or plain, opacity, both_sides)],
     }
     return _packed(document, arrays)
 
 
-def _material(color: Color, opacity: float) -> dict[str, Any]:
+def _material(color: Color, opacity: float, both_sides: bool) -> dict[str, Any]:
     surface = {"baseColorFactor": [*color, opacity], "metallicFactor": 0.0, "roughnessFactor": 1.0}
-    return {"pbrMetallicRoughness": surface, "alphaMode": "BLEND" if opacity < 1.0 else "OPAQUE"}
+    mode = "BLEND" if opacity < 1.0 else "OPAQUE"
+    return {"pbrMetallicRoughness": surface, "alphaMode": mode, "doubleSided": both_sides}
 
 
 def _linear(colors: np.ndarray) -> np.ndarray:

@@ -14,8 +14,8 @@ PARALLEL = 1e-15
 def pick(at: Coordinates, origin: np.ndarray, direction: np.ndarray) -> str | None:
     """Return the id of the part that a ray meets first, with the joints where they stand, or None.
 
-    Surfaces seen from behind are not shown, and not met either. Of the boxes of a description, which hold each other, it is
-    the smallest one that the ray meets.
+    The still room is not shown from behind, and not met from there either. Of the boxes of a description, which hold each
+    other, it is the smallest one that the ray meets.
 
     Args:
         at: the room, and its joints' coordinates.
@@ -40,7 +40,7 @@ def _distance(part: PagePart, back: np.ndarray, origin: np.ndarray, direction: n
     start, way = back[:3, :3] @ origin + back[:3, 3], back[:3, :3] @ direction
     if _enters(part.surface.bounds, start, way) >= nearest:
         return np.inf
-    return _meets(part.surface, start, way)
+    return _meets(part.surface, start, way, part.mover is not None)
 
 
 def _enters(box: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> float:
@@ -51,15 +51,15 @@ def _enters(box: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> float
     return float(enter) if enter <= leave else np.inf
 
 
-def _meets(mesh: Mesh, origin: np.ndarray, direction: np.ndarray) -> float:
-    """Return where a ray meets the front of a mesh first (Moeller and Trumbore, 1997); inf where it does not."""
+def _meets(mesh: Mesh, origin: np.ndarray, direction: np.ndarray, both_sides: bool) -> float:
+    """Return where a ray meets a mesh, or its front alone, first (Moeller and Trumbore, 1997); inf where it does not."""
     corner = mesh.vertices[mesh.faces[:, 0]]
     one, other = mesh.vertices[mesh.faces[:, 1]] - corner, mesh.vertices[mesh.faces[:, 2]] - corner
     across = np.cross(direction, other)
     size = np.einsum("ij,ij->i", one, across)
-    front = np.flatnonzero(size > PARALLEL)
-    one, other, across, size = one[front], other[front], across[front], size[front]
-    offset = origin - corner[front]
+    seen = np.flatnonzero((np.abs(size) if both_sides else size) > PARALLEL)
+    one, other, across, size = one[seen], other[seen], across[seen], size[seen]
+    offset = origin - corner[seen]
     turned = np.cross(offset, one)
     u, v = np.einsum("ij,ij->i", offset, across) / size, turned @ direction / size
     along = np.einsum("ij,ij->i", other, turned) / size

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from threading import RLock
 
 import numpy as np
 import viser
@@ -30,7 +31,9 @@ SELECTED = "/selected"
 
 
 class SceneNodes:
-    """What of a room is in viser's scene. A layer is sent when it is shown first.
+    """What of a room is in viser's scene. A layer is sent when it is shown first; any thread may call.
+
+    The still room is shown from its front only, which opens it to a camera outside; what moves is shown from behind, too.
 
     Attributes:
         at: the room, and where its joints stand.
@@ -39,25 +42,28 @@ class SceneNodes:
     def __init__(self, scene: viser.SceneApi, room: PageRoom) -> None:
         self.at = Coordinates(room)
         self._scene = scene
+        self._lock = RLock()  # viser calls from several threads
         self._movers: dict[str, str | None] = {}
         self._handles: dict[str, viser.SceneNodeHandle] = {}
         self._layers: dict[str, viser.SceneNodeHandle] = {}
 
     def show(self, layer: str, visible: bool = True) -> None:
         """Show or hide one of `layers.LAYERS`."""
-        if layer not in self._layers:
-            if not visible:
-                return
-            self._layers[layer] = self._scene.add_frame(_path(layer), show_axes=False)
-            self._add(layer)
-        self._layers[layer].visible = visible
+        with self._lock:
+            if layer not in self._layers:
+                if not visible:
+                    return
+                self._layers[layer] = self._scene.add_frame(_path(layer), show_axes=False)
+                self._add(layer)
+            self._layers[layer].visible = visible
 
     def move(self, part: str, shown: float) -> None:
         """Move a joint, and what hangs on it, to a coordinate [mm] or [deg]."""
-        self.at.set(part, shown)
-        self.place(self.at.room.carried(part))
+        with self._lock:
+            self.at.set(part, shown)
+            self._place(self.at.room.carried(part))
 
-    def place(self, movers: Iterable[str]) -> None:
+    def _place(self, movers: Iterable[str]) -> None:
         """Put the nodes that move with some jointed parts where their joints stand."""
         poses: Mapping[str | None, np.ndarray] = {mover: self.at.pose(mover) for mover in movers}
         for name, mover in self._movers.items():
@@ -68,11 +74,15 @@ class SceneNodes:
 
     def select(self, part: str | None) -> None:
         """Mark a part; None: no part."""
+        with self._lock:
+            self._select(part)
+
+    def _select(self, part: str | None) -> None:
         self._forget(SELECTED)
         if part is None or not len(self.at.room.parts[part].surface.faces):
             return
         chosen = self.at.room.parts[part]
-        mark = glb.encode(layers.lifted(chosen.surface), MARKED, MARK_OPACITY)
+        mark = glb.encode(layers.lifted(chosen.surface), MARKED, MARK_OPACITY, chosen.mover is not None)
         self._mesh(SELECTED, chosen.mover, mark)
 
     def _add(self, layer: str) -> None:
@@ -83,7 +93,8 @@ class SceneNodes:
             return
         opacity = TRANSLUCENT if room.boxes else 1.0
         for node in MAKERS[layer](room):
-            self._mesh(f"{_path(layer)}/{node.name}", node.mover, glb.encode(node.mesh, opacity=opacity))
+            data = glb.encode(node.mesh, opacity=opacity, both_sides=node.mover is not None)
+            self._mesh(f"{_path(layer)}/{node.name}", node.mover, data)
 
     def _mesh(self, name: str, mover: str | None, data: bytes) -> None:
         turned, position = _pose(self.at.pose(mover))

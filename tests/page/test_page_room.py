@@ -132,13 +132,17 @@ def test_a_ray_meets_the_nearest_part_and_finds_it_where_it_has_moved() -> None:
     assert pick(at, np.array([2.9, 1.0, 5.0]), np.array([0.0, 0.0, -1.0])) == "frame_1"
 
 
-def test_a_surface_seen_from_behind_is_not_met() -> None:
+def test_a_still_surface_seen_from_behind_is_not_met() -> None:
     triangle = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
     at = Coordinates(of_scene(Scene("one", {"plate_1": Part("plate", triangle)})))
     down = np.array([0.0, 0.0, -1.0])
     assert pick(at, np.array([0.2, 0.2, 1.0]), down) == "plate_1"
     assert pick(at, np.array([0.2, 0.2, -1.0]), -down) is None
     assert pick(at, np.array([0.8, 0.8, 1.0]), down) is None
+    slide = Joint("prismatic", (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 1.0))
+    moving = Coordinates(of_scene(Scene("one", {"lid_1": Part("lid", triangle, None, slide)})))
+    assert pick(moving, np.array([0.2, 0.2, -1.0]), -down) == "lid_1"  # what moves is shown from both sides
+    assert pick(moving, np.array([0.8, 0.8, -1.0]), -down) is None
 
 
 def test_a_description_shows_boxes_that_move_as_it_says(tmp_path: Path) -> None:

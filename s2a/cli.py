@@ -53,7 +53,7 @@ COMMANDS = {
     "zoo": "write a hundred labelled objects, as untidy as downloads, to insert",
     "view": "show a scan or a stage: its tree as text, or an image",
 }
-OUTPUTS = ("out", "image", "images", "record")
+OUTPUTS = ("out", "image", "images", "html", "record")
 """Keys that name output files and folders."""
 ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")
 """How an argument begins that is key=value, or removes a key."""

@@ -26,6 +26,7 @@ MODULES = {
     "learn": ("onnx", "onnxruntime", "rsl_rl", "tensorboard", "tensordict", "torch"),
     "llm": ("httpx2", "openai"),
     "collect": ("av", "pyarrow"),
+    "view": ("viser",),
 }
 """Top-level modules by the extra that installs them."""
 

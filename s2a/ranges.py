@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from s2a.errors import InputError
 
@@ -88,6 +89,7 @@ def check(kind: Any, value: Any, key: str = "") -> None:
     Raises:
         InputError: naming the key, the value and the bounds.
     """
+    kind = _given(kind, value)
     if get_origin(kind) is Annotated:
         kind, *bounds = get_args(kind)
         for bound in bounds:
@@ -96,6 +98,13 @@ def check(kind: Any, value: Any, key: str = "") -> None:
                 raise InputError(f"key {key!r} is {given}; give {bound}")
     for inner, part, name in _inside(kind, value):
         check(inner, part, f"{key}.{name}" if key else name)
+
+
+def _given(kind: Any, value: Any) -> Any:
+    """Return the type that a value has of `type | None`; other types as they are."""
+    others = [other for other in get_args(kind) if other is not type(None)]
+    optional = get_origin(kind) in (Union, UnionType) and len(others) == 1
+    return others[0] if optional and value is not None else kind
 
 
 def _inside(kind: Any, value: Any) -> list[tuple[Any, Any, str]]:

@@ -19,8 +19,9 @@ from scipy.spatial.transform import Rotation
 from s2a import config, robot
 from s2a.commands.evaluate import Config
 from s2a.evaluate import evaluate
+from s2a.geometry.mesh_ops import painted
 from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
-from s2a.geometry.render import painted, render, write_png
+from s2a.geometry.render import render, write_png
 from s2a.planner.motion import Planner
 from s2a.robot.model import add_robot
 from s2a.robot.spec import RobotSpec

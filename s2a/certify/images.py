@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from s2a.geometry.mesh_ops import painted
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
-from s2a.geometry.render import painted, render
+from s2a.geometry.render import render
 from s2a.scene import Mesh
 from s2a.usd import sim_stage
 from s2a.usd.visuals import hulls, visible_room

@@ -1,24 +1,33 @@
-"""Show a scan or a stage: its tree as text, an image, or both."""
+"""Show a scan or a stage: its tree as text, an image, a page in the browser."""
 
 from __future__ import annotations
 
-import colorsys
+import threading
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from s2a.errors import InputError
+from s2a.geometry.mesh_ops import painted
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.outputs import atomic_write, require_png
+from s2a.page.palette import hue
+from s2a.page.read import read as read_page
+from s2a.page.room import PageRoom
+from s2a.page.thin import thinned
+from s2a.ranges import AtLeast, Count
 from s2a.scan.folder import mesh_remedy
 from s2a.scene import Mesh
+from s2a.terminal import report
 from s2a.usd.stage import ENCODINGS
 from s2a.usd.tree import tree
 from s2a.usd.visuals import Visible, visible
 
-GOLDEN = 0.618
-"""Steps of the golden section around the circle of hues keep neighbours apart, however many there are."""
+FILE_FACES = 320_000
+"""Faces that a file of 10 MB has room for, with and without their scanned colours."""
 
 
 @dataclass(frozen=True)
@@ -27,23 +36,31 @@ class Config:
 
     Attributes:
         path: a scan's folder or a stage.
-        text: Print the tree; null prints it unless an image is requested.
+        text: Print the tree; null prints it unless an image or a page is requested.
         image: PNG file to write, or null.
-        part: id of the part at the centre of the image, or null for the whole room.
-        colliders: Render the collision hulls instead of the surfaces, each in its own colour.
-        camera: intrinsics and framing of the image.
+        page: Serve a page for the browser, until Ctrl-C: parts, a slider for every joint, colliders, grasp regions, axes.
+        port: of the page's server; the next free one where it is taken.
+        html: file to write with the page as a recording in which every joint opens once, or null.
+        max_faces: of the surfaces on the page; beyond, neighbouring vertices are merged. null: all, and 320,000 in the file.
+        part: id of the part at the centre of the image or page, or null for the whole room.
+        colliders: Render the collision hulls instead of the surfaces, each in its own colour, in the image.
+        camera: intrinsics and framing of the image; those of the page where it begins.
     """
 
     path: Path
     text: bool | None
     image: Path | None
+    page: bool
+    port: Annotated[int, AtLeast(1, 65535)]
+    html: Path | None
+    max_faces: Count | None
     part: str | None
     colliders: bool
     camera: OrbitCamera
 
 
 def run(config: Config) -> str:
-    """Write the image if one is requested; return the tree of the file, or a line about the image.
+    """Write the image and the recording and serve the page that are requested; return the tree of the file, or lines about them.
 
     Raises:
         InputError: no such file, nothing requested, or an image file that is not PNG.
@@ -54,43 +71,91 @@ def run(config: Config) -> str:
         raise InputError(f"{config.path}: {remedy}, in a folder of its own, and give that folder")
     if config.image:
         require_png(config.image)
-    if not config.image and (config.part or config.colliders):
-        raise InputError("keys 'part' and 'colliders' apply to an image, and none is requested; give image=FILE.png")
+    _refuse_keys(config)
+    room = _page_room(config) if config.page or config.html else None
     said = []
     if config.image:
         said.append(_image(visible(config.path), config, config.image))
-    if config.text or (config.text is None and not config.image):
+    if room and config.html:
+        said.append(_recording(room, config, config.html))
+    if config.text or (config.text is None and not config.image and not room):
         said.append(tree(config.path))
-    if not said:
-        raise InputError("key 'text' is false and no image is requested; give image=FILE.png or text=true")
+    if room and config.page:
+        _serve(room, config)
+    elif not said:
+        raise InputError(
+            "key 'text' is false and nothing else is requested; give image=FILE.png, page=true or text=true"
+        )
     return "\n".join(said)
+
+
+def _refuse_keys(config: Config) -> None:
+    """Raise an InputError for a key that would change nothing, or a file of another kind."""
+    if config.colliders and not config.image:
+        raise InputError("key 'colliders' applies to an image, and none is requested; give image=FILE.png")
+    if config.html and config.html.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"key 'html' is {str(config.html)!r}; expected an HTML file: give html=FILE.html")
+    if config.part and not (config.image or config.page or config.html):
+        raise InputError(
+            "key 'part' applies to an image or a page, and none is requested; give image=FILE.png or page=true"
+        )
+
+
+def _page_room(config: Config) -> PageRoom:
+    room = read_page(config.path)
+    if config.part and config.part not in room.parts:
+        raise InputError(f"part {config.part!r} is not in {room.name!r}; s2a view path={config.path} lists its parts")
+    return room
+
+
+def _serve(room: PageRoom, config: Config) -> None:
+    """Serve the page until somebody interrupts."""
+    from s2a.page.serve import served  # viser is of the extra "view"
+
+    room = thinned(room, config.max_faces) if config.max_faces else room
+    with served(room, _page_view(room, config), config.camera.fov, config.port) as address:
+        report(f"{room.name} at {address}; Ctrl-C ends it")
+        with suppress(KeyboardInterrupt):
+            threading.Event().wait()
+
+
+def _recording(room: PageRoom, config: Config, path: Path) -> str:
+    from s2a.page.recording import write
+
+    total, room = room.faces, thinned(room, config.max_faces or FILE_FACES)
+    with atomic_write(path) as file:
+        write(room, _page_view(room, config), config.camera.fov, file)
+        size = file.stat().st_size
+    faces = f"{room.faces:,} of {total:,} faces" if room.faces < total else f"{total:,} faces"
+    return f"{path}: {room.name}, {faces}, {len(room.joints)} joints open one after the other; {size / 1e6:.1f} MB"
+
+
+def _page_view(room: PageRoom, config: Config) -> CameraPose:
+    parts = [room.parts[config.part]] if config.part else list(room.parts.values())
+    return _camera_pose([part.surface for part in parts], [room.parts[i].surface for i in room.joints], config)
 
 
 def _image(scene: Visible, config: Config, path: Path) -> str:
     # Loads Warp, which the tree does not need.
-    from s2a.geometry.render import painted, render, write_png
+    from s2a.geometry.render import render, write_png
 
     meshes = list(scene.surfaces.values())
     if config.colliders:
         if not scene.colliders:
             raise InputError(f"{config.path} has no colliders; give a sim.usd, which s2a prepare writes")
-        meshes = [painted(mesh, _hue(i)) for i, (_, mesh) in enumerate(scene.colliders)]
-    view = _camera_pose(scene, scene.part(config.part) if config.part else meshes, config)
+        meshes = [painted(mesh, hue(i)) for i, (_, mesh) in enumerate(scene.colliders)]
+    jointed = [scene.surfaces[part] for part in scene.jointed if part in scene.surfaces]
+    view = _camera_pose(scene.part(config.part) if config.part else meshes, jointed, config)
     with atomic_write(path) as room:
         write_png(render(meshes, view, config.camera), room)
     return f"{path}: {config.camera.width} x {config.camera.height} pixels of {config.part or scene.name}"
 
 
-def _camera_pose(scene: Visible, shown: list[Mesh], config: Config) -> CameraPose:
+def _camera_pose(shown: list[Mesh], jointed: list[Mesh], config: Config) -> CameraPose:
     """Return the view of some surfaces from their front; a room and closed surfaces have that of the parts that move."""
     points = np.concatenate([mesh.vertices for mesh in shown])
-    jointed = [scene.surfaces[part] for part in scene.jointed if part in scene.surfaces]
+    if not len(points):
+        raise InputError(f"{config.path}: there is no surface to show{f' of part {config.part!r}' * bool(config.part)}")
     front = front_of(shown) if config.part else None
     front = front_of(jointed) if front is None else front
     return framing_pose(points, np.array([1.0, 0.0, 0.0]) if front is None else front, config.camera)
-
-
-def _hue(number: int) -> tuple[int, int, int]:
-    """Return the colour of the piece with this number."""
-    red, green, blue = colorsys.hsv_to_rgb(number * GOLDEN % 1.0, 0.55, 0.95)
-    return int(255 * red), int(255 * green), int(255 * blue)

@@ -25,6 +25,11 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(vertices, faces, np.concatenate(colors))
 
 
+def painted(mesh: Mesh, color: tuple[int, int, int]) -> Mesh:
+    """Return a mesh in one colour."""
+    return Mesh(mesh.vertices, mesh.faces, np.tile(np.array(color, np.uint8), (len(mesh.vertices), 1)))
+
+
 def keep(mesh: Mesh, faces: np.ndarray) -> Mesh:
     """Return the faces chosen by a mask or by indices [face], with the vertices that they use."""
     chosen = mesh.faces[faces]

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 from PIL import Image
 
-from s2a.geometry.mesh_ops import merge
+from s2a.geometry.mesh_ops import merge, painted
 from s2a.geometry.mesh_query import ray_mesh
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, axes
 from s2a.scene import Mesh
@@ -105,11 +105,6 @@ def render(meshes: Sequence[Mesh], pose: CameraPose, camera: OrbitCamera) -> np.
 def write_png(image: np.ndarray, path: Path) -> None:
     """Write an RGB image [row column 3] as a PNG file, whatever the path's suffix."""
     Image.fromarray(image).save(path, format="PNG", optimize=True)
-
-
-def painted(mesh: Mesh, color: tuple[int, int, int]) -> Mesh:
-    """Return a mesh in one colour."""
-    return Mesh(mesh.vertices, mesh.faces, np.tile(np.array(color, np.uint8), (len(mesh.vertices), 1)))
 
 
 def _pinhole(pose: CameraPose, camera: OrbitCamera) -> Pinhole:

@@ -16,7 +16,7 @@ from pxr import Sdf, Usd, UsdGeom
 from s2a.errors import InputError
 from s2a.scene import Joint, Part, Scene, Vec3
 from s2a.usd.boxes import silhouette, upright_box
-from s2a.usd.joints import site_point
+from s2a.usd.joints import KINDS, site_point
 from s2a.usd.stage import ROOT, check_ids, new_stage, open_stage, read_attribute, reading, save, write_attribute
 
 FLAVOUR = "descriptive"
@@ -43,6 +43,10 @@ class DescribedPart:
         graspable: a gripper holds the moving part here.
         center: of its upright box [m], scene coordinates; None where nothing was scanned of it.
         size: of that box [m]; the third is vertical.
+        yaw: how far its first side is turned from the x axis about z [rad].
+        joint: how it moves, rounded as it is described; None for what is fixed or free.
+        against: id of the body that it moves against, or "world"; None for what has no joint.
+        mass: [kg] if annotated, else None.
     """
 
     label: str
@@ -51,6 +55,10 @@ class DescribedPart:
     graspable: bool
     center: Vec3 | None
     size: Vec3 | None
+    yaw: float = 0.0
+    joint: Joint | None = None
+    against: str | None = None
+    mass: float | None = None
 
 
 def write(scene: Scene, path: Path) -> None:
@@ -100,7 +108,21 @@ def _read_part(prim: Usd.Prim, root: Usd.Prim) -> DescribedPart:
         graspable=read_attribute(prim, "graspable", bool, False),
         center=read_attribute(prim, "center", tuple),
         size=read_attribute(prim, "size", tuple),
+        yaw=math.radians(read_attribute(prim, "yaw", float, 0.0)),
+        joint=described_joint(prim),
+        against=read_attribute(prim, "against", str),
+        mass=read_attribute(prim, "mass", float),
     )
+
+
+def described_joint(prim: Usd.Prim) -> Joint | None:
+    """Return the joint that a prim describes, or None."""
+    kind, axis = read_attribute(prim, "motion", str), read_attribute(prim, "axis", tuple)
+    if kind not in KINDS.values() or axis is None:
+        return None
+    # Rounded there, so no longer of unit length.
+    unit = tuple(x / math.hypot(*axis) for x in axis)
+    return Joint(kind, unit, read_attribute(prim, "origin", tuple), read_attribute(prim, "limits", tuple))
 
 
 def prim_path(scene: Scene, part_id: str) -> str:

@@ -14,7 +14,7 @@ from rich.tree import Tree
 
 from s2a import scan
 from s2a.scene import Joint, Part, Scene
-from s2a.usd import geometric
+from s2a.usd import descriptive, geometric
 from s2a.usd.joints import KINDS, read_joint, site_point
 from s2a.usd.stage import open_stage, read_attribute, reading
 
@@ -103,14 +103,7 @@ def _prim_facts(prim: Usd.Prim) -> Iterator[str]:
 
 def _joint(prim: Usd.Prim) -> Joint | None:
     """Return the joint that a prim is or, in the descriptive flavour, that it describes."""
-    if prim.GetTypeName() in KINDS:
-        return read_joint(prim)
-    kind, axis = read_attribute(prim, "motion", str), read_attribute(prim, "axis", tuple)
-    if kind not in KINDS.values() or axis is None:
-        return None
-    # Rounded there, so no longer of unit length.
-    unit = tuple(x / math.hypot(*axis) for x in axis)
-    return Joint(kind, unit, read_attribute(prim, "origin", tuple), read_attribute(prim, "limits", tuple))
+    return read_joint(prim) if prim.GetTypeName() in KINDS else descriptive.described_joint(prim)
 
 
 def _physics_facts(prim: Usd.Prim) -> Iterator[str]:

@@ -1,0 +1,122 @@
+"""The page's controls: layers, a slider for every joint, the tree of parts, the part that is selected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+import viser
+
+from s2a.articulation import open_limit
+from s2a.page import layers
+from s2a.page.rays import pick
+from s2a.page.room import PageRoom, unit
+from s2a.page.rows import card, row, rows
+from s2a.page.scene_nodes import SceneNodes
+
+STYLE = """<style>
+.s2a-card { padding: 0 0.75em 0.5em; font-size: 0.875em; line-height: 1.45; overflow-wrap: anywhere; }
+.s2a-card td { vertical-align: top; padding-right: 1em; }
+.s2a-card td:first-child { color: gray; white-space: nowrap; }
+button.mantine-Button-root:not([data-variant]), button.mantine-Button-root[data-variant="filled"] {
+  background: transparent; color: inherit; font-weight: 400; height: 1.7em !important; padding: 0 0.4em; }
+button.mantine-Button-root:not([data-variant="outline"]) .mantine-Button-inner { justify-content: start; }
+button.mantine-Button-root:not([data-variant="outline"]):hover { background: rgba(128, 128, 128, 0.15); }
+button.mantine-Button-root[style*="yellow"] { background: rgba(255, 170, 0, 0.35) !important; }
+div:has(> button.mantine-Button-root:not([data-variant="outline"])) { padding-bottom: 0.1em !important; }
+</style>"""
+"""Rows of the tree are viser's buttons: flat, and to the left; the yellow one is selected."""
+PLAIN_ROW: Literal["gray"] = "gray"
+SELECTED_ROW: Literal["yellow"] = "yellow"
+WIDTH = 380
+"""[pixel] of the panel."""
+
+
+class Panel:
+    """The controls beside the scene."""
+
+    def __init__(self, server: viser.ViserServer, nodes: SceneNodes) -> None:
+        self._nodes, self._room, self._server = nodes, nodes.at.room, server
+        self._sliders: dict[str, viser.GuiSliderHandle] = {}
+        self._rows: dict[str, viser.GuiButtonHandle] = {}
+        self._selected: str | None = None
+        gui = server.gui
+        gui.set_panel_label(self._room.name)
+        gui.add_html(STYLE)
+        with gui.add_folder("Show"):
+            self._add_layers()
+        self._card = gui.add_html(card(self._room, None))
+        tabs = gui.add_tab_group()
+        with tabs.add_tab(f"Joints ({len(self._room.joints)})"):
+            self._add_joints()
+        with tabs.add_tab(f"Parts ({len(self._room.parts)})"):
+            self._add_tree()
+        server.scene.on_click()(self._clicked)
+
+    def select(self, part: str | None) -> None:
+        """Mark a part and show its facts; None: no part."""
+        self._nodes.select(part)
+        self._card.content = card(self._room, part)
+        if self._selected is not None:
+            self._rows[self._selected].color = PLAIN_ROW
+        if part is not None:
+            self._rows[part].color = SELECTED_ROW
+        self._selected = part
+
+    def _add_layers(self) -> None:
+        for layer in offered(self._room):
+            box = self._server.gui.add_checkbox(layer, layer == first(self._room))
+            box.on_update(self._showing(layer))
+            self._nodes.show(layer, box.value)
+
+    def _add_joints(self) -> None:
+        gui = self._server.gui
+        all_joints = gui.add_button_group("all joints", ("close", "half", "open"))
+        all_joints.on_click(lambda event: self._move_all({"close": 0.0, "half": 0.5, "open": 1.0}[event.target.value]))
+        for part, joint in self._room.joints.items():
+            name, size = unit(joint)
+            low, high = sorted((*joint.limits, 0.0))[::2]
+            slider = gui.add_slider(f"{part} [{name}]", round(low / size, 1), round(high / size, 1), 0.1, 0.0)
+            slider.on_update(self._moving(part))
+            self._sliders[part] = slider
+
+    def _move_all(self, fraction: float) -> None:
+        with self._server.atomic():
+            for part, joint in self._room.joints.items():
+                opened = round(fraction * open_limit(joint) / unit(joint)[1], 1)
+                self._sliders[part].value = opened  # type: ignore[misc] # mypy overlooks its setter
+
+    def _add_tree(self) -> None:
+        for part, depth in rows(self._room):
+            self._rows[part] = self._server.gui.add_button(row(self._room, part, depth), color=PLAIN_ROW)
+            self._rows[part].on_click(self._selecting(part))
+
+    def _showing(self, layer: str) -> Callable[[viser.GuiEvent], None]:
+        return lambda event: self._nodes.show(layer, event.target.value)
+
+    def _moving(self, part: str) -> Callable[[viser.GuiEvent], None]:
+        return lambda event: self._nodes.move(part, event.target.value)
+
+    def _selecting(self, part: str) -> Callable[[viser.GuiEvent], None]:
+        return lambda event: self.select(part)
+
+    def _clicked(self, event: viser.SceneClickEvent) -> None:
+        self.select(pick(self._nodes.at, np.array(event.ray_origin), np.array(event.ray_direction)))
+
+
+def offered(room: PageRoom) -> list[str]:
+    """Return the layers that have something to show."""
+    empty = {
+        layers.SURFACES: room.boxes,
+        layers.COLLIDERS: not room.colliders,
+        layers.WALLS: not any(hull.structure for hull in room.colliders),
+        layers.GRASPS: not room.grasps,
+        layers.AXES: not room.joints,
+    }
+    return [layer for layer in layers.LAYERS if not empty.get(layer, False)]
+
+
+def first(room: PageRoom) -> str:
+    """Return the layer that a page shows first."""
+    return layers.BY_PART if room.boxes else layers.SURFACES

@@ -1,0 +1,136 @@
+"""The layers of a page in viser's scene: nodes that move with their joints, and can be shown and hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from threading import RLock
+
+import numpy as np
+import viser
+import viser.transforms
+
+from s2a.page import glb, layers
+from s2a.page.layers import AXES, BY_PART, COLLIDERS, GRASPS, SURFACES, WALLS
+from s2a.page.room import Coordinates, PageRoom
+
+MAKERS = {
+    SURFACES: layers.surfaces,
+    BY_PART: layers.colored,
+    COLLIDERS: layers.colliders,
+    WALLS: layers.walls,
+    GRASPS: layers.grasps,
+}
+TRANSLUCENT = 0.3
+"""Opacity of a description's boxes."""
+ARROW_COLORS = {"prismatic": (30, 110, 255), "revolute": (210, 30, 200)}
+SHAFT, HEAD, HEAD_LENGTH = 0.008, 0.02, 0.05
+"""[m] Radii of an arrow's shaft and head, and the length of its head."""
+MARKED, MARK_OPACITY = (1.0, 0.5, 0.0), 0.7
+"""Linear RGB and opacity of the part that is selected."""
+SELECTED = "/selected"
+
+
+class SceneNodes:
+    """What of a room is in viser's scene. A layer is sent when it is shown first; any thread may call.
+
+    The still room is shown from its front only, which opens it to a camera outside; what moves is shown from behind, too.
+
+    Attributes:
+        at: the room, and where its joints stand.
+    """
+
+    def __init__(self, scene: viser.SceneApi, room: PageRoom) -> None:
+        self.at = Coordinates(room)
+        self._scene = scene
+        self._lock = RLock()  # viser calls from several threads
+        self._movers: dict[str, str | None] = {}
+        self._handles: dict[str, viser.SceneNodeHandle] = {}
+        self._layers: dict[str, viser.SceneNodeHandle] = {}
+
+    def show(self, layer: str, visible: bool = True) -> None:
+        """Show or hide one of `layers.LAYERS`."""
+        with self._lock:
+            if layer not in self._layers:
+                if not visible:
+                    return
+                self._layers[layer] = self._scene.add_frame(_path(layer), show_axes=False)
+                self._add(layer)
+            self._layers[layer].visible = visible
+
+    def move(self, part: str, shown: float) -> None:
+        """Move a joint, and what hangs on it, to a coordinate [mm] or [deg]."""
+        with self._lock:
+            self.at.set(part, shown)
+            self._place(self.at.room.carried(part))
+
+    def _place(self, movers: Iterable[str]) -> None:
+        """Put the nodes that move with some jointed parts where their joints stand."""
+        poses: Mapping[str | None, np.ndarray] = {mover: self.at.pose(mover) for mover in movers}
+        for name, mover in self._movers.items():
+            if mover in poses:
+                turned, position = _pose(poses[mover])
+                self._handles[name].wxyz = turned
+                self._handles[name].position = position
+
+    def select(self, part: str | None) -> None:
+        """Mark a part; None: no part."""
+        with self._lock:
+            self._select(part)
+
+    def _select(self, part: str | None) -> None:
+        self._forget(SELECTED)
+        if part is None or not len(self.at.room.parts[part].surface.faces):
+            return
+        chosen = self.at.room.parts[part]
+        mark = glb.encode(layers.lifted(chosen.surface), MARKED, MARK_OPACITY, chosen.mover is not None)
+        self._mesh(SELECTED, chosen.mover, mark)
+
+    def _add(self, layer: str) -> None:
+        room = self.at.room
+        if layer == AXES:
+            for arrow in layers.arrows(room):
+                self._arrow(f"{_path(AXES)}/{arrow.name}", arrow, room.joints[arrow.name].kind)
+            return
+        opacity = TRANSLUCENT if room.boxes else 1.0
+        for node in MAKERS[layer](room):
+            data = glb.encode(node.mesh, opacity=opacity, both_sides=node.mover is not None)
+            self._mesh(f"{_path(layer)}/{node.name}", node.mover, data)
+
+    def _mesh(self, name: str, mover: str | None, data: bytes) -> None:
+        turned, position = _pose(self.at.pose(mover))
+        self._keep(
+            name,
+            mover,
+            self._scene.add_glb(name, data, wxyz=turned, position=position, cast_shadow=False, receive_shadow=False),
+        )
+
+    def _arrow(self, name: str, arrow: layers.Arrow, kind: str) -> None:
+        turned, position = _pose(self.at.pose(arrow.mover))
+        handle = self._scene.add_arrows(
+            name,
+            arrow.ends[None],
+            ARROW_COLORS[kind],
+            shaft_radius=SHAFT,
+            head_radius=HEAD,
+            head_length=HEAD_LENGTH,
+            wxyz=turned,
+            position=position,
+        )
+        self._keep(name, arrow.mover, handle)
+
+    def _keep(self, name: str, mover: str | None, handle: viser.SceneNodeHandle) -> None:
+        self._movers[name], self._handles[name] = mover, handle
+
+    def _forget(self, name: str) -> None:
+        if handle := self._handles.pop(name, None):
+            handle.remove()
+            del self._movers[name]
+
+
+def _path(layer: str) -> str:
+    return f"/{layer}"
+
+
+def _pose(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a displacement [4 4] as viser takes it: quaternion wxyz, position [m]."""
+    return viser.transforms.SO3.from_matrix(matrix[:3, :3]).wxyz, matrix[:3, 3]

@@ -1,0 +1,91 @@
+"""The page's nodes and controls in viser, without a browser."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import usd_room
+
+viser = pytest.importorskip("viser")
+
+from s2a.page import layers, panel, recording, scene_nodes  # noqa: E402
+from s2a.page.read import of_scene  # noqa: E402
+from s2a.page.room import PageRoom  # noqa: E402
+from s2a.scene import Joint, Part, Scene  # noqa: E402
+
+PORT = 8600
+
+
+@pytest.fixture
+def server() -> Iterator[viser.ViserServer]:
+    server = viser.ViserServer("127.0.0.1", PORT, verbose=False)
+    yield server
+    server.stop()
+
+
+@pytest.fixture
+def room() -> PageRoom:
+    return of_scene(usd_room.room())
+
+
+def test_a_joint_moves_its_nodes_in_every_layer_that_is_there(server: viser.ViserServer, room: PageRoom) -> None:
+    nodes = scene_nodes.SceneNodes(server.scene, room)
+    nodes.show(layers.SURFACES)
+    nodes.move("drawer_7", 250.0)
+    nodes.show(layers.AXES)  # a layer that comes later is where the joint stands
+    nodes.move("flap_10", 90.0)
+    shift = 0.25 * np.array(room.joints["drawer_7"].axis)
+    for name in ("surfaces/drawer_7", f"{layers.AXES}/flap_10"):
+        handle = server.scene.get_handle_by_name(f"/{name}")
+        np.testing.assert_allclose(handle.position, shift, atol=1e-9)
+        np.testing.assert_allclose(handle.wxyz, (1, 0, 0, 0), atol=1e-9)
+    half, axis = math.pi / 4, np.array(room.joints["flap_10"].axis)
+    turned = server.scene.get_handle_by_name("/surfaces/flap_10").wxyz
+    np.testing.assert_allclose(turned, [math.cos(half), *(math.sin(half) * axis)], atol=1e-6)
+    assert np.array_equal(server.scene.get_handle_by_name("/surfaces/room").position, (0, 0, 0))
+
+
+def test_a_hidden_layer_is_not_sent_and_a_shown_one_hides_again(server: viser.ViserServer, room: PageRoom) -> None:
+    nodes = scene_nodes.SceneNodes(server.scene, room)
+    nodes.show(layers.BY_PART, False)
+    assert server.scene.get_handle_by_name(f"/{layers.BY_PART}") is None
+    nodes.show(layers.BY_PART)
+    nodes.show(layers.BY_PART, False)
+    assert server.scene.get_handle_by_name(f"/{layers.BY_PART}").visible is False
+
+
+def test_one_part_is_marked_at_a_time(server: viser.ViserServer, room: PageRoom) -> None:
+    nodes = scene_nodes.SceneNodes(server.scene, room)
+    nodes.move("drawer_7", 100.0)
+    nodes.select("cup_22")
+    nodes.select("handle_9")
+    mark = server.scene.get_handle_by_name(scene_nodes.SELECTED)
+    np.testing.assert_allclose(mark.position, 0.1 * np.array(room.joints["drawer_7"].axis), atol=1e-9)
+    nodes.select("door_21")  # which has no surface
+    assert server.scene.get_handle_by_name(scene_nodes.SELECTED) is None
+
+
+@pytest.mark.parametrize("limits", [(0.0, 0.0), (-0.4, 0.0), (0.1, 0.3), (0.0, 1e-5)])
+def test_controls_take_every_range(server: viser.ViserServer, limits: tuple[float, float]) -> None:
+    joint = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), limits)
+    scene = Scene("odd", {"drawer_1": Part("drawer", usd_room.box((0, 0, 0), (1, 1, 1)), None, joint)})
+    controls = panel.Panel(server, scene_nodes.SceneNodes(server.scene, of_scene(scene)))
+    controls.select("drawer_1")
+    controls.select(None)
+
+
+def test_a_room_without_joints_or_surfaces_has_a_page(server: viser.ViserServer) -> None:
+    still = of_scene(Scene("still", {"wall_1": Part("wall", usd_room.box((0, 0, 0), (1, 1, 1)))}))
+    panel.Panel(server, scene_nodes.SceneNodes(server.scene, still))
+    assert panel.offered(still) == [layers.SURFACES, layers.BY_PART]
+
+
+def test_the_recording_opens_every_joint_once_and_closes_it(room: PageRoom) -> None:
+    shown = dict(recording.timeline(room))
+    assert list(shown) == list(room.joints)
+    for fractions in shown.values():
+        assert fractions.max() == pytest.approx(1.0) and fractions[-1] == pytest.approx(0.0, abs=1e-12)
+        assert np.abs(np.diff([0.0, *fractions])).max() < 0.12  # without jumps

@@ -145,7 +145,7 @@ def _read_mesh(path: Path, faces: int) -> Shape:
         )
         raise InputError(f"{path}: not a mesh that can be read ({why}); export it again") from error
     budget = faces // max(len(shapes), 1)
-    return _together([textured(shape, budget) or _plain(shape) for shape in shapes])
+    return _together([textured(path, shape, budget) or _plain(shape) for shape in shapes])
 
 
 def _plain(shape: trimesh.Trimesh) -> Shape:

@@ -121,10 +121,10 @@ def _by_trimesh(path: Path, stated: Stated) -> SourceMesh:
         raise InputError(f"{path}: holds no faces; export a mesh, not a point cloud")
     if left:
         _log.warning("%s: %d of %d parts are points or lines, and are left out", path, left, len(placed))
-    return joined([_from_trimesh(path, mesh, matrix) for matrix, mesh in found], stated)
+    return joined([from_trimesh(path, mesh, matrix) for matrix, mesh in found], stated)
 
 
-def _from_trimesh(path: Path, mesh: Any, matrix: np.ndarray) -> SourceMesh:
+def from_trimesh(path: Path, mesh: Any, matrix: np.ndarray) -> SourceMesh:
     """Return one mesh of a trimesh scene, placed."""
     faces = np.asarray(mesh.faces, dtype=np.int64)
     uv, colors = np.full((len(faces), 3, 2), np.nan), np.full((len(faces), 3, 3), np.nan, dtype=np.float32)

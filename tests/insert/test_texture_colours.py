@@ -68,14 +68,14 @@ def test_splitting_leaves_the_shape_closed_and_as_it_was(tmp_path: Path) -> None
 
 
 def test_what_has_one_colour_is_not_split_and_a_budget_holds() -> None:
-    plain = textured(crate(Image.new("RGB", (8, 8), RED)), 60000)
+    plain = textured(Path("crate"), crate(Image.new("RGB", (8, 8), RED)), 60000)
     assert plain is not None
     assert len(plain[1]) == 12
     assert (plain[2] == RED).all()
-    few = textured(crate(checked(16)), 200)
+    few = textured(Path("crate"), crate(checked(16)), 200)
     assert few is not None
     assert len(few[1]) <= 200
 
 
 def test_without_an_image_there_is_no_texture() -> None:
-    assert textured(crate(None), 1000) is None
+    assert textured(Path("crate"), crate(None), 1000) is None

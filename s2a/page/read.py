@@ -8,23 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a import scan
 from s2a.errors import InputError
+from s2a.geometry.convex import box
 from s2a.geometry.mesh_ops import keep
 from s2a.page.room import Extra, PagePart, PageRoom
 from s2a.scene import Mesh, Scene
-from s2a.usd import descriptive, geometric, sim_stage
+from s2a.usd import any_room
 from s2a.usd.descriptive import DescribedPart
 from s2a.usd.sim_scene import SimBody, SimRoom, in_scene
-from s2a.usd.stage import open_stage, read_attribute, reading
 
-CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-"""Of the box of unit size."""
-SIDES = np.array(
-    [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4)]
-)
-SIDES = np.concatenate([SIDES, [(1, 5, 7), (1, 7, 3)]])
-"""Its triangles, anticlockwise from outside."""
+THINNEST = 1e-3
+"""[m] Of a box that is shown."""
 
 
 def read(path: Path) -> PageRoom:
@@ -33,17 +27,13 @@ def read(path: Path) -> PageRoom:
     Raises:
         InputError: another file, or a damaged one.
     """
-    if path.is_dir():
-        return of_scene(scan.read(path))
-    with reading(path):
-        stage = open_stage(path, payloads=False)  # held, since its prims end with it
-        flavour = read_attribute(stage.GetDefaultPrim(), "flavour", str)
-        if flavour == descriptive.FLAVOUR:
-            return of_description(path.stem, descriptive.read(path))
-        if flavour == geometric.FLAVOUR:
-            return of_scene(geometric.read(path))
-        if flavour == sim_stage.FLAVOUR:
-            return of_sim_room(sim_stage.read(path))
+    match any_room.read(path):
+        case Scene() as scene:
+            return of_scene(scene)
+        case SimRoom() as room:
+            return of_sim_room(room)
+        case dict() as parts:
+            return of_description(path.stem, parts)
     raise InputError(
         f"{path}: cannot be shown on a page; give a scan's folder, or a stage of s2a export or s2a prepare"
     )
@@ -153,5 +143,5 @@ def _box(part: DescribedPart) -> Mesh:
     if part.center is None or part.size is None:
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3)))
     cos, sin = math.cos(part.yaw), math.sin(part.yaw)
-    corners = CORNERS * part.size @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return Mesh(corners + part.center, SIDES)
+    axes = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return box(np.array(part.center), axes, np.maximum(part.size, THINNEST))

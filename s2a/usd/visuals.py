@@ -6,12 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a import scan
 from s2a.errors import InputError
 from s2a.scene import Mesh, Scene
-from s2a.usd import geometric, sim_stage
+from s2a.usd import any_room
 from s2a.usd.sim_scene import SimRoom, in_scene
-from s2a.usd.stage import open_stage, read_attribute, reading
 
 
 @dataclass(frozen=True)
@@ -47,15 +45,11 @@ def visible(path: Path) -> Visible:
     Raises:
         InputError: another file, or a damaged one.
     """
-    if path.is_dir():
-        return _scene(scan.read(path))
-    with reading(path):
-        stage = open_stage(path)
-        flavour = read_attribute(stage.GetDefaultPrim(), "flavour", str)
-        if flavour == geometric.FLAVOUR:
-            return _scene(geometric.read(path))
-        if flavour == sim_stage.FLAVOUR:
-            return visible_room(sim_stage.read(path))
+    match any_room.read(path):
+        case Scene() as scene:
+            return _scene(scene)
+        case SimRoom() as room:
+            return visible_room(room)
     raise InputError(f"{path}: holds no surfaces; give a scan's folder, a geometric or a simulation-ready stage")
 
 

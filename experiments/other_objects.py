@@ -2,7 +2,7 @@
 
     python experiments/other_objects.py [--runs runs/other] [--seeds 100 101] [--rooms kitchen ...] [--draws 2] [--name rules]
 
-Fifty kinds of household objects that the rooms are furnished with and that are not in the zoo, drawn twice (seed 7), in files as
+Fifty kinds of household objects that rooms are furnished with and that are not in the zoo, each made twice (seed 7), in files as
 untidy as the zoo's: any unit, up axis, heading, origin and format. None was looked at when the table of kinds was written or
 extended. placement_checks.py rates, which shares no code with what places; it is formulas and a table by hand, no person.
 Prints a line a room, and writes one an object to experiments/results/other_objects_NAME.json, with the failures by check.
@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from insertion_study import RESULTS, _insert_settings, _stage
-from twelve_at_once import CATEGORY, row_of, summary
+from twelve_at_once import CATEGORY, line_of, parser_of, row_of, study_arguments, summary
 
 from s2a.insert.attempt import attempt
 from s2a.insert.batch import open_room
@@ -98,26 +98,20 @@ KINDS: dict[str, list[tuple[str, str, Sampler]]] = {
         ("glass vase", "on", lambda rng: decor.vase(rng, 0.22)),
     ],
 }
-"""Label, placement in truth and what draws it, by the room it goes to."""
+"""Label, placement in truth and what makes it, by the room it goes to."""
 
 
 def main() -> None:
     """Make the objects, insert each into an empty-handed room, and write what came of it."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=Path, default=Path("runs/other"))
-    parser.add_argument("--seeds", nargs="*", type=int, default=[100, 101])
-    parser.add_argument("--rooms", nargs="*", default=list(KINDS), choices=KINDS)
+    parser = parser_of(__doc__, Path("runs/other"), list(KINDS))
     parser.add_argument("--draws", type=int, default=2)
-    parser.add_argument("--name", default="rules")
-    args = parser.parse_args()
-    # What the functions of the insertion study ask for besides.
-    args.virtual, args.llm, args.recordings, args.settings, args.seed = "varied", "rules", None, [], 0
+    args = study_arguments(parser)
     files, rooms = _files(args), []
     for name in args.rooms:
         for number, seed in enumerate(args.seeds):
             own = files[name][number :: len(args.seeds)]
             rooms.append(_room(name, seed, own, args))
-            print(_line(rooms[-1]), flush=True)
+            print(line_of(rooms[-1]), flush=True)
             report = {
                 "llm": "rules",
                 "virtual": "varied",
@@ -150,7 +144,7 @@ def _files(args: argparse.Namespace) -> dict[str, list[tuple[Path, dict]]]:
     rng, folder = np.random.default_rng(SEED), args.runs / "other"
     made = [(room, _object(*kind, room, rng)) for _ in range(args.draws) for room in KINDS for kind in KINDS[room]]
     found: dict[str, list[tuple[Path, dict]]] = {room: [] for room in KINDS}
-    for number, ((room, _), item) in enumerate(zip(made, download([thing for _, thing in made], rng), strict=True)):
+    for number, ((room, _), item) in enumerate(zip(made, download([item for _, item in made], rng), strict=True)):
         # A kind's second draw goes to the other room.
         path = folder / f"{number:03d}" / item.file
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -179,14 +173,6 @@ def _whole(piece: Piece) -> Surface:
 
 def _truth(item: Download) -> dict:
     return item.truth(np.ptp(item.object.surface.vertices, axis=0))
-
-
-def _line(room: dict) -> str:
-    wrong = [
-        f"{row['object']}: {row.get('problem') or row['failed']}"[:110] for row in room["objects"] if not row["right"]
-    ]
-    head = f"{room['room']} {room['seed']}: {room['right']}/{len(room['objects'])}, {room['seconds']}"
-    return "\n  ".join([head, *wrong])
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ DEEP = 0.004
 OPENING_DEEP = 0.01
 """Depth from which a moving drawer or door is blocked [m]."""
 OVERHANG = 0.2
-"""Largest share of the outline, seen from above, with nothing of the support below it."""
+"""Largest fraction of the outline, seen from above, with nothing of the support below it."""
 POSITIONS = 25
 CHECKS = ("size", "upright", "carried", "inside_support", "free", "openings", "suits")
 
@@ -178,8 +178,8 @@ def _carried(room: Obstacles, points: np.ndarray, leans: bool) -> dict:
     if not below.all():
         below |= room.outlined(support, level, column[:, :2])
     held = on.any() and (leans or _holds(column[on, :2], middle, cell))
-    share = float(1.0 - below.mean())
-    return {"carried": bool(held), "support": support, "overhang": round(share, 3), "inside_support": share <= OVERHANG}
+    over = float(1.0 - below.mean())
+    return {"carried": bool(held), "support": support, "overhang": round(over, 3), "inside_support": over <= OVERHANG}
 
 
 def _holds(contacts: np.ndarray, middle: np.ndarray, cell: float) -> bool:
@@ -192,7 +192,7 @@ def _holds(contacts: np.ndarray, middle: np.ndarray, cell: float) -> bool:
 
 
 def _hung(room: Obstacles, placed: Placed, points: np.ndarray, either: bool) -> dict:
-    """Return what is behind a hanging object: a wall within a few centimetres; its front, or either side, looks into the room."""
+    """Return what is behind a hanging object: a wall within a few centimetres; its front, or either side, is towards the room."""
     front = placed.front
     assert front is not None
     if either:

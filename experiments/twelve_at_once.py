@@ -32,22 +32,33 @@ CATEGORY = {room: category for category, room in ROOMS.items() if category != "f
 
 def main() -> None:
     """Insert into every room and write what came of it."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=Path, default=Path("runs/twelve"))
-    parser.add_argument("--seeds", nargs="*", type=int, default=[100, 101])
-    parser.add_argument("--rooms", nargs="*", default=list(CATEGORY), choices=CATEGORY)
+    parser = parser_of(__doc__, Path("runs/twelve"), list(CATEGORY))
     parser.add_argument("--count", type=int, default=12)
-    parser.add_argument("--name", default="rules")
-    args = parser.parse_args()
-    # What the functions of the insertion study ask for besides.
-    args.virtual, args.llm, args.recordings, args.settings, args.seed = "varied", "rules", None, [], 0
+    args = study_arguments(parser)
     rooms = []
     for seed in args.seeds:
         for name in args.rooms:
             rooms.append(_room(name, seed, args))
-            print(_line(rooms[-1]), flush=True)
+            print(line_of(rooms[-1]), flush=True)
             _write(rooms, args)
     print(json.dumps(summary(rooms)))
+
+
+def parser_of(text: str | None, runs: Path, rooms: list[str]) -> argparse.ArgumentParser:
+    """Return the arguments of a program that inserts into varied rooms."""
+    parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=Path, default=runs)
+    parser.add_argument("--seeds", nargs="*", type=int, default=[100, 101])
+    parser.add_argument("--rooms", nargs="*", default=rooms, choices=rooms)
+    parser.add_argument("--name", default="rules")
+    return parser
+
+
+def study_arguments(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """Return what was given, with what the functions of the insertion study ask for besides."""
+    args = parser.parse_args()
+    args.virtual, args.llm, args.recordings, args.settings, args.seed = "varied", "rules", None, [], 0
+    return args
 
 
 def _write(rooms: list[dict], args: argparse.Namespace) -> None:
@@ -111,7 +122,8 @@ def summary(rooms: list[dict]) -> dict:
     return counts | {"refused": sum(not row["written"] for row in rows), "failed": failed, "longest": longest}
 
 
-def _line(room: dict) -> str:
+def line_of(room: dict) -> str:
+    """Return a room's counts and what is wrong in it, a line each."""
     wrong = [
         f"{row['object']}: {row.get('problem') or row['failed']}"[:110] for row in room["objects"] if not row["right"]
     ]

@@ -167,12 +167,14 @@ def _body(part: str, solid: Mesh, hulls: Sequence[Mesh], mass: Mass) -> SimBody:
 def _beside(item: FreeObject, others: Sequence[FreeObject]) -> Collider | None:
     """Return the support of an object without what of its margin would reach under another object.
 
-    That one stands on a top of its own, which may be a millimetre lower.
+    That one stands on a top of its own, which may be a millimetre lower, unless both stand on the same.
     """
-    if item.support is None or item.top is not None:
-        return item.support
+    if item.support is None:
+        return None
     (low, high), own = item.support.mesh.bounds.copy(), item.bounds
     for other in others:
+        if other.top is not None and other.top is item.top:
+            continue
         near, far = other.bounds
         if (near >= high).any() or (far <= low).any():
             continue

@@ -1,4 +1,4 @@
-"""The colours of an object's sides: a picture, a book or a box has its print in front."""
+"""The colours of an object's sides: a poster, a book or a box has its print in front."""
 
 from __future__ import annotations
 

@@ -24,9 +24,9 @@ LOW, STEADY = 0.35, 0.4
 SPREAD = 0.4
 """Standard deviation of the logarithm of height over longest side, within a kind of objects."""
 MIRRORED, MOST = 2.0, 0.3
-"""Weight of what differs along an axis between its ends, and the most that counts: few things are as below as above."""
+"""Weight of what differs along an axis between its ends, and the most that counts: few objects are the same above and below."""
 ROUND, ALIKE = 0.2, 0.05
-"""Weight of two sides that are alike, to that fraction: what a wheel or a mould turned has its axis upright, a cup or a plate."""
+"""Weight of two sides that are alike, to that fraction: a cup, a plate or a tin has its axis upright."""
 ANYWHERE = (
     "on table",
     "on desk",
@@ -216,7 +216,7 @@ def _flat(facts: Any, entry: ObjectKind | None) -> tuple[str, str]:
     usual = {"x": "+x", "y": "-y", "z": "+z"}[thin]
     other = _opposite(usual)
     feet, varied = facts["feet"], facts.get("varied", {})
-    # A picture has its colours in front, and what lies firmly on its back has a flat one.
+    # A framed image has its colours in front, and what lies firmly on its back has a flat one.
     colours = varied.get(other, 0.0) - varied.get(usual, 0.0)
     firmer = feet.get(other, 0.0) - feet.get(usual, 0.0)
     return up, other if colours > COLOURED or (firmer > FLATTER and colours > -COLOURED) else usual

@@ -29,7 +29,7 @@ class SearchConfig:
         min_supported_fraction: smallest fraction of the touching cells that must be supported.
         margin: clearance kept around the object [m].
         max_useful_clearance: clearance beyond this does not improve a placement [m].
-        max_overhang: largest share of the object, seen from above, that is beyond its support.
+        max_overhang: largest fraction of the object, seen from above, that is beyond its support.
         max_placements: placements ranked per yaw.
         clearance_weight: weight of the clearance around the object.
         facing_weight: weight of the facing direction.
@@ -65,7 +65,7 @@ class OccupancyGrid:
         carries: supported cells with clearance, shape [row column].
         layers: occupied cells by layer, shape [layer row column].
         edges: heights of the layers' borders above the region [m], shape [layer + 1].
-        beyond: cells beyond the outline of the region, over which things would hang, shape [row column].
+        beyond: cells beyond the outline of the region, over which objects would overhang, shape [row column].
     """
 
     pad: int

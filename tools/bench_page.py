@@ -1,0 +1,117 @@
+"""Seconds until the page of a room is drawn in headless Chromium, frames a second as it turns, and the size of its file.
+
+    python tools/bench_page.py PATH [PATH ...] [--max-faces N] [--out experiments/results/bench_page.json]
+
+PATH is what `s2a view` takes. Seconds count from when the command was entered: until its address is printed, the controls are
+there, and a tenth of the window is not background. Needs chromium and chromedriver, and the extras view and dev. The record holds
+the load of the machine: without a graphics processor the browser renders on the cores that the command needs too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests/support"))
+from browser import Page, browser  # type: ignore[import-not-found]
+
+from s2a.page.read import read
+from s2a.page.thin import thinned
+from s2a.provenance import provenance
+
+SIZE, PANEL = (1280, 800), 390
+"""[pixel] Of the window, and of the controls at its right."""
+BACKGROUND, DRAWN = 245, 0.1
+"""Level from which a pixel is background, and the fraction of others from which the room is drawn."""
+PATIENCE, TURNING = 120.0, 6.0
+"""[s] For each wait, and for which the room is turned."""
+COUNT = "window.frames_drawn = 0; (function f() { window.frames_drawn++; requestAnimationFrame(f) })()"
+
+
+def main() -> None:
+    """Measure every room and write the record."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("paths", nargs="+", type=Path)
+    parser.add_argument("--max-faces", type=int)
+    parser.add_argument("--out", type=Path, default=Path("experiments/results/bench_page.json"))
+    args = parser.parse_args()
+    rows = []
+    for path in args.paths:
+        room = read(path)
+        faces = thinned(room, args.max_faces).faces if args.max_faces else room.faces
+        rows.append({"path": str(path), "faces": faces, **opened(path, args.max_faces), **written(path)})
+        print(json.dumps(rows[-1]), flush=True)
+    args.out.write_text(json.dumps({**provenance("cpu"), "window": SIZE, "rooms": rows}, indent=1) + "\n")
+
+
+def opened(path: Path, max_faces: int | None) -> dict:
+    """Open the page of a room, and turn it."""
+    command = [sys.executable, "-m", "s2a", "view", f"path={path}", "page=true"]
+    command += [f"max_faces={max_faces}"] if max_faces else []
+    with browser(*SIZE) as page:
+        page.open("about:blank")
+        start = time.monotonic()
+        server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        try:
+            row = {"address": _address(server), "printed": round(time.monotonic() - start, 1)}
+            page.open(row.pop("address"))
+            page.wait(lambda: "Joints (" in page.text(), PATIENCE)
+            row["controls"] = round(time.monotonic() - start, 1)
+            page.wait(lambda: _filled(page.image()) > DRAWN, PATIENCE)
+            row["drawn"] = round(time.monotonic() - start, 1)
+            return row | {"frames_per_second": _turned(page), "load": round(os.getloadavg()[0], 1)}
+        finally:
+            server.send_signal(signal.SIGINT)
+            server.wait(20)
+
+
+def _address(server: subprocess.Popen) -> str:
+    """Return the address that the command prints."""
+    assert server.stderr
+    for line in server.stderr:
+        if " at http" in line:
+            return line.split(" at ")[1].split(";")[0]
+    raise SystemExit("the command ended without an address")
+
+
+def _filled(image: np.ndarray) -> float:
+    """Return the fraction of the window beside the controls that is not background."""
+    return float((image[:, : SIZE[0] - PANEL] < BACKGROUND).any(axis=-1).mean())
+
+
+def _turned(page: Page) -> float:
+    """Turn the room with the mouse; return the frames a second."""
+    page.driver.execute_script(COUNT)
+    _mouse(page, "mousePressed", 400)
+    start, step = time.monotonic(), 0
+    while time.monotonic() - start < TURNING:
+        step += 1
+        _mouse(page, "mouseMoved", 400 + step * 3 % 300)
+    count = page.driver.execute_script("return window.frames_drawn")
+    return round(count / (time.monotonic() - start), 1)
+
+
+def _mouse(page: Page, kind: str, x: int) -> None:
+    event = {"type": kind, "x": x, "y": 400, "button": "left", "buttons": 1, "clickCount": 1}
+    page.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event)
+
+
+def written(path: Path) -> dict:
+    """Write the file of a room; return its size."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "room.html"
+        subprocess.run([sys.executable, "-m", "s2a", "view", f"path={path}", f"html={file}"], check=True)
+        return {"html_megabytes": round(file.stat().st_size / 1e6, 1)}
+
+
+if __name__ == "__main__":
+    main()

@@ -24,6 +24,8 @@ GRID = 0.04
 """[m] Between the spots that are tried on a support."""
 LEVEL = 0.0015
 """[m] Up to which a support's height may differ below an object; half over an edge of 4 mm, a wine glass falls over."""
+FOOT = 0.01
+"""[m] Above an object's lowest point, up to which it stands on its support."""
 APART = 0.15
 """[m] Least distance of a free spot from where the object stands."""
 MARGINS = 0.16, 0.08, 0.04
@@ -112,11 +114,13 @@ def free_placements(room: SimRoom, name: str, support: str, other: np.ndarray) -
     body = room.free[name]
     turn = matrix(scanned(room, name))[:3, :3]
     points = surface_points([c.mesh for c in body.colliders], 200) @ turn.T
+    corners = np.concatenate([c.mesh.vertices for c in body.colliders]) @ turn.T
+    feet = corners[corners[:, 2] < corners[:, 2].min() + FOOT]
     taken = [np.array(other[:2])]
     for margin, spot in _spots(bounds.min(axis=0), bounds.max(axis=0), other):
         if min(np.linalg.norm(spot - each) for each in taken) < APART:
             continue
-        z = _standing(near, support, points, spot, float(bounds[:, 2].max()), margin)
+        z = _standing(near, support, points, feet, spot, float(bounds[:, 2].max()), margin)
         if z is not None:
             taken.append(spot)
             yield np.array([*spot, z, *body.orientation])
@@ -138,7 +142,13 @@ def _spots(low: np.ndarray, high: np.ndarray, other: np.ndarray) -> Iterator[tup
 
 
 def _standing(
-    near: RoomHulls, support: str, points: np.ndarray, spot: np.ndarray, top: float, margin: float
+    near: RoomHulls,
+    support: str,
+    points: np.ndarray,
+    feet: np.ndarray,
+    spot: np.ndarray,
+    top: float,
+    margin: float,
 ) -> float | None:
     """Return the height [m] of an object's origin that stands on a support at a place [2]; None: it does not, or not clear.
 
@@ -146,15 +156,16 @@ def _standing(
         near: the room around the object.
         support: id of the part.
         points: of the object's surface, turned, about its origin [point 3].
+        feet: those on which it stands [corner 3].
         spot: x and y.
         top: of the support [m].
         margin: to everything beside it [m].
     """
-    foot = footprint(points)
+    foot = footprint(feet)
     height, names = near.below(np.c_[foot + spot, np.full(len(foot), top + 0.3)])
     if np.ptp(height) > LEVEL or set(names) != {support} or not math.isfinite(height[0]):
         return None
-    z = float(height.max()) + GAP - float(points[:, 2].min())
+    z = float(height.max()) + GAP - float(feet[:, 2].min())
     beside = points + [*spot, z]
     # Spheres about what is low would reach into the support.
     beside[:, 2] = np.maximum(beside[:, 2], float(height.max()) + margin + LEVEL)
@@ -162,7 +173,7 @@ def _standing(
 
 
 def footprint(points: np.ndarray) -> np.ndarray:
-    """Return points on the ground below an object [point 3] and on its bounds with some margin, shape [point 2]."""
+    """Return points on the ground below what an object stands on [point 3] and around it with some margin, shape [point 2]."""
     low, high = points[:, :2].min(axis=0) - 0.01, points[:, :2].max(axis=0) + 0.01
     sides = [np.linspace(a, b, 3) for a, b in zip(low, high, strict=True)]
     return np.array(list(itertools.product(*sides)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -159,6 +160,15 @@ def test_a_free_placement_is_level_apart_and_on_the_support(tmp_path: Path) -> N
     assert pose[2] == pytest.approx(0.802 + 0.025 + 0.001, abs=1e-3)
     assert abs(pose[0]) < 0.305 - 0.025
     assert abs(pose[1]) < 0.381 - 0.025
+
+
+def test_only_what_an_object_stands_on_has_to_be_on_the_support(tmp_path: Path) -> None:
+    room = room_of(tmp_path)
+    body = room.free["cube_9"]
+    arms = replace(body.colliders[0], mesh=box((0.0, 0.0, 0.3), (0.01, 0.5, 0.01)))
+    room = replace(room, free={"cube_9": replace(body, colliders=(*body.colliders, arms))})
+    pose = next(free_placements(room, "cube_9", "cabinet_1", START))
+    assert pose[2] == pytest.approx(0.802 + 0.025 + 0.001, abs=1e-3)
 
 
 def test_free_placements_are_apart_and_those_with_room_for_the_hand_come_first(tmp_path: Path) -> None:

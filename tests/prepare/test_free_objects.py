@@ -185,6 +185,17 @@ def test_a_level_support_is_flat_over_all_of_its_extent() -> None:
     assert 0.78 - falls[0] == pytest.approx(0.74, abs=5e-4)
 
 
+def test_where_an_object_stands_does_not_depend_on_how_finely_it_is_meshed() -> None:
+    foot = trimesh.creation.box(extents=(0.1, 0.1, 0.12))
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.05)
+    foot.apply_translation([0.5, 1.2, 0.80])
+    ball.apply_translation([0.5, 1.2, 0.90])
+    both = trimesh.util.concatenate([foot, ball])
+    found = free_object(room(cup_26=Part("cup", Mesh(both.vertices, both.faces))), "cup_26", settings().free)
+    assert found.below == "table_4"
+    assert found.bounds[0, 2] == pytest.approx(0.74, abs=2e-3)
+
+
 def test_what_is_not_level_has_no_level_top() -> None:
     config = settings().free
     assert level_top("slab", noisy(0.8), 0.74, config.thickness, config.top) is not None

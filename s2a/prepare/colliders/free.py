@@ -27,6 +27,8 @@ from s2a.usd.sim_scene import Collider, Mass, SimBody
 
 HOLLOW, FULL = 0.1, 1.0
 """Shares of its convex hull that the volume of a sound solid lies between."""
+OUTLIERS = 0.005
+"""Fraction of a surface that noise may have put below it. Not of its vertices, which are few where a surface is flat."""
 RAYS = 24
 """Of those that look for a support, along either side of an object."""
 
@@ -204,7 +206,7 @@ def _support(scene: Scene, part: str, members: Sequence[str], surface: Mesh, con
     Rays look down from just above the object's lowest point, under it and close around it: what is right under it was
     seldom scanned.
     """
-    low, high = np.quantile(surface.vertices, 0.005, axis=0), surface.bounds[1]
+    low, high = _lowest(surface), surface.bounds[1]
     x, y = (np.linspace(low[k] - config.search_radius, high[k] + config.search_radius, RAYS) for k in (0, 1))
     starts = np.stack(
         [*(grid.ravel() for grid in np.meshgrid(x, y)), np.full(RAYS**2, low[2] + config.search_radius)], axis=1
@@ -229,6 +231,15 @@ def _support(scene: Scene, part: str, members: Sequence[str], surface: Mesh, con
             f"free={part}: no horizontal surface supports it within {100 * config.search_radius:.0f} cm of its lowest point"
         )
     return best, float(np.median(heights[best]))
+
+
+def _lowest(surface: Mesh) -> np.ndarray:
+    """Return the corner below which a fraction OUTLIERS of a surface's area lies, along each axis [m], shape [3]."""
+    corners, areas = surface.vertices[surface.faces].astype(np.float64).min(axis=1), surface.face_areas
+    order = np.argsort(corners, axis=0)
+    total = np.cumsum(areas[order], axis=0)
+    first = (total >= OUTLIERS * total[-1]).argmax(axis=0)
+    return np.array([corners[order[first[k], k], k] for k in range(3)])
 
 
 def _hulls(solid: Mesh, ground: float, config: FreeConfig) -> list[Mesh]:

@@ -15,7 +15,6 @@ from s2a.geometry.mesh_ops import painted
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.outputs import atomic_write, require_png
 from s2a.page.palette import hue
-from s2a.page.read import read as read_page
 from s2a.page.room import PageRoom
 from s2a.page.thin import thinned
 from s2a.ranges import AtLeast, Count
@@ -102,7 +101,9 @@ def _refuse_keys(config: Config) -> None:
 
 
 def _page_room(config: Config) -> PageRoom:
-    room = read_page(config.path)
+    from s2a.page.read import read  # its boxes are of the extra "sim"; the tree needs no extra
+
+    room = read(config.path)
     if config.part and config.part not in room.parts:
         raise InputError(f"part {config.part!r} is not in {room.name!r}; s2a view path={config.path} lists its parts")
     return room

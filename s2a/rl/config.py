@@ -45,7 +45,8 @@ class PpoConfig:
         cuda_graph: collecting and updating never wait for the device, and an update is replayed as captured graphs on a GPU;
             the arithmetic is the same. Of the two below, it needs neither.
         fused_adam: take the optimiser's step in one kernel instead of some ten.
-        torch_compile_mode: how torch.compile treats the networks; null: not at all.
+        torch_compile_mode: how torch.compile treats the networks, and the loss where `cuda_graph` is true; null: not at all.
+        tf32: multiply matrices in TensorFloat-32 (ten bits of mantissa) on a GPU that can.
     """
 
     iterations: Count
@@ -70,6 +71,7 @@ class PpoConfig:
     cuda_graph: bool
     fused_adam: bool
     torch_compile_mode: Literal["default", "max-autotune-no-cudagraphs"] | None
+    tf32: bool
 
 
 def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, Any]:
@@ -81,7 +83,7 @@ def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, An
         "obs_normalization": True,
     }
     gaussian = "s2a.rl.cuda_graph_ppo:LazyGaussian" if config.cuda_graph else "GaussianDistribution"
-    imitation = {"imitation_iterations": config.imitation_iterations} if config.cuda_graph else {}
+    own = {"imitation_iterations": config.imitation_iterations, "compile_mode": config.torch_compile_mode}
     distribution = {"class_name": gaussian, "init_std": config.init_std, "std_type": "scalar"}
     return {
         "num_steps_per_env": config.num_steps_per_env,
@@ -103,7 +105,7 @@ def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, An
             "value_loss_coef": config.value_loss_coef,
             "entropy_coef": config.entropy_coef,
             "max_grad_norm": config.max_grad_norm,
-            **imitation,
+            **(own if config.cuda_graph else {}),
         },
         "actor": {**network, "distribution_cfg": distribution},
         "critic": network,

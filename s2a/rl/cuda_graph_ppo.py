@@ -40,8 +40,12 @@ class GraphPpo(PPO):
 
     learning_rate: float
 
-    def __init__(self, *args: Any, imitation_iterations: int = 0, **kwargs: Any) -> None:
+    def __init__(
+        self, *args: Any, imitation_iterations: int = 0, compile_mode: str | None = None, **kwargs: Any
+    ) -> None:
         """Build rsl-rl's algorithm, with an optimiser whose learning rate is a tensor.
+
+        `compile_mode` is torch.compile's for the loss and its gradient; None: they are not compiled.
 
         In the first `imitation_iterations` updates the actor's loss is the squared difference of its mean action to the
         teacher's, summed over the joints, at the first learning rate; nothing else of the update is different. Where there is no
@@ -66,6 +70,9 @@ class GraphPpo(PPO):
         self._taught: torch.Tensor | None = None
         self._updates = 0
         self._replays: tuple[Callable[[], object], ...] = ()
+        self._loss = (
+            torch.compile(self._objective, mode=compile_mode, dynamic=False) if compile_mode else self._objective
+        )
 
     def update(self) -> dict[str, float]:
         """Run all epochs over the stored steps and return the mean losses.
@@ -147,35 +154,36 @@ class GraphPpo(PPO):
 
     def _differentiate(self) -> None:
         """Compute gradients and divergence of the mini-batch that the index names."""
-        seen, judged, advantage, action, old_value, goal, old_log, old_mean, old_std = (
-            x[self._index] for x in self._batch
-        )
+        loss, divergence, losses = self._loss(self._index, *self._batch, self._taught, bool(self._imitating))
+        gradients = torch.autograd.grad(loss, self._parameters)
+        self._packed.copy_(torch.cat([*(g.flatten() for g in gradients), divergence[None]]))
+        self._losses.add_(losses)
+
+    def _objective(self, index: torch.Tensor, *data: Any) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Return the loss, the divergence from the policy that collected, and the losses of value, policy and entropy."""
+        *batch, taught, imitating = data
+        seen, judged, advantage, action, old_value, goal, old_log, old_mean, old_std = (x[index] for x in batch)
         policy = self._raw_actor.distribution
         policy.update(self._raw_actor.mlp(seen))
         with torch.no_grad():
             divergence = policy.kl_divergence((old_mean, old_std), policy.params).mean()
-        ratio = torch.exp(policy.log_prob(action) - old_log)
-        limited = ratio.clamp(1.0 - self.clip_param, 1.0 + self.clip_param)
-        surrogate = torch.max(-advantage * ratio, -advantage * limited).mean()
-        if self._imitating:
-            surrogate = self._imitation(policy.mean)
+        if imitating and taught is None:  # gradients of exactly zero: Adam would make steps of rounding errors
+            surrogate = 0.0 * policy.mean.sum()
+        elif imitating:
+            surrogate = (policy.mean - taught[index]).square().sum(dim=1).mean()
+        else:
+            ratio = torch.exp(policy.log_prob(action) - old_log)
+            limited = ratio.clamp(1.0 - self.clip_param, 1.0 + self.clip_param)
+            surrogate = torch.max(-advantage * ratio, -advantage * limited).mean()
         value = self._raw_critic.mlp(judged)
         error = (value - goal).square()
         if self.use_clipped_value_loss:
             near = old_value + (value - old_value).clamp(-self.clip_param, self.clip_param)
             error = torch.max(error, (near - goal).square())
         value_loss, entropy = error.mean(), policy.entropy.mean()
-        curious = 0.0 if self._imitating else self.entropy_coef
+        curious = 0.0 if imitating else self.entropy_coef
         loss = surrogate + self.value_loss_coef * value_loss - curious * entropy
-        gradients = torch.autograd.grad(loss, self._parameters)
-        self._packed.copy_(torch.cat([*(g.flatten() for g in gradients), divergence[None]]))
-        self._losses.add_(torch.stack([value_loss, surrogate, entropy]).detach())
-
-    def _imitation(self, mean: torch.Tensor) -> torch.Tensor:
-        """Return the loss of mean actions [sample action] against the teacher's."""
-        if self._taught is None:  # gradients of exactly zero: Adam would make steps of rounding errors
-            return 0.0 * mean.sum()
-        return (mean - self._taught[self._index]).square().sum(dim=1).mean()
+        return loss, divergence, torch.stack([value_loss, surrogate, entropy]).detach()
 
     def _apply(self) -> None:
         """Adapt the learning rate to the divergence, as rsl-rl does, and take a step."""

@@ -24,6 +24,7 @@ from s2a.rl.runner import Runner
 
 def make_runner(env: RslRlEnv, config: PpoConfig, log_dir: Path | None) -> Runner:
     """Return rsl-rl's runner, which holds actor, critic, optimiser and normaliser."""
+    torch.backends.cuda.matmul.allow_tf32 = config.tf32
     settings = copy.deepcopy(rsl_rl_settings(config, env.env.task.privileged > 0))
     runner = Runner(env, settings, str(log_dir) if log_dir else None, device=str(env.device))
     if config.fused_adam and not config.cuda_graph:  # rsl-rl knows an optimiser by its name alone

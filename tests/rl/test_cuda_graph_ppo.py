@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import torch
 from counting_env import OBSERVATIONS, CountingEnv
+from rsl_rl.algorithms import PPO
 from settings import load
 from tensordict import TensorDict
 
 from s2a.errors import InputError
 from s2a.rl.adapter import RslRlEnv
 from s2a.rl.config import PpoConfig
+from s2a.rl.cuda_graph_ppo import GraphPpo
 from s2a.rl.ppo import make_runner
 from s2a.rl.runner import Runner
 
@@ -38,12 +41,15 @@ class NoisyEnv(CountingEnv):
         self.reward.copy_(self.observation[:, 0] * action[:, 0])
 
 
-def learned(graph: bool, iterations: int = 3, **changes: object) -> Runner:
-    """Return what has learned for some iterations from a fixed seed."""
+def learned(
+    graph: bool, iterations: int = 3, prepare: Callable[[PPO], None] = lambda alg: None, **changes: object
+) -> Runner:
+    """Return what has learned for some iterations from a fixed seed, after `prepare`."""
     torch.manual_seed(0)
     settings = load(PpoConfig, "ppo/default", **SMALL, **changes, cuda_graph=graph)
     runner = make_runner(RslRlEnv(NoisyEnv(), 1.0), settings, None)
     runner.alg.act = _reproducible(runner.alg)
+    prepare(runner.alg)
     runner.learn(iterations)
     return runner
 
@@ -64,6 +70,22 @@ def test_the_update_is_the_librarys_own(changes: dict[str, object]) -> None:
     theirs, ours = (learned(graph, **changes).alg for graph in (False, True))
     assert type(ours).__name__ == "GraphPpo" and type(theirs).__name__ == "PPO"
     assert ours.learning_rate == pytest.approx(theirs.learning_rate, rel=1e-5)
+    _assert_alike(ours, theirs)
+
+
+@pytest.mark.slow  # inductor compiles C++ for half a minute
+def test_the_compiled_update_is_the_librarys_own() -> None:
+    theirs, ours = learned(False).alg, learned(True, prepare=_compile_the_loss).alg
+    assert ours._loss is not ours._objective
+    _assert_alike(ours, theirs)
+
+
+def _compile_the_loss(alg: GraphPpo) -> None:
+    """Compile the update alone: a compiled actor draws other noise while it collects."""
+    alg._loss = torch.compile(alg._objective, dynamic=False)
+
+
+def _assert_alike(ours: PPO, theirs: PPO) -> None:
     for model in ("actor_state_dict", "critic_state_dict"):
         expected = theirs.save()[model]
         for name, value in ours.save()[model].items():

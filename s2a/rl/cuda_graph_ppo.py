@@ -48,7 +48,7 @@ class GraphPpo(PPO):
         `compile_mode` is torch.compile's for the loss and its gradient; None: they are not compiled.
 
         In the first `imitation_iterations` updates the actor's loss is the squared difference of its mean action to the
-        teacher's, summed over the joints, at the first learning rate; nothing else of the update is different. Where there is no
+        teacher's, summed over the joints, at the first learning rate, and the value's change is not clipped. Where there is no
         teacher, the policy stays as it is, and the critic alone learns.
         """
         super().__init__(*args, **kwargs)
@@ -177,7 +177,8 @@ class GraphPpo(PPO):
             surrogate = torch.max(-advantage * ratio, -advantage * limited).mean()
         value = self._raw_critic.mlp(judged)
         error = (value - goal).square()
-        if self.use_clipped_value_loss:
+        # A critic that begins has values of nothing: a change of 0.2 an iteration would take it hundreds to returns of 50.
+        if self.use_clipped_value_loss and not imitating:
             near = old_value + (value - old_value).clamp(-self.clip_param, self.clip_param)
             error = torch.max(error, (near - goal).square())
         value_loss, entropy = error.mean(), policy.entropy.mean()

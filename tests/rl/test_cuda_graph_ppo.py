@@ -197,6 +197,23 @@ def test_imitation_alone_moves_the_actor_and_rewards_the_critic() -> None:
     )
 
 
+def test_a_critic_that_begins_reaches_returns_beyond_what_the_clip_lets_it_move() -> None:
+    class Rich(NoisyEnv):
+        def step(self, action: torch.Tensor) -> None:
+            super().step(action)
+            self.reward.fill_(10.0)  # returns of up to 1000
+
+    values = []
+    for iterations in (6, 0):  # the critic alone; PPO, whose clip stops it early in an update
+        torch.manual_seed(0)
+        changes = {**SMALL, "learning_rate": 1e-2, "desired_kl": 1e9, "num_learning_epochs": 20}
+        changes["imitation_iterations"] = iterations
+        runner = make_runner(RslRlEnv(Rich(), 1.0), load(PpoConfig, "ppo/default", **changes, cuda_graph=True), None)
+        runner.learn(6)
+        values.append(float(runner.alg.storage.values.mean()))
+    assert values[0] > 4.0 * values[1]
+
+
 @pytest.mark.parametrize(("done", "left"), [(0, 3), (2, 1), (3, 0), (9, 0)])
 def test_a_run_that_goes_on_imitates_for_the_rest_of_its_iterations(done: int, left: int, tmp_path: Path) -> None:
     first = imitating(4)

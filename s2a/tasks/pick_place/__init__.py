@@ -15,6 +15,7 @@ from s2a.errors import InputError
 from s2a.planner.trajectory import Trajectory
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
+from s2a.sim.world import SimStage
 from s2a.tasks.pick_place import mdp, skill
 from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
 
@@ -29,6 +30,8 @@ class PickPlaceTask(Task):
     REWARDS, METRICS_VERSION = mdp.REWARDS, 1
     METRICS: ClassVar[tuple[str, ...]] = mdp.METRICS
     VALUES: ClassVar[tuple[str, ...]] = mdp.VALUES
+    INSTRUCTION = "pick up the {part} and put it down at its place"
+    Stage: ClassVar[type[SimStage]] = skill.PickStage
     LOGGED = ("success", "placed", "carried", "grasped")
     KERNELS: ClassVar[Any] = mdp
 

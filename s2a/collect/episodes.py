@@ -27,6 +27,7 @@ class Collector:
 
     Attributes:
         features: what every frame holds.
+        encoded: frames of all worlds in the last batch, whether kept or not.
     """
 
     def __init__(
@@ -70,8 +71,14 @@ class Collector:
         columns = {name: tuple(each) for name, each in columns.items() if len(each)}
         self.features = Features(spec.name, fps, columns, CAMERAS, size, position_limits(spec), world)
         joints = stage.room.articulations
+        self.encoded = 0
         self._coords = [axis_of(sim.world, i, joints[i].joint.kind)[0] for i in self._parts]
         self._bodies = [sim.body(i) for i in self._objects]
+
+    @property
+    def device(self) -> str:
+        """Where it is simulated."""
+        return str(self._env.sim.device)
 
     def encoders(self, dataset: Dataset | type[Dataset]) -> Encoders:
         """Return the processes that write the images of a batch as a dataset keeps them."""
@@ -101,7 +108,7 @@ class Collector:
         self._recorder.sample()
         seen = self._at_rest()
         while watch.alive.any():
-            self._look(encoders)
+            self.look(encoders)
             frame = self._columns(seen)
             for _ in range(self._every):
                 seen = watch.step(policy, self._recorder)
@@ -109,6 +116,7 @@ class Collector:
             frames.append(frame)
             encoders.add(watch.alive)
             lengths += watch.alive
+        self.encoded = int(lengths.sum())
         columns = {name: np.stack([each[name] for each in frames], axis=1) for name in self.features.columns}
         files, actions = encoders.end(), np.stack(watch.actions)
         for world in np.flatnonzero(watch.result[:, env.columns.index(env.task.LOGGED[0])] > 0.5):
@@ -122,7 +130,7 @@ class Collector:
                 {name: each[world] for name, each in start.items()},
             )
 
-    def _look(self, encoders: Encoders) -> None:
+    def look(self, encoders: Encoders) -> None:
         """Put what all cameras see where it is encoded from."""
         slot = encoders.slot()
         for camera in self._views.render(self._env.sim.joint_q):

@@ -8,7 +8,7 @@ that succeed into a temporary folder. A frame is one camera's colours, depth and
 - sensor: the cameras alone, colours and depth, left on the device.
 - images: with instances, and brought to where they are encoded from.
 - simulation: physics and who acts, without any camera, at so many frames of it.
-- encoders: the processes alone, on the frames that are there.
+- encoders: the processes alone, on images that stand still, which is the most that they can do.
 - written: all of it together, as `s2a collect` does it; demonstrations a minute of the same rounds.
 """
 
@@ -19,16 +19,17 @@ import json
 import os
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import torch
+if TYPE_CHECKING:
+    import numpy as np
 
-from s2a import config
-from s2a.collect.encoders import Encoders
-from s2a.commands.collect import Config, Session, begin, format_of
-from s2a.provenance import provenance
-from s2a.sim.views import CAMERAS
+    from s2a.collect.encoders import Encoders
+    from s2a.commands.collect import Config, Session
 
+# What is imported here, every process that encodes images imports too, since it begins as this module: so no physics.
 ROUNDS = 2
 SECONDS = 5.0
 """For which each part is timed alone."""
@@ -40,6 +41,9 @@ def main() -> None:
     parser.add_argument("keys", nargs="+", metavar="key=value")
     parser.add_argument("--out", type=Path, help="write the row as JSON")
     args = parser.parse_args()
+    from s2a import config
+    from s2a.commands.collect import Config
+
     with tempfile.TemporaryDirectory() as folder:
         keys = [*args.keys, f"out={folder}/set", "episodes=1"]
         settings = config.load(Config, config.compose("collect", keys))
@@ -51,19 +55,30 @@ def main() -> None:
 
 def measured(settings: Config, folder: Path) -> dict:
     """Return the rates of all parts [frame/s]."""
+    import numpy as np
+
+    from s2a.collect.encoders import SLOTS
+    from s2a.commands.collect import begin, format_of
+    from s2a.provenance import provenance
+    from s2a.sim.views import CAMERAS
+
     session = begin(settings)
     env, views, collector = session.env, session.views, session.collector
     dataset = format_of(settings.format)(settings.out, collector.features)
     images = len(CAMERAS) * settings.num_envs
     with collector.encoders(dataset) as encoders:
         encoders.begin(folder / "alone")
+        for _ in range(SLOTS):
+            collector.look(encoders)
+            encoders.add(np.ones(settings.num_envs, dtype=bool))
         rates = {
             "sensor": images * rate(lambda: list(views.render(env.sim.joint_q, instances=False)), env.sim.device),
             "images": images * rate(lambda: collector.look(encoders), env.sim.device),
             "simulation": images / settings.every * rate(lambda: act(session), env.sim.device),
-            "encoders": images * rate(lambda: encode(encoders, settings.num_envs), "cpu"),
+            "encoders": images * rate(lambda: encode(encoders, np.ones(settings.num_envs, dtype=bool)), "cpu"),
         }
         encoders.end()
+        env.reset_all(settings.seed)
         start, kept, frames = time.perf_counter(), 0, 0
         for k in range(ROUNDS):
             for episode in collector.run(session.policy, settings.seed + k, folder, encoders, session.words):
@@ -91,13 +106,13 @@ def act(session: Session) -> None:
     session.env.step(session.policy(session.env.observation.clone()))
 
 
-def encode(encoders: Encoders, num_envs: int) -> None:
+def encode(encoders: Encoders, alive: np.ndarray) -> None:
     """Encode the frame that is in the slot."""
     encoders.slot()
-    encoders.add([True] * num_envs)
+    encoders.add(alive)
 
 
-def rate(function, device: str) -> float:  # noqa: ANN001
+def rate(function: Callable[[], object], device: str) -> float:
     """Return calls a second."""
     function()
     _sync(device)
@@ -112,7 +127,9 @@ def rate(function, device: str) -> float:  # noqa: ANN001
 
 def _sync(device: str) -> None:
     """Wait for the device."""
-    if str(device).startswith("cuda"):
+    if device.startswith("cuda"):
+        import torch
+
         torch.cuda.synchronize(device)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -177,11 +178,12 @@ class _Worker:
 
 def _work(pipe: Connection, memory: Any, layout: Layout, items: Sequence[Any], files: Any, fps: int) -> None:
     """Do what is asked through a pipe until it is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one that simulates is interrupted, and closes the pipe
     worker = _Worker(memory, layout, items, files, fps)
     while True:
         try:
             name, *inputs = pipe.recv()
-        except (EOFError, KeyboardInterrupt):
+        except EOFError:
             return
         try:
             pipe.send((True, getattr(worker, name)(*inputs)))

@@ -15,6 +15,10 @@ from s2a.collect.video import ImageFile, Images
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
 
+ABOUT = "meta/s2a.json"
+"""What a dataset is of; the first file that is written."""
+UNFINISHED = ".unfinished_"
+"""What the names of folders with images of episodes that are not finished begin with."""
 REPLAY = "replay/episode_{index:06d}.npz"
 
 
@@ -90,6 +94,12 @@ class Dataset(Protocol):
 
     def add(self, episode: Episode) -> None:
         """Write an episode; it counts when all of it is there."""
+
+
+def is_foreign(root: Path) -> bool:
+    """Return whether a folder holds files, and none that a run of `s2a collect` began with, even if it was killed at once."""
+    found = [path.name for path in root.iterdir() if not path.name.startswith(UNFINISHED)] if root.is_dir() else []
+    return bool(found) and not (root / ABOUT).is_file()
 
 
 def write_replay(root: Path, index: int, episode: Episode) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import torch
 
 from s2a.collect.encoders import CHANNELS, Encoders, Layout
-from s2a.collect.episode import Dataset, Episode, Features
+from s2a.collect.episode import UNFINISHED, Dataset, Episode, Features
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import Policy
@@ -200,9 +201,11 @@ def each_world(state: Mapping[str, torch.Tensor], count: int) -> dict[str, np.nd
 
 
 def temporary(root: Path) -> tempfile.TemporaryDirectory[str]:
-    """Return a folder in a dataset for files of episodes that are not finished."""
+    """Return a folder in a dataset for files of episodes that are not finished; those of a run that was killed are deleted."""
     root.mkdir(parents=True, exist_ok=True)
-    return tempfile.TemporaryDirectory(prefix=".unfinished_", dir=root)
+    for left in root.glob(f"{UNFINISHED}*"):
+        shutil.rmtree(left, ignore_errors=True)
+    return tempfile.TemporaryDirectory(prefix=UNFINISHED, dir=root)
 
 
 def restored(env: VecEnv, episodes: list[dict[str, np.ndarray]]) -> None:

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import h5py
 import numpy as np
 
-from s2a.collect.episode import Episode, Features, write_replay
+from s2a.collect.episode import Episode, Features, is_foreign, write_replay
 from s2a.collect.video import LEVEL, DeflatedImages, ImageFile, Images
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
@@ -41,7 +41,7 @@ class Robomimic:
         file = root / INDEX
         if file.is_file():
             self._lengths = self._read(file)
-        elif root.exists() and any(root.iterdir()):
+        elif is_foreign(root):
             raise InputError(f"{root} holds files that are no dataset of robomimic; choose another place")
 
     @property

@@ -10,7 +10,7 @@ from typing import Literal
 
 from s2a import robot, tasks
 from s2a.collect import stage_file
-from s2a.collect.episode import Dataset
+from s2a.collect.episode import ABOUT, Dataset
 from s2a.collect.episodes import Collector, temporary
 from s2a.commands.worlds import WorldsConfig
 from s2a.env.task import MdpConfig
@@ -31,7 +31,6 @@ from s2a.sim.world import SimStage
 from s2a.tasks import make_env
 from s2a.usd.stamp import layer_hash
 
-ABOUT = "meta/s2a.json"
 Format = Literal["lerobot", "robomimic"]
 PATIENCE = 5
 """Batches without a success after which collecting ends."""

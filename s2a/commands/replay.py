@@ -12,9 +12,8 @@ import torch
 
 from s2a import config as settings
 from s2a.collect import stage_file
-from s2a.collect.episode import read_replay
+from s2a.collect.episode import ABOUT, read_replay
 from s2a.collect.episodes import restored
-from s2a.commands.collect import ABOUT
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.ranges import Count

@@ -14,7 +14,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from s2a.collect.episode import Dataset, Episode, Features, read_replay
+from s2a.collect.episode import ABOUT, UNFINISHED, Dataset, Episode, Features, read_replay
+from s2a.collect.episodes import temporary
 from s2a.collect.lerobot_format import IMAGES, LOSSLESS, LeRobot
 from s2a.collect.robomimic import INDEX, Robomimic
 
@@ -98,3 +99,18 @@ def test_a_kill_at_any_write_loses_no_finished_episode(kind: type[Dataset], tmp_
             break
         at += 1
     assert at >= 8
+
+
+@pytest.mark.parametrize("kind", [LeRobot, Robomimic])
+def test_a_run_that_was_killed_before_its_first_episode_is_gone_on_with(kind: type[Dataset], tmp_path: Path) -> None:
+    root = tmp_path / "set"
+    (root / f"{UNFINISHED}x").mkdir(parents=True)
+    kind(root, FEATURES)  # killed before anything else was written
+    (root / ABOUT).parent.mkdir()
+    (root / ABOUT).write_text("{}")
+    (root / f"{UNFINISHED}x/0_wrist_image.mp4").write_bytes(b"half")
+    dataset = kind(root, FEATURES)
+    with temporary(root) as folder:
+        assert [path.name for path in root.glob(f"{UNFINISHED}*")] == [Path(folder).name]
+        add(dataset, tmp_path, 1)
+    assert levels(kind(root, FEATURES)) == [{1}]

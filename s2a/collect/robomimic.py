@@ -1,6 +1,6 @@
 """Episodes as robomimic reads them: HDF5, each episode a file of its own, and one that links to all.
 
-Format: robomimic 0.5, docs/datasets/overview.md and utils/dataset.py. A file that is being written when its process is killed can
+Format: robomimic 0.3, docs/datasets/overview.md and utils/dataset.py. A file that is being written when its process is killed can
 be beyond repair; linked, no finished episode is ever open.
 """
 

@@ -69,11 +69,11 @@ def measured(settings: Config, folder: Path) -> dict:
     with collector.encoders(dataset) as encoders:
         encoders.begin(folder / "alone")
         for _ in range(SLOTS):
-            collector.look(encoders)
+            collector.render(encoders)
             encoders.add(np.ones(settings.num_envs, dtype=bool))
         rates = {
             "sensor": images * rate(lambda: list(views.render(env.sim.joint_q, instances=False)), env.sim.device),
-            "images": images * rate(lambda: collector.look(encoders), env.sim.device),
+            "images": images * rate(lambda: collector.render(encoders), env.sim.device),
             "simulation": images / settings.every * rate(lambda: act(session), env.sim.device),
             "encoders": images * rate(lambda: encode(encoders, np.ones(settings.num_envs, dtype=bool)), "cpu"),
         }

@@ -24,7 +24,7 @@ CHANNELS = {"image": (np.uint8, (3,)), "depth": (np.uint16, ()), "instances": (n
 
 
 @dataclass(frozen=True)
-class Layout:
+class FrameMemory:
     """How the frames of all worlds lie in memory.
 
     Attributes:
@@ -68,7 +68,7 @@ class Encoders:
     """
 
     def __init__(
-        self, layout: Layout, files: Mapping[str, type[ImageFile]], fps: int, count: int | None = None
+        self, layout: FrameMemory, files: Mapping[str, type[ImageFile]], fps: int, count: int | None = None
     ) -> None:
         """Start the processes.
 
@@ -157,7 +157,9 @@ class Encoders:
 class _Worker:
     """The files of one process."""
 
-    def __init__(self, memory: Any, layout: Layout, items: Sequence[tuple[int, Key]], files: Any, fps: int) -> None:
+    def __init__(
+        self, memory: Any, layout: FrameMemory, items: Sequence[tuple[int, Key]], files: Any, fps: int
+    ) -> None:
         self._arrays, self._items, self._types = layout.arrays(memory), items, files
         self._size, self._fps = layout.size, fps
         self._files: dict[tuple[int, Key], ImageFile] = {}
@@ -176,7 +178,7 @@ class _Worker:
         return {name: file.close() for name, file in self._files.items()}
 
 
-def _work(pipe: Connection, memory: Any, layout: Layout, items: Sequence[Any], files: Any, fps: int) -> None:
+def _work(pipe: Connection, memory: Any, layout: FrameMemory, items: Sequence[Any], files: Any, fps: int) -> None:
     """Do what is asked through a pipe until it is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one that simulates is interrupted, and closes the pipe
     worker = _Worker(memory, layout, items, files, fps)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from s2a.collect.encoders import CHANNELS, Encoders, Layout
+from s2a.collect.encoders import CHANNELS, Encoders, FrameMemory
 from s2a.collect.episode import UNFINISHED, Dataset, Episode, Features
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
@@ -84,7 +84,7 @@ class Collector:
     def encoders(self, dataset: Dataset | type[Dataset]) -> Encoders:
         """Return the processes that write the images of a batch as a dataset keeps them."""
         keys = tuple((camera, kind) for camera in CAMERAS for kind in CHANNELS)
-        layout = Layout(keys, self._env.num_envs, self.features.size)
+        layout = FrameMemory(keys, self._env.num_envs, self.features.size)
         return Encoders(layout, dataset.FILES, self.features.fps)
 
     @torch.inference_mode()
@@ -109,7 +109,7 @@ class Collector:
         self._recorder.sample()
         seen = self._at_rest()
         while watch.alive.any():
-            self.look(encoders)
+            self.render(encoders)
             frame = self._columns(seen)
             for _ in range(self._every):
                 seen = watch.step(policy, self._recorder)
@@ -131,7 +131,7 @@ class Collector:
                 {name: each[world] for name, each in start.items()},
             )
 
-    def look(self, encoders: Encoders) -> None:
+    def render(self, encoders: Encoders) -> None:
         """Put what all cameras see where it is encoded from."""
         slot = encoders.slot()
         for camera in self._views.render(self._env.sim.joint_q):

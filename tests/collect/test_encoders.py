@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from s2a.collect.encoders import SLOTS, Encoders, Layout
+from s2a.collect.encoders import SLOTS, Encoders, FrameMemory
 from s2a.collect.video import DeflatedImages, LosslessVideo
 from s2a.errors import InputError
 
-LAYOUT = Layout((("wrist", "image"), ("wrist", "depth")), 3, (6, 4))
+LAYOUT = FrameMemory((("wrist", "image"), ("wrist", "depth")), 3, (6, 4))
 FILES = {"image": DeflatedImages, "depth": DeflatedImages}
 
 

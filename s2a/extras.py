@@ -25,7 +25,7 @@ MODULES = {
     ),
     "learn": ("onnx", "onnxruntime", "rsl_rl", "tensorboard", "tensordict", "torch"),
     "llm": ("httpx2", "openai"),
-    "collect": ("av", "pyarrow"),
+    "collect": ("av", "h5py", "pyarrow"),
     "view": ("viser",),
 }
 """Top-level modules by the extra that installs them."""

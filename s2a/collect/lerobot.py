@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from s2a.collect.episode import is_foreign
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
 
@@ -59,7 +60,7 @@ class LeRobotDataset:
             self.info = _read(file)
             if (self.info.get("features"), self.info.get("fps")) != (json.loads(json.dumps(expected)), fps):
                 raise InputError(f"{root} holds a dataset of other features or another fps; choose another place")
-        elif root.exists() and any(root.iterdir()):
+        elif is_foreign(root):
             raise InputError(f"{root} holds files that are no dataset; choose another place")
         else:
             self.info = {

@@ -1,17 +1,22 @@
-"""sim.usd and a policy -> demonstrations: what the robot saw and did, as a LeRobot dataset (docs/demonstrations.md)."""
+"""sim.usd and a policy -> demonstrations: what the robot saw and did, as a dataset (docs/demonstrations.md)."""
 
 from __future__ import annotations
 
 import json
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
-from s2a.collect.episodes import Collector, temporary, write
-from s2a.collect.lerobot import LeRobotDataset
+from s2a import robot, tasks
+from s2a.collect import stage_file
+from s2a.collect.episode import ABOUT, Dataset
+from s2a.collect.episodes import Collector, temporary
 from s2a.commands.worlds import WorldsConfig
+from s2a.env.task import MdpConfig
+from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
+from s2a.evaluate import Policy
 from s2a.outputs import atomic_write
 from s2a.planner.motion import Planner
 from s2a.provenance import provenance
@@ -22,10 +27,11 @@ from s2a.sim import pool
 from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.views import Views, ViewsConfig
+from s2a.sim.world import SimStage
 from s2a.tasks import make_env
 from s2a.usd.stamp import layer_hash
 
-ABOUT = "meta/s2a.json"
+Format = Literal["lerobot", "robomimic"]
 PATIENCE = 5
 """Batches without a success after which collecting ends."""
 
@@ -38,8 +44,9 @@ class Config(WorldsConfig):
         out: folder of the dataset; one that is there already is gone on with.
         episodes: that succeed, with those that are there already.
         policy: who acts: null, the planner; pretrained; or a model_N.onnx.
-        instruction: what the robot is to do, in words; null: open, and the part's label.
+        instruction: what the robot is to do, in words; null: what the task is, and the label.
         every: control steps a frame.
+        format: lerobot: LeRobotDataset v3.0; robomimic: HDF5 as robomimic reads it.
         views: the cameras.
     """
 
@@ -48,61 +55,114 @@ class Config(WorldsConfig):
     policy: Path | None
     instruction: str | None
     every: Count
+    format: Format
     views: ViewsConfig
 
 
-def run(config: Config) -> str:
-    """Collect episodes until there are enough, and return how many there are."""
+@dataclass(frozen=True)
+class Session:
+    """What collects.
+
+    Attributes:
+        stage: in which.
+        env: the worlds.
+        policy: who acts.
+        views: the cameras.
+        collector: runs the episodes.
+        words: the instruction.
+    """
+
+    stage: SimStage
+    env: VecEnv
+    policy: Policy
+    views: Views
+    collector: Collector
+    words: str
+
+
+def begin(config: Config) -> Session:
+    """Build the worlds, the cameras, and who acts; InputError for keys that cannot go together."""
     if pool.is_index(config.stage):
         raise InputError(f"{config.stage} is a pool; give a sim.usd and a part")
-    if config.views.width % 2 or config.views.height % 2:
-        raise InputError(
-            f"images of {config.views.width} x {config.views.height} pixels cannot be a video; give even numbers"
-        )
+    size = config.views.width, config.views.height
+    if size[0] % 2 or size[1] % 2:
+        raise InputError(f"images of {size[0]} x {size[1]} pixels cannot be a video; give even numbers")
     file = PolicyFile(config.policy) if config.policy else None
     physics, task = file.world if file else (config.sim, config.task)
-    if physics.vary:
-        physics = type(physics)(
-            **{**vars(physics), "vary": None}
-        )  # every world alike, or no episode could be played again
-    stage = config.read_stage()
+    physics = replace(physics, vary=None)  # every world alike, or no episode could be played again
+    stage = _stage(config, task)
     sim = Simulation([stage], physics, config.num_envs, device_of(config.device))
     recorder = Recorder(sim)
     env = make_env(sim, task, config.metrics, {}, config.seed)
     policy = file.bound(env) if file else Planner(env, config.planner)
     views = Views(stage, config.views, config.num_envs, sim.device)
-    collector = Collector(env, recorder, views, (config.views.width, config.views.height), config.every)
-    dataset = LeRobotDataset(config.out, collector.fps, stage.robot, collector.features())
-    words = config.instruction or f"open the {stage.target.rsplit('_', 1)[0].replace('_', ' ')}"
-    about = {"part": stage.target, "robot": stage.robot, "seed": config.seed, "views": asdict(config.views)}
-    about |= {"stage_sha256": layer_hash(config.stage), "world": json.loads(world_json(physics, task))}
-    with temporary(config.out) as folder:
-        _keep(config.out / ABOUT, json.loads(json.dumps(about, default=str)), provenance(sim.device))
+    world = json.loads(world_json(physics, task))
+    collector = Collector(env, recorder, views, size, config.every, world)
+    return Session(stage, env, policy, views, collector, config.instruction or tasks.task(task.name).instruction(stage))
+
+
+def run(config: Config) -> str:
+    """Collect episodes until there are enough, and return how many there are."""
+    session = begin(config)
+    collector = session.collector
+    dataset = format_of(config.format)(config.out, collector.features)
+    with temporary(config.out) as folder, collector.encoders(dataset) as encoders:
+        _keep(config, session)
         began, first, run_episodes = time.perf_counter(), dataset.count, 0
         while dataset.count < config.episodes:
             if run_episodes >= PATIENCE * config.num_envs and dataset.count == first:
                 raise InputError(f"none of {run_episodes} episodes succeeded; see what s2a evaluate says of this part")
             # A dataset that is gone on with begins no episode twice: of each start at least one is past its seed.
-            batch = collector.run(policy, config.seed + dataset.count + run_episodes, Path(folder))
+            seed = config.seed + dataset.count + run_episodes
             run_episodes += config.num_envs
-            for world in batch.success.nonzero()[0][: config.episodes - dataset.count]:
-                write(dataset, batch, int(world), words)
+            for episode in collector.run(session.policy, seed, Path(folder), encoders, session.words):
+                if dataset.count < config.episodes:
+                    dataset.add(episode)
     made, seconds = dataset.count - first, time.perf_counter() - began
-    frames = dataset.info["total_frames"]
     return (
-        f"{config.out}: {dataset.count} episodes, {frames} frames at {collector.fps} a second; {made} of {run_episodes} episodes "
-        f"kept, {60.0 * made / seconds:.1f} a minute"
+        f"{config.out}: {dataset.count} episodes, {dataset.frames} frames at {collector.features.fps} a second; "
+        f"{made} of {run_episodes} episodes kept, {60.0 * made / seconds:.1f} a minute"
     )
 
 
-def _keep(file: Path, about: dict[str, Any], made: dict[str, Any]) -> None:
+def format_of(name: Format) -> type[Dataset]:
+    """Return what writes a format, whose library is imported only then."""
+    if name == "robomimic":
+        from s2a.collect.robomimic import Robomimic
+
+        return Robomimic
+    from s2a.collect.lerobot_format import LeRobot
+
+    return LeRobot
+
+
+def _stage(config: Config, task: MdpConfig) -> SimStage:
+    """Return the stage of the dataset that is there, or read it, for which some tasks plan."""
+    if not (config.out / stage_file.FILE).is_file():
+        return config.read_stage()
+    robot.check_unchanged(config.robot)
+    stage = stage_file.read(tasks.task(task.name).Stage, config.stage, config.out)
+    other = {"part": config.part not in (None, stage.target), "also": bool(set(config.also) - set(stage.also))}
+    if any(other.values()):
+        names = ", ".join(name for name, differs in other.items() if differs)
+        raise InputError(f"{config.out} was collected with another {names}; choose another place")
+    return stage
+
+
+def _keep(config: Config, session: Session) -> None:
     """Write what a dataset is of; InputError where it is of something else: its episodes could not be played again."""
+    stage, file = session.stage, config.out / ABOUT
+    content = {"part": stage.target, "robot": stage.robot, "seed": config.seed, "views": asdict(config.views)}
+    content |= {"stage_sha256": layer_hash(config.stage), "format": config.format}
+    content |= {"world": session.collector.features.world, "instances": session.views.instances}
+    content |= {"robot_base": stage.base.tolist(), "instruction": session.words}
+    about = json.loads(json.dumps(content, default=str))
     if file.is_file():
         known = json.loads(file.read_text())
-        if other := [key for key in about if key != "seed" and known.get(key) != about[key]]:
-            raise InputError(
-                f"{file.parent.parent} was collected with another {', '.join(other)}; choose another place"
-            )
+        if other := [key for key in about if key not in ("seed", "instruction") and known.get(key) != about[key]]:
+            raise InputError(f"{config.out} was collected with another {', '.join(other)}; choose another place")
     file.parent.mkdir(parents=True, exist_ok=True)
+    made = provenance(session.collector.device)
     with atomic_write(file) as out:
         out.write_text(json.dumps({**about, **made}, indent=1))
+    stage_file.write(stage, config.out)

@@ -11,16 +11,16 @@ import numpy as np
 import torch
 
 from s2a import config as settings
-from s2a import robot
-from s2a.cache import UNREADABLE
-from s2a.collect.episodes import REPLAY, restored
-from s2a.commands.collect import ABOUT
+from s2a.collect import stage_file
+from s2a.collect.episode import ABOUT, read_replay
+from s2a.collect.episodes import restored
+from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.ranges import Count
 from s2a.rl.run_world import world_of
 from s2a.sim.simulation import Simulation, device_of
-from s2a.sim.world import read_stage
 from s2a.tasks import make_env, task
+from s2a.usd.stamp import layer_hash
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,17 @@ def run(config: Config) -> str:
     """Play all episodes again and return how many of them succeed."""
     file = config.dataset / ABOUT
     try:
-        about, count = json.loads(file.read_text()), json.loads((config.dataset / "meta/info.json").read_text())
-        total, world = int(count["total_episodes"]), world_of(json.dumps(about["world"]), file)
+        about = json.loads(file.read_text())
+        total, world = _count(config.dataset), world_of(json.dumps(about["world"]), file)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{config.dataset}: not a dataset of s2a collect ({error!r})") from error
     if not total:
         raise InputError(f"{config.dataset}: no episode in it")
-    stage = read_stage(config.stage, about["part"], robot=robot.load(about["robot"]).name)
+    if about.get("stage_sha256") not in (None, layer_hash(config.stage)):
+        raise InputError(
+            f"{config.stage} is not the room that {config.dataset} was collected in, or was prepared again"
+        )
+    stage = stage_file.read(task(world[1].name).Stage, config.stage, config.dataset)
     sim = Simulation([stage], world[0], min(config.num_envs, total), device_of(config.device))
     name = world[1].name
     thresholds: Any = settings.load(task(name).Metrics, settings.compose(f"metrics/{name}")["metrics"])
@@ -58,25 +62,31 @@ def run(config: Config) -> str:
     failed: list[int] = []
     for first in range(0, total, env.num_envs):
         indices = [min(i, total - 1) for i in range(first, first + env.num_envs)]
-        episodes = [_episode(config.dataset / REPLAY.format(index=i)) for i in indices]
-        restored(env, [start for start, _ in episodes])
-        for step in range(max(len(actions) for _, actions in episodes)):
-            rows = [actions[min(step, len(actions) - 1)] for _, actions in episodes]
-            env.step(torch.from_numpy(np.stack(rows)).to(env.observation))
-        success = env.result[:, env.columns.index(env.task.LOGGED[0])].cpu().numpy() > 0.5
-        failed += [
-            i for i, good in zip(range(first, min(first + env.num_envs, total)), success, strict=False) if not good
-        ]
+        good = played(env, [read_replay(config.dataset, i) for i in indices])
+        failed += [i for i, one in zip(indices, good, strict=True) if not one and i not in failed]
     lines = [f"{config.dataset}: {total - len(failed)} of {total} episodes succeed when played again"]
     return "\n".join(lines + [f"  episode {i} does not" for i in failed])
 
 
-def _episode(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Return how an episode began, by name, and its actions [step action]; InputError where the file is damaged."""
-    try:
-        with np.load(path) as file:
-            return {name.removeprefix("start."): file[name] for name in file.files if name != "actions"}, file[
-                "actions"
-            ]
-    except UNREADABLE as error:
-        raise InputError(f"{path}: cannot be read ({error})") from error
+def played(env: VecEnv, episodes: list[tuple[dict[str, np.ndarray], np.ndarray]]) -> np.ndarray:
+    """Play episodes again, one in each world, and return which of them succeed, shape [world]."""
+    restored(env, [start for start, _ in episodes])
+    success, ended = np.zeros(env.num_envs), np.zeros(env.num_envs, dtype=bool)
+    for step in range(max(len(actions) for _, actions in episodes)):
+        rows = [actions[min(step, len(actions) - 1)] for _, actions in episodes]
+        env.step(torch.from_numpy(np.stack(rows)).to(env.observation))
+        now = (env.done.cpu().numpy() == 1) & ~ended
+        if now.any():
+            success[now] = env.result[:, env.columns.index(env.task.LOGGED[0])].cpu().numpy()[now]
+            ended |= now
+    return success > 0.5
+
+
+def _count(dataset: Path) -> int:
+    """Return the number of episodes of a dataset: those that can be played are there one after the other."""
+    info = dataset / "meta/info.json"
+    if info.is_file():
+        return int(json.loads(info.read_text())["total_episodes"])
+    from s2a.collect.robomimic import INDEX, lengths
+
+    return len(lengths(dataset / INDEX))

@@ -53,6 +53,8 @@ class Task:
         METRICS: columns of a finished episode's result; each is 0 or 1 except those in VALUES.
         VALUES: columns that hold a number, in the unit that the task's documentation gives.
         LOGGED: rates over recent episodes that training logs; the first one decides which checkpoint is the best.
+        Stage: what `read_stage` returns.
+        INSTRUCTION: the task in words, "{part}" for the target's label, "{into}" for that of what an object is put into.
         METRICS_VERSION: raised whenever a column changes its meaning.
 
     Attributes:
@@ -73,6 +75,8 @@ class Task:
     VALUES: ClassVar[tuple[str, ...]] = ()
     LOGGED: ClassVar[tuple[str, ...]]
     METRICS_VERSION: ClassVar[int]
+    Stage: ClassVar[type[SimStage]] = SimStage
+    INSTRUCTION: ClassVar[str]
 
     config: Any
     observations: int
@@ -90,6 +94,12 @@ class Task:
     def read_stage(path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any) -> SimStage:
         """Return the stage that the task, of these settings, is done in; see `s2a.sim.world.read_stage`."""
         return read_stage(path, part, robot=robot, also=also)
+
+    @classmethod
+    def instruction(cls, stage: SimStage) -> str:
+        """Return what the robot is to do in a stage, in words."""
+        labels = {"part": stage.target, "into": getattr(stage, "part", "")}
+        return cls.INSTRUCTION.format(**{key: each.rsplit("_", 1)[0].replace("_", " ") for key, each in labels.items()})
 
     def trajectory(self, settings: Any) -> Any:
         """Return the trajectory (`s2a.planner.trajectory`) of these planner settings; None: the planner follows `tool_path`."""

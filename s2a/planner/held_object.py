@@ -7,6 +7,7 @@ import math
 import numpy as np
 import torch
 
+from s2a.planner.knots import between
 from s2a.planner.trajectory import Aligned, Trajectory, eased
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
@@ -70,11 +71,8 @@ class HeldObject:
 
     def __call__(self, step: torch.Tensor) -> torch.Tensor:
         """Return what to add to the arm's targets, shape [world arm], at these steps of the trajectory, shape [world]."""
-        place = ((step - self._aligned.ready) / STEPS).clamp(0, self._moved.shape[1] - 1)
-        low = place.floor().long().clamp(max=self._moved.shape[1] - 2)
-        world, rest = torch.arange(len(step), device=step.device), (place - low)[:, None]
-        between = (1.0 - rest) * self._moved[world, low] + rest * self._moved[world, low + 1]
-        return self._weight[step.clamp(0, len(self._weight) - 1)][:, None] * between
+        moved = between(self._moved, (step - self._aligned.ready) / STEPS)
+        return self._weight[step.clamp(0, len(self._weight) - 1)][:, None] * moved
 
 
 def _weights(aligned: Aligned, steps: int) -> np.ndarray:

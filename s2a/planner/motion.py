@@ -22,6 +22,7 @@ from s2a.planner import pull_law
 from s2a.planner.collision import most_clear
 from s2a.planner.held_object import HeldObject
 from s2a.planner.seen_grasp import SeenGrasp
+from s2a.planner.shifted_object import ShiftedObject
 from s2a.planner.trajectory import Progress, Trajectory, closing, eased, reach_steps, sampled, timed
 from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 from s2a.robot.joint_path import follow
@@ -135,6 +136,8 @@ class Planner:
         )
         aligned = self.trajectories[0].aligned
         self._held = HeldObject(sim, self.trajectories[0], aligned) if aligned else None
+        picked = self.trajectories[0].picked
+        self._shifted = ShiftedObject(sim, self.trajectories[0], picked) if picked and not motions else None
         self._start = self._last = sim.joint_target_q[:, : self._targets.shape[2]].clone()
         self._clock = torch.zeros(env.num_envs, dtype=torch.long, device=sim.device)
 
@@ -159,6 +162,8 @@ class Planner:
         step = self._clock = torch.where(began, first, self._clock)
         if self._seen and bool(began.any()) and (seen := self._env.task.seen_grasp()) is not None:
             self._seen.see(began, seen)
+        if self._shifted and bool(began.any()):
+            self._shifted.see(began)
         fraction = self._ramps[self._stage, step.clamp(max=self._ramps.shape[1] - 1)][:, None]
         reaching = self._start + fraction * (self._target(torch.zeros_like(step)) - self._start)
         index = (step - reach + 1).clamp(0, self._targets.shape[1] - 1)
@@ -181,6 +186,8 @@ class Planner:
             targets[:, : self._arm] += self._seen(step)
         if self._held:
             targets[:, : self._arm] += self._held(step)
+        if self._shifted:
+            targets[:, : self._arm] += self._shifted(step)
         return targets
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from s2a.articulation import pose_at
+from s2a.planner.knots import between
 from s2a.planner.trajectory import Trajectory
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.tool_path import matrices
@@ -62,10 +63,7 @@ class SeenGrasp:
 
     def __call__(self, step: torch.Tensor) -> torch.Tensor:
         """Return what to add to the arm's targets, shape [world arm], at these steps of the trajectories, shape [world]."""
-        place = self._place[self._stage, step.clamp(0, self._place.shape[1] - 1)]
-        low = place.floor().long().clamp(max=KNOTS - 2)
-        world, rest = torch.arange(len(step), device=step.device), (place - low)[:, None]
-        return (1.0 - rest) * self._moved[world, low] + rest * self._moved[world, low + 1]
+        return between(self._moved, self._place[self._stage, step.clamp(0, self._place.shape[1] - 1)])
 
 
 def _knots(

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.planner.trajectory import USED, Aligned, Trajectory, closing, reach_steps, timed
+from s2a.planner.trajectory import USED, Aligned, Picked, Trajectory, closing, reach_steps, timed
 from s2a.robot.spec import JointLimits, RobotSpec
 
 SPEED = 0.6
@@ -23,6 +23,7 @@ class Segments:
 
     Attributes:
         closed: index of the first target with the gripper closed for the first time; 0: it has not.
+        picked: where an object is picked, if it is.
     """
 
     def __init__(self, first: np.ndarray, spec: RobotSpec, limits: JointLimits, rate: float, close_time: float) -> None:
@@ -40,6 +41,7 @@ class Segments:
         self._wide = self._fingers = spec.gripper.finger_joint_open
         self._arm, self._finger = [first[None]], [np.full(1, self._wide)]
         self.closed = 0
+        self.picked: Picked | None = None
         self._aligned: Aligned | None = None
 
     def go(self, path: np.ndarray, seconds: float) -> None:
@@ -76,6 +78,11 @@ class Segments:
             released, steps = self._count() - 1, self._aligned.ready - self._aligned.seen
             self._aligned = replace(self._aligned, released=released, back=released + steps)
 
+    @property
+    def last(self) -> int:
+        """Index of the last target so far."""
+        return self._count() - 1
+
     def _count(self) -> int:
         return sum(map(len, self._arm))
 
@@ -98,4 +105,4 @@ class Segments:
         home = np.array(self._spec.home)
         reach = reach_steps(home, arms[0], noise, max(0.5 * reach_time, opening), self._limits, self._rate)
         targets = np.concatenate([arms, fingers, fingers], axis=1)
-        return Trajectory(targets, np.zeros(len(arms)), reach, self.closed, self._aligned)
+        return Trajectory(targets, np.zeros(len(arms)), reach, self.closed, self._aligned, self.picked)

@@ -41,6 +41,23 @@ class Aligned:
 
 
 @dataclass(frozen=True)
+class Picked:
+    """Where a trajectory picks an object; indices of its targets.
+
+    Attributes:
+        begin: the arm sets off.
+        near: it is at the point of approach.
+        lifted: it has lifted the object.
+        above: it is above the object's place.
+    """
+
+    begin: int
+    near: int
+    lifted: int
+    above: int
+
+
+@dataclass(frozen=True)
 class Trajectory:
     """Joint targets, one a control step.
 
@@ -50,6 +67,7 @@ class Trajectory:
         reach_steps: control steps from the start of an episode to `targets[0]`.
         closed: index of the first target with the gripper closed.
         aligned: where it makes up for how an object has slipped in the gripper; None: nowhere.
+        picked: where it picks an object; None: nowhere.
     """
 
     targets: np.ndarray
@@ -57,6 +75,7 @@ class Trajectory:
     reach_steps: int
     closed: int
     aligned: Aligned | None = None
+    picked: Picked | None = None
 
 
 def eased(time: np.ndarray) -> np.ndarray:

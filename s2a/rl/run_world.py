@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 
 from s2a import aliases, tasks
@@ -53,6 +53,10 @@ def world_of(text: str, file: Path) -> tuple[SimConfig, MdpConfig]:
         values = json.loads(text)
         aliases.complete(values)
         sim, task = (aliases.settings(values[group], group) for group in ("sim", "task"))
-        return load(SimConfig, sim), load(tasks.of(values).Config, task)
+        kind = tasks.of(values).Config
+        # What has been added to one task's settings is none of another's.
+        added = {key.removeprefix("task.") for key in aliases.ADDED} - {each.name for each in fields(kind)}
+        task = {name: value for name, value in task.items() if name not in added}
+        return load(SimConfig, sim), load(kind, task)
     except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
         raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -21,7 +22,7 @@ from s2a.sim.camera_pose import viewpoint
 from s2a.sim.room import add_room, open_physics, pedestal
 from s2a.sim.world import SimStage
 from s2a.usd import sim_stage
-from s2a.usd.sim_scene import in_scene
+from s2a.usd.sim_scene import SimRoom, in_scene
 from s2a.usd.stage import ROOT
 
 
@@ -76,33 +77,53 @@ class Camera:
         return rgba[..., :3]
 
 
-def visible_model(stage: SimStage) -> newton.ModelBuilder:
-    """Return a world with everything that can be seen; its coordinates are those of the simulation's worlds."""
+SEEN = "seen/"
+"""What the labels of the room's visible shapes begin with, before the id of their part."""
+
+
+def visible_model(stage: SimStage, by_part: bool = False) -> newton.ModelBuilder:
+    """Return a world with everything that can be seen; its coordinates are those of the simulation's worlds.
+
+    `by_part`: what does not move is a shape for each part, by which images can tell them apart, instead of one.
+    """
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
     add_robot(builder, robot.load(stage.robot), wp.transform(*stage.base[:3], *stage.base[3:]), visuals=True)
     file = open_physics(stage.path)
     add_room(builder, stage.room, file, stage.active, static=False, hide_collision_shapes=True, load_sites=False)
-    _add_visuals(builder, stage)
+    _add_visuals(builder, stage, by_part)
     return builder
 
 
-def _add_visuals(builder: newton.ModelBuilder, stage: SimStage) -> None:
+def _add_visuals(builder: newton.ModelBuilder, stage: SimStage, by_part: bool) -> None:
     """Add the visible surfaces of the room to the bodies that they move with; nothing of them collides."""
     room = sim_stage.read(stage.path)
     moving = {label.split("/")[-1]: i for i, label in enumerate(builder.body_label) if label.startswith(f"{ROOT}/")}
-    still = [room.static_visual, pedestal(stage.base, *stage.pedestal)]
     for body in (*room.bodies.values(), *room.free.values()):
         carriers = (body.id, *(room.carriers(body.id) if body.id in room.articulations else ()))
         index = next((moving[i] for i in carriers if i in moving), -1)
         points = body.visual.vertices if body.id in moving else in_scene(body, body.visual)
-        _add_visual(builder, index, Mesh(points, body.visual.faces, body.visual.colors))
-    for mesh in filter(None, still):
-        _add_visual(builder, -1, mesh)
+        _add_visual(builder, index, Mesh(points, body.visual.faces, body.visual.colors), body.id)
+    for part, mesh in _still(room) if by_part else [("room", room.static_visual)]:
+        _add_visual(builder, -1, mesh, part)
+    if (column := pedestal(stage.base, *stage.pedestal)) is not None:
+        _add_visual(builder, -1, column, "pedestal")
 
 
-def _add_visual(builder: newton.ModelBuilder, body: int, mesh: Mesh) -> None:
-    """Add a surface to a body, its colours as a texture; -1 is the world."""
+def _still(room: SimRoom) -> Iterator[tuple[str, Mesh]]:
+    """Yield the parts that do not move and their surfaces, with the vertices that they need."""
+    mesh, owners = room.static_visual, room.static_face_part
+    if owners is None or not len(room.static_parts):
+        yield "room", mesh
+        return
+    for k, part in enumerate(room.static_parts):
+        used, faces = np.unique(mesh.faces[owners == k], return_inverse=True)
+        colors = None if mesh.colors is None else mesh.colors[used]
+        yield part, Mesh(mesh.vertices[used], faces.reshape(-1, 3), colors)
+
+
+def _add_visual(builder: newton.ModelBuilder, body: int, mesh: Mesh, part: str) -> None:
+    """Add a surface of a part to a body, its colours as a texture; -1 is the world."""
     if not len(mesh.faces):
         return
     seen = newton.ModelBuilder.ShapeConfig(density=0.0, has_shape_collision=False, has_particle_collision=False)
@@ -112,7 +133,7 @@ def _add_visual(builder: newton.ModelBuilder, body: int, mesh: Mesh) -> None:
         points, np.arange(len(points)), uvs=uv, texture=texture, compute_inertia=False, is_solid=False
     )
     # Without a colour, one of a palette tints the texture.
-    builder.add_shape_mesh(body, mesh=surface, cfg=seen, color=(1.0, 1.0, 1.0))
+    builder.add_shape_mesh(body, mesh=surface, cfg=seen, color=(1.0, 1.0, 1.0), label=f"{SEEN}{part}")
 
 
 def camera_pose(stage: SimStage, config: CameraConfig) -> wp.transformf:

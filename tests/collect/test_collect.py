@@ -11,7 +11,7 @@ import pytest
 from cabinet import write_cabinet
 
 from s2a import cli, robot
-from s2a.collect.episodes import REPLAY
+from s2a.collect.episode import REPLAY
 
 QUICK = ["device=cpu", "num_envs=2", "every=20", "views.width=32", "views.height=32"]
 

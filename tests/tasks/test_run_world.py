@@ -15,6 +15,7 @@ from s2a.commands.train import Config
 from s2a.errors import InputError
 from s2a.rl.run_world import read_world, write_world
 from s2a.sim.simulation import SimConfig
+from s2a.tasks.pick_place.config import PickPlaceConfig
 
 
 def test_a_checkpoint_brings_the_world_it_was_trained_in(tmp_path: Path) -> None:
@@ -88,3 +89,9 @@ def test_the_papers_experiment_is_the_papers() -> None:
     assert settings.reward == dict(distance=1.5, rotation=1.5, opening=10.0, finger=2.0, bonus=0.25, action=-0.05)
     row3 = config.compose("train", ["+experiment=paper", "reward=handle"])
     assert [row3["reward"][name] for name in ("distance", "rotation", "opening", "finger")] == [50.5, 50.5, 10.0, 50.0]
+
+
+def test_a_world_of_another_task_gets_none_of_the_keys_that_opening_got(tmp_path: Path) -> None:
+    sim, task = load(SimConfig, "sim/pick_place"), load(PickPlaceConfig, "task/pick_place", place="desk_1")
+    write_world(sim, task, tmp_path)
+    assert read_world(tmp_path / "model_1.pt") == (sim, task)

@@ -20,6 +20,7 @@ class ClosePartTask(part.PartTask):
     Config, Metrics = ClosePartConfig, ClosePartMetrics
     KERNELS, Handles, PERSISTENT = mdp, mdp.ClosePart, ("closed",)
     REWARDS, METRICS, VALUES, METRICS_VERSION = mdp.REWARDS, mdp.METRICS, ("remaining",), 1
+    INSTRUCTION = "close the {part}"
     LOGGED = ("final_success", "success")
 
     def __init__(self, sim: Simulation, config: ClosePartConfig, metrics: ClosePartMetrics) -> None:

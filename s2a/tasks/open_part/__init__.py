@@ -24,6 +24,7 @@ class OpenPartTask(part.PartTask):
         metrics.VERSION,
     )
     tool_path = staticmethod(skill.tool_path)
+    INSTRUCTION = "open the {part}"
     LOGGED = ("grasp_success", "success", "final_success", "handle_success", "single_finger_success", "open_30cm")
 
     def __init__(self, sim: Simulation, config: OpenPartConfig, metrics_config: OpenPartMetrics) -> None:

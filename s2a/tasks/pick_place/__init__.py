@@ -15,6 +15,7 @@ from s2a.errors import InputError
 from s2a.planner.trajectory import Trajectory
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
+from s2a.sim.world import SimStage
 from s2a.tasks.pick_place import mdp, skill
 from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
 
@@ -29,6 +30,8 @@ class PickPlaceTask(Task):
     REWARDS, METRICS_VERSION = mdp.REWARDS, 1
     METRICS: ClassVar[tuple[str, ...]] = mdp.METRICS
     VALUES: ClassVar[tuple[str, ...]] = mdp.VALUES
+    INSTRUCTION = "pick up the {part} and put it down at its place"
+    Stage: ClassVar[type[SimStage]] = skill.PickStage
     LOGGED = ("success", "placed", "carried", "grasped")
     KERNELS: ClassVar[Any] = mdp
 
@@ -53,7 +56,6 @@ class PickPlaceTask(Task):
         with wp.ScopedDevice(sim.device):
             self.sensor = ContactSensor(sim, config.contact_distance)
             self.handles = self._bind(metrics, rate)
-            self._start = wp.transform(*self.stage.start[:3], *self.stage.start[3:])
         self.observations = 2 * sim.layout.robot_joints + 15
 
     def _bind(self, metrics: PickPlaceMetrics, rate: float) -> mdp.PickPlace:
@@ -109,7 +111,10 @@ class PickPlaceTask(Task):
 
     def reset(self, state: State) -> None:
         """Start a new episode where one ended."""
-        self.launch(self.KERNELS.reset, state, self._start)
+        first, (far, turn) = self.sim.layout.part_coord, (self.config.start_shift, self.config.start_turn)
+        if far or turn:  # random streams stay as they are where nothing is drawn
+            wp.launch(mdp.shift, dim=len(state.done), inputs=[state, first, far, turn])
+        self.launch(self.KERNELS.reset, state, first)
 
     def before_step(self, state: State) -> None:
         """Forget the touch of the control step before."""

@@ -19,6 +19,8 @@ class PickPlaceConfig(MdpConfig):
     Attributes:
         start: where the object stands at the start of an episode.
         place: where it is to be placed.
+        start_shift: how far from there it stands along x and y, at most [m]; drawn for each episode and world.
+        start_turn: by how much it is turned about the vertical there, at most [rad]; likewise.
         velocity_scale: factor of the joint velocities in the observation.
         observation_limit: observations are clamped to +- this.
         contact_distance: distance of a contact from the object's surface up to which it is on it [m].
@@ -34,6 +36,8 @@ class PickPlaceConfig(MdpConfig):
 
     start: str | None
     place: str | None
+    start_shift: NotNegative
+    start_turn: NotNegative
     velocity_scale: float
     observation_limit: Positive
     contact_distance: NotNegative

@@ -19,7 +19,7 @@ from s2a.planner.pick_plan import PickPlan
 from s2a.planner.places import first_planned, free_object, place_poses, scanned
 from s2a.planner.segments import Segments
 from s2a.planner.straight_paths import LIFT
-from s2a.planner.trajectory import Trajectory
+from s2a.planner.trajectory import Picked, Trajectory
 from s2a.scene import Joint
 from s2a.sim.nearby import Workspace
 from s2a.sim.simulation import Simulation
@@ -129,11 +129,15 @@ def pick(found: Segments, plan: PickPlan, config: PlannerConfig) -> None:
     """Add the segments of a plan to a motion."""
     straight = config.approach_time * LIFT / config.approach
     found.open(plan.opened)
+    begin = found.last
     found.between(plan.reach, config.reach_time)
+    near = found.last
     found.go(plan.approach, config.approach_time)
     found.close()
     found.go(plan.lift, straight)
+    lifted = found.last
     found.between(plan.carry, config.reach_time)
+    found.picked = Picked(begin, near, lifted, found.last)
     found.align(np.linalg.inv(plan.grasp))
     found.go(plan.lower, 2.0 * straight)
     found.open(plan.opened)

@@ -16,7 +16,7 @@ from s2a.errors import InputError
 from s2a.planner.insides import at_zero
 from s2a.planner.trajectory import Trajectory
 from s2a.sim.simulation import Simulation
-from s2a.sim.world import axis_of
+from s2a.sim.world import SimStage, axis_of
 from s2a.tasks.pick_place import PickPlaceTask
 from s2a.tasks.pick_place import mdp as picking
 from s2a.tasks.put_in import handles, mdp, skill
@@ -29,6 +29,8 @@ class PutInTask(PickPlaceTask):
     Config, Metrics, Handles = PutInConfig, PutInMetrics, handles.PutIn
     PERSISTENT = ("progress", "last", "last_in", "released", "released_in", "origin")
     REWARDS, METRICS, VALUES, METRICS_VERSION = mdp.REWARDS, mdp.METRICS, mdp.VALUES, 1
+    INSTRUCTION = "put the {part} into the {into}"
+    Stage: ClassVar[type[SimStage]] = skill.PutStage
     LOGGED = ("success", "stored", "carried", "grasped")
     KERNELS: ClassVar[Any] = mdp
 

@@ -10,7 +10,7 @@ from s2a.env.kernels import is_sound
 from s2a.env.state import State
 from s2a.env.task import columns
 from s2a.tasks.part_functions import squared_action
-from s2a.tasks.pick_place.mdp import STRIDE, is_pinched, tool_of
+from s2a.tasks.pick_place.mdp import STRIDE, is_pinched, start_of, tool_of
 from s2a.tasks.put_in.handles import Progress, PutIn, gripper_clearance, in_part, is_inside, place_error, turn_error
 
 METRICS = (
@@ -72,13 +72,13 @@ REWARDS = (distance, pinch, place, stored, action)
 
 
 @wp.kernel
-def reset(s: State, h: PutIn, start: wp.transform):
-    """Begin an episode: the object stands at its start, the part is shut."""
+def reset(s: State, h: PutIn, first: int):
+    """Begin an episode: the object stands at its start, its coordinates from `first` on; the part is shut."""
     world = wp.tid()
     if s.done[world] == 1:
         for i in range(h.progress.shape[1]):
             h.progress[world, i] = 0.0
-        at = wp.transform_get_translation(start)
+        at = start_of(s, first, world)
         h.last[world] = at
         h.last_in[world] = at
         h.released[world] = at

@@ -8,7 +8,8 @@
 the seeds. With `--llm chat` a model is asked (OPENAI_API_KEY, OPENAI_BASE_URL), of many objects at a time, and its answers are
 kept in FOLDER, a file a room; `--llm replay` needs no more than that. placement_checks.py rates, which shares no code with what
 places; it is formulas and a table by hand, no person. Prints a line a room, and writes one an object to
-experiments/results/other_objects_NAME.json, with the failures by check, tokens and dollars.
+experiments/results/other_objects_NAME.json (zoo_objects_NAME.json), with the failures by check, tokens and dollars. Rooms that are
+done are in RUNS/NAME and not done again.
 
 Images are for raters, who must not know the method: wide and close in one file, whose name hides the method; FOLDER/key_NAME.json
 has the files of NAME.
@@ -19,7 +20,8 @@ from __future__ import annotations
 import argparse
 import copy
 import json
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Lock
 
@@ -50,13 +52,13 @@ def main() -> None:
     files, turn = _files(args), Lock()
     with ThreadPoolExecutor(args.at_once) as pool:
         waiting = [
-            (name, seed, _begun(name, seed, files[name][number :: len(args.seeds)], turn, pool, args))
+            _begun(name, seed, files[name][number :: len(args.seeds)], turn, pool, args)
             for name in args.rooms
             for number, seed in enumerate(args.seeds)
         ]
         rooms = []
-        for name, seed, futures in waiting:
-            rooms.append(_room(name, seed, [future.result() for future in futures]))
+        for finish in waiting:
+            rooms.append(finish())
             print(line_of(rooms[-1]), flush=True)
             _write(rooms, args)
     print(json.dumps(summary(rooms)))
@@ -65,7 +67,9 @@ def main() -> None:
 def _write(rooms: list[dict], args: argparse.Namespace) -> None:
     about = {"llm": args.llm, "objects": args.objects, "virtual": "varied", "seeds": args.seeds}
     about |= {"objects_seed": args.objects_seed, **provenance("cpu"), "summary": summary(rooms), "usage": usage(rooms)}
-    (RESULTS / f"other_objects_{args.name}.json").write_text(json.dumps(about | {"rooms": rooms}, indent=1) + "\n")
+    (RESULTS / f"{args.objects}_objects_{args.name}.json").write_text(
+        json.dumps(about | {"rooms": rooms}, indent=1) + "\n"
+    )
 
 
 def usage(rooms: list[dict]) -> dict:
@@ -79,13 +83,17 @@ def usage(rooms: list[dict]) -> dict:
 
 def _begun(
     name: str, seed: int, files: list[tuple[Path, dict]], turn: Lock, pool: ThreadPoolExecutor, args: argparse.Namespace
-) -> list[Future]:
-    """Open a room and begin to insert some objects, each alone."""
+) -> Callable[[], dict]:
+    """Open a room and begin to insert some objects, each alone; return what waits for them and has their rows."""
+    done = args.runs / args.name / f"{name}_{seed}_{args.objects}.json"
+    if done.exists():
+        return lambda: json.loads(done.read_text())
     settings = _insert_settings(_stage(name, seed, args), f"{name}_{seed}_{args.objects}", [], args)
     with turn:
         room = open_room(settings)
     model = _in_turn(choose(settings.llm, settings.record), turn)
-    return [pool.submit(_one, room, model, settings, file, f"{name}_{seed}", turn, args) for file in files]
+    started = [pool.submit(_one, room, model, settings, file, f"{name}_{seed}", turn, args) for file in files]
+    return lambda: _finished(name, seed, [future.result() for future in started], done)
 
 
 def _one(
@@ -117,9 +125,13 @@ def _one(
     return row | {"file": path.name, "seconds": round(seconds, 2), **more, "total": record["total"]}
 
 
-def _room(name: str, seed: int, rows: list[dict]) -> dict:
+def _finished(name: str, seed: int, rows: list[dict], done: Path) -> dict:
+    """Return the row of a room, and keep it."""
     seconds = {"wall": round(sum(row["seconds"] for row in rows), 1), "cpu": 0.0}
-    return {"room": name, "seed": seed, "seconds": seconds, "right": sum(row["right"] for row in rows), "objects": rows}
+    room = {"room": name, "seed": seed, "seconds": seconds, "right": sum(row["right"] for row in rows), "objects": rows}
+    done.parent.mkdir(parents=True, exist_ok=True)
+    done.write_text(json.dumps(room, indent=1) + "\n")
+    return room
 
 
 def _files(args: argparse.Namespace) -> dict[str, list[tuple[Path, dict]]]:

@@ -112,7 +112,10 @@ def context_of(scene: Scene, supports: Supports, plan: Plan, count: int) -> dict
     regions = [] if choice.relation == "hanging" else supports.get(choice.target, [])
     meant = choice.height
     if meant is not None:
-        regions = sorted(regions, key=lambda region: abs(region.height - meant))
+        near_by = [region for region in regions if abs(region.height - meant) < NEAR]
+        regions = sorted(near_by, key=lambda region: -region.free_area) or sorted(
+            regions, key=lambda region: abs(region.height - meant)
+        )
     part = scene.parts[choice.target]
     below: dict[str, Any] = {"part": part.label}
     middle = part.mesh.bounds.mean(axis=0) if len(part.mesh.vertices) else np.zeros(3)

@@ -191,7 +191,9 @@ def plan_question(facts: Mapping[str, Any], room: str) -> str:
     wish = f"\nThe wish: {facts['wish']}" if facts.get("wish") else ""
     described = {"label": facts["label"], "sides": facts["sides"], "format": facts["format"], "stated_up": facts["up"]}
     described |= {name: {axis: share for axis, share in facts[name].items() if share} for name in ("feet", "hollow")}
-    described |= {"slices": facts["slices"]} | ({"colours": facts["varied"]} if any(facts["varied"].values()) else {})
+    described |= {"slices": facts["slices"]}
+    colours = facts.get("varied", {})
+    described |= {"colours": colours} if any(colours.values()) else {}
     return f"The room:\n{room}\n\nThe object: {_json(described)}{wish}"
 
 

@@ -8,8 +8,8 @@
 the seeds. With `--llm chat` a model is asked (OPENAI_API_KEY, OPENAI_BASE_URL), of many objects at a time, and its answers are
 kept in FOLDER, a file a room; `--llm replay` needs no more than that. placement_checks.py rates, which shares no code with what
 places; it is formulas and a table by hand, no person. Prints a line a room, and writes one an object to
-experiments/results/other_objects_NAME.json (zoo_objects_NAME.json), with the failures by check, tokens and dollars. Rooms that are
-done are in RUNS/NAME and not done again.
+experiments/results/other_objects_NAME.json (zoo_objects_NAME.json), with the failures by check, tokens and dollars. Rooms
+that are done are in RUNS/NAME and not done again.
 
 Images are for raters, who must not know the method: wide and close in one file, whose name hides the method; FOLDER/key_NAME.json
 has the files of NAME.

@@ -27,16 +27,7 @@ MIRRORED, MOST = 2.0, 0.3
 """Weight of what differs along an axis between its ends, and the most that counts: few objects are the same above and below."""
 ROUND, ALIKE = 0.2, 0.05
 """Weight of two sides that are alike, to that fraction: a cup, a plate or a tin has its axis upright."""
-ANYWHERE = (
-    "on table",
-    "on desk",
-    "on counter",
-    "on shelf",
-    "inside shelf",
-    "on cabinet",
-    "on nightstand",
-    "on dresser",
-)
+ANYWHERE = tuple("on table|on desk|on counter|on shelf|inside shelf|on cabinet|on nightstand|on dresser".split("|"))
 """Places for unknown objects, and for hand-held ones none of whose places exist in the room; never the floor."""
 COLOURED = 8.0
 """Difference in the spread of colours, of 255, that tells a front from a back."""

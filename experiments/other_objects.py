@@ -119,7 +119,7 @@ def _one(
     seconds = sum(step.get("seconds", 0.0) for step in steps) - record["total"]["seconds"]
     more = {
         name: {key: record[name].get(key) for key in ("right", "problem", "kept")}
-        for name in ("look",)
+        for name in ("review",)
         if name in record
     }
     return row | {"file": path.name, "seconds": round(seconds, 2), **more, "total": record["total"]}

@@ -16,7 +16,7 @@ from s2a.geometry.mesh_ops import merge
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera
 from s2a.geometry.render import render
 from s2a.insert.context import Inserted
-from s2a.insert.look import image_pose
+from s2a.insert.review import image_pose
 from s2a.insert.room_state import RoomState
 from s2a.scene import Scene
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from s2a.errors import InputError
 from s2a.insert.context import InsertContext, Inserted, ObjectRequest
-from s2a.insert.look import looked_at
 from s2a.insert.pipeline import Planned, fixed, planned
+from s2a.insert.review import reviewed
 from s2a.insert.room_state import RoomState
 from s2a.insert.settings import InsertSettings
 from s2a.insert.stability import drop_check
@@ -46,8 +46,8 @@ class Attempt:
             return None
         try:
             inserted = fixed(self._context, self._planned)
-            if self._settings.look and not self._context.config.rules:
-                inserted = looked_at(self._context, self._planned, inserted, self._settings.camera)
+            if self._settings.review and not self._context.config.rules:
+                inserted = reviewed(self._context, self._planned, inserted, self._settings.camera)
         except InputError as error:
             self.problem = str(error)
             return None

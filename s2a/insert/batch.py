@@ -16,7 +16,7 @@ from s2a.geometry.render import render, write_png
 from s2a.insert import overlay
 from s2a.insert.attempt import Attempt
 from s2a.insert.context import Inserted, ObjectRequest
-from s2a.insert.look import image_pose
+from s2a.insert.review import image_pose
 from s2a.insert.room_state import RoomState
 from s2a.insert.settings import InsertSettings
 from s2a.llm.ask import Model

@@ -105,7 +105,7 @@ Example. {"label":"Swingline 747","sides":[7.4,1.5,2.2],"height":2.2,"longest":7
 {"noun":"stapler","height":[0.04,0.07],"longest":[0.13,0.20],"unit":"in","reason":"7.4 x 1.5 x 2.2 inches is a full-size stapler"}
 Answer with the JSON object alone."""
 
-LOOK = """\
+REVIEW = """\
 An object was put into a scanned room by a program. You are given an image of it in its place, in the middle of the image, its
 label, its longest side in metres, and what carries it. Say whether it looks right: is it the right way up, does its front face
 where it should, is its size plausible beside its neighbours, and would a person have put such a thing there? Scans are coarse
@@ -175,7 +175,7 @@ PLAN_SCHEMA = _object(
     declined=TEXT,
 )
 
-LOOK_SCHEMA = _object(right={"type": "boolean"}, problem=TEXT)
+REVIEW_SCHEMA = _object(right={"type": "boolean"}, problem=TEXT)
 
 SCALE_SCHEMA = _object(
     noun=TEXT,
@@ -197,7 +197,7 @@ def plan_question(facts: Mapping[str, Any], room: str) -> str:
     return f"The room:\n{room}\n\nThe object: {_json(described)}{wish}"
 
 
-def look_question(facts: Mapping[str, Any]) -> str:
+def review_question(facts: Mapping[str, Any]) -> str:
     """Return the question whether an object looks right in its place; the image goes with it."""
     return f"The object: {_json(facts)}"
 

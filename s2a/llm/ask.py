@@ -15,7 +15,7 @@ from s2a.errors import InputError, printable
 from s2a.llm.usage_log import UsageLog
 
 T = TypeVar("T")
-Step = Literal["plan", "scale", "script", "look", "skills"]
+Step = Literal["plan", "scale", "script", "review", "skills"]
 Message = tuple[Literal["user", "assistant"], str]
 THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought|reasoning)>", re.DOTALL | re.IGNORECASE)
 """The models that write them end with them before the answer begins."""

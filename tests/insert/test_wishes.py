@@ -10,8 +10,8 @@ from rough_furniture import at, block, sheet
 
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
-from s2a.insert.wishes.check import met
 from s2a.insert.plan import Choice, Place, Plan
+from s2a.insert.wishes.check import met
 from s2a.insert.wishes.heed import allowed, decline, planned_place, read_wish, verdict
 from s2a.insert.wishes.parse import parse_wish
 from s2a.scene import Mesh, Part, Scene

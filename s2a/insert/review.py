@@ -1,4 +1,4 @@
-"""The look at a result: a model that sees says once whether an object looks right in its place; if not, one more plan is made."""
+"""The review of a result: a model that sees says once if an object looks right in its place; if not, one more plan is made."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from s2a.scene import Scene
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ReviewVerdict:
     """What a model that sees says of an object in its place.
 
     Attributes:
@@ -36,16 +36,16 @@ class Verdict:
     problem: str
 
 
-def looked_at(context: InsertContext, planned: Planned, inserted: Inserted, camera: OrbitCamera) -> Inserted:
+def reviewed(context: InsertContext, planned: Planned, inserted: Inserted, camera: OrbitCamera) -> Inserted:
     """Return an insertion that a model finds right, else one by another plan, else the first one.
 
     Args:
-        context: of the insertion; its record gets the step "look".
+        context: of the insertion; its record gets the step "review".
         planned: the object.
         inserted: the object in its place.
         camera: intrinsics and framing of the image.
     """
-    with step(context.record, "look") as said:
+    with step(context.record, "review") as said:
         verdict = _verdict(context, inserted, camera)
         said |= vars(verdict)
     if verdict.right:
@@ -57,7 +57,7 @@ def looked_at(context: InsertContext, planned: Planned, inserted: Inserted, came
     except InputError as error:
         context.record.clear()
         context.record.update(before)
-        context.record["look"]["kept"] = str(error)
+        context.record["review"]["kept"] = str(error)
         return inserted
 
 
@@ -67,14 +67,14 @@ def image_pose(inserted: Inserted, scene: Scene, camera: OrbitCamera) -> CameraP
     return viewpoint(scene, inserted.part.mesh, front, camera)
 
 
-def _verdict(context: InsertContext, inserted: Inserted, camera: OrbitCamera) -> Verdict:
+def _verdict(context: InsertContext, inserted: Inserted, camera: OrbitCamera) -> ReviewVerdict:
     parts = {**context.room.scene.parts, inserted.placement.part_id: inserted.part}
     scene = Scene(context.room.scene.name, parts, context.room.scene.origin)
     pixels = render([part.mesh for part in parts.values()], image_pose(inserted, scene, camera), camera)
     question = _question(inserted, scene)
-    messages = (("user", prompts.look_question(question)),)
-    request = Request("look", prompts.LOOK, messages, prompts.LOOK_SCHEMA, question, (_png(pixels),))
-    return ask(context.model, request, lambda text: parse(text, Verdict), context.config.retries, context.usage)
+    messages = (("user", prompts.review_question(question)),)
+    request = Request("review", prompts.REVIEW, messages, prompts.REVIEW_SCHEMA, question, (_png(pixels),))
+    return ask(context.model, request, lambda text: parse(text, ReviewVerdict), context.config.retries, context.usage)
 
 
 def _question(inserted: Inserted, scene: Scene) -> Record:

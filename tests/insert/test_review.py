@@ -1,4 +1,4 @@
-"""The look at a result: a model that sees is asked once, and once for another plan where it does not look right."""
+"""The review of a result: a model that sees is asked once, and once for another plan where it does not look right."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def words(*values: dict) -> list[Said]:
     return [message(json.dumps(value)) for value in values]
 
 
-def looked(folder: Path, out: Path, monkeypatch: pytest.MonkeyPatch, *answers: dict) -> tuple[dict, list]:
+def reviewed(folder: Path, out: Path, monkeypatch: pytest.MonkeyPatch, *answers: dict) -> tuple[dict, list]:
     """Insert a mug by a model with these answers; return the record and the requests."""
     with endpoint(*words(*answers)) as there:
         monkeypatch.setenv("OPENAI_API_KEY", "any")
@@ -56,19 +56,19 @@ def looked(folder: Path, out: Path, monkeypatch: pytest.MonkeyPatch, *answers: d
             f"object={folder / 'mug.obj'}",
             "label=mug",
             f"out={out}",
-            "look=true",
+            "review=true",
         ]
         command.run(config.load(command.Config, config.compose("insert", [*options, "llm=chat", "llm.attempts=0"])))
         return json.loads((out / "insert.json").read_text())["objects"][0], there.asked
 
 
 def test_what_looks_right_stays_after_one_look_at_an_image(folder, tmp_path, monkeypatch):
-    record, requests = looked(
+    record, requests = reviewed(
         folder, tmp_path / "out", monkeypatch, planned("desk_2"), SIZE, {"right": True, "problem": ""}
     )
     assert record["surface"]["target"] == "desk_2"
-    assert record["look"]["right"]
-    assert sorted(entry["step"] for entry in record["answers"]) == ["look", "plan", "scale", "script"]
+    assert record["review"]["right"]
+    assert sorted(entry["step"] for entry in record["answers"]) == ["plan", "review", "scale", "script"]
     text, image = requests[-1]["messages"][1]["content"]
     assert "mug" in text["text"]
     png = base64.b64decode(image["image_url"]["url"].removeprefix("data:image/png;base64,"))
@@ -77,7 +77,7 @@ def test_what_looks_right_stays_after_one_look_at_an_image(folder, tmp_path, mon
 
 def test_what_does_not_look_right_is_placed_by_one_more_plan(folder, tmp_path, monkeypatch):
     answers = planned("desk_2"), SIZE, WRONG, planned("cabinet_5")
-    record, requests = looked(folder, tmp_path / "out", monkeypatch, *answers)
+    record, requests = reviewed(folder, tmp_path / "out", monkeypatch, *answers)
     assert record["surface"]["target"] == "cabinet_5"
     assert "it should stand on the cabinet" in requests[-1]["messages"][-1]["content"]
     assert len(requests) == 4  # it is not looked at again
@@ -90,7 +90,7 @@ def test_the_first_place_is_kept_where_the_second_plan_has_no_room(folder, tmp_p
         WRONG,
         {**planned("desk_2"), "choices": [], "declined": "there is no better place"},
     )
-    record, _ = looked(folder, tmp_path / "out", monkeypatch, *answers)
+    record, _ = reviewed(folder, tmp_path / "out", monkeypatch, *answers)
     assert record["surface"]["target"] == "desk_2"
-    assert "there is no better place" in record["look"]["kept"]
+    assert "there is no better place" in record["review"]["kept"]
     assert (tmp_path / "out/insert.usda").exists()

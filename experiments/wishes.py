@@ -62,18 +62,18 @@ def _room(name: str, wishes: list[dict], args: argparse.Namespace) -> list[dict]
     room, model = open_room(settings), _in_turn(choose(settings.llm, settings.record), turn)
     object = next((_zoo(args) / "objects").glob(OBJECT))
 
-    def one(wish: dict) -> dict:
+    def inserted_row(entry: dict) -> dict:
         with turn:  # what is not waiting for a model is done by one at a time
             start = time.perf_counter()
-            inserted, record = attempt(room, ObjectRequest(object, LABEL, wish["wish"]), model, settings)
-            there = not read_wish(wish["wish"], room.scene).missing
-            row = {"room": name, **wish, "possible": wish["possible"] and there, "absent": not there}
+            inserted, record = attempt(room, ObjectRequest(object, LABEL, entry["wish"]), model, settings)
+            there = not read_wish(entry["wish"], room.scene).missing
+            row = {"room": name, **entry, "possible": entry["possible"] and there, "absent": not there}
             row |= {"written": inserted is not None, "heeded": record.get("wish", {}).get("heeded", False)}
             row |= {"right": row["heeded"] if row["possible"] else inserted is None, "problem": record["problem"]}
             return row | {"seconds": round(time.perf_counter() - start - record["total"]["seconds"], 2)}
 
     with ThreadPoolExecutor(args.at_once) as pool:
-        return list(pool.map(one, wishes))
+        return list(pool.map(inserted_row, wishes))
 
 
 def summary(rows: list[dict]) -> list[dict]:

@@ -72,8 +72,8 @@ def _verdict(context: InsertContext, inserted: Inserted, camera: OrbitCamera) ->
     scene = Scene(context.room.scene.name, parts, context.room.scene.origin)
     pixels = render([part.mesh for part in parts.values()], image_pose(inserted, scene, camera), camera)
     question = _question(inserted, scene)
-    messages = (("user", prompts.review_question(question)),)
-    request = Request("review", prompts.REVIEW, messages, prompts.REVIEW_SCHEMA, question, (_png(pixels),))
+    text = prompts.review_question(question)
+    request = Request("review", prompts.REVIEW, (("user", text),), prompts.REVIEW_SCHEMA, question, (_png(pixels),))
     return ask(context.model, request, lambda text: parse(text, ReviewVerdict), context.config.retries, context.usage)
 
 

@@ -33,6 +33,8 @@ COLOURED = 8.0
 """Difference in the spread of colours, of 255, that tells a front from a back."""
 FLATTER, FRAMED = 0.05, 0.3
 """Differences of a front and a back: of the tilt margins, as fractions of a right angle, and of the hollow fractions."""
+UNEVEN = 0.5
+"""Difference of the cross-sections at the ends of an axis, two slices each, from which it is the one from front to back."""
 SHEET = 0.12
 """Thinnest side over the longest below which what hangs is a sheet, which faces along it."""
 SOFT = ("bed", "sofa", "armchair", "couch")
@@ -222,9 +224,10 @@ def _flat(facts: Any, entry: ObjectKind | None) -> tuple[str, str]:
 def _depth(facts: Any) -> str:
     """Return the axis along which a hanging object faces: its thinnest; of a thick one that along which its ends differ most."""
     sides, slices = dict(zip("xyz", facts["sides"], strict=True)), facts.get("slices", {})
-    if _is_sheet(facts) or not slices:
+    uneven = {axis: abs(sum(found[:2]) - sum(found[3:])) for axis, found in slices.items()}
+    if _is_sheet(facts) or max(uneven.values(), default=0.0) < UNEVEN:
         return min(sides, key=sides.__getitem__)
-    return max(slices, key=lambda axis: abs(sum(slices[axis][:2]) - sum(slices[axis][3:])))
+    return max(uneven, key=uneven.__getitem__)
 
 
 def _is_sheet(facts: Any) -> bool:

@@ -77,7 +77,9 @@ def usage(rooms: list[dict]) -> dict:
     rows = [row for room in rooms for row in room["objects"]]
     totals = [row["total"] for row in rows]
     means = {name: sum(total[name] for total in totals) / len(totals) for name in totals[0] if name != "seconds"}
-    means["seconds_without_model"] = sum(row["seconds"] for row in rows) / len(rows)
+    timed = [row["seconds"] for row in rows if row["seconds"] is not None]
+    if timed:
+        means["seconds_without_model"] = sum(timed) / len(timed)
     return {name: round(value, 5) for name, value in means.items()}
 
 
@@ -116,18 +118,24 @@ def _one(
             alone.add(inserted)
         row = row_of(truth, inserted, record, alone.scene)
     steps = [step for name, step in record.items() if isinstance(step, dict) and name != "total"]
+    # Of several at once each waits for its turn, too, which is none of its time.
     seconds = sum(step.get("seconds", 0.0) for step in steps) - record["total"]["seconds"]
     more = {
         name: {key: record[name].get(key) for key in ("right", "problem", "kept")}
         for name in ("review",)
         if name in record
     }
-    return row | {"file": path.name, "seconds": round(seconds, 2), **more, "total": record["total"]}
+    return row | {
+        "file": path.name,
+        "seconds": round(seconds, 2) if args.at_once == 1 else None,
+        **more,
+        "total": record["total"],
+    }
 
 
 def _finished(name: str, seed: int, rows: list[dict], done: Path) -> dict:
     """Return the row of a room, and keep it."""
-    seconds = {"wall": round(sum(row["seconds"] for row in rows), 1), "cpu": 0.0}
+    seconds = {"wall": round(sum(row["seconds"] or 0.0 for row in rows), 1), "cpu": 0.0}
     room = {"room": name, "seed": seed, "seconds": seconds, "right": sum(row["right"] for row in rows), "objects": rows}
     done.parent.mkdir(parents=True, exist_ok=True)
     done.write_text(json.dumps(room, indent=1) + "\n")

@@ -171,3 +171,10 @@ def test_the_height_of_what_hangs_is_that_of_its_middle() -> None:
     assert keep is not None
     # The places are those of the foot; 0.3 m above that is the middle.
     assert keep(np.array([(0.5, 0.6, 1.2), (0.5, 0.6, 1.5)])).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("said", ["on the desk but not near the lamp", "on the desk, far from the lamp"])
+def test_what_is_to_be_away_is_searched_for_away(said: str) -> None:
+    keep = allowed(read_wish(said, room()), room(), CUP)
+    assert keep is not None
+    assert keep(np.array([(0.35, 0.4, 0.741), (1.2, 0.1, 0.741)])).tolist() == [False, True]

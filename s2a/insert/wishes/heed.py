@@ -13,7 +13,7 @@ from s2a.geometry.convex import box
 from s2a.insert.place.preferences import floor_height
 from s2a.insert.place.supports import target_mesh
 from s2a.insert.plan import Plan
-from s2a.insert.wishes.check import OFF_HEIGHT, between, met, placed, viewer
+from s2a.insert.wishes.check import BESIDE, FAR, OFF_HEIGHT, between, met, placed, viewer
 from s2a.insert.wishes.parse import Relation, Wish, parse_wish
 from s2a.scene import Mesh, Scene
 from s2a.usd.boxes import silhouette
@@ -82,7 +82,11 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
         scene: the room.
         object: upright, standing on z = 0 above the origin, in metres.
     """
-    sided = [one for one in wish.relations if not one.negated and one.kind in (*SIDED, "between", "near", "height")]
+    sided = [
+        one
+        for one in wish.relations
+        if one.kind in (("near",) if one.negated else (*SIDED, "between", "near", "height", "away"))
+    ]
     if not sided:
         return None
     sides = np.ptp(object.bounds, axis=0)
@@ -100,6 +104,8 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
                 )
             elif one.kind == "height":
                 holds = abs(brick.bounds[:, 2].mean() - floor - float(one.height or 0.0)) < OFF_HEIGHT
+            elif one.negated or one.kind == "away":
+                holds = all(_gap(brick, known[i]) > (BESIDE if one.negated else FAR) for i in one.part_ids[0])
             elif one.kind == "near":
                 holds = any(_gap(brick, known[i]) < 0.4 for i in one.part_ids[0])
             else:

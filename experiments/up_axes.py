@@ -1,9 +1,9 @@
-"""Do the rules turn objects the right way up? The fifty kinds of other_kinds.py, freshly drawn, without a room.
+"""Do the rules turn the right axis up? The fifty kinds of other_kinds.py, freshly drawn, without a room.
 
-    python experiments/way_up.py [--runs runs/way_up] [--seeds 41 42]
+    python experiments/up_axes.py [--runs runs/up_axes] [--seeds 41 42]
 
 Compares the axis that the rules turn up, and the front of what hangs, with the truth. Prints the wrong ones, and writes one
-row an object to experiments/results/way_up.json. What lies as well on another side counts as wrong here.
+row an object to experiments/results/up_axes.json. What lies as well on another side counts as wrong here.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ WALL = {"id": "wall_2", "label": "wall", "size": [4.0, 0.1, 2.5]}
 def main() -> None:
     """Ask the rules about every object and write what they said."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=Path, default=Path("runs/way_up"))
+    parser.add_argument("--runs", type=Path, default=Path("runs/up_axes"))
     parser.add_argument("--seeds", nargs="*", type=int, default=[41, 42])
     args = parser.parse_args()
     settings = config.load(InsertSettings, config.compose("insert", ["stage=none", "out=none", "llm=rules"]))
@@ -53,7 +53,7 @@ def main() -> None:
         "right": len(rows) - len(wrong),
         "rows": rows,
     }
-    (RESULTS / "way_up.json").write_text(json.dumps(report, indent=1) + "\n")
+    (RESULTS / "up_axes.json").write_text(json.dumps(report, indent=1) + "\n")
 
 
 def _row(path: Path, truth: dict, settings: ObjectConfig) -> dict:

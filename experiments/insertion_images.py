@@ -26,8 +26,9 @@ from s2a.geometry.mesh_ops import merge
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera
 from s2a.geometry.render import render
 from s2a.insert.attempt import attempt
-from s2a.insert.batch import image_pose, open_room
+from s2a.insert.batch import open_room
 from s2a.insert.context import Inserted, ObjectRequest
+from s2a.insert.review import image_pose
 from s2a.insert.room_state import RoomState
 from s2a.insert.settings import InsertSettings
 from s2a.llm.client import choose

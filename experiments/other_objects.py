@@ -1,11 +1,18 @@
-"""A hundred other labelled objects into ten varied rooms of unseen seeds, by the rules, each alone.
+"""Labelled objects into ten varied rooms of unseen seeds, each alone: by the rules, by a model, or by its recorded answers.
 
-    python experiments/other_objects.py [--runs runs/other] [--seeds 100 101] [--rooms kitchen ...] [--draws 2] [--name rules]
+    python experiments/other_objects.py [--objects other | zoo] [--llm rules | chat | replay] [--recordings FOLDER] [--name NAME]
+        [--runs runs/other] [--seeds 100 101] [--rooms kitchen ...] [--draws 2] [--objects-seed 7] [--at-once 20]
+        [--images FOLDER] [llm.model=...]
 
-Fifty kinds of household objects that rooms are furnished with and that are not in the zoo, each made twice (seed 7), in files as
-untidy as the zoo's: any unit, up axis, heading, origin and format. None was looked at when the table of kinds was written or
-extended. placement_checks.py rates, which shares no code with what places; it is formulas and a table by hand, no person.
-Prints a line a room, and writes one an object to experiments/results/other_objects_NAME.json, with the failures by check.
+"other" are the fifty kinds of other_kinds.py, each drawn twice; "zoo" are the hundred of `s2a zoo`, dealt out over the rooms of
+the seeds. With `--llm chat` a model is asked (OPENAI_API_KEY, OPENAI_BASE_URL), of many objects at a time, and its answers are
+kept in FOLDER, a file a room; `--llm replay` needs no more than that. placement_checks.py rates, which shares no code with what
+places; it is formulas and a table by hand, no person. Prints a line a room, and writes one an object to
+experiments/results/other_objects_NAME.json (zoo_objects_NAME.json), with the failures by check, tokens and dollars. Rooms
+that are done are in RUNS/NAME and not done again.
+
+Images are for raters, who must not know the method: wide and close in one file, whose name hides the method; FOLDER/key_NAME.json
+has the files of NAME.
 """
 
 from __future__ import annotations
@@ -13,166 +20,137 @@ from __future__ import annotations
 import argparse
 import copy
 import json
-import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Lock
 
-import numpy as np
-from insertion_study import RESULTS, _insert_settings, _stage
+from insertion_study import RESULTS, _in_turn, _insert_settings, _stage, _zoo
+from other_kinds import KINDS, other_objects
+from rater_images import rater_image
 from twelve_at_once import CATEGORY, line_of, parser_of, row_of, study_arguments, summary
 
 from s2a.insert.attempt import attempt
 from s2a.insert.batch import open_room
 from s2a.insert.context import ObjectRequest
+from s2a.insert.room_state import RoomState
+from s2a.insert.settings import InsertSettings
+from s2a.llm.ask import Model
 from s2a.llm.client import choose
 from s2a.provenance import provenance
-from s2a.synth import appliances, clutter, decor, household, objects, toiletries
-from s2a.synth.cloth import pillow
-from s2a.synth.solids import Piece, Surface, join
-from s2a.synth.zoo.download import UNITS, Download, download
-from s2a.synth.zoo.formats import WRITERS
-from s2a.synth.zoo.zoo_object import ZooObject
-
-SEED = 7
-CREAM = (230, 220, 200)
-Sampler = Callable[[np.random.Generator], Piece]
-KINDS: dict[str, list[tuple[str, str, Sampler]]] = {
-    "kitchen": [
-        ("bread bin", "on", household.bread_bin),
-        ("jar of jam", "on", household.jar),
-        ("bottle of olive oil", "on", lambda rng: household.bottle(rng, 0.29)),
-        ("mixing bowl", "on", lambda rng: household.bowl(float(rng.uniform(0.1, 0.13)), CREAM)),
-        ("saucepan", "on", lambda rng: household.pot(float(rng.uniform(0.08, 0.11)), 0.11)),
-        ("dinner plate", "on", lambda rng: household.plate(float(rng.uniform(0.12, 0.14)))),
-        ("knife block", "on", lambda rng: household.knife_block()),
-        ("roll of kitchen paper", "on", lambda rng: household.paper_roll(0.06, 0.25, "paper roll")),
-        ("dish rack", "on", lambda rng: household.dish_rack()),
-        ("microwave oven", "on", appliances.microwave),
-    ],
-    "bathroom": [
-        ("cup with toothbrushes", "on", toiletries.toothbrush_cup),
-        ("box of tissues", "on", toiletries.tissue_box),
-        ("stack of towels", "on", lambda rng: household.towel_stack(rng, 3)),
-        ("shower gel", "on", lambda rng: household.bottle(rng, 0.2)),
-        ("wall lamp", "hanging", lambda rng: toiletries.wall_lamp(0.4)),
-        ("stool", "on", lambda rng: toiletries.stool()),
-        ("pedal bin", "on", lambda rng: household.lidded_bin(0.11, 0.28, CREAM)),
-        ("bathroom mirror", "hanging", lambda rng: decor.mirror(0.45, 0.6)),
-        ("scented candle", "on", lambda rng: decor.candle(0.1)),
-        ("wicker laundry basket", "on", household.laundry_basket),
-    ],
-    "office": [
-        ("computer monitor", "on", lambda rng: objects.monitor()),
-        ("keyboard", "on", lambda rng: objects.keyboard()),
-        ("computer mouse", "on", lambda rng: objects.mouse()),
-        ("mug", "on", objects.cup),
-        ("desk lamp", "on", lambda rng: objects.table_lamp()),
-        ("waste paper basket", "on", lambda rng: objects.trash_can()),
-        ("potted plant", "on", lambda rng: objects.plant(rng, float(rng.uniform(0.25, 0.4)))),
-        ("cardboard box", "on", lambda rng: objects.carton((0.4, 0.3, 0.3))),
-        ("stack of paper", "on", objects.paper_stack),
-        ("whiteboard", "hanging", lambda rng: objects.whiteboard(0.9, 0.6)),
-    ],
-    "living_room": [
-        ("television", "on", lambda rng: decor.tv(0.8)),
-        ("game console", "on", decor.console),
-        ("remote control", "on", lambda rng: decor.remote_control()),
-        ("flower vase", "on", lambda rng: decor.vase(rng, 0.28)),
-        ("bowl of fruit", "on", decor.bowl),
-        ("candle", "on", lambda rng: decor.candle(0.14)),
-        ("loudspeaker", "on", lambda rng: decor.speaker(0.18, 0.3)),
-        ("floor lamp", "on", lambda rng: decor.floor_lamp()),
-        ("wicker basket", "on", lambda rng: decor.basket(0.17, 0.22)),
-        ("picture", "hanging", lambda rng: objects.picture(rng, 0.6, 0.4)),
-    ],
-    "bedroom": [
-        ("cushion", "on", lambda rng: pillow((0.45, 0.45, 0.14), CREAM)),
-        ("table clock", "on", lambda rng: decor.alarm_clock()),
-        ("framed photo", "on", decor.photo),
-        ("notebook", "on", clutter.notebook),
-        ("paperback", "on", lambda rng: objects.book(rng, standing=False)[0]),
-        ("table lamp", "on", lambda rng: objects.table_lamp()),
-        ("tissue box", "on", toiletries.tissue_box),
-        ("house slippers", "on", decor.slippers),
-        ("backpack", "on", objects.bag),
-        ("glass vase", "on", lambda rng: decor.vase(rng, 0.22)),
-    ],
-}
-"""Label, placement in truth and what makes it, by the room it goes to."""
 
 
 def main() -> None:
     """Make the objects, insert each into an empty-handed room, and write what came of it."""
     parser = parser_of(__doc__, Path("runs/other"), list(KINDS))
+    parser.add_argument("--objects", default="other", choices=["other", "zoo"])
     parser.add_argument("--draws", type=int, default=2)
+    parser.add_argument("--objects-seed", type=int, default=7)
+    parser.add_argument("--at-once", type=int, default=1, help="objects that a model is asked of at a time")
+    parser.add_argument("--images", type=Path)
     args = study_arguments(parser)
-    files, rooms = _files(args), []
-    for name in args.rooms:
-        for number, seed in enumerate(args.seeds):
-            own = files[name][number :: len(args.seeds)]
-            rooms.append(_room(name, seed, own, args))
+    files, turn = _files(args), Lock()
+    with ThreadPoolExecutor(args.at_once) as pool:
+        waiting = [
+            _begun(name, seed, files[name][number :: len(args.seeds)], turn, pool, args)
+            for name in args.rooms
+            for number, seed in enumerate(args.seeds)
+        ]
+        rooms = []
+        for finish in waiting:
+            rooms.append(finish())
             print(line_of(rooms[-1]), flush=True)
-            report = {
-                "llm": "rules",
-                "virtual": "varied",
-                "seeds": args.seeds,
-                "objects_seed": SEED,
-                **provenance("cpu"),
-            }
-            report |= {"summary": summary(rooms), "rooms": rooms}
-            (RESULTS / f"other_objects_{args.name}.json").write_text(json.dumps(report, indent=1) + "\n")
+            _write(rooms, args)
     print(json.dumps(summary(rooms)))
 
 
-def _room(name: str, seed: int, files: list[tuple[Path, dict]], args: argparse.Namespace) -> dict:
-    """Insert some objects into one room, each alone."""
-    settings = _insert_settings(_stage(name, seed, args), CATEGORY[name], [], args)
-    room, model, rows = open_room(settings), choose(settings.llm, None), []
-    wall, cpu = time.perf_counter(), time.process_time()
-    for path, truth in files:
+def _write(rooms: list[dict], args: argparse.Namespace) -> None:
+    about = {"llm": args.llm, "objects": args.objects, "virtual": "varied", "seeds": args.seeds}
+    about |= {"objects_seed": args.objects_seed, **provenance("cpu"), "summary": summary(rooms), "usage": usage(rooms)}
+    (RESULTS / f"{args.objects}_objects_{args.name}.json").write_text(
+        json.dumps(about | {"rooms": rooms}, indent=1) + "\n"
+    )
+
+
+def usage(rooms: list[dict]) -> dict:
+    """Return the means an insertion of requests, tokens, US dollars and seconds without the model."""
+    rows = [row for room in rooms for row in room["objects"]]
+    totals = [row["total"] for row in rows]
+    means = {name: sum(total[name] for total in totals) / len(totals) for name in totals[0] if name != "seconds"}
+    timed = [row["seconds"] for row in rows if row["seconds"] is not None]
+    if timed:
+        means["seconds_without_model"] = sum(timed) / len(timed)
+    return {name: round(value, 5) for name, value in means.items()}
+
+
+def _begun(
+    name: str, seed: int, files: list[tuple[Path, dict]], turn: Lock, pool: ThreadPoolExecutor, args: argparse.Namespace
+) -> Callable[[], dict]:
+    """Open a room and begin to insert some objects, each alone; return what waits for them and has their rows."""
+    done = args.runs / args.name / f"{name}_{seed}_{args.objects}.json"
+    if done.exists():
+        return lambda: json.loads(done.read_text())
+    settings = _insert_settings(_stage(name, seed, args), f"{name}_{seed}_{args.objects}", [], args)
+    with turn:
+        room = open_room(settings)
+    model = _in_turn(choose(settings.llm, settings.record), turn)
+    started = [pool.submit(_one, room, model, settings, file, f"{name}_{seed}", turn, args) for file in files]
+    return lambda: _finished(name, seed, [future.result() for future in started], done)
+
+
+def _one(
+    room: RoomState,
+    model: Model,
+    settings: InsertSettings,
+    file: tuple[Path, dict],
+    where: str,
+    turn: Lock,
+    args: argparse.Namespace,
+) -> dict:
+    """Insert an object; return its row. What does not wait for a model is done one at a time."""
+    path, truth = file
+    with turn:
         alone = copy.copy(room)
         inserted, record = attempt(alone, ObjectRequest(path, truth["label"]), model, settings)
+        if inserted is not None and args.images:
+            rater_image(alone.scene, inserted, f"{where}_{path.parent.name}_{path.stem}", args.name, args.images)
         if inserted is not None:
             alone.add(inserted)
-        rows.append(row_of(truth, inserted, record, alone.scene))
-    seconds = {"wall": round(time.perf_counter() - wall, 1), "cpu": round(time.process_time() - cpu, 1)}
-    return {"room": name, "seed": seed, "seconds": seconds, "right": sum(row["right"] for row in rows), "objects": rows}
+        row = row_of(truth, inserted, record, alone.scene)
+    steps = [step for name, step in record.items() if isinstance(step, dict) and name != "total"]
+    # Of several at once each waits for its turn, too, which is none of its time.
+    seconds = sum(step.get("seconds", 0.0) for step in steps) - record["total"]["seconds"]
+    more = {
+        name: {key: record[name].get(key) for key in ("right", "problem", "kept")}
+        for name in ("review",)
+        if name in record
+    }
+    return row | {
+        "file": path.name,
+        "seconds": round(seconds, 2) if args.at_once == 1 else None,
+        **more,
+        "total": record["total"],
+    }
+
+
+def _finished(name: str, seed: int, rows: list[dict], done: Path) -> dict:
+    """Return the row of a room, and keep it."""
+    seconds = {"wall": round(sum(row["seconds"] or 0.0 for row in rows), 1), "cpu": 0.0}
+    room = {"room": name, "seed": seed, "seconds": seconds, "right": sum(row["right"] for row in rows), "objects": rows}
+    done.parent.mkdir(parents=True, exist_ok=True)
+    done.write_text(json.dumps(room, indent=1) + "\n")
+    return room
 
 
 def _files(args: argparse.Namespace) -> dict[str, list[tuple[Path, dict]]]:
-    """Write the objects' files; return path and truth of each, by room: every kind once for each draw."""
-    rng, folder = np.random.default_rng(SEED), args.runs / "other"
-    made = [(room, _object(*kind, room, rng)) for _ in range(args.draws) for room in KINDS for kind in KINDS[room]]
-    found: dict[str, list[tuple[Path, dict]]] = {room: [] for room in KINDS}
-    for number, ((room, _), item) in enumerate(zip(made, download([item for _, item in made], rng), strict=True)):
-        # A kind's second draw goes to the other room.
-        path = folder / f"{number:03d}" / item.file
-        path.parent.mkdir(parents=True, exist_ok=True)
-        WRITERS[item.form][1](path, item.mesh(rng), UNITS[item.unit], item.up)
-        found[room].append((path, _truth(item)))
-    return {room: [own for pair in _pairs(items, args.draws) for own in pair] for room, items in found.items()}
-
-
-def _pairs(items: list, draws: int) -> list[list]:
-    """Return the draws of each kind next to each other."""
-    kinds = len(items) // draws
-    return [items[kind::kinds] for kind in range(kinds)]
-
-
-def _object(label: str, placement: str, draw: Sampler, room: str, rng: np.random.Generator) -> ZooObject:
-    """Return one object, on z = 0."""
-    surface = _whole(draw(rng))
-    surface.vertices[:, 2] -= surface.vertices[:, 2].min()
-    return ZooObject(label, CATEGORY[room], surface, placement, False)
-
-
-def _whole(piece: Piece) -> Surface:
-    """Return the surfaces of a piece, its parts and what lies in it."""
-    return join(piece.surface, *(_whole(part) for part in (*piece.children, *piece.contents)))
-
-
-def _truth(item: Download) -> dict:
-    return item.truth(np.ptp(item.object.surface.vertices, axis=0))
+    """Return path and truth of the objects, by room; those of one room are dealt out over its seeds."""
+    if args.objects == "other":
+        return other_objects(args.runs / "other", args.objects_seed, args.draws)
+    zoo = _zoo(args)
+    entries = json.loads((zoo / "truth.json").read_text())["objects"].values()
+    return {
+        room: [(zoo / one["object"], one) for one in entries if one["category"] == CATEGORY[room]] for room in KINDS
+    }
 
 
 if __name__ == "__main__":

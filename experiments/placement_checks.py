@@ -114,7 +114,8 @@ def _lies(truth: Truth, mesh: Mesh) -> bool:
 
 def _named(label: str, words: list[str]) -> bool:
     """Return True if one of some words is in a label, as a word or its plural."""
-    return any(re.search(rf"\b{re.escape(word)}(e?s)?\b", label) for word in words)
+    ends = {word: r"$" if word.endswith("$") else r"\b" for word in words}
+    return any(re.search(rf"\b{re.escape(word.rstrip('$'))}(e?s)?{end}", label) for word, end in ends.items())
 
 
 def suits(truth: Truth, support: str) -> bool:
@@ -124,7 +125,8 @@ def suits(truth: Truth, support: str) -> bool:
         return _named(below, table["hangs_on"])
     if _named(below, table["hot"]):
         return _named(label, table["cookware"])
-    if _named(below, table["never"]) or not below:
+    # By the head noun: a tv stand is no tv.
+    if _named(below, [f"{word}$" for word in table["never"]]) or not below:
         return False
     for kind in ("floor", "soft"):
         if _named(below, table[f"{kind}_supports"]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import random
 from dataclasses import replace
@@ -15,7 +16,9 @@ from s2a.geometry.mesh_ops import merge
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera
 from s2a.geometry.render import render
 from s2a.insert.context import Inserted
+from s2a.insert.review import image_pose
 from s2a.insert.room_state import RoomState
+from s2a.scene import Scene
 
 
 def rater_images(room: RoomState, name: str, done: dict[str, Inserted | None], folder: Path) -> None:
@@ -36,6 +39,36 @@ def rater_images(room: RoomState, name: str, done: dict[str, Inserted | None], f
         views = [_camera_pose(inserted, distance) for distance in (3.0, 0.9)]
         rows = [np.concatenate([render([mesh], view, camera) for view in views], axis=1) for mesh in (before, after)]
         Image.fromarray(np.concatenate(rows, axis=0)).save(folder / f"{name}_{letter}.png")
+    key_file.write_text(json.dumps(dict(sorted(key.items())), indent=1) + "\n")
+
+
+def rater_image(scene: Scene, inserted: Inserted, name: str, method: str, folder: Path) -> None:
+    """Render an object in its place, wide and close, from where it is seen; the file's name hides the method.
+
+    Args:
+        scene: the room without the object.
+        inserted: the object in its place.
+        name: of the object and the room.
+        method: goes into the folder's key_METHOD.json.
+        folder: receives the image.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    image = f"{name}_{hashlib.sha256(f'{name} {method}'.encode()).hexdigest()[:4]}"
+    after = Scene(scene.name, {**scene.parts, inserted.placement.part_id: inserted.part}, scene.origin)
+    camera = config.load(OrbitCamera, config.compose("view", ["camera=near"])["camera"])
+    camera = replace(camera, width=440, height=330, samples=1, backface_culling=False)
+    wide = image_pose(inserted, after, replace(camera, margin=9.0))
+    away = np.subtract(wide.eye, wide.target)
+    size = float(np.linalg.norm(np.ptp(inserted.part.mesh.bounds, axis=0)))
+    nearer = min(1.0, 1.8 * size / float(np.linalg.norm(away)))
+    close = CameraPose(tuple((wide.target + nearer * away).tolist()), wide.target)
+    room = merge([part.mesh for part in after.parts.values()])
+    Image.fromarray(np.concatenate([render([room], view, camera) for view in (wide, close)], axis=1)).save(
+        folder / f"{image}.png"
+    )
+    key_file = folder / f"key_{method}.json"
+    key = json.loads(key_file.read_text()) if key_file.exists() else {}
+    key[image] = {"method": method, "label": inserted.placement.label, "carrier": inserted.candidate.target}
     key_file.write_text(json.dumps(dict(sorted(key.items())), indent=1) + "\n")
 
 

@@ -51,18 +51,23 @@ def parser_of(text: str | None, runs: Path, rooms: list[str]) -> argparse.Argume
     parser.add_argument("--seeds", nargs="*", type=int, default=[100, 101])
     parser.add_argument("--rooms", nargs="*", default=rooms, choices=rooms)
     parser.add_argument("--name", default="rules")
+    parser.add_argument("--llm", default="rules", choices=["rules", "chat", "replay"])
+    parser.add_argument("--recordings", type=Path, help="folder of a model's answers, a file a room")
+    parser.add_argument("settings", nargs="*", help="of `s2a insert`, such as llm.model=gpt-4o-mini")
     return parser
 
 
 def study_arguments(parser: argparse.ArgumentParser) -> argparse.Namespace:
     """Return what was given, with what the functions of the insertion study ask for besides."""
-    args = parser.parse_args()
-    args.virtual, args.llm, args.recordings, args.settings, args.seed = "varied", "rules", None, [], 0
+    args = parser.parse_intermixed_args()
+    if (args.llm != "rules") != bool(args.recordings):
+        parser.error("--llm chat and --llm replay need --recordings FOLDER, and --llm rules has none")
+    args.virtual, args.seed = "varied", 0
     return args
 
 
 def _write(rooms: list[dict], args: argparse.Namespace) -> None:
-    report = {"llm": "rules", "virtual": "varied", "seeds": args.seeds, "zoo_seed": 0, **provenance("cpu")}
+    report = {"llm": args.llm, "virtual": "varied", "seeds": args.seeds, "zoo_seed": 0, **provenance("cpu")}
     report |= {"summary": summary(rooms), "rooms": rooms}
     (RESULTS / f"twelve_{args.name}.json").write_text(json.dumps(report, indent=1) + "\n")
 
@@ -70,7 +75,7 @@ def _write(rooms: list[dict], args: argparse.Namespace) -> None:
 def _room(name: str, seed: int, args: argparse.Namespace) -> dict:
     """Insert the objects of one room; return a row with one an object."""
     stage, zoo = _stage(name, seed, args), _zoo(args)
-    settings = _insert_settings(stage, CATEGORY[name], [f"out={args.runs / 'out' / f'{name}_{seed}'}"], args)
+    settings = _insert_settings(stage, f"{name}_{seed}", [f"out={args.runs / 'out' / f'{name}_{seed}'}"], args)
     truth = _drawn(zoo, CATEGORY[name], seed, args.count)
     requests = [ObjectRequest(zoo / one["object"], one["label"]) for one in truth]
     wall, cpu = time.perf_counter(), _cpu()

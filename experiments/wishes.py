@@ -1,6 +1,7 @@
-"""Are wishes heeded, and impossible ones declined? One small object, the wishes of wishes.yaml, unseen rooms, by the rules.
+"""Are wishes heeded, and impossible ones declined? One small object, the wishes of wishes.yaml, unseen rooms.
 
-    python experiments/wishes.py [--runs runs/wishes] [--seed 100] [--rooms office kitchen ...] [--name rules]
+    python experiments/wishes.py [--runs runs/wishes] [--seed 100] [--virtual classic | varied] [--rooms office kitchen ...]
+        [--llm rules | chat | replay] [--recordings FOLDER] [--at-once 1] [--name rules] [llm.model=...]
 
 Scans the rooms and makes the zoo unless they are there (`insertion_study.py`; RUNS belongs to one seed). Prints a table by
 relation, and writes it with a line a wish to experiments/results/wishes_NAME.json. Heeded is what the check of the result says
@@ -12,10 +13,12 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Lock
 
 import yaml
-from insertion_study import RESULTS, _insert_settings, _stage, _zoo  # the same rooms, objects and settings
+from insertion_study import RESULTS, _in_turn, _insert_settings, _stage, _zoo  # the same rooms, objects and settings
 
 from s2a.insert.attempt import attempt
 from s2a.insert.batch import open_room
@@ -25,7 +28,7 @@ from s2a.llm.client import choose
 from s2a.provenance import provenance
 
 WISHES = Path(__file__).parent / "wishes.yaml"
-OBJECT, LABEL = "objects/matryoshka.ply", "matryoshka"
+OBJECT, LABEL = "matryoshka.*", "matryoshka"
 """What is put everywhere: small, stands firmly, and belongs nowhere in particular."""
 
 
@@ -35,32 +38,42 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("runs/wishes"))
     parser.add_argument("--seed", type=int, default=100)
     parser.add_argument("--rooms", nargs="*", default=list(yaml.safe_load(WISHES.read_text())))
+    parser.add_argument("--virtual", default="classic", choices=["classic", "varied"])
+    parser.add_argument("--llm", default="rules", choices=["rules", "chat", "replay"])
+    parser.add_argument("--recordings", type=Path, help="folder of a model's answers, a file a room")
+    parser.add_argument("--at-once", type=int, default=1, help="wishes that a model is asked of at a time")
     parser.add_argument("--name", default="rules")
-    args = parser.parse_args()
-    # What the functions of the insertion study ask for besides.
-    args.virtual, args.llm, args.recordings, args.settings = "classic", "rules", None, []
+    parser.add_argument("settings", nargs="*", help="of `s2a insert`, such as llm.model=gpt-4o-mini")
+    args = parser.parse_intermixed_args()
+    if (args.llm != "rules") != bool(args.recordings):
+        parser.error("--llm chat and --llm replay need --recordings FOLDER, and --llm rules has none")
     rows: list[dict] = []
     for name in args.rooms:
         rows += _room(name, yaml.safe_load(WISHES.read_text())[name], args)
         print(table(rows), flush=True)
-        report = {"seed": args.seed, "llm": "rules", **provenance("cpu"), "table": summary(rows), "rows": rows}
+        about = {"seed": args.seed, "virtual": args.virtual, "llm": args.llm, **provenance("cpu")}
+        report = about | {"table": summary(rows), "rows": rows}
         (RESULTS / f"wishes_{args.name}.json").write_text(json.dumps(report, indent=1) + "\n")
 
 
 def _room(name: str, wishes: list[dict], args: argparse.Namespace) -> list[dict]:
     """Return a row for every wish of one room."""
-    settings = _insert_settings(_stage(name, args.seed, args), name, [], args)
-    room, model = open_room(settings), choose(settings.llm, None)
-    rows = []
-    for wish in wishes:
-        request, start = ObjectRequest(_zoo(args) / OBJECT, LABEL, wish["wish"]), time.perf_counter()
-        inserted, record = attempt(room, request, model, settings)
-        there = not read_wish(wish["wish"], room.scene).missing
-        row = {"room": name, **wish, "possible": wish["possible"] and there, "absent": not there}
-        row |= {"written": inserted is not None, "heeded": record.get("wish", {}).get("heeded", False)}
-        row |= {"right": row["heeded"] if row["possible"] else inserted is None, "problem": record["problem"]}
-        rows.append(row | {"seconds": round(time.perf_counter() - start, 2)})
-    return rows
+    settings, turn = _insert_settings(_stage(name, args.seed, args), name, [], args), Lock()
+    room, model = open_room(settings), _in_turn(choose(settings.llm, settings.record), turn)
+    object = next((_zoo(args) / "objects").glob(OBJECT))
+
+    def inserted_row(entry: dict) -> dict:
+        with turn:  # what is not waiting for a model is done by one at a time
+            start = time.perf_counter()
+            inserted, record = attempt(room, ObjectRequest(object, LABEL, entry["wish"]), model, settings)
+            there = not read_wish(entry["wish"], room.scene).missing
+            row = {"room": name, **entry, "possible": entry["possible"] and there, "absent": not there}
+            row |= {"written": inserted is not None, "heeded": record.get("wish", {}).get("heeded", False)}
+            row |= {"right": row["heeded"] if row["possible"] else inserted is None, "problem": record["problem"]}
+            return row | {"seconds": round(time.perf_counter() - start - record["total"]["seconds"], 2)}
+
+    with ThreadPoolExecutor(args.at_once) as pool:
+        return list(pool.map(inserted_row, wishes))
 
 
 def summary(rows: list[dict]) -> list[dict]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from s2a.errors import InputError
 from s2a.insert.context import InsertContext, Inserted, ObjectRequest
 from s2a.insert.pipeline import Planned, fixed, planned
+from s2a.insert.review import reviewed
 from s2a.insert.room_state import RoomState
 from s2a.insert.settings import InsertSettings
 from s2a.insert.stability import drop_check
@@ -20,7 +21,7 @@ class Attempt:
     """
 
     def __init__(self, room: RoomState, request: ObjectRequest, model: Model, settings: InsertSettings) -> None:
-        self._usage, self._request, self._room = UsageLog(settings.llm.prices), request, room
+        self._usage, self._request, self._settings = UsageLog(settings.llm.prices), request, settings
         self._record: Record = {"object": str(request.file), "label": request.label, "hint": request.hint}
         check = drop_check(settings.hulls, settings.placement.drop_test)
         self._context = InsertContext(room, model, settings.pipeline, check, self._usage, self._record)
@@ -45,6 +46,8 @@ class Attempt:
             return None
         try:
             inserted = fixed(self._context, self._planned)
+            if self._settings.review and not self._context.config.rules:
+                inserted = reviewed(self._context, self._planned, inserted, self._settings.camera)
         except InputError as error:
             self.problem = str(error)
             return None

@@ -9,24 +9,22 @@ from pathlib import Path
 
 import yaml
 from pxr import Sdf
-from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
-from s2a.geometry.orbit_camera import CameraPose, OrbitCamera
+from s2a.geometry.orbit_camera import OrbitCamera
 from s2a.geometry.render import render, write_png
 from s2a.insert import overlay
 from s2a.insert.attempt import Attempt
 from s2a.insert.context import Inserted, ObjectRequest
+from s2a.insert.review import image_pose
 from s2a.insert.room_state import RoomState
 from s2a.insert.settings import InsertSettings
-from s2a.insert.viewpoint import viewpoint
 from s2a.llm.ask import Model
 from s2a.llm.client import choose, kind_of
 from s2a.llm.usage_log import Record
 from s2a.outputs import atomic_write, refuse_loss, require_png
 from s2a.progress import track
 from s2a.sandbox.geometry_free import geometry_free_text
-from s2a.scene import Scene
 from s2a.usd import descriptive, geometric
 from s2a.usd.layer_files import files
 
@@ -164,9 +162,3 @@ def _render(inserted: Inserted, room: RoomState, camera: OrbitCamera, path: Path
     pose = image_pose(inserted, room.scene, camera)
     with atomic_write(path) as out:
         write_png(render([part.mesh for part in room.scene.parts.values()], pose, camera), out)
-
-
-def image_pose(inserted: Inserted, scene: Scene, camera: OrbitCamera) -> CameraPose:
-    """Return the camera pose of the image of an object in its place, in the room with it."""
-    front = Rotation.from_quat(inserted.candidate.pose.quaternion).apply([1.0, 0.0, 0.0])
-    return viewpoint(scene, inserted.part.mesh, front, camera)

@@ -14,6 +14,7 @@ from s2a.insert.place.candidate_poses import CandidatePose
 from s2a.insert.place.contact import PoseConfig
 from s2a.insert.place.supports import SurfaceConfig
 from s2a.insert.placement import Placement
+from s2a.insert.plan import Plan
 from s2a.insert.room_state import RoomState
 from s2a.llm.ask import Model
 from s2a.llm.usage_log import Record, UsageLog
@@ -80,6 +81,7 @@ class Inserted:
         part: the object as a part of the room, scene coordinates.
         mesh: its surface upright, in the unit of its file, as its own USD file holds it.
         layer: USD layer that the script made.
+        plan: the plan by which it was placed.
     """
 
     placement: Placement
@@ -87,6 +89,7 @@ class Inserted:
     part: Part
     mesh: Mesh
     layer: Sdf.Layer
+    plan: Plan
 
 
 @dataclass(frozen=True)

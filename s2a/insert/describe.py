@@ -12,7 +12,8 @@ from scipy import ndimage
 from s2a.geometry.mesh_ops import normals
 from s2a.geometry.regions import Region, RegionConfig
 from s2a.insert.place.supports import is_basin, target_regions
-from s2a.insert.plan import Choice
+from s2a.insert.plan import Plan
+from s2a.insert.walls import is_wall, wall_line
 from s2a.scene import Joint, Mesh, Scene
 from s2a.usd.boxes import Box, silhouette, upright_box
 
@@ -102,17 +103,27 @@ def faces_up(mesh: Mesh) -> bool:
     return bool(mesh.face_areas[normals(mesh)[:, 2] > LEVEL].sum() > 0.1 * WORTH)
 
 
-def context_of(scene: Scene, supports: Supports, choice: Choice, count: int) -> dict[str, Any]:
-    """Return the support that a plan refers to, and the objects nearest to it, one per label and none longer than a metre."""
-    regions, meant = supports.get(choice.target, []), choice.height
+def context_of(scene: Scene, supports: Supports, plan: Plan, count: int) -> dict[str, Any]:
+    """Return the support that a plan refers to, and the objects nearest to its place, one per label and none longer than a metre.
+
+    A wall is a support without measures: its ledges carry nothing of what hangs on it.
+    """
+    choice = plan.choices[0]
+    regions = [] if choice.relation == "hanging" else supports.get(choice.target, [])
+    meant = choice.height
     if meant is not None:
-        regions = sorted(regions, key=lambda region: abs(region.height - meant))
+        near_by = [region for region in regions if abs(region.height - meant) < NEAR]
+        regions = sorted(near_by, key=lambda region: -region.free_area) or sorted(
+            regions, key=lambda region: abs(region.height - meant)
+        )
     part = scene.parts[choice.target]
     below: dict[str, Any] = {"part": part.label}
     middle = part.mesh.bounds.mean(axis=0) if len(part.mesh.vertices) else np.zeros(3)
     if regions:
         below |= support(regions[0]) | {"widest": round(float(np.hypot(*regions[0].size)), CENTIMETRES)}
         middle = regions[0].center
+    if plan.near is not None and len(scene.parts[plan.near].mesh.vertices):
+        middle = scene.parts[plan.near].mesh.bounds.mean(axis=0)
     bounds = {i: scene.parts[i].mesh.bounds for i in shown(scene) if i != choice.target and i not in scene.movable}
     near = [
         (float(np.linalg.norm(b.mean(axis=0) - middle)), i) for i, b in bounds.items() if np.ptp(b, axis=0).max() < 1.0
@@ -146,6 +157,8 @@ def _line(scene: Scene, part_id: str, supports: Supports) -> dict[str, Any]:
         line |= {"center": _rounded(box.center), "size": _rounded(box.size)}
     if carries:
         line["supports"] = [support(region) for region in carries]
+    if is_wall(part.label):
+        line |= wall_line(scene, part_id)
     return line
 
 

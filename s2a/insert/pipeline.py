@@ -22,7 +22,7 @@ from s2a.insert.plan import FailedPlan, Plan, plan
 from s2a.insert.room_state import RoomState
 from s2a.insert.scale import Size, fit_scale, size
 from s2a.insert.settle import stable_pose
-from s2a.insert.wishes.heed import allowed, decline, objection, read_wish, verdict
+from s2a.insert.wishes.heed import allowed, decline, objection, planned_place, read_wish, verdict
 from s2a.insert.wishes.parse import Wish
 from s2a.llm.rules import write_scripts
 from s2a.llm.usage_log import Record, step, tokens
@@ -89,18 +89,24 @@ def planned(context: InsertContext, request: ObjectRequest) -> Planned:
     return Planned(request, file, facts, wish, where, answer)
 
 
-def fixed(context: InsertContext, planned: Planned) -> Inserted:
-    """Find the pose of a planned object in the room as it is now, and author it."""
+def fixed(context: InsertContext, planned: Planned, failed: FailedPlan | None = None) -> Inserted:
+    """Find the pose of a planned object in the room as it is now, and author it; by another plan, if one failed."""
     room, record, request, config = context.room, context.record, planned.request, context.config
-    where, object, scale, candidate = _place(context, planned)
+    where, object, scale, candidate = _place(context, planned, failed)
     if request.hint:
-        record["wish"] = verdict(planned.wish, request.hint, room.scene, candidate.pose.moved(object))
+        record["wish"] = verdict(_wish(planned, where), request.hint, room.scene, candidate.pose.moved(object))
     model = context.model if config.script == "model" else write_scripts
     with Sandbox(room.geometry_free_text, config.sandbox, config.trusted) as sandbox, step(record, "script") as result:
         prim = placement(room.scene, request.label, candidate.pose, scale)
         script = author(model, sandbox, prim, context.usage, result)
     own = upright(planned.file, where.up, where.front, 1.0, where.hangs)
-    return Inserted(prim, candidate, Part(request.label, candidate.pose.moved(object)), own, script.layer)
+    return Inserted(prim, candidate, Part(request.label, candidate.pose.moved(object)), own, script.layer, where)
+
+
+def _wish(planned: Planned, where: Plan) -> Wish:
+    """Return the wish as it was parsed; as the plan understood it, where the parser understood nothing."""
+    understood = planned.wish.relations or planned.wish.missing or not planned.request.hint
+    return planned.wish if understood else planned_place(where)
 
 
 def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Record:
@@ -120,16 +126,20 @@ def _facts(file: ObjectFile, request: ObjectRequest, lines: list[Record]) -> Rec
     }
 
 
-def _place(context: InsertContext, planned: Planned) -> tuple[Plan, Mesh, float, CandidatePose]:
-    """Find a pose; ask for another plan while there is no room.
+def _place(
+    context: InsertContext, planned: Planned, failed: FailedPlan | None
+) -> tuple[Plan, Mesh, float, CandidatePose]:
+    """Find a pose; ask for another plan while there is no room, or one only where an earlier plan failed.
 
     Returns:
         The plan, the object upright and to scale [m], its scale (metres per unit of the file), and the candidate pose.
     """
-    where = planned.where
-    for left in reversed(range(context.config.plans)):
+    where = _plan(context, planned.facts, failed) if failed else planned.where
+    if where.declined:
+        raise NoRoom(f"no place for {planned.request.label!r}: {where.declined[:300]}")
+    for left in reversed(range(1 if failed else context.config.plans)):
         try:
-            return where, *_pose(context, planned.file, where, planned.answer, planned.wish)
+            return where, *_pose(context, planned.file, where, planned.answer, _wish(planned, where))
         except NoRoom as full:
             if not left:
                 raise
@@ -157,7 +167,7 @@ def _size(context: InsertContext, facts: Record, file: ObjectFile, where: Plan) 
     height, longest = _extents(file, where)
     question = {"label": facts["label"], "sides": facts["sides"], "stated": file.unit}
     question |= {"height": float(f"{height:.3g}"), "longest": float(f"{longest:.3g}")}
-    question |= describe.context_of(room.scene, room.supports, where.choices[0], config.neighbours)
+    question |= describe.context_of(room.scene, room.supports, where, config.neighbours)
     return size(context.model, question, config.retries, context.usage)
 
 
@@ -185,7 +195,6 @@ def _stable_candidate(context: InsertContext, object: Mesh, where: Plan, wish: W
         NoRoom: there is none.
     """
     room, config, record = context.room, context.config, context.record
-    reasons: list[str] = []
     results: list[Record] = []
 
     def check(candidate: CandidatePose) -> Record:
@@ -197,7 +206,9 @@ def _stable_candidate(context: InsertContext, object: Mesh, where: Plan, wish: W
         return found
 
     # What is only preferred is looked for first.
-    for heeded in (wish, Wish()) if config.wish == "prefer" and wish.relations else (wish,):
+    preferred = Wish((*wish.relations, *planned_place(where).relations))
+    for heeded in dict.fromkeys((preferred, wish, Wish()) if config.wish == "prefer" else (preferred, wish)):
+        reasons: list[str] = []
         keep = allowed(heeded, room.scene, object)
         poses = candidate_poses(room, object, where, config.surface, config.pose, reasons, keep)
         with step(record, "pose") as said:

@@ -40,6 +40,19 @@ class Choice:
 
 
 @dataclass(frozen=True)
+class Place:
+    """Where on its support an object goes.
+
+    Attributes:
+        relation: of `prompts.PLACES`.
+        of: ids of the parts that it refers to: two for "between", else one.
+    """
+
+    relation: str
+    of: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Plan:
     """Places and orientation of an object.
 
@@ -48,6 +61,7 @@ class Plan:
         front: axis of the file that its front faces along.
         near: id of the neighbour, or None.
         choices: the best place first, three at most; none in a plan that declines.
+        place: where on these, held to where there is room.
         declined: why there is no place for it in this room; empty in a plan that names places.
     """
 
@@ -55,6 +69,7 @@ class Plan:
     front: str
     near: str | None
     choices: tuple[Choice, ...]
+    place: tuple[Place, ...] = ()
     declined: str = ""
 
     @property
@@ -63,8 +78,8 @@ class Plan:
         return bool(self.choices) and self.choices[0].relation == "hanging"
 
     def said(self) -> dict[str, Any]:
-        """Return the plan as a model answers it: a plan with places says nothing of declining."""
-        return {name: value for name, value in asdict(self).items() if name != "declined" or value}
+        """Return the plan as a model answers it, without what it left empty."""
+        return {name: value for name, value in asdict(self).items() if name not in ("place", "declined") or value}
 
 
 @dataclass(frozen=True)
@@ -126,7 +141,14 @@ def checked(answer: Plan, scene: Scene) -> Plan:
         return answer
     if not 1 <= len(answer.choices) <= CHOICES:
         raise ValidationFeedback(f"{len(answer.choices)} choices were given; give one to {CHOICES}, the best first.")
-    for part_id in (*(choice.target for choice in answer.choices), answer.near):
+    for place in answer.place:
+        if place.relation not in prompts.PLACES or len(place.of) != (2 if place.relation == "between" else 1):
+            raise ValidationFeedback(
+                f"place {place.relation!r} of {len(place.of)} things; possible: {', '.join(prompts.PLACES)}, each of one "
+                "thing, and 'between' of two."
+            )
+    named = (part_id for place in answer.place for part_id in place.of)
+    for part_id in (*(choice.target for choice in answer.choices), answer.near, *named):
         if part_id is not None and part_id not in scene.parts:
             raise ValidationFeedback(_unknown(part_id, scene))
     for choice in answer.choices:

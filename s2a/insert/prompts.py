@@ -22,6 +22,7 @@ The room comes as JSON, a line a part. Lengths are in metres, z is up, the floor
 - supports: level surfaces that can carry things, each a list: kind, height above the floor, free area in m^2, diameter of the
   largest free circle, free height above it. Kinds: "horizontal" is a top, "inside" is a compartment with something of the
   same part above it, "basin" is surrounded by a rim: a sink, a tub, a tray.
+- along: of a wall, what stands or hangs there, in order; free: widths of the gaps between that at eye level, the widest first.
 - Lines with "things" have the ids of small things, and what they stand on, if that is known.
 Things can hang on the upright sides of walls and furniture.
 
@@ -34,7 +35,9 @@ The object comes with its label, and
 - hollow: seen from the end at which an axis points, the share of the outline that is a deep hollow with walls all around: a mug
   has it at its mouth. Ends that are not listed have none;
 - slices: along each axis, from its negative to its positive end, the share of the box's cross-section that five slices span:
-  "y":[0.8,0.8,0.8,0.4,0.1] is like a bottle with its neck at +y.
+  "y":[0.8,0.8,0.8,0.4,0.1] is like a bottle with its neck at +y;
+- colours: how much the colours seen from an axis differ, 0 for a plain side: pictures, books and packages have their print in
+  front, and plain backs. Left out where the file has no colours.
 
 Answer with one JSON object:
 - up: the axis of the file that points up once the object is in its place ("+x", "-x", "+y", "-y", "+z", "-z"). It is put down
@@ -50,8 +53,12 @@ Answer with one JSON object:
   - surface: "horizontal" (a top or a basin), "inside" (a compartment), or "vertical" (a wall or an upright side);
   - relation: "on" a top, "in" a basin or a compartment, "against" (on a horizontal surface, with its back to what stands or
     rises there: furniture on a floor before a wall), "hanging" (only on a vertical surface);
-  - height: the height of the support that you mean, as listed, or null;
+  - height: the height of the support that you mean, as listed, or null; of what hangs, that of its middle, or null for eye level;
   - reason: in a few words.
+- place: where it goes on these, a list, empty where it does not matter: each {"relation","of"}; relation is "left", "right",
+  "front", "behind", "above" (of is one id of a thing; left and right as seen by who stands before it), "between" (of is two
+  ids), "back edge", "front edge", "corner" or "middle" (of is one id of what carries it). It is held to where there is room.
+- declined: "" or, if nothing in this room suits or the wish cannot be met here, why; choices are then empty.
 The object must fit with its real size, which you know: look at the free circle and the free height; what is longer than the
 circle may still fit along a narrow surface. Doors and drawers must stay free to open, and carry nothing. Keep small things
 off the floor, and do not pile things on small or unsteady ones. A wish, if there is one, comes first: all choices must
@@ -63,14 +70,16 @@ Example. Object {"label":"coffee mug","sides":[12.1,9.4,8.6],"format":"obj","sta
 in a room with desk_4, shelf_9, and keyboard_6 on the desk:
 {"up":"+y","front":"+z","near":"keyboard_6","choices":[
 {"target":"desk_4","surface":"horizontal","relation":"on","height":0.74,"reason":"mugs stand on desks, within reach"},
-{"target":"shelf_9","surface":"inside","relation":"in","height":1.1,"reason":"a free compartment at hand height"}]}
+{"target":"shelf_9","surface":"inside","relation":"in","height":1.1,"reason":"a free compartment at hand height"}],
+"place":[{"relation":"right","of":["keyboard_6"]}],"declined":""}
 Example. Object {"label":"bar of soap","sides":[9,6,3],"format":"usda","stated_up":"+z",
 "feet":{"+z":0.63,"-z":0.63,"+y":0.24,"-y":0.24},"hollow":{},
 "slices":{"x":[0.8,1.0,1.0,1.0,0.8],"y":[0.8,1.0,1.0,1.0,0.8],"z":[0.9,1.0,1.0,1.0,0.9]}}
 in a bathroom with washbasin_2, whose supports are ["basin",0.72,0.1,0.3,1.9] and ["horizontal",0.85,0.2,0.13,1.8]:
 {"up":"+z","front":"-y","near":null,"choices":[
 {"target":"washbasin_2","surface":"horizontal","relation":"on","height":0.85,"reason":"soap lies on the rim of the basin"},
-{"target":"washbasin_2","surface":"horizontal","relation":"in","height":0.72,"reason":"or in the basin"}]}
+{"target":"washbasin_2","surface":"horizontal","relation":"in","height":0.72,"reason":"or in the basin"}],
+"place":[],"declined":""}
 Answer with the JSON object alone."""
 
 SCALE = """\
@@ -94,6 +103,18 @@ It must fit the support, and the things around it.
 
 Example. {"label":"Swingline 747","sides":[7.4,1.5,2.2],"height":2.2,"longest":7.4,"stated":null,"support":{"part":"desk"}}:
 {"noun":"stapler","height":[0.04,0.07],"longest":[0.13,0.20],"unit":"in","reason":"7.4 x 1.5 x 2.2 inches is a full-size stapler"}
+Answer with the JSON object alone."""
+
+REVIEW = """\
+An object was put into a scanned room by a program. You are given an image of it in its place, in the middle of the image, its
+label, its longest side in metres, and what carries it. Say whether it looks right: is it the right way up, does its front face
+where it should, is its size plausible beside its neighbours, and would a person have put such a thing there? Scans are coarse
+and have holes; judge the object alone, and not how the room was scanned. Small liberties of taste are right.
+
+Answer with one JSON object:
+- right: true or false;
+- problem: "" or, if it is not right, what is wrong and what would be better, in one sentence: another support, another
+  direction up, another front.
 Answer with the JSON object alone."""
 
 EXAMPLE = Placement(
@@ -125,6 +146,8 @@ def _object(**properties: Any) -> dict[str, Any]:
     return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
 
 
+PLACES = ("left", "right", "front", "behind", "above", "between", "back edge", "front edge", "corner", "middle")
+"""Relations of a plan to things of the room."""
 AXIS = {"type": "string", "enum": ["+x", "-x", "+y", "-y", "+z", "-z"]}
 SPAN = {"type": "array", "items": {"type": "number"}, "description": "least and largest"}
 TEXT = {"type": "string"}
@@ -143,7 +166,16 @@ PLAN_SCHEMA = _object(
             reason=TEXT,
         ),
     },
+    place={
+        "type": "array",
+        "items": _object(
+            relation={"type": "string", "enum": list(PLACES)}, of={"type": "array", "items": {"type": "string"}}
+        ),
+    },
+    declined=TEXT,
 )
+
+REVIEW_SCHEMA = _object(right={"type": "boolean"}, problem=TEXT)
 
 SCALE_SCHEMA = _object(
     noun=TEXT,
@@ -159,7 +191,15 @@ def plan_question(facts: Mapping[str, Any], room: str) -> str:
     wish = f"\nThe wish: {facts['wish']}" if facts.get("wish") else ""
     described = {"label": facts["label"], "sides": facts["sides"], "format": facts["format"], "stated_up": facts["up"]}
     described |= {name: {axis: share for axis, share in facts[name].items() if share} for name in ("feet", "hollow")}
-    return f"The room:\n{room}\n\nThe object: {_json({**described, 'slices': facts['slices']})}{wish}"
+    described |= {"slices": facts["slices"]}
+    colours = facts.get("varied", {})
+    described |= {"colours": colours} if any(colours.values()) else {}
+    return f"The room:\n{room}\n\nThe object: {_json(described)}{wish}"
+
+
+def review_question(facts: Mapping[str, Any]) -> str:
+    """Return the question whether an object looks right in its place; the image goes with it."""
+    return f"The object: {_json(facts)}"
 
 
 def scale_question(facts: Mapping[str, Any]) -> str:

@@ -15,7 +15,7 @@ from s2a.errors import InputError, printable
 from s2a.llm.usage_log import UsageLog
 
 T = TypeVar("T")
-Step = Literal["plan", "scale", "script", "skills"]
+Step = Literal["plan", "scale", "script", "review", "skills"]
 Message = tuple[Literal["user", "assistant"], str]
 THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought|reasoning)>", re.DOTALL | re.IGNORECASE)
 """The models that write them end with them before the answer begins."""
@@ -33,6 +33,7 @@ class Request:
         messages: (role, text), the question first, then rejected answers and the feedback on them.
         schema: JSON schema of the answer; None where the answer is a script.
         facts: content of the question as values, for the rule-based fallback.
+        images: PNG files that go with the question, for models that see.
     """
 
     step: Step
@@ -40,6 +41,7 @@ class Request:
     messages: tuple[Message, ...]
     schema: Mapping[str, Any] | None
     facts: Mapping[str, Any]
+    images: tuple[bytes, ...] = ()
 
     def with_feedback(self, answer: str, feedback: str) -> Request:
         """Return the question followed by an answer and the feedback on it."""

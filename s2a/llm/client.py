@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 import time
@@ -137,13 +138,15 @@ class Chat:
 
     def _send(self, request: Request, more: dict[str, Any]) -> bytes:
         """Send a request and return the response, if it comes in time and is not too long."""
-        messages = [{"role": "system", "content": request.system}]
+        messages: list[dict[str, Any]] = [{"role": "system", "content": request.system}]
         messages += [{"role": role, "content": text} for role, text in request.messages]
+        if request.images:
+            messages[1]["content"] = [{"type": "text", "text": messages[1]["content"]}, *map(_image, request.images)]
         # The client bounds each wait for a part of a response; this bounds their sum, headers and retries included.
         seconds = self._config.timeout * (self._config.attempts + 1) + MAX_WAIT * self._config.attempts
         return within(min(seconds, TIMEOUT_MAX), lambda: self._receive(messages, more), self._late)
 
-    def _receive(self, messages: list[dict[str, str]], more: dict[str, Any]) -> bytes:
+    def _receive(self, messages: list[dict[str, Any]], more: dict[str, Any]) -> bytes:
         """Return the response to a request; its body may take as long as an answer may."""
         with self._client.chat.completions.with_streaming_response.create(
             model=self._config.model,
@@ -198,6 +201,11 @@ class Chat:
             asked if is_count(asked) and asked else estimate,
             said if is_count(said) and said else tokens(text),
         )
+
+
+def _image(png: bytes) -> dict[str, Any]:
+    """Return a PNG file as a part of a message."""
+    return {"type": "image_url", "image_url": {"url": f"data:image/png;base64,{base64.b64encode(png).decode()}"}}
 
 
 def within(seconds: float, call: Callable[[], T], late: Callable[[], Exception]) -> T:

@@ -28,11 +28,11 @@ BULK = frozenset(
 """Words before "box" or "crate" that do not say what it holds; others are of goods, as shops sell them."""
 GOODS = {"box": "grocery box", "carton": "grocery box", "package": "grocery box", "packet": "grocery box"}
 """Kinds of packages by their head noun, when a word before it says what is in them."""
-MOUNTED = re.compile(r"\b(?:wall|wall mounted|hanging|framed)\b")
-"""Words before a noun that say that it hangs."""
+MOUNTED = re.compile(r"\b(?:wall|wall mounted|hanging|framed|bathroom|hall|hallway)\b")
+"""Words before a noun that say that it hangs, as mirrors and lamps do in bathrooms and halls."""
 HANGING_SIZES: dict[str, tuple[Range, Range]] = {
-    "mirror": ((0.4, 1.2), (0.5, 1.3)),
-    "lamp": ((0.12, 0.45), (0.15, 0.5)),
+    "mirror": ((0.5, 1.3), (0.5, 1.3)),
+    "desk lamp": ((0.05, 0.3), (0.2, 0.6)),
 }
 """Height and longest side [m] of what is larger or smaller where it hangs."""
 

@@ -77,6 +77,8 @@ def gist(request: Request) -> str:
     """Return the hash of a question without the room's measures: prompt, object, placement hint and the ids of the room."""
     facts = request.facts
     named = [facts.get(name) for name in ("label", "sides", "height", "wish", "id", "tried")]
+    if request.step == "review":
+        named += [facts.get(name) for name in ("carrier", "relation", "up", "front")]
     ids = sorted(line["id"] for line in facts.get("room", ()))
     return _hash(json.dumps([request.step, request.system, named, ids, len(request.messages)]))
 

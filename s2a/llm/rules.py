@@ -17,7 +17,7 @@ from s2a.llm.kinds import ObjectKind, known
 
 UNKNOWN_HEIGHT, UNKNOWN_LONGEST = (0.03, 0.35), (0.06, 0.4)
 """Ranges for unknown objects [m]: hand-held."""
-FIRM = 0.15
+FIRM = 0.08
 """Tilt margin, as a fraction of a right angle, beyond which more does not matter: a bottle has 0.1, a cube 0.5."""
 LOW, STEADY = 0.35, 0.4
 """Height over longest side of what lies, and the tilt margin beyond which more does not matter for that."""
@@ -27,21 +27,16 @@ MIRRORED, MOST = 2.0, 0.3
 """Weight of what differs along an axis between its ends, and the most that counts: few objects are the same above and below."""
 ROUND, ALIKE = 0.2, 0.05
 """Weight of two sides that are alike, to that fraction: a cup, a plate or a tin has its axis upright."""
-ANYWHERE = (
-    "on table",
-    "on desk",
-    "on counter",
-    "on shelf",
-    "inside shelf",
-    "on cabinet",
-    "on nightstand",
-    "on dresser",
-)
+ANYWHERE = tuple("on table|on desk|on counter|on shelf|inside shelf|on cabinet|on nightstand|on dresser".split("|"))
 """Places for unknown objects, and for hand-held ones none of whose places exist in the room; never the floor."""
 COLOURED = 8.0
 """Difference in the spread of colours, of 255, that tells a front from a back."""
-FLATTER = 0.15
-"""Difference of the tilt margins of a back and a front, as fractions of a right angle."""
+FLATTER, FRAMED = 0.05, 0.3
+"""Differences of a front and a back: of the tilt margins, as fractions of a right angle, and of the hollow fractions."""
+UNEVEN = 0.5
+"""Difference of the cross-sections at the ends of an axis, two slices each, from which it is the one from front to back."""
+SHEET = 0.12
+"""Thinnest side over the longest below which what hangs is a sheet, which faces along it."""
 SOFT = ("bed", "sofa", "armchair", "couch")
 """What carries pillows and blankets, which belong on no table."""
 BEDDING = ("blanket", "duvet", "mattress", "bedspread", "quilt")
@@ -208,18 +203,35 @@ def _opposite(axis: str) -> str:
 
 
 def _flat(facts: Any, entry: ObjectKind | None) -> tuple[str, str]:
-    """Return the up axis and the front of a hanging object: it faces along its thinnest side, away from its flat back."""
-    sides = dict(zip("xyz", facts["sides"], strict=True))
-    thin = min(sides, key=sides.__getitem__)
-    axes = [axis for axis in ("+z", "+y", "+x") if axis[1] != thin]
+    """Return the up axis and the front of a hanging object, which faces away from its back."""
+    depth = _depth(facts)
+    axes = [axis for axis in ("+z", "+y", "+x") if axis[1] != depth]
     up = facts["up"] if facts["up"] in axes else max(axes, key=lambda axis: _fit(facts, entry, axis))
-    usual = {"x": "+x", "y": "-y", "z": "+z"}[thin]
+    usual = {"x": "+x", "y": "-y", "z": "+z"}[depth]
     other = _opposite(usual)
-    feet, varied = facts["feet"], facts.get("varied", {})
-    # A framed image has its colours in front, and what lies firmly on its back has a flat one.
-    colours = varied.get(other, 0.0) - varied.get(usual, 0.0)
-    firmer = feet.get(other, 0.0) - feet.get(usual, 0.0)
-    return up, other if colours > COLOURED or (firmer > FLATTER and colours > -COLOURED) else usual
+
+    def more(name: str) -> float:
+        found = facts.get(name, {})
+        return float(found.get(other, 0.0) - found.get(usual, 0.0))
+
+    # A framed image has its colours in front, a frame its hollow, and what lies firmly on its back has a flat one.
+    for name, least in (("varied", COLOURED), ("hollow", FRAMED)) if _is_sheet(facts) else ():
+        if abs(more(name)) > least:
+            return up, other if more(name) > 0 else usual
+    return up, other if more("feet") > FLATTER else usual
+
+
+def _depth(facts: Any) -> str:
+    """Return the axis along which a hanging object faces: its thinnest; of a thick one that along which its ends differ most."""
+    sides, slices = dict(zip("xyz", facts["sides"], strict=True)), facts.get("slices", {})
+    uneven = {axis: abs(sum(found[:2]) - sum(found[3:])) for axis, found in slices.items()}
+    if _is_sheet(facts) or max(uneven.values(), default=0.0) < UNEVEN:
+        return min(sides, key=sides.__getitem__)
+    return max(uneven, key=uneven.__getitem__)
+
+
+def _is_sheet(facts: Any) -> bool:
+    return bool(min(facts["sides"]) < SHEET * max(facts["sides"]))
 
 
 def _placement(facts: Any) -> Placement:

@@ -79,5 +79,7 @@ def test_axes_of_a_file_are_followed_into_the_scene() -> None:
 def test_words_are_whole_words() -> None:
     assert suits(CUP, "storage cabinet")  # no bin
     assert not suits(CUP, "pedal bin")
+    assert suits(CUP, "tv stand")
+    assert not suits(CUP, "tv")
     assert suits(Truth("cooking pot", None, None, "on"), "stove")
     assert not suits(CUP, "stove")

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from rough_furniture import at, block, sheet
 
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
+from s2a.insert.plan import Choice, Place, Plan
 from s2a.insert.wishes.check import met
-from s2a.insert.wishes.heed import decline, read_wish, verdict
+from s2a.insert.wishes.heed import allowed, decline, planned_place, read_wish, verdict
 from s2a.insert.wishes.parse import parse_wish
 from s2a.scene import Mesh, Part, Scene
 
@@ -153,3 +155,26 @@ def test_left_and_right_change_with_the_side_of_the_room() -> None:
     (left,) = parse_wish("left of the keyboard", LABELS).relations
     assert met(turned, at(CUP, -0.5, -0.2, 0.745), left)
     assert not met(turned, at(CUP, -1.1, -0.2, 0.745), left)
+
+
+def test_the_place_of_a_plan_is_searched_for_as_a_wish() -> None:
+    choice = Choice("desk_2", "horizontal", "on", 0.74, "there")
+    wish = planned_place(Plan("+z", "-y", None, (choice,), (Place("left", ("keyboard_4",)),)))
+    keep = allowed(wish, room(), CUP)
+    assert keep is not None
+    assert keep(np.array([(0.5, 0.2, 0.741), (1.1, 0.2, 0.741)])).tolist() == [True, False]
+
+
+def test_the_height_of_what_hangs_is_that_of_its_middle() -> None:
+    choice = Choice("wall_8", "vertical", "hanging", 1.5, "there")
+    keep = allowed(planned_place(Plan("+z", "-y", None, (choice,))), room(), block(0.4, 0.04, 0.6))
+    assert keep is not None
+    # The places are those of the foot; 0.3 m above that is the middle.
+    assert keep(np.array([(0.5, 0.6, 1.2), (0.5, 0.6, 1.5)])).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("said", ["on the desk but not near the lamp", "on the desk, far from the lamp"])
+def test_what_is_to_be_away_is_searched_for_away(said: str) -> None:
+    keep = allowed(read_wish(said, room()), room(), CUP)
+    assert keep is not None
+    assert keep(np.array([(0.35, 0.4, 0.741), (1.2, 0.1, 0.741)])).tolist() == [False, True]

@@ -18,7 +18,7 @@ from s2a.errors import InputError
 from s2a.insert import prompts
 from s2a.insert.plan import FailedPlan, Plan, checked, plan
 from s2a.insert.scale import size
-from s2a.llm.ask import Model, Request, ask, parse
+from s2a.llm.ask import Model, Request, ValidationFeedback, ask, parse
 from s2a.llm.client import LlmConfig, choose, kind_of
 from s2a.llm.usage_log import UsageLog
 from s2a.scene import Mesh, Part, Scene
@@ -81,7 +81,23 @@ def test_an_answer_is_believed_and_its_tokens_are_counted(monkeypatch):
     question = request["messages"][1]["content"]
     assert "the lines" in question
     assert '"feet":{"+z":0.5},"hollow":{"+z":0.7}' in question
-    assert request["response_format"]["json_schema"]["schema"]["required"] == ["up", "front", "near", "choices"]
+    required = ["up", "front", "near", "choices", "place", "declined"]
+    assert request["response_format"]["json_schema"]["schema"]["required"] == required
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ({"relation": "beside", "of": ["desk_1"]}, "place 'beside' of 1 things; possible: left, right"),
+        ({"relation": "between", "of": ["desk_1"]}, "'between' of two"),
+        ({"relation": "left", "of": ["piano_9"]}, "no 'piano_9' in the room"),
+    ],
+)
+def test_a_place_that_cannot_be_goes_back(place, said):
+    with pytest.raises(ValidationFeedback, match=said):
+        checked(parse(json.dumps({**PLAN, "place": [place]}), Plan), ROOM)
+    good = {"relation": "between", "of": ["desk_1", "keyboard_3"]}
+    assert checked(parse(json.dumps({**PLAN, "place": [good]}), Plan), ROOM).place[0].of == ("desk_1", "keyboard_3")
 
 
 def test_an_endpoint_without_structured_output_is_asked_in_plain_words_from_then_on(monkeypatch):

@@ -10,9 +10,11 @@ import numpy as np
 from s2a.config import nearest
 from s2a.errors import InputError
 from s2a.geometry.convex import box
+from s2a.insert.place.preferences import floor_height
 from s2a.insert.place.supports import target_mesh
-from s2a.insert.wishes.check import between, met, placed, viewer
-from s2a.insert.wishes.parse import Wish, parse_wish
+from s2a.insert.plan import Plan
+from s2a.insert.wishes.check import BESIDE, FAR, OFF_HEIGHT, between, met, placed, viewer
+from s2a.insert.wishes.parse import Relation, Wish, parse_wish
 from s2a.scene import Mesh, Scene
 from s2a.usd.boxes import silhouette
 
@@ -24,6 +26,15 @@ NAMED = 12
 def read_wish(text: str, scene: Scene) -> Wish:
     """Return the parsed wish for a room."""
     return parse_wish(text, {i: part.label for i, part in scene.parts.items() if len(part.mesh.faces)})
+
+
+def planned_place(plan: Plan) -> Wish:
+    """Return where a plan wants an object on its support, as relations that are searched for and checked as a wish's are."""
+    found = [Relation(one.relation, tuple((part_id,) for part_id in one.of), one.relation) for one in plan.place]
+    height = plan.choices[0].height if plan.hangs else None
+    if height is not None:
+        found.append(Relation("height", (), f"at {height:g} m", height))
+    return Wish(tuple(found))
 
 
 def decline(wish: Wish, text: str, scene: Scene, understood: bool) -> None:
@@ -71,11 +82,16 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
         scene: the room.
         object: upright, standing on z = 0 above the origin, in metres.
     """
-    sided = [one for one in wish.relations if not one.negated and one.kind in (*SIDED, "between", "near")]
+    sided = [
+        one
+        for one in wish.relations
+        if one.kind in (("near",) if one.negated else (*SIDED, "between", "near", "height", "away"))
+    ]
     if not sided:
         return None
     sides = np.ptp(object.bounds, axis=0)
     # Sides are told from outlines: the points of a scan would be gone through for every place.
+    floor = floor_height(scene)
     known = {i: _outline(target_mesh(scene, i)) for one in sided for ids in one.part_ids for i in ids}
     seen = {i: viewer(scene, object, i, target_mesh(scene, i)) for i in known}
 
@@ -86,6 +102,10 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
                 holds = any(
                     a != b and between(brick, known[a], known[b]) for a in one.part_ids[0] for b in one.part_ids[1]
                 )
+            elif one.kind == "height":
+                holds = abs(brick.bounds[:, 2].mean() - floor - float(one.height or 0.0)) < OFF_HEIGHT
+            elif one.negated or one.kind == "away":
+                holds = all(_gap(brick, known[i]) > (BESIDE if one.negated else FAR) for i in one.part_ids[0])
             elif one.kind == "near":
                 holds = any(_gap(brick, known[i]) < 0.4 for i in one.part_ids[0])
             else:

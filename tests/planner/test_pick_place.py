@@ -179,7 +179,7 @@ def test_free_placements_are_apart_and_those_with_room_for_the_hand_come_first(t
     assert len(poses) > 3 and apart.min() >= APART
     beside = np.linalg.norm(np.maximum(np.abs(poses[:, :2]) - 0.02 - 0.025, 0.0), axis=1)
     first = int((beside < MARGINS[0]).argmax())
-    assert 0 < first and (beside[:first] >= MARGINS[0]).all() and beside.min() >= MARGINS[2]
+    assert 0 < first and (beside[:first] >= MARGINS[0]).all() and beside.min() >= MARGINS[-1]
 
 
 def test_the_next_spot_is_planned_for_where_the_first_one_has_no_plan() -> None:

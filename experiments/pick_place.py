@@ -5,8 +5,8 @@
 
 Each object is picked from a free spot near its place (task.start=nearby) and placed as its insertion record says, by
 `s2a evaluate task=pick_place`. Objects that have a row are not done again. Writes experiments/results/pick_place.json after each:
-a row an object and seed, all episodes together with their Wilson 95 % interval, and the largest use of the robot's limits. An object that
-cannot be inserted, freed or planned for counts as so many failures, by its cause.
+a row an object and seed, all episodes together with their Wilson 95 % interval, and the largest use of the robot's limits. An
+object that cannot be inserted, freed or planned for counts as so many failures, by its cause.
 """
 
 from __future__ import annotations

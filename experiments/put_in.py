@@ -3,10 +3,11 @@
     python experiments/skill_rooms.py     # once, on any machine
     python experiments/put_in.py [--num-envs 8] [--device cpu] [--jobs 1] [--rooms office_0 ...] [--seeds 0]
 
-The drawers are tried from the nearest to the object on, for each object in turn: the first pair for which there is a plan is executed, by
-`s2a evaluate task=put_in`; why others were refused is in its row. A room without such a pair counts as so many failures. The object starts
-where its insertion put it. Rooms that have a row are not done again. Writes experiments/results/put_in.json after each: a row a room and seed, all
-episodes together with their Wilson 95 % interval, and the largest use of the robot's limits.
+The drawers are tried from the nearest to the object on, for each object in turn: the first pair for which there is a plan is
+executed, by `s2a evaluate task=put_in`; why others were refused is in its row. A room without such a pair counts as so many
+failures. The object starts where its insertion put it. Rooms that have a row are not done again. Writes
+experiments/results/put_in.json after each: a row a room and seed, all episodes together with their Wilson 95 % interval, and
+the largest use of the robot's limits.
 """
 
 from __future__ import annotations

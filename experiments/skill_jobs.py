@@ -54,7 +54,12 @@ def run(jobs: Mapping[Path, Sequence[str]], args: argparse.Namespace, write: Cal
 
     `write` is called after each, so that the results hold what was done when all is cut off.
     """
-    common = [f"--inputs={args.inputs}", f"--rows={args.rows}", f"--num-envs={args.num_envs}", f"--device={args.device}"]
+    common = [
+        f"--inputs={args.inputs}",
+        f"--rows={args.rows}",
+        f"--num-envs={args.num_envs}",
+        f"--device={args.device}",
+    ]
     threads = str(max(1, (os.cpu_count() or 1) // args.jobs))
     limits = {name: threads for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import math
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TypeVar
@@ -171,16 +170,16 @@ def free_placements(
         )
 
 
-def _level_spots(
-    near: RoomHulls, support: str, foot: np.ndarray, bounds: np.ndarray, other: np.ndarray
-) -> np.ndarray:
+def _level_spots(near: RoomHulls, support: str, foot: np.ndarray, bounds: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Return places of a grid [spot 3] at which a foot [point 2] stands on a support of these points [point 3], level."""
     low, high = np.maximum(bounds.min(axis=0)[:2], other[:2] - FAR), np.minimum(bounds.max(axis=0)[:2], other[:2] + FAR)
     grid = [np.arange(low[k], high[k], GRID) for k in range(2)]
     spots = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 2)
     if not len(spots):
         return np.zeros((0, 3))
-    above = np.concatenate([spots[:, None] + foot, np.full((len(spots), len(foot), 1), bounds[:, 2].max() + 0.3)], axis=2)
+    above = np.concatenate(
+        [spots[:, None] + foot, np.full((len(spots), len(foot), 1), bounds[:, 2].max() + 0.3)], axis=2
+    )
     height, names = near.below(above.reshape(-1, 3))
     height, own = height.reshape(len(spots), -1), np.array([n == support for n in names]).reshape(len(spots), -1)
     with np.errstate(invalid="ignore"):  # what is above nothing is at -inf

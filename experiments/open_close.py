@@ -92,7 +92,7 @@ def _episodes(stage: Any, task: str, keys: dict[str, float], args: argparse.Name
     from s2a.tasks import make_env
 
     said = [f"{key}={value}" for key, value in keys.items()]
-    said += [f"stage={stage.path}", f"part={stage.target}", "out=-", f"task={task}", "sim.joint.stiffness=0"]
+    said += [f"stage={stage.path}", f"part={stage.target}", "out=-", f"task={task}", "sim.joint.stiffness=0", *args.set]
     settings = config.load(Config, config.compose("evaluate", said))
     sim = Simulation(stage, settings.sim, args.num_envs, args.device)
     counts: list[int] = []

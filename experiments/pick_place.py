@@ -27,7 +27,10 @@ VALUES = ("position_error", "angle_error", "drift")
 
 def main() -> None:
     """Do what has no row, and write the results."""
-    args = arguments(__doc__, RESULTS).parse_args()
+    parser = arguments(__doc__, RESULTS)
+    every = [label for labels in ROOMS.values() for label in labels]
+    parser.add_argument("--objects", nargs="*", default=every, choices=every, metavar="LABEL")
+    args = parser.parse_args()
     if args.one:
         room, label, seed = args.one
         one(_path(args, room, label, seed), lambda: _row(args, room, label, seed))
@@ -38,6 +41,7 @@ def main() -> None:
         for k in range(max(map(len, ROOMS.values())))
         for room in args.rooms
         for label in ROOMS[NAMES[room]][k : k + 1]
+        if label in args.objects
     }
     run(jobs, args, lambda: results(list(jobs), len(jobs), args))
 
@@ -56,7 +60,7 @@ def _row(args: argparse.Namespace, room: str, label: str, seed: str) -> Row:
     begun = time.perf_counter()
     metrics = evaluated(
         [f"stage={folder}/room.usd", f"part={found['id']}", "task=pick_place", "sim=pick_place", "task.start=nearby",
-         f"task.place={folder}/insert.json", f"num_envs={args.num_envs}", f"device={args.device}", f"seed={seed}"],
+         f"task.place={folder}/insert.json", f"num_envs={args.num_envs}", f"device={args.device}", f"seed={seed}", *args.set],
         args.rows / "metrics" / _path(args, room, label, seed).name,
     )  # fmt: skip
     row["seconds"] = round(time.perf_counter() - begun, 1)

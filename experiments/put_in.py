@@ -46,7 +46,7 @@ def _row(args: argparse.Namespace, room: str, seed: str) -> Row:
         begun = time.perf_counter()
         metrics = evaluated(
             [f"stage={args.inputs}/{room}/room.usd", f"part={name}", "task=put_in", "sim=put_in", f"task.place={part}",
-             f"num_envs={args.num_envs}", f"device={args.device}", f"seed={seed}"],
+             f"num_envs={args.num_envs}", f"device={args.device}", f"seed={seed}", *args.set],
             args.rows / "metrics" / f"{room}_{seed}.json",
         )  # fmt: skip
         seconds = round(time.perf_counter() - begun, 1)

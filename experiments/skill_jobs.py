@@ -36,6 +36,7 @@ def arguments(doc: str | None, results: Path) -> argparse.ArgumentParser:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--jobs", type=int, default=1, help="processes side by side")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    parser.add_argument("--set", nargs="*", default=[], help="further keys of s2a evaluate, such as sim.iterations=50")
     parser.add_argument("--one", nargs="+", help="do one job in this process and write its row")
     return parser
 
@@ -64,7 +65,8 @@ def run(jobs: Mapping[Path, Sequence[str]], args: argparse.Namespace, write: Cal
     limits = {name: threads for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 
     def start(path: Path, names: Sequence[str]) -> None:
-        command = [sys.executable, sys.argv[0], *common, "--seeds", *map(str, args.seeds), "--one", *names]
+        lists = ["--seeds", *map(str, args.seeds), "--set", *args.set, "--one", *names]
+        command = [sys.executable, sys.argv[0], *common, *lists]
         done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **limits})
         print(" ".join(names), (done.stdout or done.stderr or "no output").strip().splitlines()[-1], flush=True)
         if done.returncode:  # such as a crash of a driver; not written as a row, so that the next start tries again
@@ -117,7 +119,7 @@ def results(paths: Sequence[Path], of: int, args: argparse.Namespace) -> None:
     causes = {row["cause"]: sum(r["cause"] == row["cause"] for r in rows) for row in rows if row["cause"]}
     total = {"rows": len(rows), "of": of, "episodes": count, "success": hits, "fraction": round(hits / count, 4)}
     total |= {"low": round(low, 4), "high": round(high, 4), "rows_by_cause_of_failure": causes}
-    head = {**provenance(args.device), "num_envs": args.num_envs, "seeds": args.seeds, "total": total}
+    head = {**provenance(args.device), "num_envs": args.num_envs, "seeds": args.seeds, "set": args.set, "total": total}
     args.out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(args.out) as temporary:
         temporary.write_text(json.dumps({**head, "peaks": _peaks(rows), "rows": rows}, indent=1) + "\n")

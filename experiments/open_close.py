@@ -5,7 +5,7 @@
 
 Every part for which the room has a free base is opened from a noisy start to 75 % of its range, or by 0.2 m or 60 degrees
 where that is less, and in episodes of their own it is shut from there, until 1 cm is left; without the spring that would shut
-it. Parts that have a row are not done again. Writes experiments/results/open_close.json after each: a row a part, with a count
+it. What counts is how the part stands at the end. Parts that have a row are not done again. Writes experiments/results/open_close.json after each: a row a part, with a count
 a seed of what was opened and shut, the seconds (by the clock, of the processor) that planning for all worlds took, and the
 largest use of the robot's limits.
 """
@@ -67,8 +67,9 @@ def _row(args: argparse.Namespace, room: str, part: str) -> Row:
         ("opened", "open_part", ahead | away),
         ("shut", "close_part", {"task.start_opening": goal}),
     ):
+        settings = _settings(stage, task, keys, args)
         try:
-            row |= _episodes(stage, task, keys, args, row, name)
+            row |= _episodes(stage, settings, args, row, name)
         except InputError as error:
             row |= {f"{name}_{key}": text for key, text in refusal(error).items()}
         if any(count < args.num_envs for count in row.get(name, [0])):
@@ -78,22 +79,26 @@ def _row(args: argparse.Namespace, room: str, part: str) -> Row:
     return row | {"cause": " and ".join(failed)}
 
 
-def _episodes(stage: Any, task: str, keys: dict[str, float], args: argparse.Namespace, row: Row, name: str) -> Row:
+def _settings(stage: Any, task: str, keys: dict[str, float], args: argparse.Namespace) -> Any:
+    from s2a import config
+    from s2a.commands.evaluate import Config
+
+    said = [f"{key}={value}" for key, value in keys.items()]
+    said += [f"stage={stage.path}", f"part={stage.target}", "out=-", f"task={task}", "sim.joint.stiffness=0", *args.set]
+    return config.load(Config, config.compose("evaluate", said))
+
+
+def _episodes(stage: Any, settings: Any, args: argparse.Namespace, row: Row, name: str) -> Row:
     """Return how many worlds did a task, a count a seed, with the largest use of limits so far, and how long planning took.
 
     That is the seconds by the clock and of the processor, once for all worlds of the first seed; other processes may run.
     """
-    from s2a import config
-    from s2a.commands.evaluate import Config
     from s2a.evaluate import run_episodes
     from s2a.planner.motion import Planner
     from s2a.sim.limit_use import LimitUse
     from s2a.sim.simulation import Simulation
     from s2a.tasks import make_env
 
-    said = [f"{key}={value}" for key, value in keys.items()]
-    said += [f"stage={stage.path}", f"part={stage.target}", "out=-", f"task={task}", "sim.joint.stiffness=0", *args.set]
-    settings = config.load(Config, config.compose("evaluate", said))
     sim = Simulation(stage, settings.sim, args.num_envs, args.device)
     counts: list[int] = []
     used, planning = dict(row.get("limit_use", {})), []
@@ -107,9 +112,9 @@ def _episodes(stage: Any, task: str, keys: dict[str, float], args: argparse.Name
             planner = Planner(env, settings.planner)
         use = LimitUse(sim)
         columns = run_episodes(env, planner, lambda env=env, use=use: use.watch(env.episode_step == 0))  # type: ignore[misc]
-        counts.append(int(columns["success"].sum()))
+        counts.append(int(columns["final_success"].sum()))
         used = {key: max(used.get(key, 0.0), round(value, 3)) for key, value in use.fractions().items()}
-        if task == "open_part":
+        if "grasp_success" in columns:
             row.setdefault("grasped", []).append(int(columns["grasp_success"].sum()))
     return {name: counts, "limit_use": used, f"{name}_planning": [round(each, 2) for each in planning]}
 

@@ -84,9 +84,10 @@ def evaluated(keys: Sequence[str], out: Path) -> Row:
     from s2a import config
     from s2a.commands import evaluate
 
+    settings = config.load(evaluate.Config, config.compose("evaluate", [*keys, f"out={out}"]))
+    out.parent.mkdir(parents=True, exist_ok=True)
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        evaluate.run(config.load(evaluate.Config, config.compose("evaluate", [*keys, f"out={out}"])))
+        evaluate.run(settings)
     except InputError as error:
         return refusal(error)
     return dict(json.loads(out.read_text()))

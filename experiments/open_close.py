@@ -5,9 +5,9 @@
 
 Every part for which the room has a free base is opened from a noisy start to 75 % of its range, or by 0.2 m or 60 degrees
 where that is less, and in episodes of their own it is shut from there, until 1 cm is left; without the spring that would shut
-it. What counts is how the part stands at the end. Parts that have a row are not done again. Writes experiments/results/open_close.json after each: a row a part, with a count
-a seed of what was opened and shut, the seconds (by the clock, of the processor) that planning for all worlds took, and the
-largest use of the robot's limits.
+it. What counts is how the part stands at the end. Parts that have a row are not done again. Writes
+experiments/results/open_close.json after each: a row a part, with a count a seed of what was opened and shut, the seconds (by
+the clock, of the processor) that planning for all worlds took, and the largest use of the robot's limits.
 """
 
 from __future__ import annotations

@@ -111,15 +111,13 @@ def nearby_placements(room: SimRoom, name: str, other: np.ndarray) -> Iterator[n
     """
     near = RoomHulls(room, {name}, other[:3])
     own = near.below(other[None, :3])[1][0]
-    away = {i: _distance(near, i, other) for i in dict.fromkeys(near.names) if i not in room.free}
+    away = {i: _distance(near, i, other) for i in dict.fromkeys(near.names) if i != own and i not in room.free}
     found = 0
     for support in [own, *sorted(away, key=lambda i: away[i])]:
-        try:
-            for pose in itertools.islice(free_placements(room, name, support, other, near), OF_ONE):
-                found += 1
-                yield pose
-        except InputError:
-            continue
+        spots = (pose for pose in _placements(room, name, support, other, near) if abs(pose[2] - other[2]) <= FAR)
+        for pose in itertools.islice(spots, OF_ONE):
+            found += 1
+            yield pose
     if not found:
         raise InputError(f"nothing within {FAR:.1f} m of {name!r} has a level spot that is free for it; give a pose")
 
@@ -130,22 +128,32 @@ def _distance(near: RoomHulls, support: str, other: np.ndarray) -> float:
     return float(np.linalg.norm(np.clip(other[:3], points.min(axis=0), points.max(axis=0)) - other[:3]))
 
 
-def free_placements(
-    room: SimRoom, name: str, support: str, other: np.ndarray, near: RoomHulls | None = None
-) -> Iterator[np.ndarray]:
+def free_placements(room: SimRoom, name: str, support: str, other: np.ndarray) -> Iterator[np.ndarray]:
     """Yield poses at which an object stands on a support, level and clear of all else, turned as it is in the file.
 
     They are APART from each other and from `other` (7-vector), and up to FAR from that. First come those NEARBY with the largest
-    of MARGINS, and of those the nearest ones. `near` is the room around `other` without the object, if that is known.
+    of MARGINS, and of those the nearest ones.
 
     Raises:
         InputError: no such support near the object, or no free spot on it.
     """
-    near = near or RoomHulls(room, {name}, other[:3])
-    hulls = near.hulls_of(support)
-    if not hulls:
+    near = RoomHulls(room, {name}, other[:3])
+    if support not in near.names:
         known = ", ".join(dict.fromkeys(near.names))
         raise InputError(f"{support!r} supports nothing within 2 m of {name!r}; near are: {known}")
+    found = _placements(room, name, support, other, near)
+    first = next(found, None)
+    if first is None:
+        raise InputError(
+            f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands"
+        )
+    yield first
+    yield from found
+
+
+def _placements(room: SimRoom, name: str, support: str, other: np.ndarray, near: RoomHulls) -> Iterator[np.ndarray]:
+    """Yield the poses of `free_placements`, if there are any, in a room without the object."""
+    hulls = near.hulls_of(support)
     bounds = np.concatenate([h.vertices for h in hulls])
     body = room.free[name]
     turn = matrix(scanned(room, name))[:3, :3]
@@ -164,10 +172,6 @@ def free_placements(
         if near.depth(beside, np.full(len(beside), margin)) <= 0.0:
             taken.append(spot[:2])
             yield np.array([*at, *body.orientation])
-    if len(taken) == 1:
-        raise InputError(
-            f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands"
-        )
 
 
 def _level_spots(near: RoomHulls, support: str, foot: np.ndarray, bounds: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -34,6 +34,8 @@ NEARBY = 0.7
 """[m] From the other end of the motion, up to which spots come first, however little room is around them."""
 FAR = 0.9
 """[m] Between both ends, seen from above, at most: an arm of 0.855 m stands between them."""
+HIGH = 1.2
+"""[m] Between the heights of both ends, at most, likewise."""
 CANDIDATES, OF_ONE = 6, 3
 """Free places that a task plans for, one after the other, until there is a plan; and of them on one of several supports."""
 NEAR = "nearby"
@@ -114,7 +116,7 @@ def nearby_placements(room: SimRoom, name: str, other: np.ndarray) -> Iterator[n
     away = {i: _distance(near, i, other) for i in dict.fromkeys(near.names) if i != own and i not in room.free}
     found = 0
     for support in [own, *sorted(away, key=lambda i: away[i])]:
-        spots = (pose for pose in _placements(room, name, support, other, near) if abs(pose[2] - other[2]) <= FAR)
+        spots = (pose for pose in _placements(room, name, support, other, near) if abs(pose[2] - other[2]) <= HIGH)
         for pose in itertools.islice(spots, OF_ONE):
             found += 1
             yield pose

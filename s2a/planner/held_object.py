@@ -55,7 +55,10 @@ class HeldObject:
             self._moved[worlds] = torch.tensor(self._correction(worlds.cpu().numpy()), device=self._moved.device)
 
     def _correction(self, worlds: np.ndarray) -> np.ndarray:
-        """Return what to add to the arm's joints in some worlds, shape [some pose arm]; 0 where the object is not held or out of reach."""
+        """Return what to add to the arm's joints in some worlds, shape [some pose arm].
+
+        It is 0 where the object is not held, or where the arm does not reach all of it.
+        """
         sim = self._sim
         poses = sim.state.body_q.numpy().reshape(sim.num_envs, -1, 7)[worlds]
         tool = matrices(poses[:, sim.layout.tool_body])

@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from skill_jobs import Row, arguments, one, refusal, results, run
+from skill_jobs import Row, arguments, cause_of, one, results, run
 
 RESULTS = Path(__file__).parent / "results/open_close.json"
 FRACTION, SLIDE, TURN = 0.75, 0.2, math.radians(60.0)
@@ -71,7 +71,7 @@ def _row(args: argparse.Namespace, room: str, part: str) -> Row:
         try:
             row |= _episodes(stage, settings, args, row, name)
         except InputError as error:
-            row |= {f"{name}_{key}": text for key, text in refusal(error).items()}
+            row |= {f"{name}_{key}": text for key, text in cause_of(error).items()}
         if any(count < args.num_envs for count in row.get(name, [0])):
             failed.append(f"not {name}")
     hits = sum(sum(row.get(name, [])) for name in ("opened", "shut"))

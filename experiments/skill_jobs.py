@@ -89,11 +89,11 @@ def evaluated(keys: Sequence[str], out: Path) -> Row:
     try:
         evaluate.run(settings)
     except InputError as error:
-        return refusal(error)
+        return cause_of(error)
     return dict(json.loads(out.read_text()))
 
 
-def refusal(error: InputError) -> Row:
+def cause_of(error: InputError) -> Row:
     """Return the cause of a failure before any episode, and what was said."""
     found = SEGMENT.search(str(error))
     spot = "no free spot" if "level spot" in str(error) else "refused"

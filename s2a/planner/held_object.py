@@ -21,6 +21,10 @@ FARTHEST, STEEPEST = 0.05, math.radians(40.0)
 """[m, rad] By which an object may be off in the gripper. What is farther off has fallen, and is not held."""
 
 
+REACHED = 5e-3
+"""Root of the squared errors [m and rad] up to which the arm reaches what makes up for a slip; else it goes as planned."""
+
+
 class HeldObject:
     """What is added to the arm's targets from where it sees the object in the gripper until it has let go.
 
@@ -52,7 +56,10 @@ class HeldObject:
             self._moved[worlds] = torch.tensor(self._correction(worlds.cpu().numpy()), device=self._moved.device)
 
     def _correction(self, worlds: np.ndarray) -> np.ndarray:
-        """Return what to add to the arm's joints in some worlds, shape [some pose arm]; 0 where the object is not held."""
+        """Return what to add to the arm's joints in some worlds, shape [some pose arm].
+
+        It is 0 where the object is not held, or where the arm does not reach all of it.
+        """
         sim = self._sim
         poses = sim.state.body_q.numpy().reshape(sim.num_envs, -1, 7)[worlds]
         tool = matrices(poses[:, sim.layout.tool_body])
@@ -64,9 +71,10 @@ class HeldObject:
         held = (off <= FARTHEST) & (turn <= STEEPEST)
         targets = (self._tool[None] @ change[:, None])[held]
         start = np.tile(self._arm, (len(targets), 1))
-        arm, _ = self._kin.solve(targets.reshape(-1, 4, 4), start, ITERATIONS, DAMPING)
+        arm, left = self._kin.solve(targets.reshape(-1, 4, 4), start, ITERATIONS, DAMPING)
+        reached = (left.reshape(-1, len(self._at)) <= REACHED).all(axis=1)
         found = np.zeros((len(seen), *self._arm.shape), np.float32)
-        found[held] = (arm - start).reshape(-1, *self._arm.shape)
+        found[np.flatnonzero(held)[reached]] = (arm - start).reshape(-1, *self._arm.shape)[reached]
         return found
 
     def __call__(self, step: torch.Tensor) -> torch.Tensor:

@@ -18,8 +18,10 @@ from s2a.robot.collision import SLACK, RobotShape
 Item = TypeVar("Item")
 PEDESTALS = (0.0, 0.2, 0.4, 0.6)
 """[m] Heights of what the robot may stand on; as `s2a prepare` has them, but for the highest."""
-DIRECTIONS = 16
-"""Directions from which the robot may face the object."""
+DIRECTIONS = 24
+"""Directions from which the robot may face the object: 14 cm apart, half of what the base is wide."""
+FURTHER = 0.4, 0.8
+"""[m] Distances besides the robot's own, which are for handles in front of it: where there is little floor, these are left."""
 EXACT = 1e-3
 """Root of the squared errors [m and rad] up to which inverse kinematics reaches a pose."""
 
@@ -35,13 +37,15 @@ def bases(
         start: pose of the object [4 4] where it is picked.
         goal: that where it is placed.
     """
-    spec, distances = shape.kin.spec.base, shape.kin.spec.base.distances
+    spec = shape.kin.spec.base
+    distances = (*spec.distances, *FURTHER)
     middle = (start[:3, 3] + goal[:3, 3]) / 2
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     places = sorted(
         itertools.product(distances, angles, PEDESTALS), key=lambda p: abs(p[0] - distances[0]) + 0.3 * p[2]
     )
-    spots = np.array([[*(middle[:2] + r * np.array([np.cos(a), np.sin(a)])), middle[2]] for r, a, _ in places])
+    over = max(start[2, 3], goal[2, 3])
+    spots = np.array([[*(middle[:2] + r * np.array([np.cos(a), np.sin(a)])), over] for r, a, _ in places])
     floor, _ = near.below(spots)
     lowest = floor[np.isfinite(floor)].min(initial=np.inf)
     for (_, angle, pedestal), spot, height in zip(places, spots, floor, strict=True):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import math
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TypeVar
@@ -28,13 +27,19 @@ FOOT = 0.01
 """[m] Above an object's lowest point, up to which it stands on its support."""
 APART = 0.15
 """[m] Least distance of a free spot from where the object stands."""
-MARGINS = 0.16, 0.08, 0.04
+MARGINS = 0.16, 0.08, 0.04, 0.015
 """[m] Between an object on a free spot and everything beside it: room for the gripper from all sides; else half of its width;
-else an open finger with its clearance, and the arm's error."""
+else an open finger with its clearance, and the arm's error; else what keeps it from touching, for a grasp from above."""
 NEARBY = 0.7
 """[m] From the other end of the motion, up to which spots come first, however little room is around them."""
-CANDIDATES = 4
-"""Free places of a support that a task plans for, one after the other, until there is a plan."""
+FAR = 0.9
+"""[m] Between both ends, seen from above, at most: an arm of 0.855 m stands between them."""
+HIGH = 1.2
+"""[m] Between the heights of both ends, at most, likewise."""
+CANDIDATES, OF_ONE = 6, 3
+"""Free places that a task plans for, one after the other, until there is a plan; and of them on one of several supports."""
+NEAR = "nearby"
+"""Stands for free places of what carries the object at the other end, and of what is near that."""
 GAP = 0.001
 """[m] Between an object and its support where it is put down."""
 
@@ -61,7 +66,8 @@ def place_poses(room: SimRoom, name: str, said: str | None, other: np.ndarray) -
     Args:
         room: the room.
         name: id of the object.
-        said: None: as it stands; "x y z [yaw in degrees]"; an insert.json; the id of a support: free spots near `other`.
+        said: None: as it stands; "x y z [yaw in degrees]"; an insert.json; the id of a support: free spots near `other`; NEAR:
+            those of what is near.
         other: the other end of the motion, 7-vector.
 
     Raises:
@@ -72,6 +78,9 @@ def place_poses(room: SimRoom, name: str, said: str | None, other: np.ndarray) -
         return
     if said.endswith(".json"):
         yield _inserted(room, name, Path(said))
+        return
+    if said == NEAR:
+        yield from itertools.islice(nearby_placements(room, name, other), CANDIDATES)
         return
     try:
         numbers = [float(x) for x in said.replace(",", " ").split()]
@@ -96,80 +105,101 @@ def _inserted(room: SimRoom, name: str, record: Path) -> np.ndarray:
     return scanned(room, name)
 
 
+def nearby_placements(room: SimRoom, name: str, other: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield free placements near a place (7-vector): on what carries the object there, then on what is near, the floor too.
+
+    Raises:
+        InputError: there is none.
+    """
+    near = RoomHulls(room, {name}, other[:3])
+    own = near.below(other[None, :3])[1][0]
+    away = {i: _distance(near, i, other) for i in dict.fromkeys(near.names) if i != own and i not in room.free}
+    found = 0
+    for support in [own, *sorted(away, key=lambda i: away[i])]:
+        spots = (pose for pose in _placements(room, name, support, other, near) if abs(pose[2] - other[2]) <= HIGH)
+        for pose in itertools.islice(spots, OF_ONE):
+            found += 1
+            yield pose
+    if not found:
+        raise InputError(f"nothing within {FAR:.1f} m of {name!r} has a level spot that is free for it; give a pose")
+
+
+def _distance(near: RoomHulls, support: str, other: np.ndarray) -> float:
+    """Return how far the box about a part is from a place [m]."""
+    points = np.concatenate([h.vertices for h in near.hulls_of(support)])
+    return float(np.linalg.norm(np.clip(other[:3], points.min(axis=0), points.max(axis=0)) - other[:3]))
+
+
 def free_placements(room: SimRoom, name: str, support: str, other: np.ndarray) -> Iterator[np.ndarray]:
     """Yield poses at which an object stands on a support, level and clear of all else, turned as it is in the file.
 
-    They are APART from each other and from `other` (7-vector). First come those NEARBY with the largest of MARGINS, and of those
-    the nearest ones.
+    They are APART from each other and from `other` (7-vector), and up to FAR from that. First come those NEARBY with the largest
+    of MARGINS, and of those the nearest ones.
 
     Raises:
         InputError: no such support near the object, or no free spot on it.
     """
     near = RoomHulls(room, {name}, other[:3])
-    hulls = near.hulls_of(support)
-    if not hulls:
+    if support not in near.names:
         known = ", ".join(dict.fromkeys(near.names))
         raise InputError(f"{support!r} supports nothing within 2 m of {name!r}; near are: {known}")
+    found = _placements(room, name, support, other, near)
+    first = next(found, None)
+    if first is None:
+        raise InputError(
+            f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands"
+        )
+    yield first
+    yield from found
+
+
+def _placements(room: SimRoom, name: str, support: str, other: np.ndarray, near: RoomHulls) -> Iterator[np.ndarray]:
+    """Yield the poses of `free_placements`, if there are any, in a room without the object."""
+    hulls = near.hulls_of(support)
     bounds = np.concatenate([h.vertices for h in hulls])
     body = room.free[name]
     turn = matrix(scanned(room, name))[:3, :3]
     points = surface_points([c.mesh for c in body.colliders], 200) @ turn.T
     corners = np.concatenate([c.mesh.vertices for c in body.colliders]) @ turn.T
     feet = corners[corners[:, 2] < corners[:, 2].min() + FOOT]
+    spots = _level_spots(near, support, footprint(feet), bounds, other)
     taken = [np.array(other[:2])]
-    for margin, spot in _spots(bounds.min(axis=0), bounds.max(axis=0), other):
-        if min(np.linalg.norm(spot - each) for each in taken) < APART:
+    for margin, spot in _in_order(spots, other):
+        if min(np.linalg.norm(spot[:2] - each) for each in taken) < APART:
             continue
-        z = _standing(near, support, points, feet, spot, float(bounds[:, 2].max()), margin)
-        if z is not None:
-            taken.append(spot)
-            yield np.array([*spot, z, *body.orientation])
-    if len(taken) == 1:
-        raise InputError(
-            f"{support!r} has no level spot that is free for {name!r} and {100 * APART:.0f} cm from where it stands"
-        )
+        at = spot + [0.0, 0.0, GAP - float(feet[:, 2].min())]
+        beside = points + at
+        # Spheres about what is low would reach into the support.
+        beside[:, 2] = np.maximum(beside[:, 2], spot[2] + margin + LEVEL)
+        if near.depth(beside, np.full(len(beside), margin)) <= 0.0:
+            taken.append(spot[:2])
+            yield np.array([*at, *body.orientation])
 
 
-def _spots(low: np.ndarray, high: np.ndarray, other: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
-    """Yield margins [m] and places [2] between two corners, in the order of `free_placements`."""
+def _level_spots(near: RoomHulls, support: str, foot: np.ndarray, bounds: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return places of a grid [spot 3] at which a foot [point 2] stands on a support of these points [point 3], level."""
+    low, high = np.maximum(bounds.min(axis=0)[:2], other[:2] - FAR), np.minimum(bounds.max(axis=0)[:2], other[:2] + FAR)
     grid = [np.arange(low[k], high[k], GRID) for k in range(2)]
     spots = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 2)
-    away = np.linalg.norm(spots - other[:2], axis=1)
-    spots = spots[np.argsort(away, kind="stable")]
+    if not len(spots):
+        return np.zeros((0, 3))
+    above = np.concatenate(
+        [spots[:, None] + foot, np.full((len(spots), len(foot), 1), bounds[:, 2].max() + 0.3)], axis=2
+    )
+    height, names = near.below(above.reshape(-1, 3))
+    height, own = height.reshape(len(spots), -1), np.array([n == support for n in names]).reshape(len(spots), -1)
+    with np.errstate(invalid="ignore"):  # what is above nothing is at -inf
+        good = own.all(axis=1) & np.isfinite(height).all(axis=1) & (np.ptp(height, axis=1) <= LEVEL)
+    return np.c_[spots, height.max(axis=1)][good]
+
+
+def _in_order(spots: np.ndarray, other: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield margins [m] and places [3] in the order of `free_placements`."""
+    away = np.linalg.norm(spots[:, :2] - other[:2], axis=1)
+    spots, away = spots[np.argsort(away, kind="stable")], np.sort(away, kind="stable")
     split = int((away <= NEARBY).sum())
-    for some in (spots[:split], spots[split:]):
+    for some in (spots[:split], spots[split : int((away <= FAR).sum())]):
         yield from itertools.product(MARGINS, some)
-
-
-def _standing(
-    near: RoomHulls,
-    support: str,
-    points: np.ndarray,
-    feet: np.ndarray,
-    spot: np.ndarray,
-    top: float,
-    margin: float,
-) -> float | None:
-    """Return the height [m] of an object's origin that stands on a support at a place [2]; None: it does not, or not clear.
-
-    Args:
-        near: the room around the object.
-        support: id of the part.
-        points: of the object's surface, turned, about its origin [point 3].
-        feet: those on which it stands [corner 3].
-        spot: x and y.
-        top: of the support [m].
-        margin: to everything beside it [m].
-    """
-    foot = footprint(feet)
-    height, names = near.below(np.c_[foot + spot, np.full(len(foot), top + 0.3)])
-    if np.ptp(height) > LEVEL or set(names) != {support} or not math.isfinite(height[0]):
-        return None
-    z = float(height.max()) + GAP - float(feet[:, 2].min())
-    beside = points + [*spot, z]
-    # Spheres about what is low would reach into the support.
-    beside[:, 2] = np.maximum(beside[:, 2], float(height.max()) + margin + LEVEL)
-    return None if near.depth(beside, np.full(len(beside), margin)) > 0.0 else z
 
 
 def footprint(points: np.ndarray) -> np.ndarray:

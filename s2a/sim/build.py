@@ -55,6 +55,7 @@ def _packed_world(settings: WorldSettings, stage: SimStage) -> tuple[dict[str, A
             gravity_compensation=config.gravity_compensation,
             static_colliders=config.load_static_colliders,
             realistic=config.limits is not None and config.limits.drives,
+            coupled_fingers=config.coupled_fingers,
             both_kinds=settings.both_kinds,
             missing=missing,
         )

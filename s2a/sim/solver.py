@@ -39,6 +39,8 @@ class SimConfig:
         vary: by what worlds differ; null: by nothing.
         grip_stiffness: position gain of the finger joints [N/m], instead of that of the gains; null: theirs, as in runs from
             before this key.
+        coupled_fingers: one motor drives both, where the gripper has but one. Two that press with all their force yield to any
+            push along their common axis. Motion limits with drives have it too.
     """
 
     dt: Positive
@@ -57,6 +59,7 @@ class SimConfig:
     joint: JointConfig
     vary: Variation | None
     grip_stiffness: NotNegative | None = None
+    coupled_fingers: bool = False
 
     def gains_of(self, robot: RobotSpec) -> Gains:
         """Return the gains of a robot's position controller."""

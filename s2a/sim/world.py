@@ -170,6 +170,7 @@ def build_world(
     gravity_compensation: bool = True,
     static_colliders: bool = True,
     realistic: bool = False,
+    coupled_fingers: bool = False,
     both_kinds: bool = False,
     missing: list[Missing | None] | None = None,
 ) -> newton.ModelBuilder:
@@ -184,13 +185,22 @@ def build_world(
         gravity_compensation: its weight is carried.
         static_colliders: Load the room's colliders.
         realistic: simulate the robot's drives too; see add_robot.
+        coupled_fingers: couple the fingers also where drives are not simulated.
         both_kinds: give the target a slide and a hinge, one of them locked: all worlds of a batch need the same joints.
         missing: gets what of the room is left out though the arm can touch it; None: a warning says so.
     """
     builder = empty_world()
     if robot is not None:
         base = wp.transform(*stage.base[:3], *stage.base[3:])
-        add_robot(builder, robot, base, gains=gains, gravity_compensation=gravity_compensation, realistic=realistic)
+        add_robot(
+            builder,
+            robot,
+            base,
+            gains=gains,
+            gravity_compensation=gravity_compensation,
+            realistic=realistic,
+            coupled_fingers=coupled_fingers or realistic,
+        )
     lacking = _add_room(builder, stage, static=static_colliders, both_kinds=both_kinds)
     if missing is None:
         warn([lacking])

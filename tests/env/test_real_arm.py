@@ -113,6 +113,13 @@ def test_without_drives_the_arm_is_the_planners(stage: SimStage) -> None:
         assert getattr(ideal, name) == getattr(planner, name) != getattr(real, name), name
 
 
+def test_fingers_may_be_coupled_without_the_drives(stage: SimStage) -> None:
+    settings = (load(SimConfig, "sim/planner", coupled_fingers=True), load(SimConfig, "sim/real"))
+    coupled, real = (Simulation(stage, each, 1).world for each in settings)
+    assert coupled.joint_mimic_joint == real.joint_mimic_joint
+    assert coupled.joint_armature != real.joint_armature
+
+
 @pytest.mark.slow
 def test_the_planner_takes_the_time_that_the_controller_leaves_it(
     stage: SimStage, caplog: pytest.LogCaptureFixture

@@ -54,9 +54,9 @@ def slip(metres: float, degrees: float) -> np.ndarray:
     return found
 
 
-def corrected(slips: list[np.ndarray], looked: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """Return the planned joints [step arm] and those of every world [world step arm]."""
-    arm = lowering()
+def corrected(slips: list[np.ndarray], looked: bool = True, wrist: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return the planned joints [step arm], the last one turned by `wrist` [rad], and those of every world [world step arm]."""
+    arm = lowering() + [0, 0, 0, 0, 0, 0, wrist]
     targets = np.concatenate([arm, np.zeros((len(arm), 2))], axis=1)
     trajectory = Trajectory(targets, np.zeros(len(arm)), 1, 0)
     held = HeldObject(holding(slips), trajectory, Aligned(SEEN, READY, RELEASED, BACK, HELD))
@@ -74,6 +74,17 @@ def test_the_object_passes_where_it_was_planned_to() -> None:
             tool, asked = kinematics(SPEC).tool(np.stack([arms[world, step], planned[step]]))
             assert (tool @ off @ HELD)[:3, 3] == pytest.approx((asked @ HELD)[:3, 3], abs=1e-3)
             assert np.trace((tool @ off)[:3, :3].T @ asked[:3, :3]) == pytest.approx(3.0, abs=1e-3)
+
+
+def test_what_the_arm_cannot_make_up_for_is_placed_as_it_is_held() -> None:
+    """The last joint is 0.03 rad before its end: one of two opposite turns about its axis is out of reach."""
+    turns = [np.eye(4), np.eye(4)]
+    for turn, angle in zip(turns, (35.0, -35.0), strict=True):
+        turn[:3, :3] = Rotation.from_euler("z", angle, degrees=True).as_matrix()
+    upper = kinematics(SPEC).upper[6]
+    planned, arms = corrected(turns, wrist=float(upper) - 0.03 - SPEC.home[6])
+    moved = np.abs(arms - planned).max(axis=(1, 2))
+    assert moved.min() == 0.0 and moved.max() == pytest.approx(np.radians(35.0), abs=0.05)
 
 
 def test_it_begins_and_ends_at_the_plan() -> None:

@@ -22,7 +22,17 @@ from s2a.planner.obstacles import RoomHulls
 from s2a.planner.pick_base import arm_depth, bases, reached
 from s2a.planner.pick_place import Unreachable, plan_pick
 from s2a.planner.pick_plan import PickPlan
-from s2a.planner.places import APART, MARGINS, first_planned, free_placements, place_poses
+from s2a.planner.places import (
+    APART,
+    CANDIDATES,
+    FAR,
+    MARGINS,
+    NEAR,
+    OF_ONE,
+    first_planned,
+    free_placements,
+    place_poses,
+)
 from s2a.robot.collision import robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
@@ -179,7 +189,7 @@ def test_free_placements_are_apart_and_those_with_room_for_the_hand_come_first(t
     assert len(poses) > 3 and apart.min() >= APART
     beside = np.linalg.norm(np.maximum(np.abs(poses[:, :2]) - 0.02 - 0.025, 0.0), axis=1)
     first = int((beside < MARGINS[0]).argmax())
-    assert 0 < first and (beside[:first] >= MARGINS[0]).all() and beside.min() >= MARGINS[2]
+    assert 0 < first and (beside[:first] >= MARGINS[0]).all() and beside.min() >= MARGINS[-1]
 
 
 def test_the_next_spot_is_planned_for_where_the_first_one_has_no_plan() -> None:
@@ -193,11 +203,24 @@ def test_the_next_spot_is_planned_for_where_the_first_one_has_no_plan() -> None:
         first_planned([1, 2], plan)
 
 
+def blocks() -> list[Mesh]:
+    """Return blocks of 3 cm that stand 7.5 cm apart all over the cabinet: no object is put between two of them."""
+    places = [(x, y) for x in np.arange(-0.27, 0.28, 0.075) for y in np.arange(-0.36, 0.37, 0.075)]
+    return [box((x, y, 0.817), (0.01, 0.01, 0.015)) for x, y in places]
+
+
+def test_nearby_spots_are_on_what_carries_the_object_first_and_else_on_what_is_near(tmp_path: Path) -> None:
+    poses = np.array(list(place_poses(room_of(tmp_path), "cube_9", NEAR, START)))
+    assert len(poses) == CANDIDATES
+    assert poses[:OF_ONE, 2] == pytest.approx(0.802 + 0.025 + 0.001, abs=1e-3)
+    assert poses[OF_ONE:, 2] == pytest.approx(0.025 + 0.001, abs=1e-3)  # the floor
+    assert (np.linalg.norm(poses[:, :2] - START[:2], axis=1) <= FAR).all()
+    full = np.array(list(place_poses(room_of(tmp_path, beside=blocks()), "cube_9", NEAR, START)))
+    assert full[:, 2] == pytest.approx(0.025 + 0.001, abs=1e-3)
+
+
 def test_what_is_low_keeps_clear_of_what_stands_beside_it_too(tmp_path: Path) -> None:
-    """Blocks of 3 cm stand 9 cm apart all over the cabinet: an object as low is put between no two of them."""
-    places = [(x, y) for x in np.arange(-0.27, 0.28, 0.09) for y in np.arange(-0.36, 0.37, 0.09)]
-    top = [box((x, y, 0.817), (0.01, 0.01, 0.015)) for x, y in places]
-    room = room_of(tmp_path, side=0.03, beside=top)
+    room = room_of(tmp_path, side=0.03, beside=blocks())
     with pytest.raises(InputError, match="no level spot that is free"):
         next(free_placements(room, "cube_9", "cabinet_1", np.array([0.0, -1.0, 0.8, 0, 0, 0, 1.0])))
 

@@ -13,8 +13,8 @@ class PickPlaceConfig(MdpConfig):
     """The decision process.
 
     `start` and `place` are each null (where the object stands in the room), the id of a support
-    (its nearest free placement, see `s2a.planner.places`), a pose "x y z [yaw in degrees]" of the object's origin, or the
-    insert.json of an insertion of it.
+    (its nearest free placements, see `s2a.planner.places`), "nearby" (those of what carries the object at the other end, and of
+    what is near that), a pose "x y z [yaw in degrees]" of the object's origin, or the insert.json of an insertion of it.
 
     Attributes:
         start: where the object stands at the start of an episode.

@@ -9,7 +9,7 @@ INSTALLED := $(VENV)/.installed
 DEMO ?= demo
 ROBOT ?= panda
 
-.PHONY: demo test check format lock clean
+.PHONY: demo test check docs format lock clean
 
 demo: $(INSTALLED)
 	rm -rf $(DEMO)/ppo
@@ -36,6 +36,11 @@ check: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/mypy
+
+# The documentation as a site, build/site; a broken link fails.
+docs: $(INSTALLED)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	@echo "See build/site/index.html"
 
 format: $(INSTALLED)
 	$(BIN)/ruff format

@@ -39,7 +39,7 @@ check: $(INSTALLED)
 
 # The documentation as a site, build/site; a broken link fails.
 docs: $(INSTALLED)
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 	@echo "See build/site/index.html"
 
 format: $(INSTALLED)

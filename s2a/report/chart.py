@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from s2a.report.document import Cell, text
+from s2a.report.document import Markup, text
 
 WIDTH, HEIGHT = 640, 300
 LEFT, RIGHT, TOP, BOTTOM = 62, 16, 12, 46
@@ -74,7 +74,7 @@ def ticks(low: float, high: float, count: int = 5) -> list[float]:
     return [step * i for i in range(first, max(last, first + 1) + 1)]
 
 
-def interval(rate: float, low: float, high: float) -> tuple[Cell, Cell]:
+def interval(rate: float, low: float, high: float) -> tuple[Markup, Markup]:
     """Return a fraction with its interval as a bar, and as text in percent."""
     ends = [BAR * min(max(x, 0.0), 1.0) if math.isfinite(x) else 0.0 for x in (low, high, rate)]
     bar = (
@@ -82,7 +82,7 @@ def interval(rate: float, low: float, high: float) -> tuple[Cell, Cell]:
         f"<rect x='{ends[0]:.1f}' y='4' width='{max(ends[1] - ends[0], 1):.1f}' height='6' rx='2' fill='#a9c4ee'/>"
         f"<circle cx='{ends[2]:.1f}' cy='7' r='4' fill='#2f6fd0'/></svg>"
     )
-    return Cell(bar), Cell(text(percent(rate, low, high)), "n")
+    return Markup(bar), Markup(text(percent(rate, low, high)), "n")
 
 
 def percent(rate: float, low: float, high: float) -> str:

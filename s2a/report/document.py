@@ -68,7 +68,7 @@ class Document:
 
 
 @dataclass(frozen=True)
-class Cell:
+class Markup:
     """A cell of a table with markup of its own: HTML, and the class of its column."""
 
     html: str
@@ -93,12 +93,12 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]], dense: bool =
     return f"<div class='wide'><table{kind}>{top}{''.join(f'<tr>{line}' for line in lines)}</table></div>"
 
 
-def _cell(value: object) -> Cell:
-    if isinstance(value, Cell):
+def _cell(value: object) -> Markup:
+    if isinstance(value, Markup):
         return value
     if value is None or isinstance(value, (bool, str)):
-        return Cell({None: "", True: "yes", False: "no"}.get(value) or text(value or ""))  # type: ignore[arg-type]
-    return Cell(text(f"{value:.4g}" if isinstance(value, float) else value), "n")
+        return Markup({None: "", True: "yes", False: "no"}.get(value) or text(value or ""))  # type: ignore[arg-type]
+    return Markup(text(f"{value:.4g}" if isinstance(value, float) else value), "n")
 
 
 def facts(values: Mapping[str, object]) -> str:

@@ -15,7 +15,7 @@ class Reported:
         asset: what is opened.
         weights: of distance, rotation, opening and finger.
         opened: fraction of the episodes, in words.
-        handle: whether the robot used the handle.
+        handle: "used" or "not used", by the robot.
     """
 
     asset: str

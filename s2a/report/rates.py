@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from s2a.report import chart
-from s2a.report.document import Cell, Document, facts, images, table
+from s2a.report.document import Markup, Document, facts, images, table
 
 NAMES = {
     "success": "opened",
@@ -100,5 +100,5 @@ def _over_parts(over: Mapping[str, Any], parts: list[Mapping[str, Any]]) -> list
     return [*sections, (title, table(("room", "part", "joint", "handle", "opened"), never))]
 
 
-def _interval(value: Mapping[str, Any]) -> tuple[Cell, Cell]:
+def _interval(value: Mapping[str, Any]) -> tuple[Markup, Markup]:
     return chart.interval(float(value["rate"]), float(value["low"]), float(value["high"]))

@@ -1,4 +1,4 @@
-"""From files to a report: what a path holds is told by its contents."""
+"""From files to a report: the contents say what a path holds."""
 
 from __future__ import annotations
 

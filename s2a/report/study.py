@@ -8,7 +8,7 @@ from typing import Any
 
 from s2a.config import leaves
 from s2a.report import chart
-from s2a.report.document import Cell, Document, facts, table
+from s2a.report.document import Markup, Document, facts, table
 from s2a.report.rates import provenance
 
 MAX_ROWS = 500
@@ -55,4 +55,4 @@ def _every(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _value(value: object) -> object:
-    return Cell("<span class='fail'>no</span>") if value is False else value
+    return Markup("<span class='fail'>no</span>") if value is False else value

@@ -12,7 +12,7 @@ from typing import Any
 from s2a import aliases, extras
 from s2a.config import leaves
 from s2a.report import chart, paper
-from s2a.report.document import Cell, Document, facts, table
+from s2a.report.document import Markup, Document, facts, table
 from s2a.report.rates import NAMES, is_rate, provenance, rates
 
 SETTINGS, METRICS = "settings.json", "metrics.json"
@@ -113,7 +113,7 @@ def compare(name: str, runs: Sequence[Run]) -> Document:
         cells = [_percents([run.recent.get(column) for run in seeds]) for column in shown]
         said = seeds[0].reported
         told = f"{said.opened}, handle {said.handle}" if said else ""
-        rows.append((row, len(seeds), *cells, Cell(" / ".join(f"{run.millions:.3g}" for run in seeds), "n"), told))
+        rows.append((row, len(seeds), *cells, Markup(" / ".join(f"{run.millions:.3g}" for run in seeds), "n"), told))
     header = ("run", "seeds", *(NAMES[column] for column in shown), "steps [millions]", "paper")
     versions = sorted({int(run.about.get("metrics_version") or 1) for run in runs})
     about = f"{len(runs)} runs; metrics version {', '.join(map(str, versions))}; {provenance({**runs[0].about, 'seed': None})}"
@@ -168,8 +168,8 @@ def _columns(rows: Sequence[Mapping[str, float]], steps: float) -> dict[str, lis
     return columns | {"env_steps": [steps * (1 + row["iteration"]) for row in rows]}
 
 
-def _percents(values: Sequence[Any]) -> Cell:
-    return Cell(" / ".join(f"{100 * value['rate']:.3g}" if is_rate(value) else "-" for value in values) + " %", "n")
+def _percents(values: Sequence[Any]) -> Markup:
+    return Markup(" / ".join(f"{100 * value['rate']:.3g}" if is_rate(value) else "-" for value in values) + " %", "n")
 
 
 def _beside(runs: Sequence[Run]) -> list[tuple[str, str]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from s2a.report.document import Cell, Document, table, text
+from s2a.report.document import Markup, Document, table, text
 from s2a.report.rates import provenance
 
 BAR = 120
@@ -33,25 +33,25 @@ def _row(check: Mapping[str, Any]) -> tuple[object, ...]:
     numbers = [
         None if check[key] is None else f"{check[key]:.4g} {check['unit']}".strip() for key in ("value", "bound")
     ]
-    cells = [Cell(text(number or ""), "n") for number in numbers]
+    cells = [Markup(text(number or ""), "n") for number in numbers]
     return check["name"], _status(check["status"]), *cells, _bar(check), check["message"], check["remedy"]
 
 
-def _bar(check: Mapping[str, Any]) -> Cell:
+def _bar(check: Mapping[str, Any]) -> Markup:
     """Return a bar of value over bound; what is larger than twice the bound is cut there."""
     value, bound = check["value"], check["bound"]
     if value is None or not bound or bound < 0:
-        return Cell("")
+        return Markup("")
     width = BAR * min(max(value / bound, 0.0), 2.0)
     colour = "#b3261e" if value > bound else "#2a8a3c"
-    return Cell(
+    return Markup(
         f"<svg width='{2 * BAR}' height='12'><rect y='2' width='{width:.1f}' height='8' fill='{colour}'/>"
         f"<path d='M{BAR} 0V12' stroke='#1f2328'/></svg>"
     )
 
 
-def _status(status: str) -> Cell:
-    return Cell(f"<span class='{text(status)}'>{text(status)}</span>")
+def _status(status: str) -> Markup:
+    return Markup(f"<span class='{text(status)}'>{text(status)}</span>")
 
 
 def _grip(report: Mapping[str, Any]) -> str:

@@ -14,7 +14,7 @@ import pytest
 from s2a import cli
 from s2a.errors import InputError
 from s2a.report import chart, paper, rates
-from s2a.report.document import Cell, Document, images, table, text
+from s2a.report.document import Markup, Document, images, table, text
 from s2a.report.read import read
 
 RESULTS = Path(__file__).parents[2] / "experiments/results"
@@ -222,7 +222,7 @@ def test_long_lines_are_means_of_neighbours() -> None:
 def test_an_interval_is_drawn_within_its_cell_whatever_the_file_says() -> None:
     bar, words = chart.interval(0.5, 0.25, 1.75)
     assert (
-        isinstance(bar, Cell)
+        isinstance(bar, Markup)
         and f"x='{chart.BAR * 0.25:.1f}'" in bar.html
         and f"width='{chart.BAR * 0.75:.1f}'" in bar.html
     )

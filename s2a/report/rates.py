@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from s2a.report import chart
-from s2a.report.document import Markup, Document, facts, images, table
+from s2a.report.document import Document, Markup, facts, images, table
 
 NAMES = {
     "success": "opened",

@@ -8,7 +8,7 @@ from typing import Any
 
 from s2a.config import leaves
 from s2a.report import chart
-from s2a.report.document import Markup, Document, facts, table
+from s2a.report.document import Document, Markup, facts, table
 from s2a.report.rates import provenance
 
 MAX_ROWS = 500

@@ -12,7 +12,7 @@ from typing import Any
 from s2a import aliases, extras
 from s2a.config import leaves
 from s2a.report import chart, paper
-from s2a.report.document import Markup, Document, facts, table
+from s2a.report.document import Document, Markup, facts, table
 from s2a.report.rates import NAMES, is_rate, provenance, rates
 
 SETTINGS, METRICS = "settings.json", "metrics.json"

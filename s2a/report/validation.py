@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from s2a.report.document import Markup, Document, table, text
+from s2a.report.document import Document, Markup, table, text
 from s2a.report.rates import provenance
 
 BAR = 120

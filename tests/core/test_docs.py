@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -18,8 +19,8 @@ docs_site = pytest.importorskip("docs_site", reason="mkdocs is not installed", e
 
 ROOT = Path(__file__).parents[2]
 PAGES = (*docs_site.PAGES, *sorted(p.relative_to(ROOT).as_posix() for p in (ROOT / "docs").rglob("*.md")))
-ELLIPSIS = "..."
-"""Stands for what a reader fills in."""
+ELLIPSIS, PLACEHOLDER = "...", re.compile(r"\.\.\.|=NAME$")
+"""Stand for what a reader fills in."""
 CHEAP = ("check", "export", "view", "zoo")
 
 
@@ -46,15 +47,19 @@ def understood(arguments: list[str]) -> None:
     """Compose and load the settings of a call, as the command line does; of a sweep, those of its first job."""
     swept = {"-m", "--multirun"} & set(arguments)
     command, *rest = [argument for argument in arguments if not argument.startswith("-")]
-    filled = [argument for argument in rest if ELLIPSIS not in argument]
+    given = [argument for argument in rest if not PLACEHOLDER.search(argument)]
     if swept:
-        firsts = [re.sub(r"^([\w.+/]+=[^\[{\"',]*),.*", r"\1", argument) for argument in filled]
-        filled = [argument for argument in firsts if not argument.startswith("hydra")]
-    values = cli.compose(command, filled)
-    if len(filled) < len(rest):
-        missing = [f"{key}=given" for key, value in config.leaves(values) if value == config.REQUIRED]
-        values = cli.compose(command, [*filled, *missing])
-    config.load(cli._module(command).Config, values)
+        firsts = [re.sub(r"^([\w.+/]+=[^\[{\"',]*),.*", r"\1", argument) for argument in given]
+        given = [argument for argument in firsts if not argument.startswith("hydra")]
+    if len(given) < len(rest):
+        names = {argument.partition("=")[0] for argument in given}
+        given += [f"{key}=given" for key in required(command) if key not in names]
+    config.load(cli._module(command).Config, cli.compose(command, given))
+
+
+@cache
+def required(command: str) -> tuple[str, ...]:
+    return tuple(key for key, value in config.leaves(config.compose(command)) if value == config.REQUIRED)
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -66,7 +71,7 @@ def test_links_lead_to_files_of_the_repository(page: str) -> None:
 @pytest.mark.parametrize("page", [page for page in PAGES if page != "CHANGELOG.md"])  # it names keys of its time
 def test_every_command_of_the_documentation_is_understood(page: str) -> None:
     text = (ROOT / page).read_text()
-    for arguments in commands(text) + mentions(text):
+    for arguments in map(list, dict.fromkeys(map(tuple, commands(text) + mentions(text)))):
         try:
             understood(arguments)
         except Exception as error:

@@ -14,7 +14,7 @@ import pytest
 from s2a import cli
 from s2a.errors import InputError
 from s2a.report import chart, paper, rates
-from s2a.report.document import Markup, Document, images, table, text
+from s2a.report.document import Document, Markup, images, table, text
 from s2a.report.read import read
 
 RESULTS = Path(__file__).parents[2] / "experiments/results"

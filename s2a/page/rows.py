@@ -50,7 +50,8 @@ def card(room: PageRoom, part_id: str | None) -> str:
         "mass": None if part.mass is None else f"{part.mass:.3g} kg",
         "faces": f"{len(part.surface.faces):,}",
     }
-    lines = (f"<tr><td>{name}</td><td>{html.escape(value)}</td></tr>" for name, value in facts.items() if value)
+    told = [(name, value) for name, value in facts.items() if value] + list(room.notes.get(part_id, ()))
+    lines = (f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>" for name, value in told)
     return f"<div class='s2a-card'><b>{html.escape(part_id)}</b><table>{''.join(lines)}</table></div>"
 
 

@@ -26,7 +26,7 @@ check: $(INSTALLED)
 # The documentation as a site, build/site; a broken link fails.
 docs: $(INSTALLED)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
-	@echo "See build/site/index.html"
+	@echo "See it with: $(BIN)/python -m http.server --directory build/site"
 
 format: $(INSTALLED)
 	$(BIN)/ruff format

@@ -87,7 +87,4 @@ def test_the_snippets_of_the_python_page_run(in_the_demo: Path, capsys: pytest.C
     exec("\n".join(short), {})  # the others are the README's
     assert any("'drawer_7'" in line for line in capsys.readouterr().out.splitlines())
     assert (in_the_demo / "demo" / "insert" / "insert.usda").is_file()
-    assert (
-        task.split("env = ")[1].split()
-        == snippets("README.md")[0].split("env = ")[1].replace("  # a gymnasium.vector.VectorEnv", "").split()
-    )
+    assert task.split("env = ")[1] == snippets("README.md")[0].split("env = ")[1], "it runs above"

@@ -39,6 +39,7 @@ def test_a_validation_report_shows_its_stage_with_what_failed_on_the_parts_card(
     assert "failed, 1 checks<" in card and "0.0031 m, bound 0.002: it &lt;slips&gt;; grip harder" in card
     other = rows.card(replace(read(shown), notes=noted), next(i for i in read(shown).parts if i != "door_3"))
     assert "validation" not in other
+    assert rows.noted(replace(read(shown), notes=noted)).count("<b>door_3</b>") == 1
 
 
 def test_a_report_of_what_the_file_was_before_says_so(stage: Path, tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ th { font-weight: 600; background: #f6f8fa }
 td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums }
 td svg { vertical-align: middle }
 table.dense { font-size: 12.5px }
-.dense th, .dense td { padding: .15rem .4rem }
+.dense th, .dense td { padding: .15rem .3rem }
 .pass { color: #1a7f37 }
 .fail { color: #b3261e; font-weight: 600 }
 .info, .skipped { color: #6e7781 }

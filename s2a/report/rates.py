@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from s2a import aliases
 from s2a.report import chart
 from s2a.report.document import Document, Markup, facts, images, table
 
@@ -50,6 +51,7 @@ def provenance(values: Mapping[str, Any]) -> str:
 
 def evaluation(values: Mapping[str, Any], path: Path) -> Document:
     """Return the report of one evaluation, with the images that lie beside it."""
+    values = aliases.renamed(values, aliases.METRICS)
     sections = [("Rates", rates(values))]
     if numbers := [
         (name, *(float(value[key]) for key in ("mean", "min", "max")))

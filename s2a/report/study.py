@@ -47,11 +47,18 @@ def _counted(row: Mapping[str, Any]) -> tuple[object, ...]:
 
 def _every(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return a table of all rows, in which what is false stands out."""
-    names = list(
-        dict.fromkeys(name for row in rows for name, value in row.items() if not isinstance(value, (dict, list)))
-    )
+    names = [*dict.fromkeys(name for row in rows for name, value in row.items() if not isinstance(value, (dict, list)))]
+    for name in tuple(names):
+        if any(_repeated(name, other, rows) for other in names if other != name):
+            names.remove(name)
     left = f"<p>{len(rows) - MAX_ROWS} further rows are in the file.</p>" if len(rows) > MAX_ROWS else ""
     return table(names, [[_value(row.get(name)) for name in names] for row in rows[:MAX_ROWS]], dense=True) + left
+
+
+def _repeated(name: str, other: str, rows: Sequence[Mapping[str, Any]]) -> bool:
+    """Return True if one column's texts, some of them, are all within another's, which says the same or more."""
+    texts = [(row.get(name), row.get(other)) for row in rows if row.get(name) not in (None, "")]
+    return bool(texts) and all(isinstance(a, str) and isinstance(b, str) and a in b for a, b in texts)
 
 
 def _value(value: object) -> object:

@@ -80,10 +80,11 @@ def of_metrics(metrics: Mapping[str, Any], name: str, settings: Mapping[str, Any
 
 def of_table(row: Mapping[str, Any]) -> Run:
     """Return a run of a table of experiments, whose rates are those of its evaluation."""
-    curve = {k: [math.nan if v is None else v for v in values] for k, values in row.get("curve", {}).items()}
+    logged = aliases.curve(row.get("curve", {}))
+    curve = {k: [math.nan if v is None else v for v in values] for k, values in logged.items()}
     settings = {**row.get("settings", {}), "stage": row.get("stage", "")}
     name = row.get("about") or row.get("run") or row["row"]
-    measured = row["evaluation"]
+    measured = aliases.renamed(row["evaluation"], aliases.METRICS)
     curve.setdefault("env_steps", [row["env_steps"]])
     return Run(name, settings, curve, measured, {**measured, "seed": row["seed"]})
 

@@ -22,10 +22,11 @@ p { max-width: 60rem; margin: .4rem 0 }
 table { border-collapse: collapse; margin: .3rem 0 1rem }
 th, td { padding: .25rem .8rem; text-align: left; vertical-align: top; border-bottom: 1px solid #d8dee4 }
 th { font-weight: 600; background: #f6f8fa }
-td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums }
+td.n, th.n { text-align: right; font-variant-numeric: tabular-nums }
+td.n { white-space: nowrap }
 td svg { vertical-align: middle }
-table.dense { font-size: 12.5px }
-.dense th, .dense td { padding: .15rem .3rem }
+table.dense { font-size: 12px }
+.dense th, .dense td { padding: .15rem .28rem }
 .pass { color: #1a7f37 }
 .fail { color: #b3261e; font-weight: 600 }
 .info, .skipped { color: #6e7781 }

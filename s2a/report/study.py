@@ -8,7 +8,7 @@ from typing import Any
 
 from s2a.config import leaves
 from s2a.report import chart
-from s2a.report.document import Document, Markup, facts, table
+from s2a.report.document import Document, Markup, facts, table, text
 from s2a.report.rates import provenance
 
 MAX_ROWS = 500
@@ -46,13 +46,18 @@ def _counted(row: Mapping[str, Any]) -> tuple[object, ...]:
 
 
 def _every(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a table of all rows, in which what is false stands out."""
+    """Return a table of all rows, in which what is false stands out; what is the same in all of them stands above."""
     names = [*dict.fromkeys(name for row in rows for name, value in row.items() if not isinstance(value, (dict, list)))]
+    same = [name for name in names if len(rows) > 1 and len({str(row.get(name)) for row in rows}) == 1]
+    names = [name for name in names if name not in same]
     for name in tuple(names):
         if any(_repeated(name, other, rows) for other in names if other != name):
             names.remove(name)
+    common = ", ".join(f"{name} {rows[0][name]}" for name in same)
+    note = f"<p>The same in all rows: {text(common)}.</p>" if same else ""
     left = f"<p>{len(rows) - MAX_ROWS} further rows are in the file.</p>" if len(rows) > MAX_ROWS else ""
-    return table(names, [[_value(row.get(name)) for name in names] for row in rows[:MAX_ROWS]], dense=True) + left
+    cells = [[_value(row.get(name)) for name in names] for row in rows[:MAX_ROWS]]
+    return note + table(names, cells, dense=True) + left
 
 
 def _repeated(name: str, other: str, rows: Sequence[Mapping[str, Any]]) -> bool:

@@ -249,9 +249,23 @@ def test_only_the_papers_weights_have_the_papers_figure() -> None:
 
 def test_a_column_that_another_repeats_is_left_out(tmp_path: Path) -> None:
     rows = [
-        {"fell": "it tilts", "problem": "it tilts by 8", "kind": "a", "ok": False},
-        {"fell": "", "problem": "far", "kind": "b"},
+        {"fell": "it tilts", "problem": "it tilts by 8", "kind": "a", "ok": False, "calls": 3},
+        {"fell": "", "problem": "far", "kind": "b", "calls": 3},
     ]
     page = whole(read(write(tmp_path / "x.json", {"rows": rows})))
     assert "<th>problem<th>kind<th>ok" in page and "<th>fell" not in page
-    assert "<span class='fail'>no</span>" in page
+    assert "<span class='fail'>no</span>" in page and "The same in all rows: calls 3." in page
+
+
+def test_a_run_that_was_cut_is_read_from_its_log(tmp_path: Path) -> None:
+    log = pytest.importorskip("torch.utils.tensorboard", reason="torch is not installed")
+    folder = run_folder(tmp_path / "drawer")
+    (folder / "metrics.json").unlink()
+    with log.SummaryWriter(str(folder)) as writer:
+        for step in (0, 3):
+            writer.add_scalar("/success", 0.25 * step, step)
+    page = whole(read(folder))
+    assert "Training drawer (not finished)" in page and ">200<" not in page
+    assert "<td class=''>environment steps [millions]<td class='n'>0.0002" in page, (
+        "4 iterations of 10 worlds and 5 steps"
+    )

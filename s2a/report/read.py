@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from s2a.errors import InputError
 from s2a.report import rates, study, training, validation
 from s2a.report.document import Document
 
+T = TypeVar("T")
 KINDS = (
     "a run of s2a train, a folder of such runs, a JSON file of s2a evaluate, s2a bench or experiments/results, "
     "or a folder or report.json of s2a certify"
 )
+RUNS = ("*", "*/*", "*/*/*")
+"""Where the runs of a sweep lie in its folder."""
 DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, ZeroDivisionError, RecursionError)
 """What values of other types, or missing ones, raise while a page is made of them."""
 
@@ -26,12 +30,16 @@ def read(path: Path) -> Document:
     """
     if not path.exists():
         raise InputError(f"{path}: does not exist; give {KINDS}")
+    return _whole(path, _folder if path.is_dir() else _file)
+
+
+def _whole(path: Path, make: Callable[[Path], T]) -> T:
+    """Return what is made of a path; raise an InputError if it is damaged."""
     try:
-        return _folder(path) if path.is_dir() else _file(path)
+        return make(path)
     except DAMAGE as error:
-        raise InputError(
-            f"{path}: damaged, or of another version ({type(error).__name__}: {error}); write it again"
-        ) from error
+        problem = f"{type(error).__name__}: {error}"
+        raise InputError(f"{path}: damaged, or of another version ({problem}); write it again") from error
 
 
 def _folder(path: Path) -> Document:
@@ -39,10 +47,10 @@ def _folder(path: Path) -> Document:
         return training.report(training.of_folder(path))
     if (path / "report.json").is_file():
         return _file(path / "report.json")
-    found = sorted(file.parent for file in path.rglob(training.SETTINGS))
+    found = sorted(file.parent for depth in RUNS for file in path.glob(f"{depth}/{training.SETTINGS}"))
     if not found:
         raise InputError(f"{path}: holds no run and no validation report; give {KINDS}")
-    runs = {str(folder.relative_to(path)): training.of_folder(folder) for folder in found}
+    runs = {str(folder.relative_to(path)): _whole(folder, training.of_folder) for folder in found}
     return training.compare(f"Sweep {path.name}", training.differing(runs))
 
 

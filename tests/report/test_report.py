@@ -120,6 +120,9 @@ def test_the_runs_of_a_sweep_are_rows_named_by_what_differs_with_a_value_a_seed(
     assert "3 runs" in page and "75 / 75 %" in page
     rows = re.findall(r"<td class=''>(reward.distance=\S+?)<td", page)
     assert rows == ["reward.distance=1.5", "reward.distance=9.0"]
+    (tmp_path / "sweep/1/run/metrics.json").write_text("{}")
+    with pytest.raises(InputError, match=r"sweep/1/run: damaged.*'curve'"):
+        read(tmp_path / "sweep")
 
 
 def test_a_validation_report_shows_numbers_against_bounds(tmp_path: Path) -> None:

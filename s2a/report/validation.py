@@ -43,7 +43,7 @@ def _bar(check: Mapping[str, Any]) -> Markup:
     if value is None or not bound or bound < 0:
         return Markup("")
     width = BAR * min(max(value / bound, 0.0), 2.0)
-    colour = "#b3261e" if value > bound else "#2a8a3c"
+    colour = "#b3261e" if check["status"] == "fail" else "#2a8a3c"  # some bounds are the least that passes
     return Markup(
         f"<svg width='{2 * BAR}' height='12'><rect y='2' width='{width:.1f}' height='8' fill='{colour}'/>"
         f"<path d='M{BAR} 0V12' stroke='#1f2328'/></svg>"

@@ -127,11 +127,19 @@ def test_the_runs_of_a_sweep_are_rows_named_by_what_differs_with_a_value_a_seed(
 def test_a_validation_report_shows_numbers_against_bounds(tmp_path: Path) -> None:
     check = {"name": "finger_gap", "status": "fail", "value": 0.03, "bound": 0.01, "unit": "", "prim": "/scene"}
     check |= {"message": "3 % <filled>", "remedy": "make room"}
-    report = {"target": "drawer_7", "stage": "a/room.usd", "passed": False, "graspable": None, "checks": [check]}
+    relief = check | {"name": "handle_relief", "status": "pass", "value": 0.015, "message": "", "remedy": ""}
+    report = {
+        "target": "drawer_7",
+        "stage": "a/room.usd",
+        "passed": False,
+        "graspable": None,
+        "checks": [check, relief],
+    }
     write(tmp_path / "v/report.json", {"passed": False, "reports": [report]})
     page = whole(read(tmp_path / "v"))
     assert "room.usd: 0 of 1 parts passed" in page and "3 % &lt;filled&gt;" in page and "make room" in page
     assert "width='240.0' height='8' fill='#b3261e'" in page, "three times the bound is drawn as twice the bound"
+    assert "width='180.0' height='8' fill='#2a8a3c'" in page, "what passes is green, also above a bound from below"
 
 
 def test_images_beside_an_evaluation_are_in_its_page(tmp_path: Path) -> None:

@@ -9,24 +9,10 @@ INSTALLED := $(VENV)/.installed
 DEMO ?= demo
 ROBOT ?= panda
 
-.PHONY: demo test check format lock clean
+.PHONY: demo test check docs format lock clean
 
 demo: $(INSTALLED)
-	rm -rf $(DEMO)/ppo
-	$(BIN)/s2a sample room=office seed=0 detail=demo out=$(DEMO)/scan
-	$(BIN)/s2a export scan=$(DEMO)/scan out=$(DEMO)
-	$(BIN)/s2a zoo out=$(DEMO)/zoo
-	$(BIN)/s2a insert stage=$(DEMO)/geometric.usd object=$(DEMO)/zoo/objects/stapler.usda label=stapler \
-		prompt="put it next to the keyboard" llm=rules out=$(DEMO)/insert image=$(DEMO)/insert.png
-	$(BIN)/s2a prepare stage=$(DEMO)/geometric.usd targets=all robot=$(ROBOT) out=$(DEMO)/room.usd
-	$(BIN)/s2a evaluate stage=$(DEMO)/room.usd part=drawer_7 robot=$(ROBOT) out=$(DEMO)/planner.json images=$(DEMO)
-	if [ $(ROBOT) = panda ]; then $(BIN)/s2a evaluate stage=$(DEMO)/room.usd part=drawer_7 policy=pretrained \
-		out=$(DEMO)/pretrained.json; fi
-	$(BIN)/s2a train stage=$(DEMO)/room.usd part=drawer_7 robot=$(ROBOT) num_envs=16 ppo.iterations=3 \
-		out=$(DEMO)/ppo
-	$(BIN)/python tools/joint_table.py $(DEMO)/geometric.usd $(DEMO)/scan/truth/truth.usda
-	@echo "See $(DEMO)/insert.png, $(DEMO)/before.png and $(DEMO)/after.png; open $(DEMO)/*.usd* in any USD viewer;"
-	@echo "read them with: $(BIN)/s2a view path=$(DEMO)/room.usd text=true; and tensorboard --logdir $(DEMO)/ppo"
+	$(BIN)/python tools/demo.py $(DEMO) --robot $(ROBOT)
 
 test: $(INSTALLED)
 	$(BIN)/pytest -q -n auto --maxprocesses 4 --dist loadfile -m "not slow and not gpu"
@@ -36,6 +22,11 @@ check: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/mypy
+
+# The documentation as a site, build/site; a broken link fails.
+docs: $(INSTALLED)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+	@echo "See it with: $(BIN)/python -m http.server --directory build/site"
 
 format: $(INSTALLED)
 	$(BIN)/ruff format

@@ -52,6 +52,7 @@ COMMANDS = {
     "replay": "play demonstrations again: do they succeed?",
     "zoo": "write a hundred labelled objects, as untidy as downloads, to insert",
     "view": "show a scan or a stage: its tree as text, or an image",
+    "report": "show a run, a sweep, an evaluation, a study or a validation report as one page",
 }
 OUTPUTS = ("out", "image", "images", "html", "record")
 """Keys that name output files and folders."""

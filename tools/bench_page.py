@@ -3,8 +3,9 @@
     python tools/bench_page.py PATH [PATH ...] [--max-faces N] [--out experiments/results/bench_page.json]
 
 PATH is what `s2a view` takes. Seconds count from when the command was entered: until its address is printed, the controls are
-there, and a tenth of the window is not background. Needs chromium and chromedriver, and the extras view and dev. The record holds
-the load of the machine: without a graphics processor the browser renders on the cores that the command needs too.
+there, and a tenth of the window is not background; "processor" is what the command itself had of a core by the first. Needs
+chromium and chromedriver, and the extras view and dev. The record holds the load of the machine: without a graphics processor the
+browser renders on the cores that the command needs too.
 """
 
 from __future__ import annotations
@@ -62,7 +63,11 @@ def opened(path: Path, max_faces: int | None) -> dict:
         start = time.monotonic()
         server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         try:
-            row = {"address": _address(server), "printed": round(time.monotonic() - start, 1)}
+            row = {
+                "address": _address(server),
+                "printed": round(time.monotonic() - start, 1),
+                "processor": _processor(server),
+            }
             page.open(row.pop("address"))
             page.wait(lambda: "Joints (" in page.text(), PATIENCE)
             row["controls"] = round(time.monotonic() - start, 1)
@@ -81,6 +86,12 @@ def _address(server: subprocess.Popen) -> str:
         if " at http" in line:
             return line.split(" at ")[1].split(";")[0]
     raise SystemExit("the command ended without an address")
+
+
+def _processor(server: subprocess.Popen) -> float:
+    """Return the processor time that the command has had [s], which tells more than the clock on a busy machine."""
+    fields = Path(f"/proc/{server.pid}/stat").read_text().rpartition(")")[2].split()
+    return round((int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), 2)
 
 
 def _filled(image: np.ndarray) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +14,7 @@ from s2a.errors import InputError
 from s2a.geometry.mesh_ops import painted
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.outputs import atomic_write, require_png
+from s2a.page import notes
 from s2a.page.palette import hue
 from s2a.page.room import PageRoom
 from s2a.page.thin import thinned
@@ -34,7 +35,7 @@ class Config:
     """Keys of `s2a view`.
 
     Attributes:
-        path: a scan's folder or a stage.
+        path: a scan's folder, a stage, or a folder of s2a certify or s2a insert.
         text: Print the tree; null prints it unless an image or a page is requested.
         image: PNG file to write, or null.
         page: Serve a page for the browser, until Ctrl-C: parts, a slider for every joint, colliders, grasp regions, axes.
@@ -66,12 +67,14 @@ def run(config: Config) -> str:
     """
     if not config.path.exists():
         raise InputError(f"{config.path}: does not exist; give a scan's folder, or a {', '.join(ENCODINGS)} file")
+    stage, noted = notes.of_path(config.path)
+    config = replace(config, path=stage)
     if remedy := mesh_remedy(config.path):
         raise InputError(f"{config.path}: {remedy}, in a folder of its own, and give that folder")
     if config.image:
         require_png(config.image)
     _refuse_keys(config)
-    room = _page_room(config) if config.page or config.html else None
+    room = replace(_page_room(config), notes=noted) if config.page or config.html else None
     said = []
     if config.image:
         said.append(_image(visible(config.path), config, config.image))

@@ -12,7 +12,7 @@ from s2a.articulation import open_limit
 from s2a.page import layers
 from s2a.page.rays import pick
 from s2a.page.room import PageRoom, unit
-from s2a.page.rows import card, row, rows
+from s2a.page.rows import card, noted, row, rows
 from s2a.page.scene_nodes import SceneNodes
 
 STYLE = """<style>
@@ -50,6 +50,9 @@ class Panel:
         tabs = gui.add_tab_group()
         with tabs.add_tab(f"Joints ({len(self._room.joints)})"):
             self._add_joints()
+        if self._room.notes:
+            with tabs.add_tab(f"Notes ({len(self._room.notes)})"):
+                gui.add_html(noted(self._room))
         with tabs.add_tab(f"Parts ({len(self._room.parts)})"):
             self._add_tree()
         server.scene.on_click()(self._clicked)

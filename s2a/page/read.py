@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from s2a.errors import InputError
-from s2a.geometry.convex import box
 from s2a.geometry.mesh_ops import keep
 from s2a.page.room import Extra, PagePart, PageRoom
 from s2a.scene import Mesh, Scene
@@ -142,6 +141,8 @@ def _described_mover(parts: Mapping[str, DescribedPart], part: str | None) -> st
 def _box(part: DescribedPart) -> Mesh:
     if part.center is None or part.size is None:
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3)))
+    from s2a.geometry.convex import box  # brings scipy, which no other flavour needs
+
     cos, sin = math.cos(part.yaw), math.sin(part.yaw)
     axes = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return box(np.array(part.center), axes, np.maximum(part.size, THINNEST))

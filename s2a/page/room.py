@@ -61,6 +61,7 @@ class PageRoom:
         colliders: convex hulls; none but in a simulation-ready stage.
         grasps: where a gripper grasps each jointed part.
         boxes: The surfaces are the boxes of a description, which are shown translucent.
+        notes: what a validation report or an insertion says of parts, by their ids: names and values.
     """
 
     name: str
@@ -69,6 +70,7 @@ class PageRoom:
     colliders: tuple[Extra, ...] = ()
     grasps: tuple[Extra, ...] = ()
     boxes: bool = False
+    notes: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
 
     @cached_property
     def joints(self) -> dict[str, Joint]:

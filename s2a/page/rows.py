@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from s2a.page.room import PagePart, PageRoom, unit
 from s2a.scene import Joint
@@ -50,8 +50,19 @@ def card(room: PageRoom, part_id: str | None) -> str:
         "mass": None if part.mass is None else f"{part.mass:.3g} kg",
         "faces": f"{len(part.surface.faces):,}",
     }
-    lines = (f"<tr><td>{name}</td><td>{html.escape(value)}</td></tr>" for name, value in facts.items() if value)
-    return f"<div class='s2a-card'><b>{html.escape(part_id)}</b><table>{''.join(lines)}</table></div>"
+    return _table(
+        part_id, [(name, value) for name, value in facts.items() if value] + list(room.notes.get(part_id, ()))
+    )
+
+
+def noted(room: PageRoom) -> str:
+    """Return what a validation report or an insertion says of each part as HTML."""
+    return "".join(_table(part, said) for part, said in room.notes.items())
+
+
+def _table(title: str, values: Iterable[tuple[str, str]]) -> str:
+    lines = (f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>" for name, value in values)
+    return f"<div class='s2a-card'><b>{html.escape(title)}</b><table>{''.join(lines)}</table></div>"
 
 
 def _numbers(values: tuple[float, ...]) -> str:

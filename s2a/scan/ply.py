@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from trimesh.exchange.ply import load_ply
 
 from s2a.errors import InputError
 
@@ -68,6 +67,8 @@ def read(path: Path, face_numbers: tuple[str, ...] = ()) -> ScanMesh:
 
 def _load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return what the file holds as trimesh's arguments, and its raw elements by name."""
+    from trimesh.exchange.ply import load_ply  # brings scipy: half of what starting `s2a view` of a stage would cost
+
     try:
         with path.open("rb") as file:
             # fix_texture would reorder vertices that have texture coordinates; annotations count in the file's order.

@@ -17,6 +17,8 @@ import s2a
 from s2a import cli
 from s2a.errors import InputError
 
+ROOT = Path(__file__).parents[2]
+
 
 def test_importing_the_package_loads_nothing() -> None:
     heavy = ["numpy", "pxr", "hydra", "warp", "torch"]
@@ -57,20 +59,32 @@ def test_bad_input_is_an_input_error(tmp_path: Path) -> None:
         s2a.insert(tmp_path / "x.usd", "a.obj", "mug", out=tmp_path / "out", overrides=["retrie=3"])
 
 
-def test_the_scene_snippet_of_the_readme_runs(
-    office_scan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = (Path(__file__).parents[2] / "README.md").read_text()
-    scene, task = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+@pytest.fixture
+def in_the_demo(office_scan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder in which the snippets of the documentation find what they read."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "demo").mkdir()
     (tmp_path / "demo" / "scan").symlink_to(office_scan)
-    assert cli.main(["zoo", "out=demo/zoo"]) == 0
-    exec(scene, {})
-    lines = capsys.readouterr().out.splitlines()
-    assert any("'drawer_7'" in line for line in lines)
-    assert lines[-1] == "True"
-    assert (tmp_path / "demo" / "insert" / "insert.usda").is_file()
+    return tmp_path
+
+
+def snippets(page: str) -> list[str]:
+    return re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
+
+
+def test_the_snippet_of_the_readme_runs(in_the_demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (snippet,) = snippets("README.md")
     names: dict[str, Any] = {}
-    exec(task, names)
+    exec(snippet, names)
+    assert "True" in capsys.readouterr().out.splitlines()  # among what libraries print
     assert names["observation"].shape == (16, 23) and not names["terminated"].any()
+
+
+def test_the_snippets_of_the_python_page_run(in_the_demo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene, task = snippets("docs/python.md")
+    assert cli.main(["zoo", "out=demo/zoo"]) == 0
+    short = [line for line in scene.splitlines() if "prepare(" not in line and "certify(" not in line]
+    exec("\n".join(short), {})  # the others are the README's
+    assert any("'drawer_7'" in line for line in capsys.readouterr().out.splitlines())
+    assert (in_the_demo / "demo" / "insert" / "insert.usda").is_file()
+    assert task.split("env = ")[1] == snippets("README.md")[0].split("env = ")[1], "it runs above"

@@ -97,7 +97,11 @@ PROSE = (
     "the hand", "thing", "things", "told", "verb", "verbs", "wish",
 )  # fmt: skip
 """Not in the documentation, code aside."""
-DOCS = ("README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))), "experiments/README.md")
+DOCS = (
+    "README.md",
+    *(p.relative_to(ROOT).as_posix() for p in sorted((ROOT / "docs").rglob("*.md"))),
+    "experiments/README.md",
+)
 ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
     "s2a/aliases.py": (tuple(WORDS), "lists the old names"),
     "s2a/do/plan.py": (("refusal",), "a field of the model's answers, which are recorded word for word"),

@@ -1,0 +1,246 @@
+"""Reports of runs, sweeps, evaluations, benchmarks, studies and validation reports: what they say, and what they refuse."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from s2a import cli
+from s2a.errors import InputError
+from s2a.report import paper
+from s2a.report.document import Document, images, table, text
+from s2a.report.read import read
+
+RESULTS = Path(__file__).parents[2] / "experiments/results"
+VOID = ("meta", "link", "img", "path", "rect", "circle", "br")
+OPTIONAL = ("tr", "td", "th")
+"""Tags whose end HTML adds by itself."""
+RATE = {"rate": 0.75, "low": 0.5, "high": 0.9}
+
+
+class _Balance(HTMLParser):
+    """Every tag is closed in its order, and nothing is loaded."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        assert tag != "script"
+        for name, value in attrs:
+            assert name not in ("src", "href") or str(value).startswith("data:"), value
+            assert not name.startswith("on")
+        if tag not in VOID + OPTIONAL:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        pass
+
+    def handle_endtag(self, tag: str) -> None:
+        assert tag in OPTIONAL or self.open.pop() == tag
+
+
+def whole(document: Document) -> str:
+    page = document.html()
+    parser = _Balance()
+    parser.feed(page)
+    assert parser.open == []
+    return page
+
+
+def write(path: Path, values: object) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(values))
+    return path
+
+
+def settings(**changes: Any) -> dict[str, Any]:
+    reward = {"distance": 1.5, "rotation": 1.5, "opening": 10.0, "finger": 2.0}
+    values: dict[str, Any] = {"num_envs": 10, "seed": 0, "stage": "room.usd", "out": "x", "reward": reward}
+    return values | {"ppo": {"num_steps_per_env": 5}} | changes
+
+
+def metrics(**changes: Any) -> dict[str, Any]:
+    curve = [{"iteration": 0, "reward": 1.0}, {"iteration": 3, "reward": 2.0, "success": 0.5}]
+    values: dict[str, Any] = {"curve": curve, "env_steps": 200, "seconds": 3.0, "seed": 0, "num_envs": 10}
+    return values | {"recent": {"episodes": 8.0, "success": RATE}, "metrics_version": 3, "commit": "abc1234"} | changes
+
+
+def run_folder(folder: Path, **changes: Any) -> Path:
+    write(folder / "settings.json", settings(**changes))
+    write(folder / "metrics.json", metrics(seed=changes.get("seed", 0)))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("planner_room_office", ["100.0 % [80.6, 100.0]", "opened, grasped", "95cd274"]),
+        ("bench_pretrained", ["498 parts, 64 episodes each", "89.7 % [87.2, 92.2]", "By handle", "fewer: 36 parts"]),
+        (
+            "reward_ablation",
+            [
+                "99.4 / 100 / 100 %",
+                "87.7 / 100 / 100 %",
+                "98 %, handle used",
+                "74 %, handle used",
+                "The paper&#x27;s table",
+            ],
+        ),
+        ("many_parts_training", ["433.2", "opened, grasped"]),
+        ("insertion_rules", ["80.0 % [71.1, 86.7]", "as published", "All 220 rows"]),
+        ("pick_place", ["96", "All 20 rows"]),
+    ],
+)
+def test_published_results_become_pages_that_stand_alone(name: str, words: list[str]) -> None:
+    page = whole(read(RESULTS / f"{name}.json"))
+    assert [word for word in words if word not in page] == []
+
+
+def test_a_run_shows_its_curve_over_environment_steps_its_rates_its_settings_and_the_papers_figure(
+    tmp_path: Path,
+) -> None:
+    page = whole(read(run_folder(tmp_path / "drawer")))
+    assert "Training drawer" in page and "not finished" not in page
+    assert "75.0 % [50.0, 90.0]" in page and "ppo.num_steps_per_env" in page and "87 to 88 %" in page
+    assert page.count("<svg viewBox='0 0 640") == 2
+
+
+def test_the_runs_of_a_sweep_are_rows_named_by_what_differs_with_a_value_a_seed(tmp_path: Path) -> None:
+    for i, (weight, seed) in enumerate([(1.5, 0), (1.5, 1), (9.0, 0)]):
+        reward = settings()["reward"] | {"distance": weight}
+        run_folder(tmp_path / f"sweep/{i}/run", seed=seed, reward=reward, out=f"{i}")
+    page = whole(read(tmp_path / "sweep"))
+    assert "3 runs" in page and "75 / 75 %" in page
+    rows = re.findall(r"<td class=''>(reward.distance=\S+?)<td", page)
+    assert rows == ["reward.distance=1.5", "reward.distance=9.0"]
+    (tmp_path / "sweep/1/run/metrics.json").write_text("{}")
+    with pytest.raises(InputError, match=r"sweep/1/run: damaged.*'curve'"):
+        read(tmp_path / "sweep")
+
+
+def test_a_validation_report_shows_numbers_against_bounds(tmp_path: Path) -> None:
+    check = {"name": "finger_gap", "status": "fail", "value": 0.03, "bound": 0.01, "unit": "", "prim": "/scene"}
+    check |= {"message": "3 % <filled>", "remedy": "make room"}
+    relief = check | {"name": "handle_relief", "status": "pass", "value": 0.015, "message": "", "remedy": ""}
+    report = {
+        "target": "drawer_7",
+        "stage": "a/room.usd",
+        "passed": False,
+        "graspable": None,
+        "checks": [check, relief],
+    }
+    write(tmp_path / "v/report.json", {"passed": False, "reports": [report]})
+    page = whole(read(tmp_path / "v"))
+    assert "room.usd: 0 of 1 parts passed" in page and "3 % &lt;filled&gt;" in page and "make room" in page
+    assert "width='240.0' height='8' fill='#b3261e'" in page, "three times the bound is drawn as twice the bound"
+    assert "width='180.0' height='8' fill='#2a8a3c'" in page, "what passes is green, also above a bound from below"
+
+
+def test_images_beside_an_evaluation_are_in_its_page(tmp_path: Path) -> None:
+    file = tmp_path / "planner.json"
+    file.write_bytes((RESULTS / "planner_room_office.json").read_bytes())
+    (tmp_path / "after.png").write_bytes(b"\x89PNG\r\n\x1a\n rest")
+    assert "data:image/png;base64," in whole(read(file))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        "{",
+        "[]",
+        "null",
+        '{"runs": []}',
+        '{"runs": [{"row": 3}]}',
+        '{"reports": [7]}',
+        '{"reports": [{"passed": true}]}',
+        '{"episodes": 3, "success": {"rate": "many", "low": 0, "high": 1}}',
+        '{"episodes": 3, "limit_use": [1]}',
+        '{"episodes_a_part": 3, "over_parts": {}}',
+        '{"curve": [3], "env_steps": 5}',
+        '{"curve": [{"iteration": "x"}], "env_steps": 5}',
+        '{"rows": [{}], "table": [{"n": 0, "success": 0}]}',
+        "[" * 100_000,
+    ],
+)
+def test_damaged_files_are_one_line(values: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "x.json").write_text(values)
+    earlier = tmp_path / "out.html"
+    earlier.write_text("earlier")
+    assert cli.main(["report", f"path={tmp_path / 'x.json'}", f"out={earlier}"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "x.json" in error and "bug" not in error
+    assert earlier.read_text() == "earlier"
+
+
+def test_what_cannot_be_reported_is_refused_with_what_can(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    binary = tmp_path / "room.usd"
+    binary.write_bytes(b"PXR-USDC\x00\xff\xfe")
+    for path, words in ((empty, "holds no run"), (binary, "not JSON"), (tmp_path / "no", "does not exist")):
+        with pytest.raises(InputError, match=words):
+            read(path)
+    planner = RESULTS / "planner_room_office.json"
+    for wrong in (
+        ["out=x.txt"],
+        [f"out={tmp_path}/x.html", "images=[nowhere.png]"],
+        [f"out={tmp_path}/x.html", f"images=[{binary}]"],
+    ):
+        assert cli.main(["report", f"path={planner}", *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_what_a_file_says_cannot_add_markup() -> None:
+    nasty = "<script>x</script>'\"\x00\x1b"
+    page = whole(Document(nasty, nasty, ((nasty, table((nasty,), [(nasty,)])),)))
+    assert "<script>" not in page and "\x00" not in page and text(nasty) in page
+
+
+def test_a_table_sets_numbers_right_and_leaves_none_empty() -> None:
+    assert "<td class='n'>0.5<td class=''><td class=''>yes" in table(("a", "b", "c"), [(0.5, None, True)])
+    assert table(("a",), []) == "<p>none</p>"
+    assert "<tr><th" not in table(("", ""), [("x", 1)])
+
+
+def test_an_image_that_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x.png").write_text("<svg onload=alert(1)>")
+    with pytest.raises(InputError, match="not an image"):
+        images([tmp_path / "x.png"])
+
+
+def test_only_the_papers_weights_have_the_papers_figure() -> None:
+    weights = settings()["reward"]
+    assert paper.reported(weights, "twin.usd") == paper.TABLE[0]
+    assert paper.reported(weights, "room.usd") == paper.TABLE[1]
+    assert paper.reported(weights | {"finger": 3.0}, "room.usd") is None
+    assert paper.reported(weights | {"pinch": 4.0}, "room.usd") is None
+
+
+def test_a_column_that_another_repeats_is_left_out(tmp_path: Path) -> None:
+    rows = [
+        {"fell": "it tilts", "problem": "it tilts by 8", "kind": "a", "ok": False, "calls": 3},
+        {"fell": "", "problem": "far", "kind": "b", "calls": 3},
+    ]
+    page = whole(read(write(tmp_path / "x.json", {"rows": rows})))
+    assert "<th>problem<th>kind<th>ok" in page and "<th>fell" not in page
+    assert "<span class='fail'>no</span>" in page and "The same in all rows: calls 3." in page
+
+
+def test_a_run_that_was_cut_is_read_from_its_log(tmp_path: Path) -> None:
+    log = pytest.importorskip("torch.utils.tensorboard", reason="torch is not installed")
+    folder = run_folder(tmp_path / "drawer")
+    (folder / "metrics.json").unlink()
+    with log.SummaryWriter(str(folder)) as writer:
+        for step in (0, 3):
+            writer.add_scalar("/success", 0.25 * step, step)
+    page = whole(read(folder))
+    assert "Training drawer (not finished)" in page and ">200<" not in page
+    assert "<td class=''>environment steps [millions]<td class='n'>0.0002" in page, (
+        "4 iterations of 10 worlds and 5 steps"
+    )

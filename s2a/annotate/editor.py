@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,18 +75,32 @@ class Editor:
             return
         self._make(region.grow(self.annotation.surface, face, self.config))
 
-    def rectangle(self, corners: np.ndarray, face: int | None = None) -> None:
-        """Cut the selected front out as a rectangle, or with a face make a new one.
+    def rectangle(self, corners: np.ndarray) -> None:
+        """Cut the selected front out as a rectangle; its hinge goes along.
 
         Args:
             corners: of the rectangle, on the front's plane as seen from the camera [m], shape [4 3].
-            face: the face at its middle, for a new part.
         """
-        if face is not None:
-            self._make(region.grow(self.annotation.surface, face, self.config), corners)
-        elif self.item is not None and self.selected is not None:
-            cut = _rectangle(self.item.region, corners)
-            self._do(self.annotation.with_rectangle(self.selected, cut, self.config))
+        if self.item is None or self.selected is None:
+            return
+        annotation = self.annotation.with_rectangle(self.selected, _rectangle(self.item.region, corners), self.config)
+        item = annotation.items[self.selected]
+        if item.joint is not None and item.joint.kind == "revolute":
+            edge = joints.side(self.item.region, np.array(item.joint.origin))[0]
+            annotation = annotation.changed(self.selected, joint=joints.hinge_at(item.region, edge))
+        self._do(annotation)
+
+    def rectangle_around(self, face: int, corners: Callable[[Region], np.ndarray | None]) -> None:
+        """Make a part of a rectangle.
+
+        Args:
+            face: at its middle.
+            corners: of the rectangle on the plane of a region [m], shape [4 3]; None where that is seen from its edge.
+        """
+        found = region.grow(self.annotation.surface, face, self.config)
+        places = corners(found)
+        if places is not None:
+            self._make(found, places)
 
     def slide(self, direction: Direction = "out") -> None:
         """Let the selected part slide."""

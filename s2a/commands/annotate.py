@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
+
 from s2a.annotate import checks, files
 from s2a.annotate.annotation import Annotation
 from s2a.annotate.editor import Editor
@@ -16,9 +18,13 @@ from s2a.annotate.region import GrowConfig
 from s2a.errors import InputError
 from s2a.evidence import report
 from s2a.evidence.bounds import Bounds
+from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
 from s2a.outputs import atomic_write, refuse_loss
 from s2a.ranges import AtLeast, Count
 from s2a.terminal import report as say
+
+START = np.array([1.0, 0.0, 0.0])
+"""From where the page's camera sees the room at first, turned by `camera`."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,7 @@ class Config:
         page: Serve the page, until Ctrl-C; without it, proposals are written as they are.
         port: of the page's server; the next free one where it is taken.
         max_faces: of the scan on the page; beyond, neighbouring vertices are merged.
+        camera: where the page's camera begins.
         grow: how regions grow.
         propose: how fronts are proposed.
         evidence: what the surface may say about the annotation.
@@ -43,6 +50,7 @@ class Config:
     page: bool
     port: Annotated[int, AtLeast(1, 65535)]
     max_faces: Count
+    camera: OrbitCamera
     grow: GrowConfig
     propose: ProposeConfig
     evidence: Bounds
@@ -70,7 +78,10 @@ def run(config: Config) -> str:
         return save(editor.annotation)
     from s2a.annotate.page import served  # viser is of the extra "view"
 
-    with served(editor, scan.files.name, save, config.evidence, config.max_faces, config.port) as address:
+    view = framing_pose(scan.mesh.vertices, START, config.camera)
+    with served(
+        editor, scan.files.name, save, config.evidence, config.max_faces, view, config.camera.fov, config.port
+    ) as address:
         say(f"{scan.files.name} at {address}; Save writes {config.out}, Ctrl-C ends it")
         with suppress(KeyboardInterrupt):
             threading.Event().wait()

@@ -104,7 +104,7 @@ def test_a_handle_that_stands_out_is_found_and_one_that_does_not_is_added(editor
     added, surface = editor.item.handle, editor.annotation.surface
     assert editor.item.completed == "bar" and (surface.source[added] == ADDED).all()
     corners = surface.vertices[surface.faces[added]]
-    assert corners[..., 0].max() == pytest.approx(0.032 + 2 * 0.006, abs=1e-6)
+    assert corners[..., 0].max() == pytest.approx(0.032 + 2 * 0.006, abs=5e-4)
     a, b, c = np.moveaxis(corners, 1, 0)
     assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0  # closed, faces outwards
     editor.undo()
@@ -122,7 +122,7 @@ def test_undo_goes_back_to_the_bare_scan(editor: Editor) -> None:
 
 def test_the_next_front_takes_no_faces_of_the_first(editor: Editor) -> None:
     drawer(editor)
-    editor.rectangle(DRAWER - [0, 0, 0.1], click(editor, 0.0, -0.4, 0.55))
+    editor.rectangle_around(click(editor, 0.0, -0.4, 0.55), lambda region: DRAWER - [0, 0, 0.1])
     one, other = editor.annotation.items
     assert not np.intersect1d(one.region.faces, other.region.faces).size
     assert editor.annotation.surface.areas[one.region.faces].sum() == pytest.approx(0.6 * 0.174, abs=1e-6)
@@ -134,7 +134,8 @@ def test_what_is_written_is_what_was_annotated(editor: Editor, tmp_path: Path) -
     bare = files.read(tmp_path / "scan")
     drawer(editor).handle(np.array([0.0, -0.6, 0.64]))  # a bar that is given up again
     editor.handle(plain_room.BAR)
-    editor.rectangle(np.array([(0, y, z) for y in (0.2, 0.6) for z in (0.1, 0.5)], float), click(editor, 0, 0.4, 0.3))
+    door = np.array([(0, y, z) for y in (0.2, 0.6) for z in (0.1, 0.5)], float)
+    editor.rectangle_around(click(editor, 0, 0.4, 0.3), lambda region: door)
     editor.hinge(np.array([(0, 0.21, 0.3)]))
     editor.handle(np.array([0.0, 0.55, 0.4]), "knob")
     files.write(editor.annotation, bare, tmp_path / "out")

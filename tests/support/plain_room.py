@@ -39,9 +39,7 @@ def room() -> Mesh:
         np.array([0.0, -0.8, 0.0]), y, z, BOARD, lambda p: np.where(p[:, 1:2] < -0.001, LEFT, RIGHT).astype(np.uint8)
     )
     bar = grid(BAR - 0.06 * y - 0.01 * z, y, z, (0.12, 0.02), (200, 200, 200))
-    posts = [
-        grid(BAR + s * 0.05 * y - [0.035, 0.01, 0.01], x, z, (0.035, 0.02), (200, 200, 200)) for s in (-1, 1)
-    ]
+    posts = [grid(BAR + s * 0.05 * y - [0.035, 0.01, 0.01], x, z, (0.035, 0.02), (200, 200, 200)) for s in (-1, 1)]
     floor = grid(np.array([0.0, -0.8, 0.0]), x, y, (2.0, 1.6), (120, 120, 120))
     return merge([board, merge([bar, *posts]), floor])
 

@@ -12,7 +12,6 @@ from s2a.annotate.annotation import Annotation, Item
 from s2a.annotate.handle import Shape
 from s2a.annotate.joints import Direction
 from s2a.annotate.region import GrowConfig, Region
-from s2a.annotate.surface import Surface
 
 RECTANGULAR = 0.8
 """Fraction of its rectangle that a region fills from which on its sides are straight."""
@@ -37,9 +36,9 @@ class Editor:
         config: how regions grow.
     """
 
-    def __init__(self, surface: Surface, config: GrowConfig, items: tuple[Item, ...] = ()) -> None:
+    def __init__(self, start: Annotation, config: GrowConfig) -> None:
         self.config = config
-        self._steps = [Step(Annotation(surface, items), None)]
+        self._steps = [Step(start, None)]
 
     @property
     def annotation(self) -> Annotation:

@@ -66,8 +66,9 @@ def run(config: Config) -> str:
         raise InputError("keys 'page' and 'auto' are both false, so that nothing would be annotated; give auto=true")
     scan = files.read(config.scan)
     refuse_loss(config.out, files.RECORD, [scan.files.mesh])
-    items = propose(scan.surface, config.propose, config.grow) if config.auto else ()
-    editor = Editor(scan.surface, config.grow, items)
+    surface = scan.surface
+    start = Annotation(surface, propose(surface, config.propose, config.grow) if config.auto else ())
+    editor = Editor(start, config.grow)
 
     def save(annotation: Annotation) -> str:
         with atomic_write(config.out, earlier=files.RECORD) as out:

@@ -11,6 +11,7 @@ import pytest
 
 from s2a import config, scan
 from s2a.annotate import checks, files
+from s2a.annotate.annotation import Annotation
 from s2a.annotate.editor import Editor
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import ADDED, Surface
@@ -27,7 +28,7 @@ DRAWER = np.array([(0, y, z) for y, z in ((-0.71, 0.613), (-0.11, 0.613), (-0.11
 @pytest.fixture
 def editor() -> Editor:
     mesh = plain_room.room()
-    return Editor(Surface.of(mesh.vertices, mesh.faces, mesh.colors), GROW)
+    return Editor(Annotation(Surface.of(mesh.vertices, mesh.faces, mesh.colors)), GROW)
 
 
 def click(editor: Editor, *point: float) -> int:

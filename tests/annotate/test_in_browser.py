@@ -15,6 +15,7 @@ pytest.importorskip("viser", reason="viser is not installed")
 
 from s2a import config, scan  # noqa: E402
 from s2a.annotate import files  # noqa: E402
+from s2a.annotate.annotation import Annotation  # noqa: E402
 from s2a.annotate.editor import Editor  # noqa: E402
 from s2a.annotate.page import serve  # noqa: E402
 from s2a.annotate.region import GrowConfig  # noqa: E402
@@ -44,7 +45,7 @@ def room(tmp_path: Path) -> files.BareScan:
 
 @pytest.fixture
 def page(room: files.BareScan, visitor: browser.Page, tmp_path: Path) -> Iterator[browser.Page]:
-    editor = Editor(room.surface, GROW)
+    editor = Editor(Annotation(room.surface), GROW)
 
     def save(annotation) -> str:
         files.write(annotation, room, tmp_path / "out")
@@ -105,7 +106,9 @@ def test_nothing_is_cut_or_covered(room: files.BareScan, width: int, height: int
     view = CameraPose(tuple(EYE), tuple(TARGET))
     with (
         browser.browser(width, height) as page,
-        serve.served(Editor(room.surface, GROW), "board", lambda _: "", BOUNDS, 10**6, view, FOV, 8450) as address,
+        serve.served(
+            Editor(Annotation(room.surface), GROW), "board", lambda _: "", BOUNDS, 10**6, view, FOV, 8450
+        ) as address,
     ):
         page.open(address)
         page.wait(lambda: "Click a front" in page.text(), 30.0)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from s2a.annotate import rest
 from s2a.annotate.annotation import Annotation, Item
 from s2a.annotate.surface import ADDED, Surface
 from s2a.scan import folder, ply, predicted
@@ -54,6 +55,7 @@ def read(path: Path) -> BareScan:
 def write(annotation: Annotation, scan: BareScan, out: Path, **facts: Any) -> None:
     """Write the annotated scan into a new folder.
 
+    Of what nobody annotated, floor, walls and connected objects become parts that do not move, unless the scan has segments.
     Faces of the scan keep their numbers. Where some were split or added, the mesh is written again with the further faces
     behind them, and source_faces.npy holds for each face the scan's face that it is a piece of, or -1.
 
@@ -73,7 +75,8 @@ def write(annotation: Annotation, scan: BareScan, out: Path, **facts: Any) -> No
         np.save(out / SOURCE_FACES, surface.source.astype(np.int32))
         _write_segments(scan.files, surface, len(scan.mesh.vertices), out)
     origin = scan.mesh.origin if len(surface.faces) == len(scan.mesh.faces) else np.zeros(3)
-    predicted.write(out, scan.files.name, [_prediction(item, origin) for item in items])
+    fixed = [] if scan.files.segments else rest.divide(surface, _free(surface, items))
+    predicted.write(out, scan.files.name, [_prediction(item, origin) for item in items], fixed)
     record = {**facts, "faces": len(surface.faces), "scan_faces": len(scan.mesh.faces)}
     record |= {"scan_minus_written_m": (scan.mesh.origin - origin).tolist()}
     record |= {"parts": [_record(item) for item in items]}
@@ -94,6 +97,13 @@ def _compact(annotation: Annotation) -> tuple[Surface, list[Item]]:
         replace(item, region=replace(item.region, faces=number[item.region.faces]), handle=number[item.handle])
         for item in items
     ]
+
+
+def _free(surface: Surface, items: list[Item]) -> np.ndarray:
+    free = np.ones(len(surface.faces), bool)
+    for item in items:
+        free[item.region.faces] = free[item.handle] = False
+    return free
 
 
 def _prediction(item: Item, origin: np.ndarray) -> Prediction:

@@ -13,7 +13,7 @@ import numpy as np
 from s2a.annotate import checks, files
 from s2a.annotate.annotation import Annotation
 from s2a.annotate.editor import Editor
-from s2a.annotate.propose import ProposeConfig, propose
+from s2a.annotate.propose import ProposeConfig, cut, propose
 from s2a.annotate.region import GrowConfig
 from s2a.errors import InputError
 from s2a.evidence import report
@@ -67,12 +67,13 @@ def run(config: Config) -> str:
     scan = files.read(config.scan)
     refuse_loss(config.out, files.RECORD, [scan.files.mesh])
     surface = scan.surface
-    start = Annotation(surface, propose(surface, config.propose, config.grow) if config.auto else ())
+    items = propose(surface, config.propose, config.grow) if config.auto else ()
+    start = cut(surface, items, config.grow)
     editor = Editor(start, config.grow)
 
     def save(annotation: Annotation) -> str:
         with atomic_write(config.out, earlier=files.RECORD) as out:
-            files.write(annotation, scan, out, scan=str(config.scan))
+            files.write(annotation, scan, out, annotated=str(config.scan), auto=config.auto)
         return _summary(annotation, config)
 
     if not config.page:

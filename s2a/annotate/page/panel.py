@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from threading import RLock, Thread
+from typing import Any
 
 import numpy as np
 import viser
@@ -201,11 +202,12 @@ class Panel:
         self._shown.update(editor.annotation, editor.selected)
         rows = words.rows(editor.annotation)
         self._parts.options = rows
-        self._parts.value = rows[0 if editor.selected is None else editor.selected + 1]
         item = editor.item
-        self._label.value = item.name if item else ""
-        self._limit.value = round(item.joint.limits[1] / unit(item.joint)[1], 1) if item and item.joint else 0.0
-        self._open.value = 0
+        limit = round(item.joint.limits[1] / unit(item.joint)[1], 1) if item and item.joint else 0.0
+        _fill(self._parts, rows[0 if editor.selected is None else editor.selected + 1])
+        _fill(self._label, item.name if item else "")
+        _fill(self._limit, limit)
+        _fill(self._open, 0)
         self._facts.content = words.facts(item)
         self._tell()
         self._filling = False
@@ -223,3 +225,8 @@ class Panel:
                 text = words.checks(checks.of_part(annotation, index, self._bounds))
                 if edit == self._edits:
                     self._checks.content = text
+
+
+def _fill(field: viser.GuiInputHandle[Any], value: object) -> None:
+    """Set a field of the page."""
+    field.value = value  # type: ignore[misc] # mypy overlooks its setter

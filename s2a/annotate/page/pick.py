@@ -10,6 +10,8 @@ from s2a.annotate.region import Region
 from s2a.mesh import Mesh
 from s2a.page.rays import first_face
 
+FAR = 3.5
+"""[m] From farther away a wide front is not faced: rooms end."""
 MIN_COSINE = 0.05
 """Of a ray with a front's normal; at less, the front is seen from its edge."""
 
@@ -71,4 +73,4 @@ def middle(view: View, mesh: Mesh, low: tuple[float, float], high: tuple[float, 
 def facing(region: Region, fov: float) -> tuple[np.ndarray, np.ndarray]:
     """Return where a camera stands that sees a front straight on with some room around it, and what it aims at [m], [3] each."""
     distance = 0.9 * float(region.size.max()) / np.tan(fov / 2) + 0.2
-    return region.center + min(distance, 2.5) * region.normal, region.center
+    return region.center + min(distance, FAR) * region.normal, region.center

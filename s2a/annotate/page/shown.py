@@ -92,8 +92,9 @@ class Shown:
 
     def _arrow(self, name: str, joint: Joint, corners: np.ndarray) -> viser.SceneNodeHandle:
         ends = axis_arrow(joint, corners)[None]
-        sizes = {"shaft_radius": SHAFT, "head_radius": HEAD, "head_length": HEAD_LENGTH}
-        return self._scene.add_arrows(name, ends, ARROW_COLORS[joint.kind], **sizes)
+        return self._scene.add_arrows(
+            name, ends, ARROW_COLORS[joint.kind], shaft_radius=SHAFT, head_radius=HEAD, head_length=HEAD_LENGTH
+        )
 
 
 def _hole(item: Item) -> Mesh:

@@ -22,7 +22,7 @@ class ProposeConfig:
         sharp: standard deviation of a patch's heights up to which a scan shows handles by their shape [m].
         contrast: difference of a cell's colour from its patch's from which it may be a handle's, Euclidean in RGB.
         max_handle: largest length and width of a handle [m].
-        min_side: shortest side of a front [m].
+        min_front: smallest width and height of a front [m].
         max_front: largest width and height of a front [m].
         max_patch: largest width and height of a patch with several fronts: larger ones are walls [m].
         max_fronts: in one patch; more handles are a pattern.
@@ -38,7 +38,7 @@ class ProposeConfig:
     sharp: Positive
     contrast: Positive
     max_handle: tuple[Positive, Positive]
-    min_side: Positive
+    min_front: tuple[Positive, Positive]
     max_front: tuple[Positive, Positive]
     max_patch: tuple[Positive, Positive]
     max_fronts: Count

@@ -20,6 +20,14 @@ BORDER = 0.012
 """[m] What differs this near to a patch's border is the border."""
 MIN_BLOB = 1.5e-4
 """[m^2] Smaller blobs are noise."""
+BACKGROUND = 0.13
+"""[m] A handle is narrower than half of this."""
+MIN_PAINTED, PAINTED = 0.05, 1.8
+"""[m] and multiple of its width: length from which on what is in the colours alone may be a handle."""
+ALIKE = 1.8
+"""Ratio of the lengths of two handles of one piece of furniture, at most."""
+MAX_BLOB = 0.3
+"""Fraction of its patch that a handle covers at most."""
 JOINED = 0.025
 """[m] Blobs this near to each other are one handle: a scan shows a bar in pieces."""
 
@@ -73,18 +81,38 @@ def patches(layer: Layer, config: ProposeConfig) -> Iterator[Patch]:
         if where is None:
             continue
         mask = labels[where] == number
-        if mask.sum() * config.cell**2 < config.min_side**2:
+        if mask.sum() * config.cell**2 < np.prod(config.min_front):
             continue
         box = _box(mask, where)
         sides = np.array([box.width, box.height]) * config.cell
-        if (sides < config.min_side).any() or (sides > config.max_patch).any():
+        if (sides < config.min_front).any() or (sides > config.max_patch).any():
             continue
         whole = ndimage.binary_closing(np.pad(mask, 6), np.ones((9, 9)))[6:-6, 6:-6]
         if ndimage.binary_fill_holes(whole).sum() < config.min_fill * box.width * box.height:
             continue
         color = np.median(layer.color[where][mask], axis=0)
-        blobs = list(_blobs(layer, box, color, config))
+        blobs = _alike(list(_blobs(layer, box, color, config)))
         yield Patch(box, color, tuple(b for b, _ in blobs), tuple(r for _, r in blobs))
+
+
+def _odd(colors: np.ndarray, color: np.ndarray, contrast: float, window: int) -> np.ndarray:
+    """Return which cells differ from the colour of the cells around them, and from their patch's."""
+    seen = ~np.isnan(colors[..., 0])
+    filled = np.stack([np.where(seen, colors[..., k], _smooth(colors[..., k], seen)) for k in range(3)], axis=-1)
+    filled = np.where(np.isnan(filled), color, filled)
+    around = ndimage.median_filter(filled, size=(window, window, 1), mode="nearest")
+    off = np.minimum(np.linalg.norm(filled - around, axis=-1), np.linalg.norm(filled - color, axis=-1))
+    return np.asarray(off > contrast)
+
+
+def _alike(blobs: list[tuple[Box, float]]) -> list[tuple[Box, float]]:
+    """Return the blobs of a patch with about the length of most: one piece of furniture has one kind of handle."""
+    if len(blobs) < 3:
+        return blobs
+    lengths = np.array([max(blob.width, blob.height) for blob, _ in blobs])
+    usual = float(np.median(lengths))
+    good = (lengths < ALIKE * usual) & (lengths > usual / ALIKE)
+    return [blob for blob, same in zip(blobs, good, strict=True) if same]
 
 
 def _labels(layer: Layer, config: ProposeConfig) -> tuple[np.ndarray, int]:
@@ -132,11 +160,10 @@ def _blobs(layer: Layer, box: Box, color: np.ndarray, config: ProposeConfig) -> 
         return
     noise = 1.4826 * float(np.median(np.abs(ahead[seen] - np.median(ahead[seen])))) if seen.any() else 0.0
     out = ahead > max(config.relief, float(np.median(ahead)) + 4 * noise)
+    other = np.zeros_like(out)
     # Where noise is small, handles stand out; what has another colour alone is printed, or a shadow.
-    vague = float(np.nanstd(layer.height[rows, columns])) > config.sharp
-    other = (
-        vague & seen & (np.linalg.norm(np.nan_to_num(layer.color[rows, columns]) - color, axis=-1) > config.contrast)
-    )
+    if float(np.nanstd(layer.height[rows, columns])) > config.sharp:
+        other = _odd(layer.color[rows, columns], color, config.contrast, int(round(BACKGROUND / config.cell)))
     joined = ndimage.binary_closing(np.pad(out | other, 4), np.ones((3, 3)))[4:-4, 4:-4]
     reach = int(round(JOINED / config.cell))
     labels, _ = ndimage.label(ndimage.binary_dilation(joined, np.ones((reach, reach))))
@@ -147,8 +174,12 @@ def _blobs(layer: Layer, box: Box, color: np.ndarray, config: ProposeConfig) -> 
         mask = labels[where] == number
         height, width = mask.shape
         long, short = sorted((height * config.cell, width * config.cell), reverse=True)
-        big = mask.sum() * config.cell**2
-        if big < MIN_BLOB or long > config.max_handle[0] or short > config.max_handle[1]:
+        area = mask.sum() * config.cell**2
+        if area < MIN_BLOB or area > MAX_BLOB * box.width * box.height * config.cell**2:
+            continue
+        if not out[where][mask].any() and (long < MIN_PAINTED or long < PAINTED * short):
+            continue
+        if long > config.max_handle[0] or short > config.max_handle[1]:
             continue
         left, bottom = columns.start + where[1].start, rows.start + where[0].start
         relief = float(np.quantile(ahead[where][mask], 0.9))

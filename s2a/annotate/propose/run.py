@@ -18,6 +18,7 @@ from s2a.annotate.propose.patches import Box, Patch, patches
 from s2a.annotate.region import GrowConfig, Region
 from s2a.annotate.surface import Surface
 from s2a.geometry.planes import fit_plane
+from s2a.scene import Joint
 
 SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}
 """Index of a side in `joints.hinge_at`."""
@@ -47,7 +48,7 @@ def cut(surface: Surface, items: tuple[Item, ...], grow: GrowConfig) -> Annotati
     """Return an annotation of proposed parts whose borders are cut."""
     annotation = Annotation(surface, items)
     for index, item in enumerate(items):
-        annotation = annotation.with_rectangle(index, replace(item.region), grow)
+        annotation = annotation.with_rectangle(index, item.region, grow)
     return annotation
 
 
@@ -60,9 +61,8 @@ def _items(
     relief = dict(zip(patch.blobs, patch.relief, strict=True))
     for box, blobs in divide(layer, patch.box, list(patch.blobs)):
         width, height = box.width * config.cell, box.height * config.cell
-        if not blobs or min(width, height) < config.min_side:
-            continue
-        if width > config.max_front[0] or height > config.max_front[1]:
+        low, high = config.min_front, config.max_front
+        if not blobs or not (low[0] <= width <= high[0] and low[1] <= height <= high[1]):
             continue
         handle = _union(blobs)
         seen = _seen(layer, box, handle, floor)
@@ -85,7 +85,7 @@ def _score(relief: float, config: ProposeConfig) -> float:
     return float(0.5 + 0.5 * np.clip(relief / (3 * config.relief), 0.0, 1.0))
 
 
-def _joint(region: Region, opens: Motion):  # type: ignore[no-untyped-def]
+def _joint(region: Region, opens: Motion) -> Joint:
     return joints.slide(region) if opens == "slide" else joints.hinge_at(region, SIDES[opens])
 
 

@@ -90,7 +90,7 @@ def patches(layer: Layer, config: ProposeConfig) -> Iterator[Patch]:
         whole = ndimage.binary_closing(np.pad(mask, 6), np.ones((9, 9)))[6:-6, 6:-6]
         if ndimage.binary_fill_holes(whole).sum() < config.min_fill * box.width * box.height:
             continue
-        color = np.median(layer.color[where][mask], axis=0)
+        color = np.nanmedian(layer.color[where][mask], axis=0)
         blobs = _alike(list(_blobs(layer, box, color, config)))
         yield Patch(box, color, tuple(b for b, _ in blobs), tuple(r for _, r in blobs))
 
@@ -127,9 +127,27 @@ def _labels(layer: Layer, config: ProposeConfig) -> tuple[np.ndarray, int]:
         near = np.linalg.norm(color[one] - color[other], axis=-1) < config.color
         good = filled[one] & filled[other] & near
         pairs.append(np.stack([index[one][good], index[other][good]], axis=1))
+    number = connected(np.concatenate(pairs), int(filled.sum()))
     labels = np.zeros(seen.shape, int)
-    labels[filled] = connected(np.concatenate(pairs), int(filled.sum())) + 1
+    labels[filled] = number + 1
+    _part_colors(labels, color, config)
     return labels, int(labels.max(initial=0))
+
+
+def _part_colors(labels: np.ndarray, color: np.ndarray, config: ProposeConfig) -> None:
+    """Make patches of their own, in place, of the parts of patches whose colour is another: colours run into each other."""
+    least = float(np.prod(config.min_front)) / config.cell**2
+    count = int(labels.max(initial=0))
+    for number, where in enumerate(ndimage.find_objects(labels), start=1):
+        mask = labels[where] == number
+        if mask.sum() < 2 * least:
+            continue
+        off = np.linalg.norm(color[where] - np.median(color[where][mask], axis=0), axis=-1) > 2 * config.color
+        parts, found = ndimage.label(ndimage.binary_opening(mask & off, np.ones((3, 3))))
+        for part in range(1, found + 1):
+            if (parts == part).sum() >= least:
+                count += 1
+                labels[where][parts == part] = count
 
 
 def _smooth(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -161,9 +179,10 @@ def _blobs(layer: Layer, box: Box, color: np.ndarray, config: ProposeConfig) -> 
     noise = 1.4826 * float(np.median(np.abs(ahead[seen] - np.median(ahead[seen])))) if seen.any() else 0.0
     out = ahead > max(config.relief, float(np.median(ahead)) + 4 * noise)
     other = np.zeros_like(out)
-    # Where noise is small, handles stand out; what has another colour alone is printed, or a shadow.
+    # Where noise is small, handles stand out, and what has another colour alone is printed, or a shadow.
     if float(np.nanstd(layer.height[rows, columns])) > config.sharp:
         other = _odd(layer.color[rows, columns], color, config.contrast, int(round(BACKGROUND / config.cell)))
+        out = ahead > 2 * config.relief
     joined = ndimage.binary_closing(np.pad(out | other, 4), np.ones((3, 3)))[4:-4, 4:-4]
     reach = int(round(JOINED / config.cell))
     labels, _ = ndimage.label(ndimage.binary_dilation(joined, np.ones((reach, reach))))

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -143,15 +143,21 @@ def annotate(scan_folder: Path, truth: dict, shift: float, out: Path, images: Pa
             figures.append({"part": part, "actions": person.actions, "clock_s": round(time.monotonic() - start, 1)})
             if images:
                 page.wait(lambda: "hinge_" in page.text() or "slide_" in page.text(), 240.0)
-                page.image(images / f"annotate_{number}.png")
+                _image(page, images / f"annotate_{number}.png")
         if images:
             page.type("open [%]", 60)
             time.sleep(5.0)
-            page.image(images / "annotate_open.png")
+            _image(page, images / "annotate_open.png")
         page.press("save")
         page.wait(lambda: "next: s2a check" in page.text(), 240.0)
         assert page.errors() == []
     return figures
+
+
+def _image(page, path: Path) -> None:
+    """Write a screenshot, unless a busy machine takes longer than the driver waits."""
+    with suppress(browser.TimeoutException):
+        page.image(path)
 
 
 def grown(surface, eye: np.ndarray, place: np.ndarray, grow: GrowConfig) -> Region:

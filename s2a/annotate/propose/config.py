@@ -23,6 +23,7 @@ class ProposeConfig:
         contrast: difference of a cell's colour from its patch's from which it may be a handle's, Euclidean in RGB.
         max_handle: largest length and width of a handle [m].
         min_front: smallest width and height of a front [m].
+        min_middle: smallest height of a front's middle over the floor: below are plinths [m].
         max_front: largest width and height of a front [m].
         max_patch: largest width and height of a patch with several fronts: larger ones are walls [m].
         max_fronts: in one patch; more handles are a pattern.
@@ -39,6 +40,7 @@ class ProposeConfig:
     contrast: Positive
     max_handle: tuple[Positive, Positive]
     min_front: tuple[Positive, Positive]
+    min_middle: Positive
     max_front: tuple[Positive, Positive]
     max_patch: tuple[Positive, Positive]
     max_fronts: Count

@@ -67,7 +67,7 @@ def _items(
         handle = _union(blobs)
         seen = _seen(layer, box, handle, floor)
         region = _region(surface, layer, box, grow)
-        if region is None:
+        if region is None or seen.middle < config.min_middle:
             continue
         opens = motion(seen)
         out = max(relief[blob] for blob in blobs)

@@ -21,7 +21,7 @@ from s2a import config
 from s2a.annotate import files
 from s2a.annotate.propose import ProposeConfig, propose
 from s2a.annotate.region import GrowConfig
-from s2a.annotate.surface import Surface
+from s2a.annotate.surface import SplitSurface
 from s2a.provenance import provenance
 from s2a.scan import folder, imported, parts
 from s2a.scan.labels import parents
@@ -54,16 +54,16 @@ def measured(path: Path) -> list[dict]:
     return [row | {"seed": truth["seed"], "detail": truth["detail"], "seconds": round(seconds, 1)} for row in rows]
 
 
-def as_used(path: Path, bare: files.BareScan) -> tuple[Surface, np.ndarray]:
+def as_used(path: Path, bare: files.BareScan) -> tuple[SplitSurface, np.ndarray]:
     """Return the surface that is annotated, and the face of the scan that each of its faces comes from."""
     if not (path / "scan.glb").exists():
         return bare.surface, np.arange(len(bare.mesh.faces))
     done = imported.convert(path / "scan.glb", TEXEL, "auto", "auto", False)
-    return Surface.of(done.mesh.vertices, done.mesh.faces, done.mesh.colors), done.baked.source_face
+    return SplitSurface.of(done.mesh.vertices, done.mesh.faces, done.mesh.colors), done.baked.source_face
 
 
 def true_parts(
-    path: Path, bare: files.BareScan, truth: dict, surface: Surface, source: np.ndarray
+    path: Path, bare: files.BareScan, truth: dict, surface: SplitSurface, source: np.ndarray
 ) -> list[tuple[str, np.ndarray, Joint]]:
     """Return id, faces (with all that moves along) and true joint of each moving part that the scan shows."""
     annotated = parts.read(folder.find(path).parts, bare.mesh)
@@ -84,7 +84,7 @@ def true_parts(
     return found
 
 
-def overlap(surface: Surface, one: np.ndarray, other: np.ndarray) -> float:
+def overlap(surface: SplitSurface, one: np.ndarray, other: np.ndarray) -> float:
     """Return the intersection over union of two sets of faces by area."""
     both = surface.areas[np.intersect1d(one, other)].sum()
     return float(both / max(surface.areas[one].sum() + surface.areas[other].sum() - both, 1e-12))

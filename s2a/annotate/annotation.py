@@ -8,8 +8,8 @@ import numpy as np
 
 from s2a.annotate import handle as handles
 from s2a.annotate.handle import Shape
-from s2a.annotate.region import GrowConfig, Region, cut_out
-from s2a.annotate.surface import Surface
+from s2a.annotate.region import FrontRegion, GrowConfig, cut_out
+from s2a.annotate.surface import SplitSurface
 from s2a.scan.predictions import USUAL_LABEL
 from s2a.scene import Joint
 
@@ -30,7 +30,7 @@ class Item:
         score: of a proposal, 0 to 1.
     """
 
-    region: Region
+    region: FrontRegion
     label: str = ""
     joint: Joint | None = None
     handle: np.ndarray = field(default_factory=lambda: NO_FACES)
@@ -51,7 +51,7 @@ class Item:
 
 
 @dataclass(frozen=True, eq=False)
-class Annotation:
+class Draft:
     """All parts so far.
 
     Attributes:
@@ -59,20 +59,20 @@ class Annotation:
         items: the parts.
     """
 
-    surface: Surface
+    surface: SplitSurface
     items: tuple[Item, ...] = ()
 
-    def added(self, item: Item) -> Annotation:
+    def added(self, item: Item) -> Draft:
         """Return the annotation with one more part."""
         return replace(self, items=(*self.items, item))
 
-    def changed(self, index: int, **fields: object) -> Annotation:
+    def changed(self, index: int, **fields: object) -> Draft:
         """Return the annotation with other values of a part."""
         items = list(self.items)
         items[index] = replace(items[index], **fields)  # type: ignore[arg-type]
         return replace(self, items=tuple(items))
 
-    def removed(self, index: int) -> Annotation:
+    def removed(self, index: int) -> Draft:
         """Return the annotation without a part."""
         return replace(self, items=self.items[:index] + self.items[index + 1 :])
 
@@ -81,16 +81,16 @@ class Annotation:
         found = [i for i, item in enumerate(self.items) if face in item.region.faces or face in item.handle]
         return min(found, key=lambda i: len(self.items[i].region.faces), default=None)
 
-    def with_rectangle(self, index: int, region: Region, config: GrowConfig) -> Annotation:
+    def with_rectangle(self, index: int, region: FrontRegion, config: GrowConfig) -> Draft:
         """Return the annotation with a part's front cut out as a rectangle; what others have is left out."""
         surface, region, parents = cut_out(self.surface, region, config)
         items = [_divided(item, len(self.surface.faces), parents) for item in self.items]
         taken = [item.front for i, item in enumerate(items) if i != index]
         own = np.setdiff1d(region.faces, np.concatenate([NO_FACES, *taken]))
         items[index] = replace(items[index], region=replace(region, faces=own))
-        return Annotation(surface, tuple(items))
+        return Draft(surface, tuple(items))
 
-    def with_handle(self, index: int, point: np.ndarray, kind: Shape | None) -> Annotation:
+    def with_handle(self, index: int, point: np.ndarray, kind: Shape | None) -> Draft:
         """Return the annotation with a part's handle at a place [3]: the faces that stand out there, or a parametric shape.
 
         Args:
@@ -106,7 +106,7 @@ class Annotation:
         first = len(self.surface.faces)
         surface = self.surface.with_mesh(handles.shape(kind, item.region, point, item.joint))
         numbers = np.arange(first, len(surface.faces))
-        return Annotation(surface, self.changed(index, handle=numbers, completed=kind).items)
+        return Draft(surface, self.changed(index, handle=numbers, completed=kind).items)
 
 
 def _divided(item: Item, first: int, parents: np.ndarray) -> Item:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.annotate.annotation import Annotation
+from s2a.annotate.annotation import Draft
 from s2a.evidence import annotation as evidence
 from s2a.evidence.bounds import Bounds
 from s2a.evidence.finding import Finding
@@ -15,7 +15,7 @@ from s2a.scan.rest import UNANNOTATED
 from s2a.scene import Part, Scene
 
 
-def scene(annotation: Annotation, name: str = "scan") -> tuple[Scene, dict[int, str]]:
+def scene(annotation: Draft, name: str = "scan") -> tuple[Scene, dict[int, str]]:
     """Return the scene as it would be read from the written files, and the id of each part with a joint by its index."""
     parts: dict[str, Part] = {}
     ids: dict[int, str] = {}
@@ -36,7 +36,7 @@ def scene(annotation: Annotation, name: str = "scan") -> tuple[Scene, dict[int, 
     return Scene(name, parts), ids
 
 
-def of_part(annotation: Annotation, index: int, bounds: Bounds) -> list[Finding]:
+def of_part(annotation: Draft, index: int, bounds: Bounds) -> list[Finding]:
     """Return what the surface says about one part with a joint; nothing about one without."""
     found, ids = scene(annotation)
     if index not in ids or not len(annotation.items[index].front):
@@ -45,6 +45,6 @@ def of_part(annotation: Annotation, index: int, bounds: Bounds) -> list[Finding]
     return list(evidence.moving_part(surface, ids[index], front(surface, ids[index]), bounds))
 
 
-def of_all(annotation: Annotation, bounds: Bounds) -> list[Finding]:
+def of_all(annotation: Draft, bounds: Bounds) -> list[Finding]:
     """Return what the surface says about the whole annotation."""
     return evidence.check(scene(annotation)[0], bounds)

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a.annotate import joints, region
-from s2a.annotate.annotation import Annotation, Item
+from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.handle import Shape
 from s2a.annotate.joints import Direction
-from s2a.annotate.region import GrowConfig, Region
+from s2a.annotate.region import FrontRegion, GrowConfig
 
 RECTANGULAR = 0.8
 """Fraction of its rectangle that a region fills from which on its sides are straight."""
@@ -25,7 +25,7 @@ MIN_SIDE = 0.03
 class Step:
     """A state that undo goes back to: the annotation, and the index of the selected part."""
 
-    annotation: Annotation
+    annotation: Draft
     selected: int | None
 
 
@@ -36,12 +36,12 @@ class Editor:
         config: how regions grow.
     """
 
-    def __init__(self, start: Annotation, config: GrowConfig) -> None:
+    def __init__(self, start: Draft, config: GrowConfig) -> None:
         self.config = config
         self._steps = [Step(start, None)]
 
     @property
-    def annotation(self) -> Annotation:
+    def annotation(self) -> Draft:
         """The annotation as it stands."""
         return self._steps[-1].annotation
 
@@ -89,7 +89,7 @@ class Editor:
             annotation = annotation.changed(self.selected, joint=joints.hinge_at(item.region, edge))
         self._do(annotation)
 
-    def rectangle_around(self, face: int, corners: Callable[[Region], np.ndarray | None]) -> None:
+    def rectangle_around(self, face: int, corners: Callable[[FrontRegion], np.ndarray | None]) -> None:
         """Make a part of a rectangle.
 
         Args:
@@ -140,7 +140,7 @@ class Editor:
         if self.selected is not None:
             self._steps.append(Step(self.annotation.removed(self.selected), None))
 
-    def _make(self, found: Region, corners: np.ndarray | None = None) -> None:
+    def _make(self, found: FrontRegion, corners: np.ndarray | None = None) -> None:
         """Add a part with a region, cut out where it is a rectangle or is to be one, and select it."""
         annotation = self.annotation.added(Item(found))
         index = len(annotation.items) - 1
@@ -155,11 +155,11 @@ class Editor:
         if self.selected is not None:
             self._do(self.annotation.changed(self.selected, **fields))
 
-    def _do(self, annotation: Annotation) -> None:
+    def _do(self, annotation: Draft) -> None:
         self._steps.append(Step(annotation, self.selected))
 
 
-def _rectangle(found: Region, corners: np.ndarray) -> Region:
+def _rectangle(found: FrontRegion, corners: np.ndarray) -> FrontRegion:
     """Return a region with the rectangle that corners on its plane stand for; its ends are kept where they are near.
 
     A camera that looks askew turns a rectangle on the screen into another quadrilateral: each side lies in the middle of its

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from s2a.annotate import rest
-from s2a.annotate.annotation import Annotation, Item
-from s2a.annotate.surface import ADDED, Surface
+from s2a.annotate.annotation import Draft, Item
+from s2a.annotate.surface import ADDED, SplitSurface
 from s2a.scan import folder, ply, predicted
 from s2a.scan.folder import BareFiles
 from s2a.scan.imported import SOURCE_FACES
@@ -37,9 +37,9 @@ class BareScan:
     mesh: ScanMesh
 
     @property
-    def surface(self) -> Surface:
+    def surface(self) -> SplitSurface:
         """Its mesh, to annotate."""
-        return Surface.of(self.mesh.vertices, self.mesh.faces, self.mesh.colors)
+        return SplitSurface.of(self.mesh.vertices, self.mesh.faces, self.mesh.colors)
 
 
 def read(path: Path) -> BareScan:
@@ -52,7 +52,7 @@ def read(path: Path) -> BareScan:
     return BareScan(files, ply.read(files.mesh))
 
 
-def write(annotation: Annotation, scan: BareScan, out: Path, **facts: Any) -> None:
+def write(annotation: Draft, scan: BareScan, out: Path, **facts: Any) -> None:
     """Write the annotated scan into a new folder.
 
     Of what nobody annotated, floor, walls and connected objects become parts that do not move, unless the scan has segments.
@@ -83,7 +83,7 @@ def write(annotation: Annotation, scan: BareScan, out: Path, **facts: Any) -> No
     (out / RECORD).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
-def _compact(annotation: Annotation) -> tuple[Surface, list[Item]]:
+def _compact(annotation: Draft) -> tuple[SplitSurface, list[Item]]:
     """Return the surface without shapes of handles that were given up, and the parts with joints, renumbered."""
     items = [item for item in annotation.items if item.joint is not None and len(item.front)]
     surface = annotation.surface
@@ -92,14 +92,14 @@ def _compact(annotation: Annotation) -> tuple[Surface, list[Item]]:
         keep[item.handle] = True
     number = np.cumsum(keep) - 1
     # No vertex of the scan is dropped, for segments count in them.
-    kept = Surface(surface.vertices, surface.faces[keep], surface.colors, surface.source[keep])
+    kept = SplitSurface(surface.vertices, surface.faces[keep], surface.colors, surface.source[keep])
     return kept, [
         replace(item, region=replace(item.region, faces=number[item.region.faces]), handle=number[item.handle])
         for item in items
     ]
 
 
-def _free(surface: Surface, items: list[Item]) -> np.ndarray:
+def _free(surface: SplitSurface, items: list[Item]) -> np.ndarray:
     free = np.ones(len(surface.faces), bool)
     for item in items:
         free[item.region.faces] = free[item.handle] = False
@@ -133,7 +133,7 @@ def _copy_segments(files: BareFiles, out: Path) -> None:
             shutil.copyfile(path, out / name)
 
 
-def _write_segments(files: BareFiles, surface: Surface, count: int, out: Path) -> None:
+def _write_segments(files: BareFiles, surface: SplitSurface, count: int, out: Path) -> None:
     """Write the segments of a scan for a mesh with further vertices: each is in the segment of the face that it divides."""
     if not files.segments:
         return

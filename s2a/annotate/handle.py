@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from s2a.annotate.region import Region
-from s2a.annotate.surface import Surface
+from s2a.annotate.region import FrontRegion
+from s2a.annotate.surface import SplitSurface
 from s2a.geometry.mesh_ops import merge, painted
 from s2a.mesh import Mesh
 from s2a.scene import Joint
@@ -36,7 +36,7 @@ SIDES = 10
 STEEL = (150, 152, 156)
 
 
-def find(surface: Surface, region: Region, point: np.ndarray) -> np.ndarray:
+def find(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> np.ndarray:
     """Return the faces of the handle at a clicked place; none where the mesh does not resolve it.
 
     Args:
@@ -53,7 +53,7 @@ def find(surface: Surface, region: Region, point: np.ndarray) -> np.ndarray:
     return faces if MIN_AREA < area < MAX_FRACTION * float(np.prod(region.size)) else faces[:0]
 
 
-def standing_out(surface: Surface, region: Region) -> np.ndarray:
+def standing_out(surface: SplitSurface, region: FrontRegion) -> np.ndarray:
     """Return which faces stand out of a front, over it or a little beside it [face]."""
     place = region.local(surface.middles)
     within = (np.abs(place[:, :2]) < region.size / 2 + MARGIN).all(axis=1)
@@ -68,7 +68,7 @@ def usual(joint: Joint | None) -> Shape:
     return "bar"
 
 
-def shape(kind: Shape, region: Region, point: np.ndarray, joint: Joint | None) -> Mesh:
+def shape(kind: Shape, region: FrontRegion, point: np.ndarray, joint: Joint | None) -> Mesh:
     """Return a parametric handle before a front.
 
     A bar lies level on what slides and along the hinge on what turns; a lever points towards the hinge.
@@ -95,14 +95,14 @@ def shape(kind: Shape, region: Region, point: np.ndarray, joint: Joint | None) -
     return painted(merge([_rod(top - half, top + half, RADIUS), *posts]), STEEL)
 
 
-def _along(region: Region, joint: Joint | None) -> np.ndarray:
+def _along(region: FrontRegion, joint: Joint | None) -> np.ndarray:
     """Return half of a bar [m], shape [3]: no longer than its front is."""
     turns = joint is not None and joint.kind == "revolute"
     k = int(np.argmax(np.abs(np.array(joint.axis) @ region.axes))) if turns and joint else 0
     return np.asarray(region.axes[:, k] * min(LENGTH["bar"], 0.8 * float(region.size[k])) / 2)
 
 
-def _towards_hinge(region: Region, foot: np.ndarray, joint: Joint | None) -> np.ndarray:
+def _towards_hinge(region: FrontRegion, foot: np.ndarray, joint: Joint | None) -> np.ndarray:
     """Return the direction of a lever: level, towards the hinge, or else towards the middle."""
     goal = np.array(joint.origin) if joint is not None and joint.kind == "revolute" else region.center
     return np.asarray(region.axes[:, 0] * (1.0 if (goal - foot) @ region.axes[:, 0] >= 0 else -1.0))

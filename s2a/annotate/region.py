@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.annotate.surface import Surface, connected
+from s2a.annotate.surface import SplitSurface, connected
 from s2a.geometry.planes import fit_plane, plane_axes
 from s2a.ranges import Positive
 
@@ -40,7 +40,7 @@ class GrowConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class FrontRegion:
     """A flat piece of a surface and the rectangle around it.
 
     Attributes:
@@ -78,7 +78,7 @@ class Region:
         return [(self.center + way * self.size[i // 2] / 2, way) for i, way in enumerate(outward)]
 
 
-def grow(surface: Surface, face: int, config: GrowConfig) -> Region:
+def grow(surface: SplitSurface, face: int, config: GrowConfig) -> FrontRegion:
     """Return the flat region around a face: connected faces near one plane, no sharp edge and no other colour between."""
     near = np.linalg.norm(surface.middles - surface.middles[face], axis=1) < START
     like = near & (surface.normals @ surface.normals[face] > np.cos(np.radians(config.angle)))
@@ -93,7 +93,7 @@ def grow(surface: Surface, face: int, config: GrowConfig) -> Region:
     return around(surface, np.union1d(faces, [face]))
 
 
-def around(surface: Surface, faces: np.ndarray) -> Region:
+def around(surface: SplitSurface, faces: np.ndarray) -> FrontRegion:
     """Return faces as a region: the plane through them, and the rectangle around them but for ragged ends."""
     normal, offset = _plane(surface, faces)
     points = surface.middles[faces]
@@ -102,7 +102,7 @@ def around(surface: Surface, faces: np.ndarray) -> Region:
     flat = points @ axes
     low, high = (np.array([_quantile(flat[:, k], areas, q) for k in (0, 1)]) for q in (TRIM, 1 - TRIM))
     center = axes @ (low + high) / 2 + normal * offset
-    return Region(normal, center, axes, np.maximum(high - low, 1e-3), np.sort(faces))
+    return FrontRegion(normal, center, axes, np.maximum(high - low, 1e-3), np.sort(faces))
 
 
 def rectangle_axes(normal: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -110,7 +110,9 @@ def rectangle_axes(normal: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.asarray(plane_axes(normal, points)[:, :2])
 
 
-def cut_out(surface: Surface, region: Region, config: GrowConfig) -> tuple[Surface, Region, np.ndarray]:
+def cut_out(
+    surface: SplitSurface, region: FrontRegion, config: GrowConfig
+) -> tuple[SplitSurface, FrontRegion, np.ndarray]:
     """Split the triangles that cross the sides of a region's rectangle; return the region of all faces inside of it.
 
     Returns:
@@ -126,7 +128,7 @@ def cut_out(surface: Surface, region: Region, config: GrowConfig) -> tuple[Surfa
     return surface, replace(region, faces=np.flatnonzero(_inside(surface, region, 0.0, config))), parents
 
 
-def _inside(surface: Surface, region: Region, margin: float, config: GrowConfig) -> np.ndarray:
+def _inside(surface: SplitSurface, region: FrontRegion, margin: float, config: GrowConfig) -> np.ndarray:
     """Return which faces lie within a region's rectangle, widened by a margin [m], near its plane and not turned away."""
     place = region.local(surface.middles)
     flat = (np.abs(place[:, :2]) < region.size / 2 + margin).all(axis=1)
@@ -134,7 +136,7 @@ def _inside(surface: Surface, region: Region, margin: float, config: GrowConfig)
     return flat & deep & (surface.normals @ region.normal > 0.1)
 
 
-def _plane(surface: Surface, faces: np.ndarray) -> tuple[np.ndarray, float]:
+def _plane(surface: SplitSurface, faces: np.ndarray) -> tuple[np.ndarray, float]:
     """Return normal and offset of the plane through faces."""
     areas = np.maximum(surface.areas[faces], 1e-12)
     mean = np.average(surface.normals[faces], axis=0, weights=areas)
@@ -145,7 +147,7 @@ def _plane(surface: Surface, faces: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _grown(
-    surface: Surface, face: int, normal: np.ndarray, offset: float, color: np.ndarray, config: GrowConfig
+    surface: SplitSurface, face: int, normal: np.ndarray, offset: float, color: np.ndarray, config: GrowConfig
 ) -> np.ndarray:
     """Return the faces that are connected to one through faces near a plane and of one colour, with no sharp edge between."""
     allowed = np.abs(surface.middles @ normal - offset) < config.distance

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.annotate.surface import Surface, connected
+from s2a.annotate.surface import SplitSurface, connected
 
 LEVEL, UPRIGHT = 0.9, 0.3
 """Vertical component of the normals of level faces, at least, and of upright ones, at most."""
@@ -23,7 +23,7 @@ MIN_OBJECT = 0.02
 """[m^2] Smaller pieces go to the structure, whose boxes leave them out."""
 
 
-def divide(surface: Surface, free: np.ndarray) -> list[tuple[str, np.ndarray]]:
+def divide(surface: SplitSurface, free: np.ndarray) -> list[tuple[str, np.ndarray]]:
     """Return labels and faces of what is left of a scan.
 
     Args:
@@ -50,7 +50,7 @@ def divide(surface: Surface, free: np.ndarray) -> list[tuple[str, np.ndarray]]:
     return found + objects
 
 
-def _level(surface: Surface, left: np.ndarray) -> list[tuple[str, np.ndarray]]:
+def _level(surface: SplitSurface, left: np.ndarray) -> list[tuple[str, np.ndarray]]:
     """Return the floor and the ceiling: level faces near the lowest, and the highest, height with much of them."""
     found = []
     height = surface.middles[:, 2]
@@ -62,7 +62,7 @@ def _level(surface: Surface, left: np.ndarray) -> list[tuple[str, np.ndarray]]:
     return found
 
 
-def _walls(surface: Surface, left: np.ndarray) -> list[np.ndarray]:
+def _walls(surface: SplitSurface, left: np.ndarray) -> list[np.ndarray]:
     """Return the faces of each upright plane that is large and high."""
     left, found = left.copy(), []
     upright = np.abs(surface.normals[:, 2]) < UPRIGHT

@@ -19,7 +19,7 @@ ON_PLANE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class SplitSurface:
     """A scan's mesh; faces keep their numbers, later ones are appended.
 
     Attributes:
@@ -35,10 +35,10 @@ class Surface:
     source: np.ndarray
 
     @staticmethod
-    def of(vertices: np.ndarray, faces: np.ndarray, colors: np.ndarray | None) -> Surface:
+    def of(vertices: np.ndarray, faces: np.ndarray, colors: np.ndarray | None) -> SplitSurface:
         """Return the surface of a scan's mesh; grey without colours."""
         colors = np.full(vertices.shape, GREY) if colors is None else colors
-        return Surface(vertices.astype(float), faces.astype(np.int64), colors.astype(float), np.arange(len(faces)))
+        return SplitSurface(vertices.astype(float), faces.astype(np.int64), colors.astype(float), np.arange(len(faces)))
 
     @property
     def scanned(self) -> int:
@@ -96,7 +96,7 @@ class Surface:
         used, index = np.unique(self.faces[faces], return_inverse=True)
         return Mesh(self.vertices[used], index.reshape(-1, 3), np.rint(self.colors[used]))
 
-    def split(self, faces: np.ndarray, normal: np.ndarray, offset: float) -> tuple[Surface, np.ndarray]:
+    def split(self, faces: np.ndarray, normal: np.ndarray, offset: float) -> tuple[SplitSurface, np.ndarray]:
         """Cut some faces along the plane normal.x = offset [m]; faces beside them are divided too, so that no crack opens.
 
         The largest piece of a face keeps its number, the others are appended.
@@ -119,7 +119,7 @@ class Surface:
         new[parent] = changed
         owner = parent[pieces[0]]
         return (
-            Surface(
+            SplitSurface(
                 vertices,
                 np.concatenate([new, pieces[1]]),
                 colors,
@@ -128,10 +128,10 @@ class Surface:
             owner,
         )
 
-    def with_mesh(self, mesh: Mesh) -> Surface:
+    def with_mesh(self, mesh: Mesh) -> SplitSurface:
         """Return the surface with further faces that were not scanned."""
         colors = np.full(mesh.vertices.shape, GREY) if mesh.colors is None else mesh.colors
-        return Surface(
+        return SplitSurface(
             np.concatenate([self.vertices, mesh.vertices.astype(float)]),
             np.concatenate([self.faces, mesh.faces + len(self.vertices)]),
             np.concatenate([self.colors, colors.astype(float)]),

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 
 from s2a.annotate import checks, files
-from s2a.annotate.annotation import Annotation
+from s2a.annotate.annotation import Draft
 from s2a.annotate.editor import Editor
 from s2a.annotate.propose import ProposeConfig, cut, propose
 from s2a.annotate.region import GrowConfig
@@ -71,7 +71,7 @@ def run(config: Config) -> str:
     start = cut(surface, items, config.grow)
     editor = Editor(start, config.grow)
 
-    def save(annotation: Annotation) -> str:
+    def save(annotation: Draft) -> str:
         with atomic_write(config.out, earlier=files.RECORD) as out:
             files.write(annotation, scan, out, annotated=str(config.scan), auto=config.auto)
         return _summary(annotation, config)
@@ -90,7 +90,7 @@ def run(config: Config) -> str:
     return ""
 
 
-def _summary(annotation: Annotation, config: Config) -> str:
+def _summary(annotation: Draft, config: Config) -> str:
     """Return what was written, and what the surface says about it."""
     done = [item for item in annotation.items if item.joint is not None]
     handles = sum(len(item.handle) > 0 for item in done)

@@ -11,10 +11,10 @@ import pytest
 
 from s2a import config, scan
 from s2a.annotate import checks, files
-from s2a.annotate.annotation import Annotation
+from s2a.annotate.annotation import Draft
 from s2a.annotate.editor import Editor
 from s2a.annotate.region import GrowConfig
-from s2a.annotate.surface import ADDED, Surface
+from s2a.annotate.surface import ADDED, SplitSurface
 from s2a.evidence import annotation as evidence
 from s2a.evidence.bounds import Bounds
 from s2a.scan import overlaps
@@ -28,7 +28,7 @@ DRAWER = np.array([(0, y, z) for y, z in ((-0.71, 0.613), (-0.11, 0.613), (-0.11
 @pytest.fixture
 def editor() -> Editor:
     mesh = plain_room.room()
-    return Editor(Annotation(Surface.of(mesh.vertices, mesh.faces, mesh.colors)), GROW)
+    return Editor(Draft(SplitSurface.of(mesh.vertices, mesh.faces, mesh.colors)), GROW)
 
 
 def click(editor: Editor, *point: float) -> int:
@@ -79,7 +79,7 @@ def test_no_crack_opens_where_triangles_are_split(editor: Editor) -> None:
 
 @pytest.mark.parametrize(("point", "axis"), [((0, -0.7, 0.7), -1), ((0, -0.12, 0.7), 1)])
 def test_a_click_at_an_upright_side_makes_a_hinge_that_opens_to_the_room(editor, point, axis) -> None:
-    """Seen from the room, +y is to the right: a door hinged at its right side turns its left one to the viewer about +z."""
+    """FrontShape from the room, +y is to the right: a door hinged at its right side turns its left one to the viewer about +z."""
     drawer(editor).hinge(np.array([point], float))
     joint = editor.item.joint
     np.testing.assert_allclose(joint.axis, (0, 0, axis), atol=1e-9)

@@ -15,7 +15,7 @@ pytest.importorskip("viser", reason="viser is not installed")
 
 from s2a import config, scan  # noqa: E402
 from s2a.annotate import files  # noqa: E402
-from s2a.annotate.annotation import Annotation  # noqa: E402
+from s2a.annotate.annotation import Draft  # noqa: E402
 from s2a.annotate.editor import Editor  # noqa: E402
 from s2a.annotate.page import serve  # noqa: E402
 from s2a.annotate.region import GrowConfig  # noqa: E402
@@ -45,7 +45,7 @@ def room(tmp_path: Path) -> files.BareScan:
 
 @pytest.fixture
 def page(room: files.BareScan, visitor: browser.Page, tmp_path: Path) -> Iterator[browser.Page]:
-    editor = Editor(Annotation(room.surface), GROW)
+    editor = Editor(Draft(room.surface), GROW)
 
     def save(annotation) -> str:
         files.write(annotation, room, tmp_path / "out")
@@ -107,7 +107,7 @@ def test_nothing_is_cut_or_covered(room: files.BareScan, width: int, height: int
     with (
         browser.browser(width, height) as page,
         serve.served(
-            Editor(Annotation(room.surface), GROW), "board", lambda _: "", BOUNDS, 10**6, view, FOV, 8450
+            Editor(Draft(room.surface), GROW), "board", lambda _: "", BOUNDS, 10**6, view, FOV, 8450
         ) as address,
     ):
         page.open(address)

@@ -19,7 +19,7 @@ pytest.importorskip("viser", reason="viser is not installed")
 from s2a import cli, config, scan  # noqa: E402
 from s2a.annotate import files, region  # noqa: E402
 from s2a.annotate.page import pick, serve  # noqa: E402
-from s2a.annotate.region import GrowConfig, Region  # noqa: E402
+from s2a.annotate.region import FrontRegion, GrowConfig  # noqa: E402
 from s2a.commands.annotate import START  # noqa: E402
 from s2a.geometry.orbit_camera import OrbitCamera, framing_pose  # noqa: E402
 
@@ -160,7 +160,7 @@ def _image(page, path: Path) -> None:
         page.image(path)
 
 
-def grown(surface, eye: np.ndarray, place: np.ndarray, grow: GrowConfig) -> Region:
+def grown(surface, eye: np.ndarray, place: np.ndarray, grow: GrowConfig) -> FrontRegion:
     """Return the region that a click at a place makes."""
     found = pick.place(surface.mesh(), eye, (place - eye) / np.linalg.norm(place - eye))
     assert found is not None

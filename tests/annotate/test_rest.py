@@ -7,7 +7,7 @@ import plain_room
 import usd_room
 
 from s2a.annotate import rest
-from s2a.annotate.surface import ADDED, Surface
+from s2a.annotate.surface import ADDED, SplitSurface
 from s2a.geometry.mesh_ops import merge
 from s2a.mesh import Mesh
 
@@ -24,7 +24,7 @@ def room() -> Mesh:
 
 def test_floor_wall_and_object_are_told_apart_and_scraps_join_the_structure() -> None:
     mesh = room()
-    surface = Surface.of(mesh.vertices, mesh.faces, None)
+    surface = SplitSurface.of(mesh.vertices, mesh.faces, None)
     found = rest.divide(surface, np.ones(len(mesh.faces), bool))
     assert [label for label, _ in found] == ["floor", "wall", "object"]
     areas = [surface.areas[faces].sum() for _, faces in found]
@@ -35,7 +35,7 @@ def test_floor_wall_and_object_are_told_apart_and_scraps_join_the_structure() ->
 
 def test_what_somebody_has_and_what_was_added_is_left_out() -> None:
     mesh = room()
-    surface = Surface.of(mesh.vertices, mesh.faces, None).with_mesh(usd_room.box((1, 1, 2), (0.4, 0.4, 0.4)))
+    surface = SplitSurface.of(mesh.vertices, mesh.faces, None).with_mesh(usd_room.box((1, 1, 2), (0.4, 0.4, 0.4)))
     free = np.ones(len(surface.faces), bool)
     free[:10] = False
     listed = np.concatenate([faces for _, faces in rest.divide(surface, free)])

@@ -11,7 +11,7 @@ import viser
 import viser.transforms
 
 from s2a.annotate import checks
-from s2a.annotate.annotation import Annotation
+from s2a.annotate.annotation import Draft
 from s2a.annotate.editor import Editor
 from s2a.annotate.handle import SHAPES
 from s2a.annotate.page import pick, words
@@ -25,10 +25,10 @@ from s2a.page.room import unit
 SCANNED = "as scanned, or a bar"
 SLIDES = {"slides out": "out", "left": "left", "right": "right"}
 TURNS = {"turns: edge": HINGE, "turns: line": LINE}
-Save = Callable[[Annotation], str]
+Save = Callable[[Draft], str]
 
 
-class Panel:
+class AnnotationPanel:
     """The controls beside the scan. viser calls from several threads; one edit is made at a time."""
 
     def __init__(self, server: viser.ViserServer, editor: Editor, save: Save, bounds: Bounds) -> None:
@@ -36,7 +36,7 @@ class Panel:
         self._lock, self._checking = RLock(), RLock()
         self._shown = Shown(server.scene)
         self._mode, self._points = FRONT, list[np.ndarray]()
-        self._clicked: tuple[Annotation, Mesh] | None = None
+        self._clicked: tuple[Draft, Mesh] | None = None
         self._edits, self._filling = 0, False
         self._add_controls()
         server.scene.on_click()(self._click)
@@ -155,7 +155,7 @@ class Panel:
         with self._lock:
             camera = event.client.camera
             rotation = viser.transforms.SO3(np.array(camera.wxyz)).as_matrix()
-            view = pick.View(np.array(camera.position), rotation, camera.fov, camera.aspect)
+            view = pick.CameraView(np.array(camera.position), rotation, camera.fov, camera.aspect)
             item = self._editor.item
             edits = item is not None and (self._mode == RECTANGLE or item.joint is None)
             face = None if edits else pick.middle(view, self._mesh(), event.screen_min, event.screen_max)
@@ -219,7 +219,7 @@ class Panel:
     def _tell(self) -> None:
         self._hint.content = words.hint(self._mode, self._editor.item)
 
-    def _check(self, edit: int, annotation: Annotation, index: int) -> None:
+    def _check(self, edit: int, annotation: Draft, index: int) -> None:
         with self._checking:
             if edit == self._edits:  # a newer edit has its own
                 text = words.checks(checks.of_part(annotation, index, self._bounds))

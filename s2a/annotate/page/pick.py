@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.annotate.region import Region
+from s2a.annotate.region import FrontRegion
 from s2a.mesh import Mesh
 from s2a.page.rays import first_face
 
@@ -17,7 +17,7 @@ MIN_COSINE = 0.05
 
 
 @dataclass(frozen=True)
-class View:
+class CameraView:
     """A camera.
 
     Attributes:
@@ -45,7 +45,9 @@ def place(mesh: Mesh, origin: np.ndarray, direction: np.ndarray) -> tuple[int, n
     return None if face < 0 else (face, origin + distance * direction)
 
 
-def corners(view: View, low: tuple[float, float], high: tuple[float, float], region: Region) -> np.ndarray | None:
+def corners(
+    view: CameraView, low: tuple[float, float], high: tuple[float, float], region: FrontRegion
+) -> np.ndarray | None:
     """Return where the corners of a rectangle of the image lie on a front's plane [m] [4 3]; None if it is seen from its edge.
 
     Args:
@@ -64,13 +66,13 @@ def corners(view: View, low: tuple[float, float], high: tuple[float, float], reg
     return np.array(found)
 
 
-def middle(view: View, mesh: Mesh, low: tuple[float, float], high: tuple[float, float]) -> int | None:
+def middle(view: CameraView, mesh: Mesh, low: tuple[float, float], high: tuple[float, float]) -> int | None:
     """Return the face that is seen at the middle of a rectangle of the image, or None."""
     found = place(mesh, view.position, view.ray((low[0] + high[0]) / 2, (low[1] + high[1]) / 2))
     return None if found is None else found[0]
 
 
-def facing(region: Region, fov: float) -> tuple[np.ndarray, np.ndarray]:
+def facing(region: FrontRegion, fov: float) -> tuple[np.ndarray, np.ndarray]:
     """Return where a camera stands that sees a front straight on with some room around it, and what it aims at [m], [3] each."""
     distance = 0.9 * float(region.size.max()) / np.tan(fov / 2) + 0.2
     return region.center + min(distance, FAR) * region.normal, region.center

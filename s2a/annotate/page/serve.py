@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import viser
 
 from s2a.annotate.editor import Editor
-from s2a.annotate.page.panel import Panel, Save
+from s2a.annotate.page.panel import AnnotationPanel, Save
 from s2a.evidence.bounds import Bounds
 from s2a.geometry.orbit_camera import CameraPose
 from s2a.mesh import Mesh
@@ -46,7 +46,7 @@ def served(
         server.gui.main_panel.set_width(WIDTH)
         server.gui.set_panel_label(name)
         server.scene.add_glb(f"/{SCAN}", glb.encode(_fewer(editor.annotation.surface.mesh(), max_faces)))
-        Panel(server, editor, save, bounds)
+        AnnotationPanel(server, editor, save, bounds)
         yield f"http://localhost:{server.get_port()}"
     finally:
         server.stop()

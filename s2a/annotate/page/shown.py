@@ -6,7 +6,7 @@ import numpy as np
 import viser
 import viser.transforms
 
-from s2a.annotate.annotation import Annotation, Item
+from s2a.annotate.annotation import Draft, Item
 from s2a.articulation import transform
 from s2a.mesh import Mesh
 from s2a.page import glb
@@ -32,7 +32,7 @@ class Shown:
         self._nodes: dict[int, tuple[Item, bool, list[viser.SceneNodeHandle]]] = {}
         self._open: list[viser.SceneNodeHandle] = []
 
-    def update(self, annotation: Annotation, selected: int | None) -> None:
+    def update(self, annotation: Draft, selected: int | None) -> None:
         """Show an annotation; parts that have not changed stay as they are."""
         self.close()
         for index in [i for i in self._nodes if i >= len(annotation.items)]:
@@ -43,7 +43,7 @@ class Shown:
                 self._forget(index)
                 self._nodes[index] = (item, index == selected, self._make(annotation, index, index == selected))
 
-    def open(self, annotation: Annotation, index: int, fraction: float) -> None:
+    def open(self, annotation: Draft, index: int, fraction: float) -> None:
         """Show a part open by a fraction of its range, 0 to 1, as a copy before a dark hole."""
         self.close()
         item = annotation.items[index]
@@ -72,7 +72,7 @@ class Shown:
         for node in self._nodes.pop(index, (None, None, []))[2]:
             node.remove()
 
-    def _make(self, annotation: Annotation, index: int, selected: bool) -> list[viser.SceneNodeHandle]:
+    def _make(self, annotation: Draft, index: int, selected: bool) -> list[viser.SceneNodeHandle]:
         item, path = annotation.items[index], f"/part/{index}"
         color = SELECTED if selected else PROPOSED if item.proposed else DONE
         made: list[viser.SceneNodeHandle] = []

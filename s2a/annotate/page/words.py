@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 
-from s2a.annotate.annotation import Annotation, Item
+from s2a.annotate.annotation import Draft, Item
 from s2a.evidence.finding import Finding
 from s2a.page.room import unit
 
@@ -44,7 +44,7 @@ def row(index: int, item: Item) -> str:
     return f"{index + 1} {item.name}: {moves}, {handle}" + (" (proposed)" if item.proposed else "")
 
 
-def rows(annotation: Annotation) -> tuple[str, ...]:
+def rows(annotation: Draft) -> tuple[str, ...]:
     """Return the entries of all parts, after the one for no part."""
     return (NONE, *(row(i, item) for i, item in enumerate(annotation.items)))
 

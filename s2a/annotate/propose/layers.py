@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from s2a.annotate.propose.config import ProposeConfig
-from s2a.annotate.surface import Surface
+from s2a.annotate.surface import SplitSurface
 
 UPRIGHT = 0.35
 """Largest vertical component of an upright face's normal: scans are rough."""
@@ -73,7 +73,7 @@ class Layer:
     ahead: np.ndarray
 
 
-def spread(surface: Surface, density: float, seed: int = 0) -> Points:
+def spread(surface: SplitSurface, density: float, seed: int = 0) -> Points:
     """Return points on the upright faces of a surface, and on what sticks out of them."""
     random = np.random.default_rng(seed)
     some = np.flatnonzero((np.abs(surface.normals[:, 2]) < 0.95) & (surface.areas > 0))

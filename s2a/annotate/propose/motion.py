@@ -19,7 +19,7 @@ Motion = Literal["slide", "right", "left", "top", "bottom"]
 
 
 @dataclass(frozen=True)
-class Seen:
+class FrontShape:
     """What tells how a front opens.
 
     Attributes:
@@ -41,7 +41,7 @@ class Seen:
     handle_height: float
 
 
-def motion(seen: Seen) -> Motion:
+def motion(seen: FrontShape) -> Motion:
     """Return how a front opens."""
     level = seen.handle_width > LONG * seen.handle_height
     upright = seen.handle_height > LONG * seen.handle_width

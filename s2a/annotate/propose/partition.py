@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from s2a.annotate.propose.layers import Layer
-from s2a.annotate.propose.patches import Box
+from s2a.annotate.propose.patches import CellBox
 
 EVIDENCE = 6.0
 """Deviations of the line's profile that count as much as lying right in the middle between two handles."""
@@ -31,7 +31,7 @@ class Cut:
     score: float
 
 
-def divide(layer: Layer, box: Box, blobs: list[Box]) -> list[tuple[Box, list[Box]]]:
+def divide(layer: Layer, box: CellBox, blobs: list[CellBox]) -> list[tuple[CellBox, list[CellBox]]]:
     """Return boxes with one handle each; two that no cut divides are one front's."""
     if len(blobs) < 2:
         return [(box, blobs)]
@@ -46,7 +46,7 @@ def divide(layer: Layer, box: Box, blobs: list[Box]) -> list[tuple[Box, list[Box
     return found
 
 
-def _cuts(layer: Layer, box: Box, blobs: list[Box], axis: int) -> list[Cut]:
+def _cuts(layer: Layer, box: CellBox, blobs: list[CellBox], axis: int) -> list[Cut]:
     """Return the best cut in each interval that no handle crosses."""
     ends = sorted((blob.left, blob.right) if axis == 0 else (blob.bottom, blob.top) for blob in blobs)
     profile = _profile(layer, box, axis)
@@ -65,7 +65,7 @@ def _cuts(layer: Layer, box: Box, blobs: list[Box], axis: int) -> list[Cut]:
     return found
 
 
-def _profile(layer: Layer, box: Box, axis: int) -> np.ndarray:
+def _profile(layer: Layer, box: CellBox, axis: int) -> np.ndarray:
     """Return how much each column, or row, of a box differs from those beside it, in deviations of all."""
     rows, columns = slice(int(box.bottom), int(box.top)), slice(int(box.left), int(box.right))
     image = np.concatenate([layer.color[rows, columns], 2e4 * layer.height[rows, columns, None]], axis=-1)
@@ -78,12 +78,12 @@ def _profile(layer: Layer, box: Box, axis: int) -> np.ndarray:
     return np.asarray(np.clip((mean - np.median(mean)) / scatter, 0.0, 2 * EVIDENCE))
 
 
-def _halves(box: Box, cut: Cut) -> tuple[Box, Box]:
+def _halves(box: CellBox, cut: Cut) -> tuple[CellBox, CellBox]:
     if cut.axis == 0:
-        return Box(box.left, box.bottom, cut.place, box.top), Box(cut.place, box.bottom, box.right, box.top)
-    return Box(box.left, box.bottom, box.right, cut.place), Box(box.left, cut.place, box.right, box.top)
+        return CellBox(box.left, box.bottom, cut.place, box.top), CellBox(cut.place, box.bottom, box.right, box.top)
+    return CellBox(box.left, box.bottom, box.right, cut.place), CellBox(box.left, cut.place, box.right, box.top)
 
 
-def _holds(box: Box, other: Box) -> bool:
+def _holds(box: CellBox, other: CellBox) -> bool:
     x, y = other.middle
     return box.left <= x < box.right and box.bottom <= y < box.top

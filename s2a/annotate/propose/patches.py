@@ -33,7 +33,7 @@ JOINED = 0.025
 
 
 @dataclass(frozen=True)
-class Box:
+class CellBox:
     """A rectangle of an image: cells from `low` to below `high`, each (column, row)."""
 
     left: float
@@ -58,7 +58,7 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
-class Patch:
+class ColorPatch:
     """A rectangle of one colour, with what may be handles in it.
 
     Attributes:
@@ -68,13 +68,13 @@ class Patch:
         relief: height by which each blob stands out [m].
     """
 
-    box: Box
+    box: CellBox
     color: np.ndarray
-    blobs: tuple[Box, ...]
+    blobs: tuple[CellBox, ...]
     relief: tuple[float, ...]
 
 
-def patches(layer: Layer, config: ProposeConfig) -> Iterator[Patch]:
+def patches(layer: Layer, config: ProposeConfig) -> Iterator[ColorPatch]:
     """Yield the patches of a plane that are rectangles, and small enough not to be a wall."""
     labels, count = _labels(layer, config)
     for number, where in enumerate(ndimage.find_objects(labels), start=1):
@@ -92,7 +92,7 @@ def patches(layer: Layer, config: ProposeConfig) -> Iterator[Patch]:
             continue
         color = np.nanmedian(layer.color[where][mask], axis=0)
         blobs = _alike(list(_blobs(layer, box, color, config)))
-        yield Patch(box, color, tuple(b for b, _ in blobs), tuple(r for _, r in blobs))
+        yield ColorPatch(box, color, tuple(b for b, _ in blobs), tuple(r for _, r in blobs))
 
 
 def _odd(colors: np.ndarray, color: np.ndarray, contrast: float, window: int) -> np.ndarray:
@@ -105,7 +105,7 @@ def _odd(colors: np.ndarray, color: np.ndarray, contrast: float, window: int) ->
     return np.asarray(off > contrast)
 
 
-def _alike(blobs: list[tuple[Box, float]]) -> list[tuple[Box, float]]:
+def _alike(blobs: list[tuple[CellBox, float]]) -> list[tuple[CellBox, float]]:
     """Return the blobs of a patch with about the length of most: one piece of furniture has one kind of handle."""
     if len(blobs) < 3:
         return blobs
@@ -157,7 +157,7 @@ def _smooth(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(weight > 0.1, total / np.maximum(weight, 1e-9), np.nan))
 
 
-def _box(mask: np.ndarray, where: tuple[slice, ...]) -> Box:
+def _box(mask: np.ndarray, where: tuple[slice, ...]) -> CellBox:
     """Return the rectangle of a patch but for ragged ends."""
     ends = []
     for axis in (1, 0):
@@ -165,10 +165,10 @@ def _box(mask: np.ndarray, where: tuple[slice, ...]) -> Box:
         first = np.searchsorted(total, ENDS / 2 * total[-1])
         last = np.searchsorted(total, (1 - ENDS / 2) * total[-1]) + 1
         ends.append((where[axis].start + float(first), where[axis].start + float(last)))
-    return Box(ends[0][0], ends[1][0], ends[0][1], ends[1][1])
+    return CellBox(ends[0][0], ends[1][0], ends[0][1], ends[1][1])
 
 
-def _blobs(layer: Layer, box: Box, color: np.ndarray, config: ProposeConfig) -> Iterator[tuple[Box, float]]:
+def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig) -> Iterator[tuple[CellBox, float]]:
     """Yield what stands out of a patch, or has another colour, and has the size of a handle; and how far it stands out [m]."""
     edge = int(round(BORDER / config.cell))
     rows = slice(int(box.bottom) + edge, int(box.top) - edge)
@@ -202,4 +202,4 @@ def _blobs(layer: Layer, box: Box, color: np.ndarray, config: ProposeConfig) -> 
             continue
         left, bottom = columns.start + where[1].start, rows.start + where[0].start
         relief = float(np.quantile(ahead[where][mask], 0.9))
-        yield Box(left, bottom, left + width, bottom + height), relief
+        yield CellBox(left, bottom, left + width, bottom + height), relief

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from s2a.annotate import joints
-from s2a.annotate.annotation import Annotation, Item
+from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.handle import standing_out
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.propose.layers import Layer, layers, spread
-from s2a.annotate.propose.motion import Motion, Seen, motion
+from s2a.annotate.propose.motion import FrontShape, Motion, motion
 from s2a.annotate.propose.partition import divide
-from s2a.annotate.propose.patches import Box, Patch, patches
-from s2a.annotate.region import GrowConfig, Region
-from s2a.annotate.surface import Surface
+from s2a.annotate.propose.patches import CellBox, ColorPatch, patches
+from s2a.annotate.region import FrontRegion, GrowConfig
+from s2a.annotate.surface import SplitSurface
 from s2a.geometry.planes import fit_plane
 from s2a.scene import Joint
 
@@ -28,7 +28,7 @@ FACING = 0.6
 """Cosine between a face of a front and its plane."""
 
 
-def propose(surface: Surface, config: ProposeConfig, grow: GrowConfig) -> tuple[Item, ...]:
+def propose(surface: SplitSurface, config: ProposeConfig, grow: GrowConfig) -> tuple[Item, ...]:
     """Return proposed parts of a scan, best first; triangles are not split yet.
 
     Args:
@@ -44,16 +44,16 @@ def propose(surface: Surface, config: ProposeConfig, grow: GrowConfig) -> tuple[
     return _best(surface, found)
 
 
-def cut(surface: Surface, items: tuple[Item, ...], grow: GrowConfig) -> Annotation:
+def cut(surface: SplitSurface, items: tuple[Item, ...], grow: GrowConfig) -> Draft:
     """Return an annotation of proposed parts whose borders are cut."""
-    annotation = Annotation(surface, items)
+    annotation = Draft(surface, items)
     for index, item in enumerate(items):
         annotation = annotation.with_rectangle(index, item.region, grow)
     return annotation
 
 
 def _items(
-    surface: Surface, layer: Layer, patch: Patch, floor: float, config: ProposeConfig, grow: GrowConfig
+    surface: SplitSurface, layer: Layer, patch: ColorPatch, floor: float, config: ProposeConfig, grow: GrowConfig
 ) -> Iterator[Item]:
     """Yield the fronts of a patch: one for each handle."""
     if not 0 < len(patch.blobs) <= config.max_fronts:
@@ -85,19 +85,19 @@ def _score(relief: float, config: ProposeConfig) -> float:
     return float(0.5 + 0.5 * np.clip(relief / (3 * config.relief), 0.0, 1.0))
 
 
-def _joint(region: Region, opens: Motion) -> Joint:
+def _joint(region: FrontRegion, opens: Motion) -> Joint:
     return joints.slide(region) if opens == "slide" else joints.hinge_at(region, SIDES[opens])
 
 
-def _union(blobs: list[Box]) -> Box:
-    return Box(
+def _union(blobs: list[CellBox]) -> CellBox:
+    return CellBox(
         min(b.left for b in blobs), min(b.bottom for b in blobs), max(b.right for b in blobs), max(b.top for b in blobs)
     )
 
 
-def _seen(layer: Layer, box: Box, handle: Box, floor: float) -> Seen:
+def _seen(layer: Layer, box: CellBox, handle: CellBox, floor: float) -> FrontShape:
     x, y = handle.middle
-    return Seen(
+    return FrontShape(
         width=box.width * layer.cell,
         height=box.height * layer.cell,
         middle=float(layer.low[1] + box.middle[1] * layer.cell - floor),
@@ -114,11 +114,11 @@ def _place(layer: Layer, column: float, row: float) -> np.ndarray:
     return np.asarray(u * layer.right + v * np.array([0.0, 0.0, 1.0]) + layer.offset * layer.normal)
 
 
-def _region(surface: Surface, layer: Layer, box: Box, grow: GrowConfig) -> Region | None:
+def _region(surface: SplitSurface, layer: Layer, box: CellBox, grow: GrowConfig) -> FrontRegion | None:
     """Return a box as a region of the surface, its plane fitted to its faces and upright; None where it holds hardly any."""
     axes = np.stack([layer.right, np.array([0.0, 0.0, 1.0])], axis=1)
     size = np.array([box.width, box.height]) * layer.cell
-    region = Region(layer.normal, _place(layer, *box.middle), axes, size, np.empty(0, int))
+    region = FrontRegion(layer.normal, _place(layer, *box.middle), axes, size, np.empty(0, int))
     faces = inside(surface, region, grow)
     if surface.areas[faces].sum() < 0.3 * size.prod():
         return None
@@ -134,14 +134,14 @@ def _region(surface: Surface, layer: Layer, box: Box, grow: GrowConfig) -> Regio
     return replace(turned, faces=inside(surface, turned, grow))
 
 
-def inside(surface: Surface, region: Region, grow: GrowConfig) -> np.ndarray:
+def inside(surface: SplitSurface, region: FrontRegion, grow: GrowConfig) -> np.ndarray:
     """Return the faces whose middles lie in a region's rectangle, near its plane and facing as it does."""
     place = region.local(surface.middles)
     flat = (np.abs(place[:, :2]) < region.size / 2).all(axis=1) & (np.abs(place[:, 2]) < grow.distance)
     return np.flatnonzero(flat & (surface.normals @ region.normal > FACING))
 
 
-def _handle(surface: Surface, layer: Layer, region: Region, handle: Box) -> np.ndarray:
+def _handle(surface: SplitSurface, layer: Layer, region: FrontRegion, handle: CellBox) -> np.ndarray:
     """Return the faces of a handle: what stands out in its box; none where it is in the colours alone."""
     out = standing_out(surface, region)
     place = surface.middles - layer.offset * layer.normal
@@ -151,7 +151,7 @@ def _handle(surface: Surface, layer: Layer, region: Region, handle: Box) -> np.n
     return np.flatnonzero(out & within)
 
 
-def _best(surface: Surface, found: list[Item]) -> tuple[Item, ...]:
+def _best(surface: SplitSurface, found: list[Item]) -> tuple[Item, ...]:
     """Return proposals, best first, without those that mostly repeat a better one."""
     kept: list[Item] = []
     taken = np.zeros(len(surface.faces), bool)

@@ -104,7 +104,8 @@ class Draft:
             return self.changed(index, handle=faces, completed="")
         kind = kind or handles.usual(item.joint)
         first = len(self.surface.faces)
-        surface = self.surface.with_mesh(handles.shape(kind, item.region, point, item.joint))
+        height = handles.bump(self.surface, item.region, point)
+        surface = self.surface.with_mesh(handles.shape(kind, item.region, point, item.joint, height))
         numbers = np.arange(first, len(surface.faces))
         return Draft(surface, self.changed(index, handle=numbers, completed=kind).items)
 

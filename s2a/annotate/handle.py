@@ -24,8 +24,10 @@ MARGIN = 0.03
 """[m] A handle may stand over the sides of its front by so much."""
 MIN_AREA, MAX_FRACTION = 2e-4, 0.35
 """[m^2] and fraction of the front: smaller is noise, larger is a moulding."""
-GRASPED = 0.6
-"""Fraction of its height over the front from which a face belongs to a handle whose base is part of the front."""
+GRASPABLE = 0.015
+"""[m] What stands out by less no finger gets behind: a handle that the scan has smeared over its front."""
+BUMP, REACH = 0.03, 0.06
+"""[m] Largest height of what a scan made of a handle, and distance in which it lies from where one clicks."""
 CLEARANCE = 0.032
 """[m] Between a parametric bar and the front: a finger of the Panda is 0.02 m thick."""
 RADIUS, KNOB = 0.006, 0.016
@@ -50,7 +52,8 @@ def find(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> np.nd
         return seeds
     faces = surface.component(seeds, out)
     area = float(surface.areas[faces].sum())
-    return faces if MIN_AREA < area < MAX_FRACTION * float(np.prod(region.size)) else faces[:0]
+    held = float(np.quantile(region.local(surface.middles[faces])[:, 2], 0.95)) > GRASPABLE
+    return faces if held and MIN_AREA < area < MAX_FRACTION * float(np.prod(region.size)) else faces[:0]
 
 
 def standing_out(surface: SplitSurface, region: FrontRegion) -> np.ndarray:
@@ -68,7 +71,14 @@ def usual(joint: Joint | None) -> Shape:
     return "bar"
 
 
-def shape(kind: Shape, region: FrontRegion, point: np.ndarray, joint: Joint | None) -> Mesh:
+def bump(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> float:
+    """Return how high a front rises around a place [m]: what a scan made of a handle that it did not resolve."""
+    place = region.local(surface.middles[region.faces])
+    near = np.linalg.norm(place[:, :2] - region.local(point[None])[0, :2], axis=1) < REACH
+    return float(np.clip(np.quantile(place[near, 2], 0.95), 0.0, BUMP)) if near.any() else 0.0
+
+
+def shape(kind: Shape, region: FrontRegion, point: np.ndarray, joint: Joint | None, height: float = 0.0) -> Mesh:
     """Return a parametric handle before a front.
 
     A bar lies level on what slides and along the hinge on what turns; a lever points towards the hinge.
@@ -78,12 +88,15 @@ def shape(kind: Shape, region: FrontRegion, point: np.ndarray, joint: Joint | No
         region: the front.
         point: where it is [m], shape [3].
         joint: the front's joint, if it is known.
+        height: of the front's surface there over its plane [m], before which a finger needs its clearance.
     """
     foot = point - float((point - region.center) @ region.normal) * region.normal
-    out = CLEARANCE + RADIUS
+    out = height + CLEARANCE + RADIUS
     if kind == "knob":
         neck = _rod(foot, foot + out * region.normal, RADIUS)
-        return painted(merge([neck, _rod(foot + 0.018 * region.normal, foot + 0.034 * region.normal, KNOB)]), STEEL)
+        return painted(
+            merge([neck, _rod(foot + (out - 0.02) * region.normal, foot + (out - 0.004) * region.normal, KNOB)]), STEEL
+        )
     top = foot + out * region.normal
     if kind == "lever":
         arm = _towards_hinge(region, foot, joint) * LENGTH["lever"]

@@ -24,6 +24,8 @@ BACKGROUND = 0.13
 """[m] A handle is narrower than half of this."""
 MIN_PAINTED, PAINTED = 0.05, 1.8
 """[m] and multiple of its width: length from which on what is in the colours alone may be a handle."""
+RING, AROUND = 3, 0.6
+"""Cells around a blob, and the fraction of them that are plain front, from which on it is a handle on it."""
 ALIKE = 1.8
 """Ratio of the lengths of two handles of one piece of furniture, at most."""
 MAX_BLOB = 0.3
@@ -93,6 +95,15 @@ def patches(layer: Layer, config: ProposeConfig) -> Iterator[ColorPatch]:
         color = np.nanmedian(layer.color[where][mask], axis=0)
         blobs = _alike(list(_blobs(layer, box, color, config)))
         yield ColorPatch(box, color, tuple(b for b, _ in blobs), tuple(r for _, r in blobs))
+
+
+def _surrounded(mask: np.ndarray, where: tuple[slice, ...], plain: np.ndarray) -> float:
+    """Return the fraction of the cells around a blob that are plain front: books and moulding have other neighbours."""
+    whole = np.zeros_like(plain)
+    whole[where] = mask
+    ring = ndimage.binary_dilation(whole, np.ones((3, 3)), iterations=RING)
+    ring &= ~ndimage.binary_dilation(whole, np.ones((3, 3)))
+    return float(plain[ring].mean()) if ring.any() else 0.0
 
 
 def _odd(colors: np.ndarray, color: np.ndarray, contrast: float, window: int) -> np.ndarray:
@@ -199,6 +210,8 @@ def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig)
         if not out[where][mask].any() and (long < MIN_PAINTED or long < PAINTED * short):
             continue
         if long > config.max_handle[0] or short > config.max_handle[1]:
+            continue
+        if _surrounded(mask, where, seen & ~out & ~other) < AROUND:
             continue
         left, bottom = columns.start + where[1].start, rows.start + where[0].start
         relief = float(np.quantile(ahead[where][mask], 0.9))

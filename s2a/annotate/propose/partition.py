@@ -12,6 +12,8 @@ from s2a.annotate.propose.patches import CellBox
 
 EVIDENCE = 6.0
 """Deviations of the line's profile that count as much as lying right in the middle between two handles."""
+STRONG = 60.0
+"""Difference of colour (RGB, summed) that counts no more if it is larger: a handle's, along a part of a line."""
 GAP = 9
 """Cells over which a profile is compared: a line is narrower."""
 
@@ -73,7 +75,7 @@ def _profile(layer: Layer, box: CellBox, axis: int) -> np.ndarray:
     size = (1, GAP, 1)
     seen = np.where(np.isnan(image), np.nanmedian(image, axis=(0, 1)), image)
     off = np.abs(seen - median_filter(seen, size=size, mode="nearest")).sum(axis=-1)
-    mean = np.minimum(off, np.quantile(off, 0.98)).mean(axis=0)
+    mean = np.minimum(off, STRONG).mean(axis=0)
     scatter = 1.4826 * float(np.median(np.abs(mean - np.median(mean)))) + 1e-6
     return np.asarray(np.clip((mean - np.median(mean)) / scatter, 0.0, 2 * EVIDENCE))
 

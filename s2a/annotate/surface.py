@@ -40,11 +40,6 @@ class SplitSurface:
         colors = np.full(vertices.shape, GREY) if colors is None else colors
         return SplitSurface(vertices.astype(float), faces.astype(np.int64), colors.astype(float), np.arange(len(faces)))
 
-    @property
-    def scanned(self) -> int:
-        """Number of faces of the scan."""
-        return int(self.source.max(initial=ADDED)) + 1
-
     @cached_property
     def _crosses(self) -> np.ndarray:
         a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)

@@ -104,7 +104,7 @@ class Draft:
             return self.changed(index, handle=faces, completed="")
         kind = kind or handles.usual(item.joint)
         first = len(self.surface.faces)
-        height = handles.bump(self.surface, item.region, point)
+        height = handles.rise(self.surface, item.region, point)
         surface = self.surface.with_mesh(handles.shape(kind, item.region, point, item.joint, height))
         numbers = np.arange(first, len(surface.faces))
         return Draft(surface, self.changed(index, handle=numbers, completed=kind).items)

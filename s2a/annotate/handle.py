@@ -26,7 +26,7 @@ MIN_AREA, MAX_FRACTION = 2e-4, 0.35
 """[m^2] and fraction of the front: smaller is noise, larger is a moulding."""
 GRASPABLE = 0.015
 """[m] What stands out by less no finger gets behind: a handle that the scan has smeared over its front."""
-BUMP, REACH = 0.03, 0.06
+MAX_RISE, REACH = 0.03, 0.06
 """[m] Largest height of what a scan made of a handle, and distance in which it lies from where one clicks."""
 CLEARANCE = 0.032
 """[m] Between a parametric bar and the front: a finger of the Panda is 0.02 m thick."""
@@ -71,11 +71,11 @@ def usual(joint: Joint | None) -> Shape:
     return "bar"
 
 
-def bump(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> float:
+def rise(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> float:
     """Return how high a front rises around a place [m]: what a scan made of a handle that it did not resolve."""
     place = region.local(surface.middles[region.faces])
     near = np.linalg.norm(place[:, :2] - region.local(point[None])[0, :2], axis=1) < REACH
-    return float(np.clip(np.quantile(place[near, 2], 0.95), 0.0, BUMP)) if near.any() else 0.0
+    return float(np.clip(np.quantile(place[near, 2], 0.95), 0.0, MAX_RISE)) if near.any() else 0.0
 
 
 def shape(kind: Shape, region: FrontRegion, point: np.ndarray, joint: Joint | None, height: float = 0.0) -> Mesh:

@@ -98,7 +98,7 @@ def arrows(room: PageRoom) -> Iterator[Arrow]:
     for part_id, joint in room.joints.items():
         moved = [room.parts[i].surface for i in room.parts if room.parts[i].mover == part_id]
         points = np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in moved)])
-        ends = _arrow(joint, points if len(points) else np.array([joint.origin]))
+        ends = axis_arrow(joint, points if len(points) else np.array([joint.origin]))
         yield Arrow(part_id, room.carriers[part_id], ends)
 
 
@@ -127,7 +127,8 @@ def _merged(layer: str, pieces: list[tuple[str | None, Mesh]]) -> Iterator[Node]
         yield Node(layer, mover or STILL, mover, merge(found))
 
 
-def _arrow(joint: Joint, points: np.ndarray) -> np.ndarray:
+def axis_arrow(joint: Joint, points: np.ndarray) -> np.ndarray:
+    """Return foot and tip of the arrow of a joint [m], shape [2 3]; points [point 3] are those of its part."""
     axis, middle = np.array(joint.axis), points.mean(axis=0)
     if joint.kind == "prismatic":
         way = open_limit(joint) * axis

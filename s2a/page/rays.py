@@ -40,7 +40,7 @@ def _distance(part: PagePart, back: np.ndarray, origin: np.ndarray, direction: n
     start, way = back[:3, :3] @ origin + back[:3, 3], back[:3, :3] @ direction
     if _enters(part.surface.bounds, start, way) >= nearest:
         return np.inf
-    return _meets(part.surface, start, way, part.mover is not None)
+    return first_face(part.surface, start, way, part.mover is not None)[0]
 
 
 def _enters(box: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> float:
@@ -51,8 +51,15 @@ def _enters(box: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> float
     return float(enter) if enter <= leave else np.inf
 
 
-def _meets(mesh: Mesh, origin: np.ndarray, direction: np.ndarray, both_sides: bool) -> float:
-    """Return where a ray meets a mesh, or its front alone, first (Moeller and Trumbore, 1997); inf where it does not."""
+def first_face(mesh: Mesh, origin: np.ndarray, direction: np.ndarray, both_sides: bool) -> tuple[float, int]:
+    """Return where a ray meets a mesh first, and the face (Moeller and Trumbore, 1997); inf and -1 where it does not.
+
+    Args:
+        mesh: what is met.
+        origin: where the ray begins [m], shape [3].
+        direction: where it leads, shape [3]; the distance is a multiple of it.
+        both_sides: Faces are met from behind, too.
+    """
     corner = mesh.vertices[mesh.faces[:, 0]]
     one, other = mesh.vertices[mesh.faces[:, 1]] - corner, mesh.vertices[mesh.faces[:, 2]] - corner
     across = np.cross(direction, other)
@@ -64,4 +71,7 @@ def _meets(mesh: Mesh, origin: np.ndarray, direction: np.ndarray, both_sides: bo
     u, v = np.einsum("ij,ij->i", offset, across) / size, turned @ direction / size
     along = np.einsum("ij,ij->i", other, turned) / size
     inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (along > 0.0)
-    return float(along[inside].min(initial=np.inf))
+    if not inside.any():
+        return np.inf, -1
+    nearest = np.flatnonzero(inside)[np.argmin(along[inside])]
+    return float(along[nearest]), int(seen[nearest])

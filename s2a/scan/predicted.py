@@ -29,13 +29,14 @@ def choose(found: Sequence[Prediction], min_score: float, overlap: float) -> lis
     return kept
 
 
-def write(folder: Path, scene: str, kept: Sequence[Prediction]) -> None:
+def write(folder: Path, scene: str, kept: Sequence[Prediction], fixed: Sequence[tuple[str, np.ndarray]] = ()) -> None:
     """Write `<scene>_parts.json` and `<scene>_artic.json`; a part gets its handle as a child.
 
     Args:
         folder: of the scan.
         scene: name of the scan.
         kept: predictions, in the coordinates of the scan's file.
+        fixed: names and faces of what does not move.
     """
     parts: list[dict[str, Any]] = []
     joints: list[dict[str, Any]] = []
@@ -46,6 +47,8 @@ def write(folder: Path, scene: str, kept: Sequence[Prediction]) -> None:
         joints.append(_joint(number, one))
         if len(one.handle):
             parts.append(_part(number + 1, f"handle.{index}.1", one.handle))
+    for index, (name, faces) in enumerate(fixed, start=len(kept) + 1):
+        parts.append(_part(len(parts) + 1, f"{name}.{index}", faces))
     _write(folder / f"{scene}_parts.json", {"annotations": parts})
     _write(folder / f"{scene}_artic.json", {"articulations": joints})
 

@@ -60,12 +60,7 @@ def _shown(image: np.ndarray) -> float:
 
 def pixel(point: np.ndarray) -> np.ndarray:
     """Return where the page shows a point of the scene at first [pixel]: x, y."""
-    forward = (TARGET - EYE) / np.linalg.norm(TARGET - EYE)
-    right = np.cross(forward, (0.0, 0.0, 1.0))
-    right /= np.linalg.norm(right)
-    offset = np.asarray(point) - EYE
-    plane = np.array([offset @ right, -offset @ np.cross(right, forward)]) / (offset @ forward)
-    return np.array([(WIDTH - PANEL) / 2, HEIGHT / 2]) + plane * HEIGHT / 2 / np.tan(FOV / 2)
+    return browser.pixel(point, EYE, TARGET, FOV, (WIDTH - PANEL, HEIGHT))
 
 
 def changed(before: np.ndarray, after: np.ndarray) -> np.ndarray:
@@ -122,18 +117,7 @@ def test_nothing_is_cut_or_covered(stage: Path, width: int, height: int) -> None
     ):
         page.open(url)
         page.wait(lambda: "Joints (1)" in page.text(), 30.0)
-        boxes = page.driver.execute_script(
-            "return [...document.querySelectorAll('label, button, td')].filter(e => e.innerText.trim())"
-            ".map(e => { const r = e.getBoundingClientRect();"
-            " return [r.left, r.top, r.right, r.bottom, e.scrollWidth - e.clientWidth] })"
-        )
-        boxes = np.array([box for box in boxes if box[2] > box[0]])
-        assert len(boxes) > 5
-        assert (boxes[:, :2] >= 0).all() and (boxes[:, 2] <= width).all() and (boxes[:, 4] <= 1).all()
-        for i, one in enumerate(boxes):
-            for other in boxes[i + 1 :]:
-                inside = np.minimum(one[2:4], other[2:4]) - np.maximum(one[:2], other[:2])
-                assert (inside <= 1.0).any()
+        browser.assert_readable(page, width)
 
 
 def test_the_file_plays_without_a_server(stage: Path, tmp_path: Path) -> None:

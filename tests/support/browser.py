@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 from selenium import webdriver
+from selenium.common.exceptions import TimeoutException as TimeoutException
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
@@ -70,6 +71,23 @@ class Page:
             self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event)
             time.sleep(0.1)
 
+    def drag(self, start: np.ndarray, end: np.ndarray, steps: int = 5) -> None:
+        """Drag from one place in the window to another with the shift key down [pixel]."""
+        shift = {"key": "Shift", "code": "ShiftLeft", "windowsVirtualKeyCode": 16}
+        self.driver.execute_cdp_cmd("Input.dispatchKeyEvent", {"type": "keyDown", "modifiers": 8, **shift})
+        path = [("mouseMoved", start, 0), ("mousePressed", start, 1)]
+        path += [("mouseMoved", start + (end - start) * (i + 1) / steps, 1) for i in range(steps)]
+        for kind, (x, y), buttons in [*path, ("mouseReleased", end, 0)]:
+            button = "left" if buttons or kind == "mouseReleased" else "none"
+            event = {"type": kind, "x": float(x), "y": float(y), "button": button, "buttons": buttons, "clickCount": 1}
+            self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event | {"modifiers": 8})
+            time.sleep(0.05)
+        self.driver.execute_cdp_cmd("Input.dispatchKeyEvent", {"type": "keyUp", **shift})
+
+    def value(self, caption: str) -> str:
+        """Return what the field with this caption holds."""
+        return self._input(caption).get_attribute("value") or ""
+
     def wait(self, done: Callable[[], bool], seconds: float) -> float:
         """Wait until something is true; return how long that took [s]."""
         start = time.monotonic()
@@ -108,3 +126,29 @@ def browser(width: int = 1280, height: int = 800) -> Iterator[Page]:
         yield Page(driver)
     finally:
         driver.quit()
+
+
+def pixel(point: np.ndarray, eye: np.ndarray, target: np.ndarray, fov: float, size: tuple[int, int]) -> np.ndarray:
+    """Return where a view of the scene of some size (width, height) shows a point [pixel]: x, y."""
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    offset = np.asarray(point) - eye
+    plane = np.array([offset @ right, -offset @ np.cross(right, forward)]) / (offset @ forward)
+    return np.array([size[0] / 2, size[1] / 2]) + plane * size[1] / 2 / np.tan(fov / 2)
+
+
+def assert_readable(page: Page, width: int) -> None:
+    """Assert that all text of the panel lies within the window, and no caption over another."""
+    boxes = page.driver.execute_script(
+        "return [...document.querySelectorAll('label, button, td')].filter(e => e.innerText.trim())"
+        ".map(e => { const r = e.getBoundingClientRect();"
+        " return [r.left, r.top, r.right, r.bottom, e.scrollWidth - e.clientWidth] })"
+    )
+    boxes = np.array([box for box in boxes if box[2] > box[0]])
+    assert len(boxes) > 5
+    assert (boxes[:, :2] >= 0).all() and (boxes[:, 2] <= width).all() and (boxes[:, 4] <= 1).all()
+    for i, one in enumerate(boxes):
+        for other in boxes[i + 1 :]:
+            inside = np.minimum(one[2:4], other[2:4]) - np.maximum(one[:2], other[:2])
+            assert (inside <= 1.0).any()

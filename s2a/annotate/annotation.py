@@ -1,0 +1,127 @@
+"""An annotation that is being made: parts with fronts, joints and handles on a surface; every edit returns a new one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from s2a.annotate import handle as handles
+from s2a.annotate.handle import Shape
+from s2a.annotate.region import FrontRegion, GrowConfig, cut_out
+from s2a.annotate.surface import SplitSurface
+from s2a.scan.predictions import USUAL_LABEL
+from s2a.scene import Joint
+
+NO_FACES = np.empty(0, np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """A part that moves.
+
+    Attributes:
+        region: its front.
+        label: its name; empty: the usual one of its joint's kind.
+        joint: None while nobody has said how it moves.
+        handle: numbers of its handle's faces; those of the region count as the handle's, too.
+        completed: shape of a handle that was added where the mesh shows none; empty for a scanned one.
+        proposed: nobody has accepted it yet.
+        score: of a proposal, 0 to 1.
+    """
+
+    region: FrontRegion
+    label: str = ""
+    joint: Joint | None = None
+    handle: np.ndarray = field(default_factory=lambda: NO_FACES)
+    completed: str = ""
+    proposed: bool = False
+    score: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """Its label, or the usual one."""
+        kind = "translation" if self.joint is None or self.joint.kind == "prismatic" else "rotation"
+        return self.label or USUAL_LABEL[kind]
+
+    @property
+    def front(self) -> np.ndarray:
+        """Numbers of the front's faces without the handle's."""
+        return np.setdiff1d(self.region.faces, self.handle)
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """All parts so far.
+
+    Attributes:
+        surface: the scan, split where borders cross its triangles.
+        items: the parts.
+    """
+
+    surface: SplitSurface
+    items: tuple[Item, ...] = ()
+
+    def added(self, item: Item) -> Draft:
+        """Return the annotation with one more part."""
+        return replace(self, items=(*self.items, item))
+
+    def changed(self, index: int, **fields: object) -> Draft:
+        """Return the annotation with other values of a part."""
+        items = list(self.items)
+        items[index] = replace(items[index], **fields)  # type: ignore[arg-type]
+        return replace(self, items=tuple(items))
+
+    def removed(self, index: int) -> Draft:
+        """Return the annotation without a part."""
+        return replace(self, items=self.items[:index] + self.items[index + 1 :])
+
+    def at(self, face: int) -> int | None:
+        """Return the part that a face belongs to, the smallest of several, or None."""
+        found = [i for i, item in enumerate(self.items) if face in item.region.faces or face in item.handle]
+        return min(found, key=lambda i: len(self.items[i].region.faces), default=None)
+
+    def with_rectangle(self, index: int, region: FrontRegion, config: GrowConfig) -> Draft:
+        """Return the annotation with a part's front cut out as a rectangle; what others have is left out."""
+        surface, region, parents = cut_out(self.surface, region, config)
+        items = [_divided(item, len(self.surface.faces), parents) for item in self.items]
+        taken = [item.front for i, item in enumerate(items) if i != index]
+        own = np.setdiff1d(region.faces, np.concatenate([NO_FACES, *taken]))
+        items[index] = replace(items[index], region=replace(region, faces=own))
+        return Draft(surface, tuple(items))
+
+    def with_handle(self, index: int, point: np.ndarray, kind: Shape | None) -> Draft:
+        """Return the annotation with a part's handle at a place [3]: the faces that stand out there, or a parametric shape.
+
+        Args:
+            index: of the part.
+            point: where it is [m].
+            kind: the shape to add; None: the scanned faces, or where none stand out the usual shape.
+        """
+        item = self.items[index]
+        faces = handles.find(self.surface, item.region, point) if kind is None else NO_FACES
+        if len(faces):
+            return self.changed(index, handle=faces, completed="")
+        kind = kind or handles.usual(item.joint)
+        first = len(self.surface.faces)
+        height = handles.rise(self.surface, item.region, point)
+        surface = self.surface.with_mesh(handles.shape(kind, item.region, point, item.joint, height))
+        numbers = np.arange(first, len(surface.faces))
+        return Draft(surface, self.changed(index, handle=numbers, completed=kind).items)
+
+
+def _divided(item: Item, first: int, parents: np.ndarray) -> Item:
+    """Return a part that keeps the pieces of its faces; those are numbered from `first` on, cut from `parents`."""
+    return replace(
+        item,
+        region=replace(item.region, faces=_with_pieces(item.region.faces, first, parents)),
+        handle=_with_pieces(item.handle, first, parents),
+    )
+
+
+def _with_pieces(faces: np.ndarray, first: int, parents: np.ndarray) -> np.ndarray:
+    mine = np.zeros(first + len(parents), bool)
+    mine[faces] = True
+    for piece, parent in enumerate(parents, start=first):  # a piece may be cut again
+        mine[piece] = mine[parent]
+    return np.flatnonzero(mine)

@@ -1,0 +1,138 @@
+"""The handle of a front: faces that stand out where somebody clicked, or a parametric shape where the mesh has none."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from s2a.annotate.region import FrontRegion
+from s2a.annotate.surface import SplitSurface
+from s2a.geometry.mesh_ops import merge, painted
+from s2a.mesh import Mesh
+from s2a.scene import Joint
+
+Shape = Literal["bar", "knob", "lever"]
+SHAPES: tuple[Shape, ...] = ("bar", "knob", "lever")
+RELIEF, STEPS_OUT = 0.008, 0.09
+"""[m] A handle stands out by more than the first and less than the second: noise, and another piece of furniture."""
+NOISE = 4.0
+"""Standard deviations of a front's own faces that a handle exceeds."""
+NEAR = 0.02
+"""[m] A click this near to faces that stand out means them."""
+MARGIN = 0.03
+"""[m] A handle may stand over the sides of its front by so much."""
+MIN_AREA, MAX_FRACTION = 2e-4, 0.35
+"""[m^2] and fraction of the front: smaller is noise, larger is a moulding."""
+GRASPABLE = 0.015
+"""[m] What stands out by less no finger gets behind: a handle that the scan has smeared over its front."""
+MAX_RISE, REACH = 0.03, 0.06
+"""[m] Largest height of what a scan made of a handle, and distance in which it lies from where one clicks."""
+CLEARANCE = 0.032
+"""[m] Between a parametric bar and the front: a finger of the Panda is 0.02 m thick."""
+RADIUS, KNOB = 0.006, 0.016
+"""[m] Of bars, levers and posts, and of knobs."""
+LENGTH = {"bar": 0.128, "lever": 0.11}
+"""[m] A usual distance between the screws of a bar; a lever's arm."""
+SIDES = 10
+STEEL = (150, 152, 156)
+
+
+def find(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> np.ndarray:
+    """Return the faces of the handle at a clicked place; none where the mesh does not resolve it.
+
+    Args:
+        surface: the scan.
+        region: the front that it is on.
+        point: the place [m], shape [3].
+    """
+    out = standing_out(surface, region)
+    seeds = np.flatnonzero(out & (np.linalg.norm(surface.middles - point, axis=1) < NEAR))
+    if not len(seeds):
+        return seeds
+    faces = surface.component(seeds, out)
+    area = float(surface.areas[faces].sum())
+    held = float(np.quantile(region.local(surface.middles[faces])[:, 2], 0.95)) > GRASPABLE
+    return faces if held and MIN_AREA < area < MAX_FRACTION * float(np.prod(region.size)) else faces[:0]
+
+
+def standing_out(surface: SplitSurface, region: FrontRegion) -> np.ndarray:
+    """Return which faces stand out of a front, over it or a little beside it [face]."""
+    place = region.local(surface.middles)
+    within = (np.abs(place[:, :2]) < region.size / 2 + MARGIN).all(axis=1)
+    height = place[:, 2]
+    own = height[region.faces]
+    noise = 1.4826 * float(np.median(np.abs(own - np.median(own)))) if len(own) else 0.0
+    return np.asarray(within & (height > max(RELIEF, NOISE * noise)) & (height < STEPS_OUT))
+
+
+def usual(joint: Joint | None) -> Shape:
+    """Return the shape that a handle most often has which a mesh does not resolve."""
+    return "bar"
+
+
+def rise(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> float:
+    """Return how high a front rises around a place [m]: what a scan made of a handle that it did not resolve."""
+    place = region.local(surface.middles[region.faces])
+    near = np.linalg.norm(place[:, :2] - region.local(point[None])[0, :2], axis=1) < REACH
+    return float(np.clip(np.quantile(place[near, 2], 0.95), 0.0, MAX_RISE)) if near.any() else 0.0
+
+
+def shape(kind: Shape, region: FrontRegion, point: np.ndarray, joint: Joint | None, height: float = 0.0) -> Mesh:
+    """Return a parametric handle before a front.
+
+    A bar lies level on what slides and along the hinge on what turns; a lever points towards the hinge.
+
+    Args:
+        kind: what it is.
+        region: the front.
+        point: where it is [m], shape [3].
+        joint: the front's joint, if it is known.
+        height: of the front's surface there over its plane [m], before which a finger needs its clearance.
+    """
+    foot = point - float((point - region.center) @ region.normal) * region.normal
+    out = height + CLEARANCE + RADIUS
+    if kind == "knob":
+        neck = _rod(foot, foot + out * region.normal, RADIUS)
+        return painted(
+            merge([neck, _rod(foot + (out - 0.02) * region.normal, foot + (out - 0.004) * region.normal, KNOB)]), STEEL
+        )
+    top = foot + out * region.normal
+    if kind == "lever":
+        arm = _towards_hinge(region, foot, joint) * LENGTH["lever"]
+        return painted(merge([_rod(foot, top, RADIUS), _rod(top, top + arm, RADIUS)]), STEEL)
+    half = _along(region, joint)
+    posts = [
+        _rod(foot + sign * 0.85 * half, foot + sign * 0.85 * half + out * region.normal, RADIUS) for sign in (-1, 1)
+    ]
+    return painted(merge([_rod(top - half, top + half, RADIUS), *posts]), STEEL)
+
+
+def _along(region: FrontRegion, joint: Joint | None) -> np.ndarray:
+    """Return half of a bar [m], shape [3]: no longer than its front is."""
+    turns = joint is not None and joint.kind == "revolute"
+    k = int(np.argmax(np.abs(np.array(joint.axis) @ region.axes))) if turns and joint else 0
+    return np.asarray(region.axes[:, k] * min(LENGTH["bar"], 0.8 * float(region.size[k])) / 2)
+
+
+def _towards_hinge(region: FrontRegion, foot: np.ndarray, joint: Joint | None) -> np.ndarray:
+    """Return the direction of a lever: level, towards the hinge, or else towards the middle."""
+    goal = np.array(joint.origin) if joint is not None and joint.kind == "revolute" else region.center
+    return np.asarray(region.axes[:, 0] * (1.0 if (goal - foot) @ region.axes[:, 0] >= 0 else -1.0))
+
+
+def _rod(start: np.ndarray, end: np.ndarray, radius: float) -> Mesh:
+    """Return a closed rod between two points [m], faces outwards."""
+    along = (end - start) / np.linalg.norm(end - start)
+    x = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+    x /= np.linalg.norm(x)
+    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+    ring = radius * (np.cos(angle)[:, None] * x + np.sin(angle)[:, None] * np.cross(along, x))
+    i = np.arange(SIDES)
+    j = (i + 1) % SIDES
+    walls = [np.stack([i, j, j + SIDES], axis=1), np.stack([i, j + SIDES, i + SIDES], axis=1)]
+    caps = [
+        np.stack([j, i, 0 * i + 2 * SIDES], axis=1),
+        np.stack([i + SIDES, j + SIDES, 0 * i + 2 * SIDES + 1], axis=1),
+    ]
+    return Mesh(np.concatenate([start + ring, end + ring, [start, end]]), np.concatenate(walls + caps))

@@ -1,0 +1,171 @@
+"""Upright planes of a room, each as an image: colours, heights and where there is any surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from s2a.annotate.propose.config import ProposeConfig
+from s2a.annotate.surface import SplitSurface
+
+UPRIGHT = 0.35
+"""Largest vertical component of an upright face's normal: scans are rough."""
+BINS = 360
+"""Of the azimuths of normals."""
+DIRECTIONS = 12
+"""Azimuths at most; rooms have four, and furniture stands askew."""
+APART = np.radians(12.0)
+"""Between two azimuths."""
+MIN_PEAK = 0.02
+"""Fraction of the upright area that looks along an azimuth."""
+FACING = 0.85
+"""Cosine between a face of a plane and its normal."""
+STEP = 0.004
+"""[m] Bins of the offsets along an azimuth."""
+AHEAD = 0.09
+"""[m] A handle stands out by less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points spread evenly over a surface.
+
+    Attributes:
+        place: [m], shape [point 3].
+        normal: of their faces, shape [point 3].
+        color: RGB, shape [point 3].
+    """
+
+    place: np.ndarray
+    normal: np.ndarray
+    color: np.ndarray
+
+    def __getitem__(self, chosen: np.ndarray) -> Points:
+        """Return some of the points."""
+        return Points(self.place[chosen], self.normal[chosen], self.color[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A plane of the room and its image; a cell's place is `low + cell * (column, row)`, rows upwards.
+
+    Attributes:
+        normal: horizontal, into the room, shape [3].
+        right: level direction in the plane, to the right as seen from the room, shape [3].
+        offset: normal.x on the plane [m].
+        low: place of cell 0, 0: along `right`, and the height over zero [m], shape [2].
+        cell: width of a cell [m].
+        color: RGB of the surface near the plane, shape [row column 3]; NaN where there is none.
+        height: of that surface over the plane [m], shape [row column]; NaN where there is none.
+        ahead: height of what stands out over the plane [m], at most AHEAD, shape [row column]; 0 where nothing does.
+    """
+
+    normal: np.ndarray
+    right: np.ndarray
+    offset: float
+    low: np.ndarray
+    cell: float
+    color: np.ndarray
+    height: np.ndarray
+    ahead: np.ndarray
+
+
+def spread(surface: SplitSurface, density: float, seed: int = 0) -> Points:
+    """Return points on the upright faces of a surface, and on what sticks out of them."""
+    random = np.random.default_rng(seed)
+    some = np.flatnonzero((np.abs(surface.normals[:, 2]) < 0.95) & (surface.areas > 0))
+    count = random.poisson(surface.areas[some] * density)
+    faces = np.repeat(some, count)
+    u, v = np.sort(random.random((2, len(faces))), axis=0)
+    weights = np.stack([u, v - u, 1 - v], axis=1)
+    corners = surface.faces[faces]
+    place = np.einsum("pk,pkd->pd", weights, surface.vertices[corners])
+    return Points(place, surface.normals[faces], np.einsum("pk,pkd->pd", weights, surface.colors[corners]))
+
+
+def azimuths(points: Points) -> list[float]:
+    """Return the azimuths to which most upright surface looks [rad], most first."""
+    upright = np.abs(points.normal[:, 2]) < UPRIGHT
+    angle = np.arctan2(points.normal[upright, 1], points.normal[upright, 0])
+    count = np.bincount(((angle + np.pi) / (2 * np.pi) * BINS).astype(int) % BINS, minlength=BINS).astype(float)
+    smooth = gaussian_filter1d(count, 2.0, mode="wrap")
+    found: list[float] = []
+    for index in np.argsort(-smooth):
+        peak = (index + 0.5) / BINS * 2 * np.pi - np.pi
+        around = np.abs(_turn(angle - peak)) < APART / 2
+        if around.sum() < MIN_PEAK * len(angle) or len(found) >= DIRECTIONS:
+            break
+        if all(abs(_turn(peak - other)) > APART for other in found):
+            found.append(peak + float(np.median(_turn(angle[around] - peak))))
+    return found
+
+
+def layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
+    """Yield the upright planes of a room with enough area, for each azimuth."""
+    for azimuth in azimuths(points):
+        normal = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        facing = points.normal @ normal
+        flat = facing > FACING
+        offset = points.place @ normal
+        for peak in _peaks(offset[flat], config):
+            near = np.abs(offset - peak) < AHEAD + config.layer
+            yield _image(points[near], flat[near], normal, peak, config)
+
+
+def _peaks(offsets: np.ndarray, config: ProposeConfig) -> list[float]:
+    """Return the offsets at which planes lie [m]: where more surface lies than beside them."""
+    if not len(offsets):
+        return []
+    low = offsets.min()
+    count = np.bincount(((offsets - low) / STEP).astype(int)).astype(float)
+    smooth = gaussian_filter1d(np.pad(count, 3), config.layer / 2 / STEP)
+    top = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] > smooth[2:])) + 1
+    peaks = low + (top - 3 + 0.5) * STEP
+    order = np.argsort(-smooth[top])
+    found: list[float] = []
+    for index in order:
+        around = np.abs(offsets - peaks[index]) < config.layer
+        if around.sum() < config.min_layer * config.density:
+            continue
+        if all(abs(peaks[index] - other) > config.layer for other in found):
+            found.append(float(np.median(offsets[around])))
+    return found
+
+
+def _image(points: Points, flat: np.ndarray, normal: np.ndarray, offset: float, config: ProposeConfig) -> Layer:
+    right = np.array([-normal[1], normal[0], 0.0])
+    place = np.stack([points.place @ right, points.place[:, 2]], axis=1)
+    height = points.place @ normal - offset
+    mine = flat & (np.abs(height) < config.layer)
+    low = place[mine].min(axis=0) - 2 * config.cell
+    size = np.ceil((place[mine].max(axis=0) - low) / config.cell).astype(int) + 3
+    index = np.floor((place - low) / config.cell).astype(int)
+    within = ((index >= 0) & (index < size)).all(axis=1)
+    key = np.where(within, index[:, 1] * size[0] + index[:, 0], 0)
+    mine &= within
+    shape = (size[1], size[0])
+    count = np.bincount(key[mine], minlength=size.prod())
+    sums = [np.bincount(key[mine], value[mine], size.prod()) for value in (*points.color.T, height)]
+    with np.errstate(invalid="ignore"):
+        color, mean = np.stack(sums[:3], axis=1) / count[:, None], sums[3] / count
+    ahead = np.zeros(size.prod())
+    out = within & (height > 0) & (height < AHEAD) & (points.normal @ normal > -0.3)
+    np.maximum.at(ahead, key[out], height[out])
+    return Layer(
+        normal,
+        right,
+        offset,
+        low,
+        config.cell,
+        color.reshape(*shape, 3),
+        mean.reshape(shape),
+        ahead.reshape(shape),
+    )
+
+
+def _turn(angle: np.ndarray | float) -> np.ndarray:
+    """Return angles between -pi and pi."""
+    return np.asarray((np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi)

@@ -1,0 +1,91 @@
+"""A patch with several handles is divided into one front for each: by the lines that show, and halfway between handles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from s2a.annotate.propose.layers import Layer
+from s2a.annotate.propose.patches import CellBox
+
+EVIDENCE = 6.0
+"""Deviations of the line's profile that count as much as lying right in the middle between two handles."""
+STRONG = 60.0
+"""Difference of colour (RGB, summed) that counts no more if it is larger: a handle's, along a part of a line."""
+GAP = 9
+"""Cells over which a profile is compared: a line is narrower."""
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A straight cut through a box.
+
+    Attributes:
+        axis: 0 for an upright cut between left and right, 1 for a level one.
+        place: column or row.
+        score: how much speaks for it.
+    """
+
+    axis: int
+    place: float
+    score: float
+
+
+def divide(layer: Layer, box: CellBox, blobs: list[CellBox]) -> list[tuple[CellBox, list[CellBox]]]:
+    """Return boxes with one handle each; two that no cut divides are one front's."""
+    if len(blobs) < 2:
+        return [(box, blobs)]
+    cuts = [cut for axis in (0, 1) for cut in _cuts(layer, box, blobs, axis)]
+    if not cuts:
+        return [(box, blobs)]
+    best = max(cuts, key=lambda cut: cut.score)
+    found = []
+    for part in _halves(box, best):
+        inside = [blob for blob in blobs if _holds(part, blob)]
+        found += divide(layer, part, inside)
+    return found
+
+
+def _cuts(layer: Layer, box: CellBox, blobs: list[CellBox], axis: int) -> list[Cut]:
+    """Return the best cut in each interval that no handle crosses."""
+    ends = sorted((blob.left, blob.right) if axis == 0 else (blob.bottom, blob.top) for blob in blobs)
+    profile = _profile(layer, box, axis)
+    first = int(box.left if axis == 0 else box.bottom)
+    found, reach = [], ends[0][1]
+    for low, high in ends[1:]:
+        if low > reach + 1:
+            places = np.arange(int(np.ceil(reach)), int(low) + 1)
+            middle, half = (reach + low) / 2, max((low - reach) / 2, 1.0)
+            line = profile[np.clip(places - first, 0, len(profile) - 1)]
+            score = line / EVIDENCE + 1.0 - 0.7 * np.abs(places - middle) / half
+            best = int(np.argmax(score))
+            wide = (low - reach) / (box.width if axis == 0 else box.height)
+            found.append(Cut(axis, float(places[best]), float(score[best]) + wide))
+        reach = max(reach, high)
+    return found
+
+
+def _profile(layer: Layer, box: CellBox, axis: int) -> np.ndarray:
+    """Return how much each column, or row, of a box differs from those beside it, in deviations of all."""
+    rows, columns = slice(int(box.bottom), int(box.top)), slice(int(box.left), int(box.right))
+    image = np.concatenate([layer.color[rows, columns], 2e4 * layer.height[rows, columns, None]], axis=-1)
+    image = image if axis == 0 else np.swapaxes(image, 0, 1)  # the cut runs along the first axis
+    size = (1, GAP, 1)
+    seen = np.where(np.isnan(image), np.nanmedian(image, axis=(0, 1)), image)
+    off = np.abs(seen - median_filter(seen, size=size, mode="nearest")).sum(axis=-1)
+    mean = np.minimum(off, STRONG).mean(axis=0)
+    scatter = 1.4826 * float(np.median(np.abs(mean - np.median(mean)))) + 1e-6
+    return np.asarray(np.clip((mean - np.median(mean)) / scatter, 0.0, 2 * EVIDENCE))
+
+
+def _halves(box: CellBox, cut: Cut) -> tuple[CellBox, CellBox]:
+    if cut.axis == 0:
+        return CellBox(box.left, box.bottom, cut.place, box.top), CellBox(cut.place, box.bottom, box.right, box.top)
+    return CellBox(box.left, box.bottom, box.right, cut.place), CellBox(box.left, cut.place, box.right, box.top)
+
+
+def _holds(box: CellBox, other: CellBox) -> bool:
+    x, y = other.middle
+    return box.left <= x < box.right and box.bottom <= y < box.top

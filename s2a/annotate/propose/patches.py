@@ -1,0 +1,218 @@
+"""Patches of one colour in a plane's image, and the blobs in them that may be handles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from s2a.annotate.propose.config import ProposeConfig
+from s2a.annotate.propose.layers import Layer
+from s2a.annotate.surface import connected
+
+HOLES = 2
+"""Cells of a gap in what was scanned that does not divide a patch."""
+ENDS = 0.02
+"""Fraction of a patch's cells beyond each side of its rectangle."""
+BORDER = 0.012
+"""[m] What differs this near to a patch's border is the border."""
+MIN_BLOB = 1.5e-4
+"""[m^2] Smaller blobs are noise."""
+BACKGROUND = 0.13
+"""[m] A handle is narrower than half of this."""
+MIN_PAINTED, PAINTED = 0.05, 1.8
+"""[m] and multiple of its width: length from which on what is in the colours alone may be a handle."""
+RING, AROUND = 3, 0.6
+"""Cells around a blob, and the fraction of them that are plain front, from which on it is a handle on it."""
+ALIKE = 1.8
+"""Ratio of the lengths of two handles of one piece of furniture, at most."""
+MAX_BLOB = 0.3
+"""Fraction of its patch that a handle covers at most."""
+JOINED = 0.025
+"""[m] Blobs this near to each other are one handle: a scan shows a bar in pieces."""
+
+
+@dataclass(frozen=True)
+class CellBox:
+    """A rectangle of an image: cells from `low` to below `high`, each (column, row)."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+
+    @property
+    def width(self) -> float:
+        """Columns."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """Rows."""
+        return self.top - self.bottom
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Column and row of its middle."""
+        return (self.left + self.right) / 2, (self.bottom + self.top) / 2
+
+
+@dataclass(frozen=True, eq=False)
+class ColorPatch:
+    """A rectangle of one colour, with what may be handles in it.
+
+    Attributes:
+        box: the rectangle.
+        color: RGB, shape [3].
+        blobs: rectangles around what may be handles.
+        relief: height by which each blob stands out [m].
+    """
+
+    box: CellBox
+    color: np.ndarray
+    blobs: tuple[CellBox, ...]
+    relief: tuple[float, ...]
+
+
+def patches(layer: Layer, config: ProposeConfig) -> Iterator[ColorPatch]:
+    """Yield the patches of a plane that are rectangles, and small enough not to be a wall."""
+    labels, count = _labels(layer, config)
+    for number, where in enumerate(ndimage.find_objects(labels), start=1):
+        if where is None:
+            continue
+        mask = labels[where] == number
+        if mask.sum() * config.cell**2 < np.prod(config.min_front):
+            continue
+        box = _box(mask, where)
+        sides = np.array([box.width, box.height]) * config.cell
+        if (sides < config.min_front).any() or (sides > config.max_patch).any():
+            continue
+        whole = ndimage.binary_closing(np.pad(mask, 6), np.ones((9, 9)))[6:-6, 6:-6]
+        if ndimage.binary_fill_holes(whole).sum() < config.min_fill * box.width * box.height:
+            continue
+        color = np.nanmedian(layer.color[where][mask], axis=0)
+        blobs = _alike(list(_blobs(layer, box, color, config)))
+        yield ColorPatch(box, color, tuple(b for b, _ in blobs), tuple(r for _, r in blobs))
+
+
+def _surrounded(mask: np.ndarray, where: tuple[slice, ...], plain: np.ndarray) -> float:
+    """Return the fraction of the cells around a blob that are plain front: books and moulding have other neighbours."""
+    whole = np.zeros_like(plain)
+    whole[where] = mask
+    ring = ndimage.binary_dilation(whole, np.ones((3, 3)), iterations=RING)
+    ring &= ~ndimage.binary_dilation(whole, np.ones((3, 3)))
+    return float(plain[ring].mean()) if ring.any() else 0.0
+
+
+def _odd(colors: np.ndarray, color: np.ndarray, contrast: float, window: int) -> np.ndarray:
+    """Return which cells differ from the colour of the cells around them, and from their patch's."""
+    seen = ~np.isnan(colors[..., 0])
+    filled = np.stack([np.where(seen, colors[..., k], _smooth(colors[..., k], seen)) for k in range(3)], axis=-1)
+    filled = np.where(np.isnan(filled), color, filled)
+    around = ndimage.median_filter(filled, size=(window, window, 1), mode="nearest")
+    off = np.minimum(np.linalg.norm(filled - around, axis=-1), np.linalg.norm(filled - color, axis=-1))
+    return np.asarray(off > contrast)
+
+
+def _alike(blobs: list[tuple[CellBox, float]]) -> list[tuple[CellBox, float]]:
+    """Return the blobs of a patch with about the length of most: one piece of furniture has one kind of handle."""
+    if len(blobs) < 3:
+        return blobs
+    lengths = np.array([max(blob.width, blob.height) for blob, _ in blobs])
+    usual = float(np.median(lengths))
+    good = (lengths < ALIKE * usual) & (lengths > usual / ALIKE)
+    return [blob for blob, same in zip(blobs, good, strict=True) if same]
+
+
+def _labels(layer: Layer, config: ProposeConfig) -> tuple[np.ndarray, int]:
+    """Return the number of the patch of each cell from 1 on, 0 for none, and how many there are."""
+    seen = ~np.isnan(layer.height)
+    color = np.stack([_smooth(layer.color[..., k], seen) for k in range(3)], axis=-1)
+    filled = ndimage.binary_closing(seen, np.ones((2 * HOLES + 1,) * 2)) & ~np.isnan(color[..., 0])
+    index = np.full(seen.shape, -1)
+    index[filled] = np.arange(filled.sum())
+    pairs = []
+    for one, other in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        near = np.linalg.norm(color[one] - color[other], axis=-1) < config.color
+        good = filled[one] & filled[other] & near
+        pairs.append(np.stack([index[one][good], index[other][good]], axis=1))
+    number = connected(np.concatenate(pairs), int(filled.sum()))
+    labels = np.zeros(seen.shape, int)
+    labels[filled] = number + 1
+    _part_colors(labels, color, config)
+    return labels, int(labels.max(initial=0))
+
+
+def _part_colors(labels: np.ndarray, color: np.ndarray, config: ProposeConfig) -> None:
+    """Make patches of their own, in place, of the parts of patches whose colour is another: colours run into each other."""
+    least = float(np.prod(config.min_front)) / config.cell**2
+    count = int(labels.max(initial=0))
+    for number, where in enumerate(ndimage.find_objects(labels), start=1):
+        mask = labels[where] == number
+        if mask.sum() < 2 * least:
+            continue
+        off = np.linalg.norm(color[where] - np.median(color[where][mask], axis=0), axis=-1) > 2 * config.color
+        parts, found = ndimage.label(ndimage.binary_opening(mask & off, np.ones((3, 3))))
+        for part in range(1, found + 1):
+            if (parts == part).sum() >= least:
+                count += 1
+                labels[where][parts == part] = count
+
+
+def _smooth(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Return the mean of what is seen in the 3 x 3 cells around each cell; NaN where nothing is."""
+    weight = ndimage.uniform_filter(seen.astype(float), 3)
+    total = ndimage.uniform_filter(np.where(seen, values, 0.0), 3)
+    return np.asarray(np.where(weight > 0.1, total / np.maximum(weight, 1e-9), np.nan))
+
+
+def _box(mask: np.ndarray, where: tuple[slice, ...]) -> CellBox:
+    """Return the rectangle of a patch but for ragged ends."""
+    ends = []
+    for axis in (1, 0):
+        total = np.cumsum(mask.sum(axis=1 - axis))
+        first = np.searchsorted(total, ENDS / 2 * total[-1])
+        last = np.searchsorted(total, (1 - ENDS / 2) * total[-1]) + 1
+        ends.append((where[axis].start + float(first), where[axis].start + float(last)))
+    return CellBox(ends[0][0], ends[1][0], ends[0][1], ends[1][1])
+
+
+def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig) -> Iterator[tuple[CellBox, float]]:
+    """Yield what stands out of a patch, or has another colour, and has the size of a handle; and how far it stands out [m]."""
+    edge = int(round(BORDER / config.cell))
+    rows = slice(int(box.bottom) + edge, int(box.top) - edge)
+    columns = slice(int(box.left) + edge, int(box.right) - edge)
+    ahead, seen = layer.ahead[rows, columns], ~np.isnan(layer.height[rows, columns])
+    if not ahead.size:
+        return
+    noise = 1.4826 * float(np.median(np.abs(ahead[seen] - np.median(ahead[seen])))) if seen.any() else 0.0
+    out = ahead > max(config.relief, float(np.median(ahead)) + 4 * noise)
+    other = np.zeros_like(out)
+    # Where noise is small, handles stand out, and what has another colour alone is printed, or a shadow.
+    if float(np.nanstd(layer.height[rows, columns])) > config.sharp:
+        other = _odd(layer.color[rows, columns], color, config.contrast, int(round(BACKGROUND / config.cell)))
+        out = ahead > 2 * config.relief
+    joined = ndimage.binary_closing(np.pad(out | other, 4), np.ones((3, 3)))[4:-4, 4:-4]
+    reach = int(round(JOINED / config.cell))
+    labels, _ = ndimage.label(ndimage.binary_dilation(joined, np.ones((reach, reach))))
+    labels[~joined] = 0
+    for number, where in enumerate(ndimage.find_objects(labels), start=1):
+        if where is None:
+            continue
+        mask = labels[where] == number
+        height, width = mask.shape
+        long, short = sorted((height * config.cell, width * config.cell), reverse=True)
+        area = mask.sum() * config.cell**2
+        if area < MIN_BLOB or area > MAX_BLOB * box.width * box.height * config.cell**2:
+            continue
+        if not out[where][mask].any() and (long < MIN_PAINTED or long < PAINTED * short):
+            continue
+        if long > config.max_handle[0] or short > config.max_handle[1]:
+            continue
+        if _surrounded(mask, where, seen & ~out & ~other) < AROUND:
+            continue
+        left, bottom = columns.start + where[1].start, rows.start + where[0].start
+        relief = float(np.quantile(ahead[where][mask], 0.9))
+        yield CellBox(left, bottom, left + width, bottom + height), relief

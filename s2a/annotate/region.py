@@ -1,0 +1,168 @@
+"""A front as a flat region: grown from a face by plane, edge and colour, or cut out as a rectangle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from s2a.annotate.surface import SplitSurface, connected
+from s2a.geometry.planes import fit_plane, plane_axes
+from s2a.ranges import Positive
+
+START = 0.08
+"""[m] Faces within this distance of the clicked place make the first plane."""
+ROUNDS = 3
+"""Times a plane is fitted to what grew from it."""
+BESIDE = 0.05
+"""[m] Faces whose middles lie so far beside a rectangle may cross its sides."""
+TRIM = 0.01
+"""Fraction of a region's area beyond each side of its rectangle: ragged ends."""
+
+
+@dataclass(frozen=True)
+class GrowConfig:
+    """How a region grows.
+
+    Attributes:
+        distance: largest distance of a face's middle from the plane [m].
+        angle: largest angle between a face and the plane [deg].
+        edge: largest angle between two faces that share an edge [deg].
+        color: largest difference of a face's colour from the region's, Euclidean in RGB.
+        thickness: how far behind the plane faces inside of a rectangle belong to it [m].
+    """
+
+    distance: Positive
+    angle: Positive
+    edge: Positive
+    color: Positive
+    thickness: Positive
+
+
+@dataclass(frozen=True, eq=False)
+class FrontRegion:
+    """A flat piece of a surface and the rectangle around it.
+
+    Attributes:
+        normal: unit, to the side that its faces look to, shape [3].
+        center: middle of the rectangle, on the plane [m], shape [3].
+        axes: directions of the rectangle's sides as columns: the first level, shape [3 2].
+        size: lengths of its sides along `axes` [m], shape [2].
+        faces: numbers of its faces, sorted.
+    """
+
+    normal: np.ndarray
+    center: np.ndarray
+    axes: np.ndarray
+    size: np.ndarray
+    faces: np.ndarray
+
+    @property
+    def offset(self) -> float:
+        """normal.x on the plane [m]."""
+        return float(self.normal @ self.center)
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Corners of the rectangle [m], around it, shape [4 3]."""
+        signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2
+        return np.asarray(self.center + (signs * self.size) @ self.axes.T)
+
+    def local(self, points: np.ndarray) -> np.ndarray:
+        """Return points [point 3] from the centre along the two sides and the normal [m], shape [point 3]."""
+        return np.asarray((points - self.center) @ np.column_stack([self.axes, self.normal]))
+
+    def sides(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return the middle of each side and its outward direction: right, left, top, bottom as seen from the room."""
+        outward = [sign * self.axes[:, k] for k in (0, 1) for sign in (1.0, -1.0)]
+        return [(self.center + way * self.size[i // 2] / 2, way) for i, way in enumerate(outward)]
+
+
+def grow(surface: SplitSurface, face: int, config: GrowConfig) -> FrontRegion:
+    """Return the flat region around a face: connected faces near one plane, no sharp edge and no other colour between."""
+    near = np.linalg.norm(surface.middles - surface.middles[face], axis=1) < START
+    like = near & (surface.normals @ surface.normals[face] > np.cos(np.radians(config.angle)))
+    faces = surface.component(np.array([face]), like)
+    color = np.median(surface.face_colors[faces], axis=0)
+    for _ in range(ROUNDS):
+        normal, offset = _plane(surface, faces)
+        found = _grown(surface, face, normal, offset, color, config)
+        if not len(found):
+            break
+        faces, color = found, np.median(surface.face_colors[found], axis=0)
+    return around(surface, np.union1d(faces, [face]))
+
+
+def around(surface: SplitSurface, faces: np.ndarray) -> FrontRegion:
+    """Return faces as a region: the plane through them, and the rectangle around them but for ragged ends."""
+    normal, offset = _plane(surface, faces)
+    points = surface.middles[faces]
+    axes = rectangle_axes(normal, points)
+    areas = surface.areas[faces]
+    flat = points @ axes
+    low, high = (np.array([_quantile(flat[:, k], areas, q) for k in (0, 1)]) for q in (TRIM, 1 - TRIM))
+    center = axes @ (low + high) / 2 + normal * offset
+    return FrontRegion(normal, center, axes, np.maximum(high - low, 1e-3), np.sort(faces))
+
+
+def rectangle_axes(normal: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the directions of a rectangle's sides across a normal [3 2], the first level; of a level one by its points."""
+    return np.asarray(plane_axes(normal, points)[:, :2])
+
+
+def cut_out(
+    surface: SplitSurface, region: FrontRegion, config: GrowConfig
+) -> tuple[SplitSurface, FrontRegion, np.ndarray]:
+    """Split the triangles that cross the sides of a region's rectangle; return the region of all faces inside of it.
+
+    Returns:
+        The surface, the region, and for each appended face the face that it was cut from.
+    """
+    near = np.flatnonzero(_inside(surface, region, BESIDE, config))
+    parents = np.empty(0, int)
+    for middle, outward in region.sides():
+        first = len(surface.faces)
+        surface, parent = surface.split(near, outward, float(outward @ middle))
+        near = np.concatenate([near, first + np.flatnonzero(np.isin(parent, near))])
+        parents = np.concatenate([parents, parent])
+    return surface, replace(region, faces=np.flatnonzero(_inside(surface, region, 0.0, config))), parents
+
+
+def _inside(surface: SplitSurface, region: FrontRegion, margin: float, config: GrowConfig) -> np.ndarray:
+    """Return which faces lie within a region's rectangle, widened by a margin [m], near its plane and not turned away."""
+    place = region.local(surface.middles)
+    flat = (np.abs(place[:, :2]) < region.size / 2 + margin).all(axis=1)
+    deep = (place[:, 2] > -config.thickness) & (place[:, 2] < config.thickness)
+    return flat & deep & (surface.normals @ region.normal > 0.1)
+
+
+def _plane(surface: SplitSurface, faces: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return normal and offset of the plane through faces."""
+    areas = np.maximum(surface.areas[faces], 1e-12)
+    mean = np.average(surface.normals[faces], axis=0, weights=areas)
+    if len(faces) < 4:
+        normal = mean / max(float(np.linalg.norm(mean)), 1e-12)
+        return normal, float(normal @ np.average(surface.middles[faces], axis=0, weights=areas))
+    return fit_plane(surface.middles[faces], areas, mean)
+
+
+def _grown(
+    surface: SplitSurface, face: int, normal: np.ndarray, offset: float, color: np.ndarray, config: GrowConfig
+) -> np.ndarray:
+    """Return the faces that are connected to one through faces near a plane and of one colour, with no sharp edge between."""
+    allowed = np.abs(surface.middles @ normal - offset) < config.distance
+    allowed &= surface.normals @ normal > np.cos(np.radians(config.angle))
+    allowed &= np.linalg.norm(surface.face_colors - color, axis=1) < config.color
+    allowed[face] = True
+    some = np.flatnonzero(allowed)
+    pairs = surface.adjacent(some)
+    facing = surface.normals[some]
+    flat = np.einsum("ij,ij->i", facing[pairs[:, 0]], facing[pairs[:, 1]]) > np.cos(np.radians(config.edge))
+    number = connected(pairs[flat], len(some))
+    return np.asarray(some[number == number[np.searchsorted(some, face)]])
+
+
+def _quantile(values: np.ndarray, weights: np.ndarray, fraction: float) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][min(np.searchsorted(total, fraction * total[-1]), len(values) - 1)])

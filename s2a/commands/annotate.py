@@ -1,0 +1,102 @@
+"""A bare scan -> an annotated one: on a page in the browser, or proposed by geometry alone."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from s2a.annotate import checks, files
+from s2a.annotate.annotation import Draft
+from s2a.annotate.editor import Editor
+from s2a.annotate.propose import ProposeConfig, cut, propose
+from s2a.annotate.region import GrowConfig
+from s2a.errors import InputError
+from s2a.evidence import report
+from s2a.evidence.bounds import Bounds
+from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
+from s2a.outputs import atomic_write, refuse_loss
+from s2a.ranges import AtLeast, Count
+from s2a.terminal import report as say
+
+START = np.array([1.0, 0.0, 0.0])
+"""From where the page's camera sees the room at first, turned by `camera`."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a annotate`.
+
+    Attributes:
+        scan: folder of the scan; its annotation, if it has one, is not read.
+        out: folder that is written: the mesh, Articulate3D's two files, and annotate.json.
+        auto: Propose fronts, joints and handles by geometry alone.
+        page: Serve the page, until Ctrl-C; without it, proposals are written as they are.
+        port: of the page's server; the next free one where it is taken.
+        max_faces: of the scan on the page; beyond, neighbouring vertices are merged.
+        camera: where the page's camera begins.
+        grow: how regions grow.
+        propose: how fronts are proposed.
+        evidence: what the surface may say about the annotation.
+    """
+
+    scan: Path
+    out: Path
+    auto: bool
+    page: bool
+    port: Annotated[int, AtLeast(1, 65535)]
+    max_faces: Count
+    camera: OrbitCamera
+    grow: GrowConfig
+    propose: ProposeConfig
+    evidence: Bounds
+
+
+def run(config: Config) -> str:
+    """Serve the page, or write the proposals; return what was written.
+
+    Raises:
+        InputError: no scan, keys that do nothing, or `out` is a file or a folder of something else.
+    """
+    if not config.page and not config.auto:
+        raise InputError("keys 'page' and 'auto' are both false, so that nothing would be annotated; give auto=true")
+    scan = files.read(config.scan)
+    refuse_loss(config.out, files.RECORD, [scan.files.mesh])
+    surface = scan.surface
+    items = propose(surface, config.propose, config.grow) if config.auto else ()
+    start = cut(surface, items, config.grow)
+    editor = Editor(start, config.grow)
+
+    def save(annotation: Draft) -> str:
+        with atomic_write(config.out, earlier=files.RECORD) as out:
+            files.write(annotation, scan, out, annotated=str(config.scan), auto=config.auto)
+        return _summary(annotation, config)
+
+    if not config.page:
+        return save(editor.annotation)
+    from s2a.annotate.page import served  # viser is of the extra "view"
+
+    view = framing_pose(scan.mesh.vertices, START, config.camera)
+    with served(
+        editor, scan.files.name, save, config.evidence, config.max_faces, view, config.camera.fov, config.port
+    ) as address:
+        say(f"{scan.files.name} at {address}; Save writes {config.out}, Ctrl-C ends it")
+        with suppress(KeyboardInterrupt):
+            threading.Event().wait()
+    return ""
+
+
+def _summary(annotation: Draft, config: Config) -> str:
+    """Return what was written, and what the surface says about it."""
+    done = [item for item in annotation.items if item.joint is not None]
+    handles = sum(len(item.handle) > 0 for item in done)
+    kinds = ", ".join(f"{sum(item.name == name for item in done)} {name}" for name in sorted({i.name for i in done}))
+    left = len(annotation.items) - len(done)
+    said = f"{config.out}: {len(done)} parts ({kinds or 'none'}), {handles} with a handle"
+    said += f"; {left} without a joint are left out" if left else ""
+    said += f"\n{report.text(checks.of_all(annotation, config.evidence))}" if done else ""
+    return said + f"\n  next: s2a check scan={config.out}"

@@ -115,6 +115,7 @@ class SoftSimulation:
                 newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, each)
             self._control = self.model.control()
             self._solver = _solver(self.model, [self._tool, *self._fingers], config)
+            self._substeps()  # compiles and loads every kernel, which capture forbids; the arm stands meanwhile
             with wp.ScopedCapture() as capture:
                 self._substeps()
             self._graph = capture.graph

@@ -159,12 +159,8 @@ def _arm_depth(trial: SoftTrial, joints: np.ndarray) -> np.ndarray:
     """Return how deep the arm reached into the room's hulls at joints [step joint] that it moved through [m], shape [step]."""
     near = RoomHulls(trial.room, set(), (trial.start[:3] + trial.goal[:3]) / 2)
     shape, arm = robot_shape(trial.robot), len(trial.robot.arm_joints)
-    found = []
-    for some in np.array_split(joints, max(1, len(joints) // 64)):
-        opened = some[:, arm:].sum(axis=1)
-        found.append(_depth(shape, near, some[:, :arm], matrix(trial.plan.base), opened))
-    return np.concatenate(found)
-
-
-def _depth(shape, near, q, base, opened):  # noqa: ANN001, ANN202
-    return np.concatenate([arm_depth(shape, near, q[k : k + 1], base, opened=float(opened[k])) for k in range(len(q))])
+    base, pads = matrix(trial.plan.base), joints[:, arm:].sum(axis=1)
+    each = [
+        arm_depth(shape, near, q[None], base, opened=float(wide)) for q, wide in zip(joints[:, :arm], pads, strict=True)
+    ]
+    return np.concatenate(each)

@@ -17,8 +17,8 @@ class SoftMetrics:
     """Thresholds.
 
     Attributes:
-        position: of the centre of mass at its place [m]: a soft body sags, leans and gives way by more than a rigid one, and has no
-            one orientation that a tolerance of degrees could be of.
+        position: of the centre of mass at its place [m]: a soft body sags, leans and gives way by more than a rigid one, and
+            has no one orientation that a tolerance of degrees could be of.
         rest_time: at rest, at the end of the episode [s].
         rest_speed: of the centre of mass, up to which it rests [m/s].
         clear_distance: of fingers and gripper body from the body's vertices, from which the gripper is gone [m].
@@ -86,7 +86,7 @@ def outcome(episode: SoftEpisode, goal: np.ndarray, metrics: SoftMetrics) -> dic
 
 
 def _carried(steps: np.ndarray, forces: np.ndarray, least: float) -> float:
-    """Return the fraction of the path on which both fingers pressed from opposite sides: directions more than 120 degrees apart."""
+    """Return the fraction of the path on which both fingers pressed from opposite sides, more than 120 degrees apart."""
     size = np.linalg.norm(forces, axis=2)
     cosine = (forces[:, 0] * forces[:, 1]).sum(axis=1) / np.maximum(size.prod(axis=1), 1e-12)
     pinched = (size >= least).all(axis=1) & (cosine <= -0.5)

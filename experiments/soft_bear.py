@@ -58,12 +58,20 @@ def main() -> None:
     parser.add_argument("settings", nargs="*")
     args = parser.parse_args()
     rows: dict[str, list[dict]] = {}
+    again = []
     for number, trial in _trials(args):
-        for device in [args.device] + ["cpu"] * (args.device != "cpu" and number < args.cpu_trials):
-            row = _run(number, trial, device, args)
-            rows.setdefault(device, []).append(row)
-            print(json.dumps({"device": device, **row}), flush=True)
-            write(rows, args)
+        _add(rows, _run(number, trial, args.device, args), args.device, args)
+        if number < args.cpu_trials:
+            again.append((number, trial))
+    for number, trial in again:
+        _add(rows, _run(number, trial, "cpu", args), "cpu", args)
+
+
+def _add(rows: dict[str, list[dict]], row: dict, device: str, args: argparse.Namespace) -> None:
+    """Add a trial's row to those of a device, print and write it."""
+    rows.setdefault(device, []).append(row)
+    print(json.dumps({"device": device, **row}), flush=True)
+    write(rows, args)
 
 
 def _settings(overrides: list[str]) -> tuple[SoftConfig, SoftMetrics, PlannerConfig]:

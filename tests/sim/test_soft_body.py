@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom
+from pxr import Usd
 from scipy.spatial.transform import Rotation
+from soft_cube import cube_asset
 
 from s2a import config
 from s2a.errors import InputError
@@ -54,7 +55,7 @@ def test_its_boxes_are_its_cells(bear: SoftBody) -> None:
 
 def test_the_moments_of_a_cube_are_those_of_its_vertices(tmp_path: Path) -> None:
     """One cell, 0.2 m wide: Kuhn's cut lets its vertices stand for unequal volumes, which add up to all of it."""
-    body = soft_body(SoftShape(0.2, 1, 0.5), _cube(tmp_path))
+    body = soft_body(SoftShape(0.2, 1, 0.5), cube_asset(tmp_path))
     assert len(body.boxes) == 1
     assert body.volume == pytest.approx(0.008)
     # All vertices are 0.1 m from the middle along every axis: each moment is m (0.1^2 + 0.1^2).
@@ -84,17 +85,3 @@ def test_a_file_without_tetrahedra_is_an_error(tmp_path: Path) -> None:
     Usd.Stage.CreateNew(str(path)).Save()
     with pytest.raises(InputError, match="no mesh has tetraIndices"):
         read_asset(path)
-
-
-def _cube(folder: Path) -> Path:
-    """Write a cube of six tetrahedra."""
-    corners, index = np.unique(KUHN.reshape(-1, 3), axis=0, return_inverse=True)
-    stage = Usd.Stage.CreateNew(str(folder / "cube.usda"))
-    mesh = UsdGeom.Mesh.Define(stage, "/cube")
-    mesh.CreatePointsAttr([tuple(map(float, each)) for each in corners])
-    mesh.CreateFaceVertexIndicesAttr([0, 1, 3])
-    from pxr import Sdf
-
-    mesh.GetPrim().CreateAttribute("tetraIndices", Sdf.ValueTypeNames.IntArray).Set([int(i) for i in index.ravel()])
-    stage.Save()
-    return folder / "cube.usda"

@@ -17,7 +17,7 @@ from s2a.scene import Mesh, Vec3
 BEAR = Path(newton.__file__).parent / "examples/assets/bear.usd"
 """Newton's teddy bear: tetrahedra that fill a grid of cubes."""
 FUR = (150, 95, 45)
-SAMPLES = 64
+SAMPLES = 500
 """Points in each tetrahedron of an asset that tell which cells it fills."""
 
 

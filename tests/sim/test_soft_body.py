@@ -49,7 +49,7 @@ def test_its_frame_is_at_the_centre_of_mass(bear: SoftBody) -> None:
 def test_its_boxes_are_its_cells(bear: SoftBody) -> None:
     sizes = [np.ptp(box.vertices, axis=0).prod() for box in bear.boxes]
     assert sum(sizes) == pytest.approx(bear.volume, rel=1e-5)
-    assert sizes == sorted(sizes, reverse=True)
+    assert (np.diff(sizes) < 1e-9).all()  # the largest first
     assert len(bear.boxes) < 40
 
 

@@ -70,7 +70,7 @@ def outcome(episode: SoftEpisode, goal: np.ndarray, metrics: SoftMetrics) -> dic
     steps = np.linalg.norm(np.diff(episode.center, axis=0), axis=1)
     size = np.linalg.norm(episode.forces, axis=2)
     touched = np.flatnonzero((size > 0.0).any(axis=1))
-    drift = np.linalg.norm(episode.center[-1] - episode.center[touched[-1]]) if len(touched) else np.inf
+    drift = np.linalg.norm(episode.center[-1] - episode.center[touched[-1] if len(touched) else 0])
     found = {
         "placed": bool((error[-last:] <= metrics.position).all()),
         "at_rest": bool((steps[-last:] * episode.rate <= metrics.rest_speed).all()),

@@ -37,7 +37,7 @@ from s2a.tasks.pick_place.soft_stage import standing
 from s2a.usd import sim_stage
 
 RESULTS = Path(__file__).parent / "results/soft_bear.json"
-START, PLACE = ("lid_45", (3.65, 3.63)), ("blanket_62", (3.95, 3.13))
+START, PLACE = ("lid_45", (3.53, 3.51)), ("blanket_62", (3.81, 3.0))
 """Supports in bedroom 1 (lid of the storage bench, blanket on the bed), and spots on them [m]."""
 YAW, TURN, APART = 0.6, 0.8, 0.03
 """[rad] Of the bear about z, by how much more or less it is turned, and how far from its spot it may stand in x and y [m]."""

@@ -148,7 +148,7 @@ def _run(number: int, trial: SoftTrial | str, device: str, args: argparse.Namesp
         name = f"{number:02d}{'_cpu' if device != args.device else ''}.npz"
         plan = trial.plan
         np.savez_compressed(
-            args.states / name, joints=np.float32(joints), particles=np.float16(np.array(particles) - trial.goal[:3]),
+            args.states / name, joints=np.array(joints, np.float32), particles=(np.array(particles) - trial.goal[:3]).astype(np.float16),
             start=trial.start, goal=trial.goal, base=plan.base, pedestal=plan.pedestal,
         )  # fmt: skip
     return row

@@ -147,9 +147,10 @@ def _run(number: int, trial: SoftTrial | str, device: str, args: argparse.Namesp
         args.states.mkdir(parents=True, exist_ok=True)
         name = f"{number:02d}{'_cpu' if device != args.device else ''}.npz"
         plan = trial.plan
+        relative = (np.array(particles) - trial.goal[:3]).astype(np.float16)
         np.savez_compressed(
-            args.states / name, joints=np.array(joints, np.float32), particles=(np.array(particles) - trial.goal[:3]).astype(np.float16),
-            start=trial.start, goal=trial.goal, base=plan.base, pedestal=plan.pedestal,
+            args.states / name, joints=np.array(joints, np.float32), particles=relative, start=trial.start,
+            goal=trial.goal, base=plan.base, pedestal=plan.pedestal,
         )  # fmt: skip
     return row
 

@@ -43,6 +43,7 @@ class SoftConfig:
         iterations: of VBD in a substep.
         arm_iterations: of MuJoCo's solver and of its line search.
         grip_stiffness: position gain of the finger joints [N/m].
+        grip_force: with which each finger presses at most [N].
     """
 
     shape: SoftShape
@@ -60,6 +61,7 @@ class SoftConfig:
     iterations: Count
     arm_iterations: Count
     grip_stiffness: Positive
+    grip_force: Positive
 
 
 class SoftSimulation:
@@ -190,7 +192,7 @@ def _world(
     SolverMuJoCo.register_custom_attributes(builder)
     SolverVBD.register_custom_attributes(builder)
     builder.rigid_gap = 0.01
-    gains = replace(robot.gains, finger_stiffness=config.grip_stiffness)
+    gains = replace(robot.gains, finger_stiffness=config.grip_stiffness, finger_effort=config.grip_force)
     add_robot(builder, robot, wp.transform(*base), gains=gains)
     moving = [i for i in range(builder.joint_count) if builder.joint_type[i] != newton.JointType.FIXED]
     for i, value in zip(moving, joints, strict=True):

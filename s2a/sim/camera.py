@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -50,10 +50,13 @@ class CameraConfig:
 class Camera:
     """A camera on one world of a stage; it has a model of its own, with everything that can be seen."""
 
-    def __init__(self, stage: SimStage, config: CameraConfig) -> None:
-        """Load the visuals; takes seconds, so make one camera and take many images."""
+    def __init__(self, stage: SimStage, config: CameraConfig, still: Sequence[Mesh] = ()) -> None:
+        """Load the visuals, and surfaces that stand still; takes seconds, so make one camera and take many images."""
         with wp.ScopedDevice("cpu"):
-            self._model = visible_model(stage).finalize()
+            builder = visible_model(stage)
+            for mesh in still:
+                _add_visual(builder, -1, mesh)
+            self._model = builder.finalize()
             self._state = self._model.state()
             self._camera = SensorCamera(self._model)
             # Scans are open shells with light from everywhere: no shadows, both sides visible.
@@ -64,6 +67,11 @@ class Camera:
             self._rays = SensorCamera.compute_camera_rays_pinhole(config.width, config.height, camera_fov=config.fov)
             self._image = self._camera.allocate_image_color(1, config.width, config.height)
             self._pose = wp.array([camera_pose(stage, config)], dtype=wp.transformf)
+
+    @property
+    def coordinates(self) -> int:
+        """Number of joint coordinates that an image needs."""
+        return int(self._model.joint_coord_count)
 
     def image(self, joint_q: torch.Tensor) -> np.ndarray:
         """Return RGB [height width 3], uint8, for the joint coordinates of a world, shape [coord]."""

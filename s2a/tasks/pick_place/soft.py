@@ -1,0 +1,166 @@
+"""Picking up a soft body and placing it: the plan for the rigid body of its shape, executed on the soft one."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2a.planner.gripper_shape import gripper_boxes
+from s2a.planner.motion import PlannerConfig
+from s2a.planner.object_grasps import matrix
+from s2a.planner.obstacles import RoomHulls
+from s2a.planner.pick_base import arm_depth
+from s2a.planner.pick_place import Fits, plan_pick
+from s2a.planner.pick_plan import PickPlan
+from s2a.planner.segments import Segments
+from s2a.planner.trajectory import Trajectory, eased
+from s2a.robot.collision import robot_shape
+from s2a.robot.spec import GripperSpec, RobotSpec
+from s2a.sim.soft import RATE, SoftConfig, SoftSimulation
+from s2a.sim.soft_body import SoftBody
+from s2a.tasks.pick_place.skill import pick
+from s2a.tasks.pick_place.soft_metrics import SoftEpisode, SoftMetrics, outcome
+from s2a.tasks.pick_place.soft_stage import NAME, hulls_near, with_body
+from s2a.usd.sim_scene import SimRoom
+
+AFTER = 1.5
+"""[s] That an episode goes on after the arm's motion: half a second to come to rest, and one at rest."""
+Watch = Callable[[int, SoftSimulation], None]
+
+
+@dataclass(frozen=True)
+class SoftTrial:
+    """A soft body to be picked and placed.
+
+    Attributes:
+        room: without it.
+        body: at rest.
+        config: how it is simulated.
+        robot: what picks it.
+        start: pose of its frame, 7-vector, scene frame.
+        goal: likewise.
+        plan: how.
+    """
+
+    room: SimRoom
+    body: SoftBody
+    config: SoftConfig
+    robot: RobotSpec
+    start: np.ndarray
+    goal: np.ndarray
+    plan: PickPlan
+
+
+def plan_trial(
+    room: SimRoom,
+    body: SoftBody,
+    config: SoftConfig,
+    robot: RobotSpec,
+    ends: tuple[np.ndarray, np.ndarray],
+    seed: int = 0,
+    fits: Fits | None = None,
+) -> SoftTrial:
+    """Plan as for a rigid body of the same shape, from start to goal (7-vectors); Unreachable where there is no plan."""
+    plan = plan_pick(with_body(room, body, config, ends[0]), NAME, *ends, robot, seed, fits)
+    return SoftTrial(room, body, config, robot, *ends, plan)
+
+
+def trajectory(trial: SoftTrial, config: PlannerConfig) -> Trajectory:
+    """Return the joint targets of a trial. How the body slips in the gripper is not made up for."""
+    robot = trial.robot
+    found = Segments(trial.plan.reach[0], robot, robot.limits, RATE, config.close_time)
+    pick(found, trial.plan, config)
+    return found.trajectory(config.start_noise, config.reach_time)
+
+
+def run_trial(
+    trial: SoftTrial,
+    planner: PlannerConfig,
+    metrics: SoftMetrics,
+    seed: int,
+    device: str = "cpu",
+    watch: Watch | None = None,
+) -> dict[str, float | bool]:
+    """Simulate a trial from a noisy start of the arm; return its outcome, with the seconds that it took.
+
+    Args:
+        trial: what is done.
+        planner: times of the motion, and the noise.
+        metrics: the thresholds.
+        seed: of the noise.
+        device: of Warp.
+        watch: is called after every control step, with its number.
+    """
+    plan, robot = trial.plan, trial.robot
+    first = np.array(robot.start)
+    arm = len(robot.arm_joints)
+    first[:arm] += np.random.default_rng(seed).uniform(-1.0, 1.0, arm) * planner.start_noise
+    begun = time.perf_counter()
+    hulls = hulls_near(trial.room, trial.body, [trial.start, trial.goal])
+    sim = SoftSimulation(trial.body, trial.start, robot, plan.base, first, hulls, trial.config, device)
+    built = time.perf_counter()
+    targets = _targets(first, trajectory(trial, planner))
+    center, forces, joints, gap = [], [], [], []
+    for step, target in enumerate(targets):
+        sim.step(target)
+        q, particles = sim.joints, sim.particles
+        center.append(sim.center)
+        forces.append(sim.finger_forces)
+        joints.append(q)
+        gap.append(gripper_gap(particles, _tool_frame(sim.tool, robot), q[arm:], robot.gripper))
+        if watch is not None:
+            watch(step, sim)
+    ended = time.perf_counter()
+    depth = _arm_depth(trial, np.array(joints))
+    episode = SoftEpisode(np.array(center), np.array(forces), np.array(gap), depth, RATE)
+    found = outcome(episode, trial.goal[:3], metrics)
+    seconds = {"simulated": len(targets) / RATE, "built_in": built - begun, "stepped_in": ended - built}
+    return found | {name: round(value, 3) for name, value in seconds.items()}
+
+
+def _targets(first: np.ndarray, planned: Trajectory) -> np.ndarray:
+    """Return joint targets [step joint]: from where the robot begins to the trajectory, along it, and AFTER it."""
+    ahead = eased(np.arange(1, planned.reach_steps + 1) / planned.reach_steps)[:, None]
+    reach = first + ahead * (planned.targets[0] - first)
+    still = np.repeat(planned.targets[-1:], math.ceil(AFTER * RATE), axis=0)
+    return np.concatenate([reach, planned.targets, still])
+
+
+def _tool_frame(body: np.ndarray, robot: RobotSpec) -> np.ndarray:
+    """Return the pose of the tool frame [4 4], given that of the gripper body, 7-vector."""
+    pose = matrix(body)
+    pose[:3, 3] += pose[:3, :3] @ np.array(robot.tool_offset)
+    return pose
+
+
+def gripper_gap(points: np.ndarray, tool: np.ndarray, fingers: np.ndarray, gripper: GripperSpec) -> float:
+    """Return the least distance of points [point 3] from the boxes of fingers and gripper body [m], 0 within.
+
+    Args:
+        points: scene frame.
+        tool: pose of the tool frame [4 4].
+        fingers: joints of the left and the right finger [m], shape [2].
+        gripper: which.
+    """
+    local = (points - tool[:3, 3]) @ tool[:3, :3]
+    shifts = [fingers[0] - gripper.finger_joint_open, gripper.finger_joint_open - fingers[1], 0.0]
+    least = np.inf
+    for (low, high), shift in zip(gripper_boxes(gripper), shifts, strict=True):
+        moved = local - [0.0, shift, 0.0]
+        least = min(least, float(np.linalg.norm(moved - np.clip(moved, low, high), axis=1).min()))
+    return least
+
+
+def _arm_depth(trial: SoftTrial, joints: np.ndarray) -> np.ndarray:
+    """Return how deep the arm reached into the room's hulls at joints [step joint] that it moved through [m], shape [step]."""
+    near = RoomHulls(trial.room, set(), (trial.start[:3] + trial.goal[:3]) / 2)
+    shape, arm = robot_shape(trial.robot), len(trial.robot.arm_joints)
+    base, pads = matrix(trial.plan.base), joints[:, arm:].sum(axis=1)
+    each = [
+        arm_depth(shape, near, q[None], base, opened=float(wide)) for q, wide in zip(joints[:, :arm], pads, strict=True)
+    ]
+    return np.concatenate(each)

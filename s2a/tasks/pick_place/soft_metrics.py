@@ -1,0 +1,95 @@
+"""Whether a soft body was carried to its place, from what was recorded of an episode in every control step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2a.ranges import Fraction, NotNegative, Positive
+
+MOVED = 2e-4
+"""[m] In a control step, from which the body moves: what is held trembles by less."""
+
+
+@dataclass(frozen=True)
+class SoftMetrics:
+    """Thresholds.
+
+    Attributes:
+        position: of the centre of mass at its place [m]: a soft body sags, leans and gives way by more than a rigid one, and
+            has no one orientation that a tolerance of degrees could be of.
+        rest_time: at rest, at the end of the episode [s].
+        rest_speed: of the centre of mass, up to which it rests [m/s].
+        clear_distance: of fingers and gripper body from the body's vertices, from which the gripper is gone [m].
+        contact_force: of each finger, from which a pinch holds [N].
+        carried_fraction: of the body's path over which a pinch must have held.
+        max_drift: of the body after the last touch [m]: more is dropped or thrown.
+        max_depth: of the arm in the room's hulls, at any time [m].
+    """
+
+    position: Positive
+    rest_time: Positive
+    rest_speed: Positive
+    clear_distance: NotNegative
+    contact_force: Positive
+    carried_fraction: Fraction
+    max_drift: NotNegative
+    max_depth: NotNegative
+
+
+@dataclass(frozen=True)
+class SoftEpisode:
+    """What was recorded.
+
+    Attributes:
+        center: centre of mass [m], shape [step 3].
+        forces: of the body on the left and the right finger [N], shape [step 2 3].
+        gap: least distance of fingers and gripper body from the body's vertices [m], shape [step].
+        depth: of the arm in the room's hulls [m], shape [step].
+        rate: steps a second.
+    """
+
+    center: np.ndarray
+    forces: np.ndarray
+    gap: np.ndarray
+    depth: np.ndarray
+    rate: float
+
+
+def outcome(episode: SoftEpisode, goal: np.ndarray, metrics: SoftMetrics) -> dict[str, float | bool]:
+    """Return the results of an episode by name: those of `success`, and what they were decided by.
+
+    Args:
+        episode: what was recorded, of `rest_time` or more.
+        goal: place of the centre of mass [m], shape [3].
+        metrics: the thresholds.
+    """
+    last = round(metrics.rest_time * episode.rate)
+    error = np.linalg.norm(episode.center - goal, axis=1)
+    steps = np.linalg.norm(np.diff(episode.center, axis=0), axis=1)
+    size = np.linalg.norm(episode.forces, axis=2)
+    touched = np.flatnonzero((size > 0.0).any(axis=1))
+    drift = np.linalg.norm(episode.center[-1] - episode.center[touched[-1] if len(touched) else 0])
+    found = {
+        "placed": bool((error[-last:] <= metrics.position).all()),
+        "at_rest": bool((steps[-last:] * episode.rate <= metrics.rest_speed).all()),
+        "gripper_gone": bool((episode.gap[-last:] >= metrics.clear_distance).all() and not size[-last:].any()),
+        "carried": (carried := _carried(steps, episode.forces, metrics.contact_force)) >= metrics.carried_fraction,
+        "released_at_rest": bool(drift <= metrics.max_drift),
+        "arm_clear": bool(episode.depth.max() <= metrics.max_depth),
+        "finite": bool(np.isfinite(episode.center).all()),
+    }
+    values = {"position_error": float(error[-1]), "carried_path": carried, "drift": float(drift)}
+    values |= {"arm_depth": float(episode.depth.max()), "grip_force": float(size.min(axis=1).max())}
+    return {"success": all(found.values()), **found, **values}
+
+
+def _carried(steps: np.ndarray, forces: np.ndarray, least: float) -> float:
+    """Return the fraction of the path on which both fingers pressed from opposite sides, more than 120 degrees apart."""
+    size = np.linalg.norm(forces, axis=2)
+    cosine = (forces[:, 0] * forces[:, 1]).sum(axis=1) / np.maximum(size.prod(axis=1), 1e-12)
+    pinched = (size >= least).all(axis=1) & (cosine <= -0.5)
+    moved = np.where(steps > MOVED, steps, 0.0)
+    held = moved[pinched[:-1] & pinched[1:]]
+    return float(held.sum() / moved.sum()) if moved.any() else 0.0

@@ -12,7 +12,7 @@ ROBOT ?= panda
 .PHONY: demo test check docs format lock clean
 
 demo: $(INSTALLED)
-	$(BIN)/python tools/demo.py $(DEMO) --robot $(ROBOT)
+	$(BIN)/python tools/run_demo.py $(DEMO) --robot $(ROBOT)
 
 test: $(INSTALLED)
 	$(BIN)/pytest -q -n auto --maxprocesses 4 --dist loadfile -m "not slow and not gpu"

@@ -24,7 +24,7 @@ from s2a.collect.lerobot import CHUNK, VIDEO
 from s2a.collect.lerobot_format import IMAGES
 from s2a.sim.views import CAMERAS
 
-LEAST = 8.0
+MIN_FPS = 8.0
 """Images a second of the video."""
 QUALITY = 60
 GAP = 4
@@ -46,7 +46,7 @@ def main() -> None:
     chosen = np.linspace(0, len(scene) - 1, args.frames).round().astype(int)
     Image.fromarray(beside([scene[k] for k in chosen])).save(args.out.with_suffix(".png"), optimize=True)
     speed = max(args.speed, len(scene) / fps / args.seconds)
-    step = max(1, math.floor(fps * speed / LEAST))
+    step = max(1, math.floor(fps * speed / MIN_FPS))
     images = [Image.fromarray(beside([scene[k], wrist[k]])) for k in range(0, len(scene), step)]
     duration = round(1000 * step / (fps * speed))
     video = {"save_all": True, "append_images": images[1:], "duration": duration, "loop": 0, "quality": QUALITY}

@@ -55,7 +55,7 @@ class Camera:
         with wp.ScopedDevice("cpu"):
             builder = visible_model(stage)
             for mesh in still:
-                _add_visual(builder, -1, mesh)
+                _add_visual(builder, -1, mesh, "still")
             self._model = builder.finalize()
             self._state = self._model.state()
             self._camera = SensorCamera(self._model)

@@ -1,6 +1,6 @@
 """The demo: every step from a virtual office to a robot that opens one of its drawers, with the time that is left.
 
-    python tools/demo.py demo [--robot panda]
+    python tools/run_demo.py demo [--robot panda]
 
 The first argument is the folder that is filled. Steps are the commands that are printed, and can be repeated alone.
 """

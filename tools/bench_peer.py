@@ -17,12 +17,7 @@ from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 
-import mjlab.tasks  # noqa: F401  (registers the tasks)
 import torch
-from mjlab.envs import ManagerBasedRlEnv
-from mjlab.rl import MjlabOnPolicyRunner, RslRlVecEnvWrapper
-from mjlab.tasks.registry import load_env_cfg, load_rl_cfg
-from mjlab.utils.torch import configure_torch_backends
 
 TASK = "Mjlab-Lift-Cube-Yam"
 WARM_UP = 5
@@ -37,6 +32,8 @@ def main() -> None:
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--out", type=Path, help="write the rows as JSON")
     args = parser.parse_args()
+    from mjlab.utils.torch import configure_torch_backends  # of another environment; --help needs none
+
     configure_torch_backends()
     rows = [bench(args.device, num_envs, args.iterations) for num_envs in args.num_envs]
     about = {name: version(name) for name in ("mjlab", "mujoco-warp", "rsl-rl-lib", "torch")}
@@ -47,6 +44,11 @@ def main() -> None:
 
 def bench(device: str, num_envs: int, iterations: int) -> dict[str, float]:
     """Measure one number of worlds."""
+    import mjlab.tasks  # noqa: F401  (registers the tasks)
+    from mjlab.envs import ManagerBasedRlEnv
+    from mjlab.rl import MjlabOnPolicyRunner, RslRlVecEnvWrapper
+    from mjlab.tasks.registry import load_env_cfg, load_rl_cfg
+
     scene, agent = load_env_cfg(TASK), load_rl_cfg(TASK)
     scene.scene.num_envs, agent.logger = num_envs, "tensorboard"
     env = RslRlVecEnvWrapper(ManagerBasedRlEnv(cfg=scene, device=device), clip_actions=agent.clip_actions)

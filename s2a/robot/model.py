@@ -35,9 +35,9 @@ def add_robot(
         gains: of the position controller; None: the robot's own.
         gravity_compensation: MuJoCo carries the robot's weight.
         visuals: load visual meshes too.
-        realistic: let links touch each other, except NEIGHBOURS; drives have their inertia; let the fingers follow target
-            velocities too, and yield no faster than at their speed to the drive's own force.
-        coupled_fingers: couple them if one motor drives both.
+        realistic: let links touch each other, except NEIGHBOURS; drives have their inertia; couple the fingers if one motor
+            drives both, let them follow target velocities too, and yield no faster than at their speed to the drive's own force.
+        coupled_fingers: couple them so in any case.
 
     Raises:
         InputError: the URDF's joints are not those of the spec, in this order.
@@ -72,7 +72,7 @@ def add_robot(
         _compensate_gravity(builder, first_body)
     if realistic:
         _allow_self_collision(builder, first_body)
-    if coupled_fingers:
+    if realistic or coupled_fingers:
         _couple_fingers(builder, spec, moving)
 
 

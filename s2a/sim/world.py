@@ -199,7 +199,7 @@ def build_world(
             gains=gains,
             gravity_compensation=gravity_compensation,
             realistic=realistic,
-            coupled_fingers=coupled_fingers or realistic,
+            coupled_fingers=coupled_fingers,
         )
     lacking = _add_room(builder, stage, static=static_colliders, both_kinds=both_kinds)
     if missing is None:

@@ -38,7 +38,7 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: Sequence[str], code: 
     ("arguments", "words"),
     [
         (["exprt"], ["'exprt'", "did you mean: export"]),
-        (["zzz"], ["'zzz'", "known: import, sample, check, register, export, insert, prepare"]),
+        (["zzz"], ["'zzz'", "known: import, sample, check, annotate, register, export, insert, prepare"]),
         (["export", "--halp"], ["'--halp'", "--help"]),
         (["export", "scam=x", "out=y"], ["'scam'", "did you mean: scan"]),
         (["train", "ppo.iteration=3"], ["'ppo.iteration'", "ppo.iterations"]),

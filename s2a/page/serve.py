@@ -33,16 +33,28 @@ def served(room: PageRoom, view: CameraPose, fov: float, port: int) -> Iterator[
         fov: vertical field of view [rad].
         port: of the server; the next free one where it is taken.
     """
+    with started(view, fov, port, WIDTH) as server:
+        Panel(server, SceneNodes(server.scene, room))
+        yield address(server)
+
+
+@contextmanager
+def started(view: CameraPose, fov: float, port: int, width: int) -> Iterator[viser.ViserServer]:
+    """Start a server with camera, lights and an empty panel of `width` pixels at the right, as `served`; stop it at the end."""
     server = viser.ViserServer(HOST, port, verbose=False)
     try:
         set_up(server, view, fov)
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()
-        server.gui.main_panel.set_width(WIDTH)
-        Panel(server, SceneNodes(server.scene, room))
-        yield f"http://localhost:{server.get_port()}"
+        server.gui.main_panel.set_width(width)
+        yield server
     finally:
         server.stop()
+
+
+def address(server: viser.ViserServer) -> str:
+    """Return where a browser on this machine finds it."""
+    return f"http://localhost:{server.get_port()}"
 
 
 def set_up(server: viser.ViserServer, view: CameraPose, fov: float) -> None:

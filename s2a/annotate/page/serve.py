@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import viser
-
 from s2a.annotate.editor import Editor
 from s2a.annotate.page.panel import AnnotationPanel, Save
 from s2a.evidence.bounds import Bounds
@@ -14,7 +12,7 @@ from s2a.geometry.orbit_camera import CameraPose
 from s2a.mesh import Mesh
 from s2a.page import glb
 from s2a.page.room import PagePart, PageRoom
-from s2a.page.serve import HOST, set_up
+from s2a.page.serve import address, started
 from s2a.page.thin import thinned
 
 WIDTH = 400
@@ -38,18 +36,11 @@ def served(
         fov: vertical field of view [rad].
         port: of the server; the next free one where it is taken.
     """
-    server = viser.ViserServer(HOST, port, verbose=False)
-    try:
-        set_up(server, view, fov)
-        server.gui.configure_theme(show_logo=False, show_share_button=False)
-        server.gui.main_panel.dock_right()
-        server.gui.main_panel.set_width(WIDTH)
+    with started(view, fov, port, WIDTH) as server:
         server.gui.set_panel_label(name)
         server.scene.add_glb(f"/{SCAN}", glb.encode(_fewer(editor.annotation.surface.mesh(), max_faces)))
         AnnotationPanel(server, editor, save, bounds)
-        yield f"http://localhost:{server.get_port()}"
-    finally:
-        server.stop()
+        yield address(server)
 
 
 def _fewer(mesh: Mesh, max_faces: int) -> Mesh:

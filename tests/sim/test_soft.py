@@ -61,12 +61,16 @@ def test_a_gripper_lifts_a_cube_by_friction_alone(cube: SoftBody, friction: floa
     _go(sim, path[-1:], 0.04, 40)
     _go(sim, path[-1:], 0.0, 60)
     left, right = sim.finger_forces
-    assert np.linalg.norm(left) > 5.0
-    assert left @ right < 0.0
+    if friction:  # without, a soft cube is squeezed out of the gripper already here
+        assert np.linalg.norm(left) > 5.0
+        assert left @ right < 0.0
     _go(sim, path[::-1], 0.0, 60)
     _go(sim, path[:1], 0.0, 120)
     raised = sim.center[2] - AT[2]
-    assert raised == (pytest.approx(0.09, abs=0.02) if friction else pytest.approx(0.0, abs=0.02))
+    if friction:
+        assert raised == pytest.approx(0.09, abs=0.02)
+    else:  # squeezed out, it slides off the slab
+        assert raised < 0.02
 
 
 def _above(z: float, near: np.ndarray | None = None) -> np.ndarray:

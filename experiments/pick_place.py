@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import time
 from pathlib import Path
 
@@ -47,7 +48,8 @@ def main() -> None:
 
 
 def _path(args: argparse.Namespace, room: str, label: str, seed: str) -> Path:
-    return args.rows / f"{room}_{label.replace(' ', '_')}_{seed}.json"
+    name = re.sub(r"\W+", "_", label)
+    return args.rows / f"{room}_{name}_{seed}.json"
 
 
 def _row(args: argparse.Namespace, room: str, label: str, seed: str) -> Row:

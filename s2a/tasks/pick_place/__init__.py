@@ -18,6 +18,7 @@ from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 from s2a.tasks.pick_place import mdp, skill
 from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
+from s2a.tasks.pick_place.start import shift
 
 
 class PickPlaceTask(Task):
@@ -113,7 +114,7 @@ class PickPlaceTask(Task):
         """Start a new episode where one ended."""
         first, (far, turn) = self.sim.layout.part_coord, (self.config.start_shift, self.config.start_turn)
         if far or turn:  # random streams stay as they are where nothing is drawn
-            wp.launch(mdp.shift, dim=len(state.done), inputs=[state, first, far, turn])
+            wp.launch(shift, dim=len(state.done), inputs=[state, first, far, turn])
         self.launch(self.KERNELS.reset, state, first)
 
     def before_step(self, state: State) -> None:

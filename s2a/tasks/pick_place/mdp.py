@@ -9,6 +9,7 @@ from s2a.env.task import columns
 from s2a.sim.contacts import PartContacts
 from s2a.tasks.observation import observe_joints, observe_vector
 from s2a.tasks.part_functions import OPPOSED, squared_action
+from s2a.tasks.pick_place.start import start_of
 
 METRICS = (
     "success",
@@ -168,34 +169,6 @@ def action(s: State, h: PickPlace, world: int):
 
 
 REWARDS = (distance, pinch, place, rest, action)
-
-
-@wp.kernel
-def shift(s: State, first: int, far: float, turn: float):
-    """Where an episode begins, shift the object by up to `far` [m] along x and y, and turn it by up to `turn` [rad] about z.
-
-    `first` is the index of the object's first coordinate.
-    """
-    world = wp.tid()
-    if s.done[world] == 1:
-        rng = s.rng[world]
-        for i in range(2):
-            s.joint_q[world, first + i] += wp.randf(rng, -far, far)
-        turned = wp.quat_from_axis_angle(wp.vec3(0.0, 0.0, 1.0), wp.randf(rng, -turn, turn)) * wp.quat(
-            s.joint_q[world, first + 3],
-            s.joint_q[world, first + 4],
-            s.joint_q[world, first + 5],
-            s.joint_q[world, first + 6],
-        )
-        for i in range(4):
-            s.joint_q[world, first + 3 + i] = turned[i]
-        s.rng[world] = rng
-
-
-@wp.func
-def start_of(s: State, first: int, world: int):
-    """Return where the object stands as an episode begins [m]."""
-    return wp.vec3(s.joint_q[world, first], s.joint_q[world, first + 1], s.joint_q[world, first + 2])
 
 
 @wp.kernel

@@ -10,7 +10,8 @@ from s2a.env.kernels import is_sound
 from s2a.env.state import State
 from s2a.env.task import columns
 from s2a.tasks.part_functions import squared_action
-from s2a.tasks.pick_place.mdp import STRIDE, is_pinched, start_of, tool_of
+from s2a.tasks.pick_place.mdp import STRIDE, is_pinched, tool_of
+from s2a.tasks.pick_place.start import start_of
 from s2a.tasks.put_in.handles import Progress, PutIn, gripper_clearance, in_part, is_inside, place_error, turn_error
 
 METRICS = (

@@ -1,11 +1,13 @@
 """Throughput of worlds with many parts in one batch, beside worlds of one part, in one run.
 
-    python tools/bench_many.py POOL/pool.json [--stages 1 64 ...] [--num-envs 4096 8192] [--ppo "" "tf32=true" ...] [--out FILE]
+    python tools/bench_many.py POOL/pool.json [--stages 1 64 ...] [--singles 8] [--num-envs 4096 8192]
+        [--ppo "" "tf32=true" ...] [--out FILE]
 
 The environment is that of `+experiment=many`. "env_step" is environment steps a second under uniform random actions, resets
 included. For each line of --ppo (keys of conf/ppo over the experiment's) follow environment steps a second of PPO from its
 fourth iteration on, the seconds of an iteration and of the update in it, for the largest number of stages. Stages are
-taken evenly from the index. Rates are compared within one run only.
+taken evenly from the index; a single one may be easier or harder than others, so that --singles measures several. Rates are
+compared within one run only.
 """
 
 from __future__ import annotations
@@ -43,6 +45,7 @@ def main() -> None:
     parser.add_argument("pool", type=Path)
     parser.add_argument("--stages", type=int, nargs="+", default=[1, 64])
     parser.add_argument("--num-envs", type=int, nargs="+", default=[4096, 8192])
+    parser.add_argument("--singles", type=int, default=1, help="rows of one stage each, where --stages has 1")
     parser.add_argument("--ppo", nargs="*", default=["", "tf32=true"], help="keys of conf/ppo, separated by commas")
     parser.add_argument("--iterations", type=int, default=10, help="of PPO that are timed")
     parser.add_argument("--device", default="cuda:0" if torch.cuda.is_available() else "cpu")
@@ -53,11 +56,18 @@ def main() -> None:
     stages, rows = settings.read_stages(), []
     for num_envs in args.num_envs:
         for count in args.stages:
-            chosen = [stages[i] for i in np.linspace(0, len(stages) - 1, count).round().astype(int)]
             shapes = args.ppo if count == max(args.stages) else []
-            rows.append(bench(settings, chosen, num_envs, shapes, args.iterations))
-            if args.out:
-                args.out.write_text(json.dumps({**provenance(args.device), "rows": rows}, indent=1) + "\n")
+            for chosen in batches(stages, count, args.singles):
+                rows.append(bench(settings, chosen, num_envs, shapes, args.iterations))
+                if args.out:
+                    args.out.write_text(json.dumps({**provenance(args.device), "rows": rows}, indent=1) + "\n")
+
+
+def batches(stages: Sequence[SimStage], count: int, singles: int) -> list[list[SimStage]]:
+    """Return what is stepped together, evenly from the stages: one batch of `count`, or where that is 1 `singles` of one."""
+    many = singles if count == 1 else count
+    chosen = [stages[i] for i in np.linspace(0, len(stages) - 1, many).round().astype(int)]
+    return [[stage] for stage in chosen] if count == 1 else [chosen]
 
 
 def bench(

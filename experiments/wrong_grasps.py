@@ -1,7 +1,8 @@
 """Policy and planner where the grasp is seen wrongly -> experiments/results/grasp_error.json.
 
     python experiments/wrong_grasps.py pools/test/pool.json [--errors 0 0.005 0.01 0.02] [--turns 0 2 5 10] [--every 4]
-        [--episodes 8] [--policies pretrained planner] [--device cuda:0] [--out FILE]
+        [--episodes 8] [--policies pretrained planner] [--device cuda:0] [--jobs 1]
+        [--out FILE]
 
 Errors [m] without a turn, and turns [degree] without an error, of every fourth part of the pool. A row that is there is kept.
 """
@@ -13,6 +14,7 @@ import json
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from s2a.outputs import atomic_write
@@ -30,19 +32,26 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=8)
     parser.add_argument("--policies", nargs="+", default=["pretrained", "planner"])
     parser.add_argument("--device", default="cuda:0")
+    parser.add_argument("--jobs", type=int, default=1, help="that run side by side")
     parser.add_argument("--out", type=Path, default=Path("experiments/results/grasp_error.json"))
     args = parser.parse_args()
     index = every(args.pool, args.every)
     points = [(error, 0.0) for error in args.errors] + [(0.0, turn) for turn in args.turns if turn]
-    for policy in args.policies:
-        for error, turn in points:
-            rows = json.loads(args.out.read_text())["rows"] if args.out.is_file() else []
-            if any((r["policy"], r["grasp_error"], r["grasp_turn"]) == (policy, error, turn) for r in rows):
-                continue
-            rows.append(_row(args, index, policy, error, turn))
+    rows = json.loads(args.out.read_text())["rows"] if args.out.is_file() else []
+    there = {(row["policy"], row["grasp_error"], row["grasp_turn"]) for row in rows}
+    missing = [
+        (policy, *point) for policy in args.policies for point in points if (Path(policy).name, *point) not in there
+    ]
+    with ThreadPoolExecutor(args.jobs) as jobs:
+        for job in as_completed([jobs.submit(_row, args, index, *each) for each in missing]):
+            rows.append(job.result())
             print(rows[-1], flush=True)
             with atomic_write(args.out) as file:
-                file.write_text(json.dumps({"rows": rows}, indent=1) + "\n")
+                file.write_text(json.dumps({"rows": sorted(rows, key=_order)}, indent=1) + "\n")
+
+
+def _order(row: dict[str, object]) -> tuple[object, ...]:
+    return row["policy"], row["grasp_turn"], row["grasp_error"]
 
 
 def every(index: Path, step: int) -> Path:

@@ -77,7 +77,7 @@ class Simulation:
             kinds = {stage.joint.kind for stage in self.stages}
             worlds = build_worlds(self.stages, WorldSettings(config, with_robot, both_kinds=len(kinds) > 1))
             self.world = worlds[0]
-            self.model = _batch(worlds, num_envs).finalize()
+            self.model = _finalized(_batch(worlds, num_envs))
             if with_robot:
                 layouts = [layout(world, self.robot, stage) for world, stage in zip(worlds, self.stages, strict=True)]
                 self.layout = layouts[0]
@@ -167,6 +167,18 @@ def _batch(worlds: Sequence[newton.ModelBuilder], num_envs: int) -> newton.Model
     for i in range(num_envs):
         builder.add_world(worlds[i % len(worlds)])
     return builder
+
+
+def _finalized(builder: newton.ModelBuilder) -> newton.Model:
+    """Return a builder's model, without what only Newton's own collision detection reads; MuJoCo's is in use here.
+
+    For that, finalize() walks the faces of every hull in Python: minutes for the rooms of a pool.
+    """
+    flags = np.array(builder.shape_flags, dtype=np.int32)
+    builder.shape_flags = (flags & ~int(newton.ShapeFlags.COLLIDE_SHAPES)).tolist()
+    model = builder.finalize()
+    model.shape_flags.assign(flags)
+    return model
 
 
 def _group(world: newton.ModelBuilder) -> None:

@@ -17,6 +17,7 @@ import argparse
 import math
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -120,10 +121,11 @@ def _settings(stage: Any, task: str, keys: dict[str, float], args: argparse.Name
 def _episodes(stage: Any, settings: Any, args: argparse.Namespace, row: Row, name: str) -> Row:
     """Return how many worlds did a task, a count a seed, with the largest use of limits so far, and how long planning took.
 
-    That is the seconds by the clock and of the processor, once for all worlds of the first seed; other processes may run.
+    That is the seconds by the clock and of the processor, once for all worlds and seeds; other processes may run.
     """
+    from s2a import tasks
     from s2a.evaluate import run_episodes
-    from s2a.planner.motion import Planner
+    from s2a.planner.motion import Planner, demonstration
     from s2a.sim.limit_use import LimitUse
     from s2a.sim.simulation import Simulation
     from s2a.tasks import make_env
@@ -131,16 +133,18 @@ def _episodes(stage: Any, settings: Any, args: argparse.Namespace, row: Row, nam
     sim = Simulation(stage, settings.sim, args.num_envs, args.device)
     counts: list[int] = []
     ends: list[float] = []
-    used, planning = dict(row.get("limit_use", {})), []
+    used = dict(row.get("limit_use", {}))
+    begun, used_before = time.perf_counter(), time.process_time()
+    motion = demonstration(
+        sim, settings.planner, partial(tasks.task(settings.task.name).tool_path, config=settings.task)
+    )
+    planning = [time.perf_counter() - begun, time.process_time() - used_before]
     for seed in args.seeds:
         env = make_env(sim, settings.task, settings.metrics, {}, seed)
-        begun, used_before = time.perf_counter(), time.process_time()
-        planner = Planner(env, settings.planner)
-        planning = planning or [time.perf_counter() - begun, time.process_time() - used_before]
-        longest = planner.steps + LAG
-        if longest > env.max_episode_length:  # near a singularity, or around an open part, the arm needs longer
-            env = make_env(sim, replace(settings.task, episode_steps=longest), settings.metrics, {}, seed)
-            planner = planner.in_env(env)
+        planner = Planner(env, settings.planner, [motion])
+        if planner.steps + LAG > env.max_episode_length:  # near a singularity, or around an open part, it takes longer
+            env = make_env(sim, replace(settings.task, episode_steps=planner.steps + LAG), settings.metrics, {}, seed)
+            planner = Planner(env, settings.planner, [motion])
         use = LimitUse(sim)
         columns = run_episodes(env, planner, lambda env=env, use=use: use.watch(env.episode_step == 0))  # type: ignore[misc]
         counts.append(int(columns["final_success"].sum()))

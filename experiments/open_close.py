@@ -4,8 +4,8 @@
     python experiments/open_close.py [--num-envs 64] [--device cpu] [--jobs 1] [--rooms office_0 ...] [--seeds 0 1 2]
 
 Every part is opened from a noisy start to 75 % of its range, or by 0.2 m or 60 degrees where that is less, and in episodes of
-their own it is shut from there, until 1 cm is left; without the spring that would shut it. One base serves for both: the
-prepared one, else one that is searched for. What counts is how the part stands at the end. Parts that have a row are not done
+their own it is shut from there, until 1 cm is left; without the spring that would shut it. For each of both the robot
+stands at the prepared base, else at one that is searched for. What counts is how the part stands at the end. Parts that have a row are not done
 again. Writes experiments/results/open_close.json after each: a row a part, with a count a seed of what was opened and shut, the
 seconds (by the clock, of the processor) that planning for all worlds took and those of the base's search, and the largest
 use of the robot's limits.
@@ -28,8 +28,6 @@ FRACTION, SLIDE, TURN = 0.75, 0.2, math.radians(60.0)
 """Of the range, [m] and [rad]: how far a part is opened at most."""
 BEYOND = 0.02
 """[m] By which the planner's target passes the opening that counts: the arm lags, and a grip creeps."""
-APPROACH = 0.1
-"""[m] Straight path to the handle, and back from it; as conf/planner has it."""
 LAG = 30
 """Control steps for which the arm comes after the end of its plan."""
 
@@ -62,30 +60,10 @@ def _row(args: argparse.Namespace, room: str, part: str) -> Row:
     most = SLIDE if stage.joint.kind == "prismatic" else TURN * stage.lever_arm
     goal = min(FRACTION * stage.travel, most)
     row["goal"] = round(goal, 4)
-    try:
-        stage = _based(stage, goal, row)
-    except InputError as error:
-        return row | {"cause": "no base", "why": str(error), "seconds": round(time.perf_counter() - begun, 1)}
     failed = _both(stage, goal, args, row)
     hits = sum(sum(row.get(name, [])) for name in ("opened", "shut"))
     row |= {"success": hits / row["episodes"], "seconds": round(time.perf_counter() - begun, 1)}
     return row | {"cause": " and ".join(failed)}
-
-
-def _based(stage: Any, goal: float, row: Row) -> Any:
-    """Return the stage with a base for opening it by `goal` [m] and shutting it; the row notes which, and the seconds."""
-    import numpy as np
-
-    from s2a import robot
-    from s2a.planner.part_base import with_base
-    from s2a.robot.tool_path import opening_coordinate
-
-    begun = time.perf_counter()
-    end = opening_coordinate(stage.joint, stage.grasp[:3], goal + BEYOND)
-    found = with_base(stage, end, APPROACH, 0.0, robot.load(stage.robot))
-    row["base"] = "prepared" if np.allclose(found.base, stage.base, atol=1e-3) else "searched"
-    row["base_seconds"] = round(time.perf_counter() - begun, 1)
-    return found
 
 
 def _both(stage: Any, goal: float, args: argparse.Namespace, row: Row) -> list[str]:
@@ -101,12 +79,27 @@ def _both(stage: Any, goal: float, args: argparse.Namespace, row: Row) -> list[s
     ):
         settings = _settings(stage, task, keys, args)
         try:
-            row |= _episodes(stage, settings, args, row, name)
+            row |= _episodes(_based(stage, settings, row, name), settings, args, row, name)
         except InputError as error:
             row |= {f"{name}_{key}": text for key, text in cause_of(error).items()}
         if any(count < args.num_envs for count in row.get(name, [0])):
-            failed.append(f"not {name}")
+            failed.append(f"not {name}" + (f" ({row[key]})" if (key := f"{name}_cause") in row else ""))
     return failed
+
+
+def _based(stage: Any, settings: Any, row: Row, name: str) -> Any:
+    """Return the stage with a base for all of a task; the row notes which, and the seconds."""
+    import numpy as np
+
+    from s2a import robot, tasks
+    from s2a.planner.part_base import with_base
+
+    begun = time.perf_counter()
+    path = tasks.task(settings.task.name).tool_path(stage, settings.planner, settings.task)
+    found = with_base(stage, path, robot.load(stage.robot))
+    row[f"{name}_base"] = "prepared" if np.allclose(found.base, stage.base, atol=1e-3) else "searched"
+    row[f"{name}_base_seconds"] = round(time.perf_counter() - begun, 1)
+    return found
 
 
 def _settings(stage: Any, task: str, keys: dict[str, float], args: argparse.Namespace) -> Any:

@@ -1,4 +1,4 @@
-"""Where a robot may stand to open a part as far as it is asked to, and to shut it again: one base for all of it."""
+"""Where a robot may stand to move a part as far as a task asks for: a search over all tool poses of the task."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.articulation import displace, transform
+from s2a.articulation import transform
 from s2a.planner.free_motion import free_motion
 from s2a.planner.insides import moved_room
 from s2a.planner.misses import Misses, Unreachable
@@ -19,7 +19,7 @@ from s2a.planner.pick_base import arm_depth, bases, chunks
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import ToolPath, matrices, there_and_back
+from s2a.robot.tool_path import ToolPath, matrices
 from s2a.sim.world import SimStage
 
 IK_SEEDS, BRANCHES, AT_ONCE = 12, 4, 24
@@ -30,23 +30,21 @@ Based = tuple[np.ndarray, float]
 """Pose [4 4] of a base and height of its pedestal [m]."""
 
 
-def with_base(stage: SimStage, end: float, approach: float, depth: float, spec: RobotSpec, seed: int = 0) -> SimStage:
-    """Return a stage with the robot where it can open the part up to a coordinate, let go, and shut it again.
+def with_base(stage: SimStage, path: ToolPath, spec: RobotSpec, seed: int = 0) -> SimStage:
+    """Return a stage with the robot where it can follow a tool path with the part, and reach its beginning from home.
 
     The prepared base is taken if it serves.
 
     Args:
         stage: of the part.
-        end: coordinate [m] or [rad].
-        approach: straight path to the handle, and back from it [m].
-        depth: how far the tool frame goes past the grasp [m].
+        path: of a task, to the part's handle and with it; the part stands at its first coordinate.
         spec: the robot.
         seed: of the searches.
 
     Raises:
         Unreachable: no base does, with the segment that comes farthest.
     """
-    base, height = _Search(stage, end, approach, depth, spec, seed).first()
+    base, height = _Search(stage, path, spec, seed).first()
     vector = np.array([*base[:3, 3], *Rotation.from_matrix(base[:3, :3]).as_quat()])
     return replace(stage, base=vector, pedestal=(height, spec.base.radius))
 
@@ -54,19 +52,14 @@ def with_base(stage: SimStage, end: float, approach: float, depth: float, spec: 
 class _Search:
     """The search, cheapest tests first."""
 
-    def __init__(
-        self, stage: SimStage, end: float, approach: float, depth: float, spec: RobotSpec, seed: int
-    ) -> None:
-        self._stage, self._spec, self._seed = stage, spec, seed
+    def __init__(self, stage: SimStage, path: ToolPath, spec: RobotSpec, seed: int) -> None:
+        self._stage, self._path, self._spec, self._seed = stage, path, spec, seed
         self._shape, self._misses = robot_shape(spec), Misses()
-        self._path: ToolPath = there_and_back(stage.joint, stage.grasp, approach, end, depth)
         room, target = stage.room, stage.target
-        self._ends = [_at(displace(stage.grasp[None, :3], stage.joint, q)[0]) for q in (0.0, end)]
-        about = (self._ends[0][:3, 3] + self._ends[1][:3, 3]) / 2
+        about = (path.poses[0, :3, 3] + path.poses[-1, :3, 3]) / 2
         riders = {i for i in room.articulations if target in room.carriers(i)}
         self._around = RoomHulls(room, {target, *riders}, about)
-        self._shut = RoomHulls(room, (), about)
-        self._open = RoomHulls(moved_room(room, target, end, {}), (), about)
+        self._start = RoomHulls(moved_room(room, target, float(path.q[0]), {}), (), about)
         alone = replace(room, bodies={target: room.bodies[target]}, articulations={}, free={}, static_colliders=())
         self._part = RoomHulls(alone, (), stage.grasp[:3])
 
@@ -82,30 +75,31 @@ class _Search:
                 order = np.argsort(np.abs(paths[:, 0] - np.array(kin.spec.home)).max(axis=1))
                 if any(self._serves(paths[k], base) for k in order[:BRANCHES]):
                     return base, pedestal
-        raise Unreachable(f"{self._stage.target!r} cannot be opened so far and shut again: {self._misses.text}")
+        raise Unreachable(f"{self._stage.target!r} cannot be moved so far: {self._misses.text}")
 
     def _standing(self) -> Iterator[Based]:
         """Yield bases at which the robot stands clear of the room and of the part, however far it is open."""
-        for base, pedestal in bases(self._shape, self._shut, *self._ends):
+        turns = [transform(self._stage.joint, q) for q in np.linspace(self._path.q[0], self._path.q[-1], STOPS)]
+        for base, pedestal in bases(self._shape, self._start, self._path.poses[0], self._path.poses[-1]):
             column = np.arange(0.05 - pedestal, self._spec.base.shoulder_height, self._spec.base.radius)
             stand = base[:3, 3] + column[:, None] * [0.0, 0.0, 1.0]
-            swept = [_moved(stand, transform(self._stage.joint, q)) for q in self._path.q[:: -len(self._path.q) // STOPS]]
-            if self._part.depth(np.stack(swept), np.full(len(stand), self._spec.base.radius)).max() <= 0.0:
+            swept = np.stack([_moved(stand, turn) for turn in turns])
+            if self._part.depth(swept, np.full(len(stand), self._spec.base.radius)).max() <= 0.0:
                 yield base, pedestal
 
     def _serves(self, path: np.ndarray, base: np.ndarray) -> bool:
-        """Return whether the arm is clear on a joint path [pose arm], and reaches both of its ends from home."""
-        depth = max(
-            float(arm_depth(self._shape, self._around, path, base, fingers=False).max()),
-            self._part_depth(path, base),
-            self._shape.self_penetration(path)[0],
-        )
-        if depth > SLACK:
-            text = f"handle: the arm reaches {1000 * depth:.0f} mm into the room, the part or itself as it moves the part"
-            self._misses.note(1, depth, text)
+        """Return whether the arm is clear on a joint path [pose arm], and reaches its beginning from home."""
+        depths = {
+            "the room": float(arm_depth(self._shape, self._around, path, base, fingers=False).max()),
+            "the part": self._part_depth(path, base),
+            "itself": self._shape.self_penetration(path)[0],
+        }
+        worst = max(depths, key=lambda name: depths[name])
+        if depths[worst] > SLACK:
+            text = f"handle: the arm reaches {1000 * depths[worst]:.0f} mm into {worst} as it moves the part"
+            self._misses.note(1, depths[worst], text)
             return False
-        names = ("reach of the shut part", "reach of the open part")
-        return all(map(self._reaches, (self._shut, self._open), (path[0], path[-1]), (base, base), names))
+        return self._reaches(path[0], base)
 
     def _part_depth(self, path: np.ndarray, base: np.ndarray) -> float:
         """Return how deep the arm without its gripper reaches into the part that it moves [m]."""
@@ -114,22 +108,16 @@ class _Search:
         centers = self._shape.centers(path)[:, chosen] @ np.swapaxes(back[:, :3, :3], 1, 2) + back[:, None, :3, 3]
         return float(self._part.depth(centers, self._shape.radii[chosen]).max())
 
-    def _reaches(self, near: RoomHulls, goal: np.ndarray, base: np.ndarray, name: str) -> bool:
+    def _reaches(self, goal: np.ndarray, base: np.ndarray) -> bool:
         """Return whether there is a collision-free motion from home to joints [arm]."""
-        kin, free = self._shape.kin, is_free(self._shape, near, base)
-        home = np.array(self._spec.home)
-        depth = float(arm_depth(self._shape, near, np.stack([home, goal]), base).max())
+        kin, home = self._shape.kin, np.array(self._spec.home)
+        depth = float(arm_depth(self._shape, self._start, np.stack([home, goal]), base).max())
+        free = is_free(self._shape, self._start, base)
         found = depth <= SLACK and free_motion(home, goal, kin.lower, kin.upper, free, SEARCH, self._seed) is not None
         if not found:
-            text = f"{name}: its ends reach {1000 * depth:.0f} mm into something, or no collision-free motion was found"
+            text = f"reach: its ends reach {1000 * depth:.0f} mm into something, or no collision-free motion was found"
             self._misses.note(2, depth, text)
         return found
-
-
-def _at(point: np.ndarray) -> np.ndarray:
-    pose = np.eye(4)
-    pose[:3, 3] = point
-    return pose
 
 
 def _moved(points: np.ndarray, moved: np.ndarray) -> np.ndarray:

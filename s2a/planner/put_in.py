@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from s2a.articulation import transform
 from s2a.planner.free_motion import free_motion
 from s2a.planner.insides import Inside, inside_placements, moved_room
 from s2a.planner.misses import Misses, Unreachable
@@ -17,7 +18,7 @@ from s2a.planner.pick_plan import PickPlan
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import ToolPath, there_and_back
+from s2a.robot.tool_path import ToolPath, part_path
 from s2a.usd.sim_scene import SimRoom
 
 PLACEMENTS = 4
@@ -180,7 +181,11 @@ def handle_path(task: PutTask) -> ToolPath:
     """Return the tool path to the handle, with it to the open part, and straight back from it."""
     articulation = task.room.articulations[task.part]
     grasp = np.array([*articulation.grasp.point, *articulation.grasp.orientation])
-    return there_and_back(articulation.joint, grasp, task.approach, task.opening, task.depth)
+    there = part_path(articulation.joint, grasp, task.approach, task.opening, task.depth)
+    moved = transform(articulation.joint, task.opening)
+    back = moved @ there.poses[: there.grasp + 1][::-1]
+    poses = np.concatenate([there.poses, back[1:]])
+    return ToolPath(poses, np.concatenate([there.q, np.full(len(back) - 1, task.opening)]), there.grasp)
 
 
 def _key(base: np.ndarray) -> bytes:

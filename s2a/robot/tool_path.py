@@ -83,14 +83,6 @@ def part_path(
     return ToolPath(matrices(np.array(vectors)), q, len(back) - 1)
 
 
-def there_and_back(joint: Joint, grasp: np.ndarray, approach: float, end: float, depth: float = 0.0) -> ToolPath:
-    """Return the path of `part_path` from a shut part on, and straight back from its handle where it stands open."""
-    there = part_path(joint, grasp, approach, end, depth)
-    back = transform(joint, end) @ there.poses[: there.grasp + 1][::-1]
-    poses = np.concatenate([there.poses, back[1:]])
-    return ToolPath(poses, np.concatenate([there.q, np.full(len(back) - 1, end)]), there.grasp)
-
-
 def matrices(vectors: np.ndarray) -> np.ndarray:
     """Return 7-vectors (position, quaternion xyzw) [pose 7] as matrices [pose 4 4]."""
     poses = np.tile(np.eye(4), (len(vectors), 1, 1))

@@ -44,9 +44,11 @@ def main() -> None:
 
 
 def _parts(args: argparse.Namespace, room: str) -> list[str]:
+    """Return the parts of a room, those with hinges first: they take longest."""
     from s2a.usd import sim_stage
 
-    return list(sim_stage.read(args.inputs / room / "room.usd", visuals=False).articulations)
+    parts = sim_stage.read(args.inputs / room / "room.usd", visuals=False).articulations
+    return sorted(parts, key=lambda part: parts[part].joint.kind == "prismatic")
 
 
 def _row(args: argparse.Namespace, room: str, part: str) -> Row:

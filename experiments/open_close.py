@@ -4,11 +4,11 @@
     python experiments/open_close.py [--num-envs 64] [--device cpu] [--jobs 1] [--rooms office_0 ...] [--seeds 0 1 2]
 
 Every part is opened from a noisy start to 75 % of its range, or by 0.2 m or 60 degrees where that is less, and in episodes of
-their own it is shut from there, until 1 cm is left; without the spring that would shut it. For each of both the robot
-stands at the prepared base, else at one that is searched for. What counts is how the part stands at the end. Parts that have a row are not done
-again. Writes experiments/results/open_close.json after each: a row a part, with a count a seed of what was opened and shut, the
-seconds (by the clock, of the processor) that planning for all worlds took and those of the base's search, and the largest
-use of the robot's limits.
+their own it is shut from there, until 1 cm is left; without the spring that would shut it. For each of both the robot stands
+at the prepared base, else at one that is searched for. What counts is how the part stands at the end. Parts that have a row are
+not done again. Writes experiments/results/open_close.json after each: a row a part, with a count a seed of what was opened and
+shut, the worst opening at the end [m], the seconds (by the clock, of the processor) that planning for all worlds took and those
+of the base's search, and the largest use of the robot's limits.
 """
 
 from __future__ import annotations
@@ -53,7 +53,6 @@ def _parts(args: argparse.Namespace, room: str) -> list[str]:
 
 def _row(args: argparse.Namespace, room: str, part: str) -> Row:
     """Open a part and shut it; return how it went."""
-    from s2a.errors import InputError
     from s2a.sim.world import read_stage
 
     begun, stage = time.perf_counter(), read_stage(args.inputs / room / "room.usd", part)
@@ -114,7 +113,7 @@ def _settings(stage: Any, task: str, keys: dict[str, float], args: argparse.Name
 
 
 def _episodes(stage: Any, settings: Any, args: argparse.Namespace, row: Row, name: str) -> Row:
-    """Return how many worlds did a task, a count a seed, with the largest use of limits so far, and how long planning took.
+    """Return how many worlds did a task, a count a seed, with the largest use of limits, and how long planning took.
 
     That is the seconds by the clock and of the processor, once for all worlds and seeds; other processes may run.
     """
@@ -148,7 +147,8 @@ def _episodes(stage: Any, settings: Any, args: argparse.Namespace, row: Row, nam
         if "grasp_success" in columns:
             row.setdefault("grasped", []).append(int(columns["grasp_success"].sum()))
     worst = min(ends) if name == "opened" else max(ends)
-    return {name: counts, f"{name}_worst": round(worst, 3), "limit_use": used, f"{name}_planning": [round(each, 2) for each in planning]}
+    times = [round(each, 2) for each in planning]
+    return {name: counts, f"{name}_worst": round(worst, 3), "limit_use": used, f"{name}_planning": times}
 
 
 if __name__ == "__main__":

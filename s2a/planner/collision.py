@@ -35,9 +35,7 @@ def most_clear(sim: Simulation, paths: np.ndarray, start: float = 0.0) -> int:
     for k, path in enumerate(paths[:TRIED]):
         reach = straight(home, path[0])
         own = max(_penetration(shape, base, static, path, fingers=False), shape.self_penetration(path)[0])
-        on_the_way = max(
-            _penetration(shape, base, all_hulls, reach, fingers=True), shape.self_penetration(reach)[0]
-        )
+        on_the_way = max(_penetration(shape, base, all_hulls, reach, fingers=True), shape.self_penetration(reach)[0])
         if max(own, on_the_way) <= SLACK:
             return k
         best = min(best, (max(own, SLACK), on_the_way, k))

@@ -24,6 +24,8 @@ from s2a.sim.world import SimStage
 
 IK_SEEDS, BRANCHES, AT_ONCE = 12, 4, 24
 """Starts of the inverse kinematics at each base, joint paths that are looked at there, and bases that are tried together."""
+PEDESTALS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""[m] Heights of what the robot may stand on; as `s2a prepare` has them."""
 STOPS = 5
 """Coordinates of the part at which the base must be clear of it."""
 Based = tuple[np.ndarray, float]
@@ -80,7 +82,7 @@ class _Search:
     def _standing(self) -> Iterator[Based]:
         """Yield bases at which the robot stands clear of the room and of the part, however far it is open."""
         turns = [transform(self._stage.joint, q) for q in np.linspace(self._path.q[0], self._path.q[-1], STOPS)]
-        for base, pedestal in bases(self._shape, self._start, self._path.poses[0], self._path.poses[-1]):
+        for base, pedestal in bases(self._shape, self._start, self._path.poses[0], self._path.poses[-1], PEDESTALS):
             column = np.arange(0.05 - pedestal, self._spec.base.shoulder_height, self._spec.base.radius)
             stand = base[:3, 3] + column[:, None] * [0.0, 0.0, 1.0]
             swept = np.stack([_moved(stand, turn) for turn in turns])

@@ -251,7 +251,7 @@ def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, config: Planne
     if not len(paths):
         raise InputError(
             f"{stage.path}: the arm cannot follow part {stage.target!r} from its base at {np.round(stage.base[:3], 2)} m; "
-            f"prepare the stage again, with robot={stage.robot}"
+            f"give search_base=true to s2a evaluate, or prepare the stage again, with robot={stage.robot}"
         )
     distance = np.abs(paths[:, 0] - np.array(kin.spec.home)).max(axis=1)
     margin = np.minimum(paths - kin.lower, kin.upper - paths).min(axis=(1, 2))

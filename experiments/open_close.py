@@ -90,15 +90,13 @@ def _both(stage: Any, goal: float, args: argparse.Namespace, row: Row) -> list[s
 
 def _based(stage: Any, settings: Any, row: Row, name: str) -> Any:
     """Return the stage with a base for all of a task; the row notes which, and the seconds."""
-    import numpy as np
-
     from s2a import robot, tasks
     from s2a.planner.part_base import with_base
 
     begun = time.perf_counter()
     path = tasks.task(settings.task.name).tool_path(stage, settings.planner, settings.task)
-    found = with_base(stage, path, robot.load(stage.robot))
-    row[f"{name}_base"] = "prepared" if np.allclose(found.base, stage.base, atol=1e-3) else "searched"
+    found = with_base(stage, path, robot.load(stage.robot), settings.planner.start_noise)
+    row[f"{name}_base"] = "prepared" if found is stage else "searched"
     row[f"{name}_base_seconds"] = round(time.perf_counter() - begun, 1)
     return found
 

@@ -145,7 +145,8 @@ def _based(stage: SimStage, config: Config) -> SimStage:
         return stage
     if task.tool_path is Task.tool_path:
         raise InputError(f"key 'search_base' is true, and task={config.task.name} always searches; leave it out")
-    return with_base(stage, task.tool_path(stage, config.planner, config.task), config.robot, config.planner.seed)
+    path = task.tool_path(stage, config.planner, config.task)
+    return with_base(stage, path, config.robot, config.planner.start_noise, config.planner.seed)
 
 
 def _refuse_of_a_pool(config: Config) -> None:

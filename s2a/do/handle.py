@@ -68,7 +68,7 @@ def _motion(env: VecEnv, config: PlannerConfig, fraction: float) -> HandleMotion
     back = round(fraction * path.grasp)
     last = len(path.poses) - 1 - back
     rate = 1.0 / (sim.config.dt * sim.config.substeps)
-    around = detour(sim.stage, sim.robot, arm[0], float(path.q[0]), config.seed)
+    around = detour(sim.stage, sim.robot, arm[0], float(path.q[0]), config.start_noise, config.seed)
     reach = arm[:1] if around is None else around
     found = Segments(reach[0], sim.robot, sim.plan_limits, rate, config.close_time)
     if around is not None:

@@ -221,7 +221,7 @@ def plan(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Trajectory
     """Return the trajectory that does a task in a simulation's stage; InputError: out of reach."""
     path, arm = planned_path(sim, config, tool_path)
     trajectory = _trajectory(sim, path, arm, config)
-    around = detour(sim.stage, sim.robot, arm[0], float(path.q[0]), config.seed)
+    around = detour(sim.stage, sim.robot, arm[0], float(path.q[0]), config.start_noise, config.seed)
     if around is None:
         return trajectory
     return preceded(trajectory, around, sim.robot, sim.plan_limits, _rate(sim), config.start_noise, config.reach_time)

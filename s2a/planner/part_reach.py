@@ -12,6 +12,7 @@ from s2a.planner.obstacles import RoomHulls
 from s2a.planner.pick_base import arm_depth
 from s2a.planner.trajectory import USED, Trajectory, reach_steps, timed
 from s2a.robot.collision import SLACK, RobotShape, robot_shape
+from s2a.robot.joint_path import straight
 from s2a.robot.spec import JointLimits, RobotSpec
 from s2a.robot.tool_path import matrices
 from s2a.sim.room import pedestal
@@ -19,6 +20,10 @@ from s2a.sim.world import SimStage
 
 SEARCH = 3.0
 """[s] For a collision-free motion to the point of approach."""
+TRIES = 3
+"""Searches for it: they are random, and their time is that of the clock."""
+STARTS = 24
+"""Starts off home that must be free: a joint that is off by 0.125 rad moves the gripper by 10 cm."""
 SPEED = 0.6
 """[rad] Of all joints together that the arm moves in a second between two straight paths."""
 
@@ -41,23 +46,29 @@ def is_free(shape: RobotShape, near: RoomHulls, base: np.ndarray) -> Free:
     return free
 
 
-def detour(stage: SimStage, spec: RobotSpec, first: np.ndarray, q: float, seed: int) -> np.ndarray | None:
+def noisy_starts(spec: RobotSpec, noise: float, seed: int) -> np.ndarray:
+    """Return joints [start arm] at which an episode may begin: home, and up to `noise` [rad] off it."""
+    home = np.array(spec.home)
+    off = np.random.default_rng(seed).uniform(-noise, noise, (STARTS, len(home)))
+    return np.concatenate([home[None], home + off])
+
+
+def lines(starts: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return joints [pose arm] on the straight lines from starts [start arm] to an end [arm]."""
+    return np.concatenate([np.concatenate([start[None], straight(start, end)]) for start in starts])
+
+
+def detour(stage: SimStage, spec: RobotSpec, first: np.ndarray, q: float, noise: float, seed: int) -> np.ndarray | None:
     """Return joints [pose arm] from home to `first` [arm] around a part at a coordinate, and around the room.
 
-    None where the straight line is free, or no motion was found.
+    None where the straight lines from all starts are free, or no motion was found.
     """
     shape, home = robot_shape(spec), np.array(spec.home)
     free = is_free(shape, room_hulls(stage, q), matrices(stage.base[None])[0])
-    if not free(np.stack([home, first])).all():
+    if free(lines(noisy_starts(spec, noise, seed), first)).all() or not free(np.stack([home, first])).all():
         return None
-    path = free_motion(home, first, shape.kin.lower, shape.kin.upper, free, SEARCH, seed)
-    return None if path is None or is_straight(path) else path
-
-
-def is_straight(path: np.ndarray) -> bool:
-    """Return whether joints [pose arm] lie on the line from the first to the last."""
-    line = np.linspace(path[0], path[-1], len(path))
-    return bool(np.abs(path - line).max() < 1e-6)
+    tries = (free_motion(home, first, shape.kin.lower, shape.kin.upper, free, SEARCH, seed) for _ in range(TRIES))
+    return next((path for path in tries if path is not None), None)
 
 
 def preceded(

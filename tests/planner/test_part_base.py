@@ -36,7 +36,7 @@ def path_of(stage: SimStage) -> ToolPath:
 
 def test_a_prepared_base_that_serves_is_kept(tmp_path: Path) -> None:
     stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
-    found = with_base(stage, path_of(stage), PANDA)
+    found = with_base(stage, path_of(stage), PANDA, 0.125)
     np.testing.assert_allclose(found.base[:3], stage.base[:3], atol=1e-6)
     assert found.pedestal[0] == stage.pedestal[0]
 
@@ -47,7 +47,7 @@ def test_where_the_prepared_base_does_not_reach_another_one_is_found(tmp_path: P
     kin = kinematics(PANDA)
     (paths,) = follow(kin, path.poses, matrices(stage.base[None]), 12)
     assert not len(paths)
-    found = with_base(stage, path, PANDA)
+    found = with_base(stage, path, PANDA, 0.125)
     (paths,) = follow(kin, path.poses, matrices(found.base[None]), 12)
     assert len(paths)
     # The drawer comes out by 0.3 m: the robot does not stand where it comes.
@@ -59,7 +59,7 @@ def test_what_no_base_reaches_is_said_with_its_segment(tmp_path: Path) -> None:
     path = path_of(stage)
     high = replace(path, poses=path.poses + [[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1.9], [0, 0, 0, 0]])
     with pytest.raises(Unreachable, match="cannot be moved so far: handle: the arm cannot follow"):
-        with_base(stage, high, PANDA)
+        with_base(stage, high, PANDA, 0.125)
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def blocked(tmp_path: Path) -> tuple[SimStage, np.ndarray]:
     plain = read_stage(write_cabinet(tmp_path / "plain.usda"))
     kin = kinematics(PANDA)
     first = joint_paths(kin, plain, path_of(plain), settings())[0][0]
-    assert detour(plain, PANDA, first, 0.0, 0) is None, "the straight line is free"
+    assert detour(plain, PANDA, first, 0.0, 0.0, 0) is None, "the straight line is free"
     halfway = (np.array(PANDA.home) + first) / 2
     place = matrices(plain.base[None])[0] @ kin.tool(halfway[None])[0]
     post = box(tuple(place[:3, 3]), (0.03, 0.03, 0.03))
@@ -77,7 +77,7 @@ def blocked(tmp_path: Path) -> tuple[SimStage, np.ndarray]:
 
 def test_the_arm_reaches_around_what_is_in_the_way(blocked: tuple[SimStage, np.ndarray]) -> None:
     stage, first = blocked
-    path = detour(stage, PANDA, first, 0.0, 0)
+    path = detour(stage, PANDA, first, 0.0, 0.0, 0)
     assert path is not None
     np.testing.assert_allclose(path[[0, -1]], [PANDA.home, first], atol=1e-9)
     near = room_hulls(stage, 0.0)

@@ -96,7 +96,7 @@ def evaluated(keys: Sequence[str], out: Path) -> Row:
 
 def cause_of(error: InputError) -> Row:
     """Return the cause of a failure before any episode, and what was said."""
-    if isinstance(error, Ungraspable):
+    if isinstance(error.__cause__ or error, Ungraspable):  # what a command raises names its output, and has a cause
         return {"cause": "does not fit the gripper", "why": str(error)}
     found = SEGMENT.search(str(error))
     spot = "no free spot" if "level spot" in str(error) else "refused"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,7 +15,7 @@ from s2a.planner.free_motion import free_motion
 from s2a.planner.insides import moved_room
 from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.obstacles import RoomHulls
-from s2a.planner.part_reach import SEARCH, is_free, lines, noisy_starts
+from s2a.planner.part_reach import SEARCH, all_free, is_free, lines, noisy_starts
 from s2a.planner.pick_base import arm_depth, bases, chunks
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.joint_path import follow
@@ -130,8 +131,8 @@ class _Search:
 
     def _is_straight(self, goal: np.ndarray, base: np.ndarray) -> bool:
         """Return whether the straight lines from all starts to joints [arm] are free."""
-        ends = is_free(self._shape, self._start, base)
-        return bool(ends(self._starts).all() and ends(lines(self._starts, goal)).all())
+        free = partial(all_free, self._shape, self._start, base)
+        return free(self._starts) and free(lines(self._starts, goal))
 
     def _reaches(self, goal: np.ndarray, base: np.ndarray) -> bool:
         """Return whether all starts are free, and a motion from home to joints [arm]."""

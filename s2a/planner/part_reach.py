@@ -46,6 +46,12 @@ def is_free(shape: RobotShape, near: RoomHulls, base: np.ndarray) -> Free:
     return free
 
 
+def all_free(shape: RobotShape, near: RoomHulls, base: np.ndarray, q: np.ndarray) -> bool:
+    """Return whether in all of many joints [pose arm] the arm meets neither a room nor itself; faster than `is_free`."""
+    clear = bool(arm_depth(shape, near, q, base).max() <= SLACK)
+    return clear and shape.self_penetration(q)[0] <= SLACK
+
+
 def noisy_starts(spec: RobotSpec, noise: float, seed: int) -> np.ndarray:
     """Return joints [start arm] at which an episode may begin: home, and up to `noise` [rad] off it."""
     home = np.array(spec.home)
@@ -64,8 +70,10 @@ def detour(stage: SimStage, spec: RobotSpec, first: np.ndarray, q: float, noise:
     None where the straight lines from all starts are free, or no motion was found.
     """
     shape, home = robot_shape(spec), np.array(spec.home)
-    free = is_free(shape, room_hulls(stage, q), matrices(stage.base[None])[0])
-    if free(lines(noisy_starts(spec, noise, seed), first)).all() or not free(np.stack([home, first])).all():
+    near, base = room_hulls(stage, q), matrices(stage.base[None])[0]
+    free = is_free(shape, near, base)
+    straight_lines = lines(noisy_starts(spec, noise, seed), first)
+    if all_free(shape, near, base, straight_lines) or not free(np.stack([home, first])).all():
         return None
     tries = (free_motion(home, first, shape.kin.lower, shape.kin.upper, free, SEARCH, seed) for _ in range(TRIES))
     return next((path for path in tries if path is not None), None)

@@ -20,7 +20,7 @@ from s2a.sim.world import SimStage
 
 SEARCH = 3.0
 """[s] For a collision-free motion to the point of approach."""
-TRIES = 3
+ATTEMPTS = 3
 """Searches for it: they are random, and their time is that of the clock."""
 STARTS = 24
 """Starts off home that must be free: a joint that is off by 0.125 rad moves the gripper by 10 cm."""
@@ -75,8 +75,8 @@ def detour(stage: SimStage, spec: RobotSpec, first: np.ndarray, q: float, noise:
     straight_lines = lines(noisy_starts(spec, noise, seed), first)
     if all_free(shape, near, base, straight_lines) or not free(np.stack([home, first])).all():
         return None
-    tries = (free_motion(home, first, shape.kin.lower, shape.kin.upper, free, SEARCH, seed) for _ in range(TRIES))
-    return next((path for path in tries if path is not None), None)
+    attempts = (free_motion(home, first, shape.kin.lower, shape.kin.upper, free, SEARCH, seed) for _ in range(ATTEMPTS))
+    return next((path for path in attempts if path is not None), None)
 
 
 def preceded(

@@ -3,11 +3,12 @@
     python experiments/skill_rooms.py     # once, on any machine
     python experiments/open_close.py [--num-envs 64] [--device cpu] [--jobs 1] [--rooms office_0 ...] [--seeds 0 1 2]
 
-Every part for which the room has a free base is opened from a noisy start to 75 % of its range, or by 0.2 m or 60 degrees
-where that is less, and in episodes of their own it is shut from there, until 1 cm is left; without the spring that would shut
-it. What counts is how the part stands at the end. Parts that have a row are not done again. Writes
-experiments/results/open_close.json after each: a row a part, with a count a seed of what was opened and shut, the seconds (by
-the clock, of the processor) that planning for all worlds took, and the largest use of the robot's limits.
+Every part is opened from a noisy start to 75 % of its range, or by 0.2 m or 60 degrees where that is less, and in episodes of
+their own it is shut from there, until 1 cm is left; without the spring that would shut it. For each of both the robot stands
+at the prepared base, else at one that is searched for. What counts is how the part stands at the end. Parts that have a row are
+not done again. Writes experiments/results/open_close.json after each: a row a part, with a count a seed of what was opened and
+shut, the worst opening at the end [m], the seconds (by the clock, of the processor) that planning for all worlds took and those
+of the base's search, and the largest use of the robot's limits.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import argparse
 import math
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,8 @@ FRACTION, SLIDE, TURN = 0.75, 0.2, math.radians(60.0)
 """Of the range, [m] and [rad]: how far a part is opened at most."""
 BEYOND = 0.02
 """[m] By which the planner's target passes the opening that counts: the arm lags, and a grip creeps."""
+LAG = 30
+"""Control steps for which the arm comes after the end of its plan."""
 
 
 def main() -> None:
@@ -40,43 +44,61 @@ def main() -> None:
 
 
 def _parts(args: argparse.Namespace, room: str) -> list[str]:
+    """Return the parts of a room, those with hinges first: they take longest."""
     from s2a.usd import sim_stage
 
-    return list(sim_stage.read(args.inputs / room / "room.usd", visuals=False).articulations)
+    parts = sim_stage.read(args.inputs / room / "room.usd", visuals=False).articulations
+    return sorted(parts, key=lambda part: parts[part].joint.kind == "prismatic")
 
 
 def _row(args: argparse.Namespace, room: str, part: str) -> Row:
     """Open a part and shut it; return how it went."""
-    from s2a.errors import InputError
     from s2a.sim.world import read_stage
 
     begun, stage = time.perf_counter(), read_stage(args.inputs / room / "room.usd", part)
     row: Row = {"room": room, "part": part, "kind": stage.joint.kind, "travel": round(stage.travel, 3)}
     row["episodes"] = 2 * args.num_envs * len(args.seeds)
-    if not all(base.free for base in stage.room.articulations[part].bases.values()):
-        return row | {
-            "cause": "no free base",
-            "why": "s2a prepare found no base from which the arm is clear of the room",
-        }
     most = SLIDE if stage.joint.kind == "prismatic" else TURN * stage.lever_arm
     goal = min(FRACTION * stage.travel, most)
-    row["goal"], failed = round(goal, 4), []
+    row["goal"] = round(goal, 4)
+    failed = _both(stage, goal, args, row)
+    hits = sum(sum(row.get(name, [])) for name in ("opened", "shut"))
+    row |= {"success": hits / row["episodes"], "seconds": round(time.perf_counter() - begun, 1)}
+    return row | {"cause": " and ".join(failed)}
+
+
+def _both(stage: Any, goal: float, args: argparse.Namespace, row: Row) -> list[str]:
+    """Open and shut a part; fill the row, and return what failed."""
+    from s2a.errors import InputError
+
     ahead = {"planner.opening": goal + BEYOND, "metrics.success_opening": goal, "metrics.full_travel": 1e-3}
     away = {"task.termination_opening": 10.0, "task.full_travel": 1e-3}
+    failed = []
     for name, task, keys in (
         ("opened", "open_part", ahead | away),
         ("shut", "close_part", {"task.start_opening": goal}),
     ):
         settings = _settings(stage, task, keys, args)
         try:
-            row |= _episodes(stage, settings, args, row, name)
+            row |= _episodes(_based(stage, settings, row, name), settings, args, row, name)
         except InputError as error:
             row |= {f"{name}_{key}": text for key, text in cause_of(error).items()}
         if any(count < args.num_envs for count in row.get(name, [0])):
-            failed.append(f"not {name}")
-    hits = sum(sum(row.get(name, [])) for name in ("opened", "shut"))
-    row |= {"success": hits / row["episodes"], "seconds": round(time.perf_counter() - begun, 1)}
-    return row | {"cause": " and ".join(failed)}
+            failed.append(f"not {name}" + (f" ({row[key]})" if (key := f"{name}_cause") in row else ""))
+    return failed
+
+
+def _based(stage: Any, settings: Any, row: Row, name: str) -> Any:
+    """Return the stage with a base for all of a task; the row notes which, and the seconds."""
+    from s2a import robot, tasks
+    from s2a.planner.part_base import with_base
+
+    begun = time.perf_counter()
+    path = tasks.task(settings.task.name).tool_path(stage, settings.planner, settings.task)
+    found = with_base(stage, path, robot.load(stage.robot), settings.planner.start_noise)
+    row[f"{name}_base"] = "prepared" if found is stage else "searched"
+    row[f"{name}_base_seconds"] = round(time.perf_counter() - begun, 1)
+    return found
 
 
 def _settings(stage: Any, task: str, keys: dict[str, float], args: argparse.Namespace) -> Any:
@@ -89,34 +111,42 @@ def _settings(stage: Any, task: str, keys: dict[str, float], args: argparse.Name
 
 
 def _episodes(stage: Any, settings: Any, args: argparse.Namespace, row: Row, name: str) -> Row:
-    """Return how many worlds did a task, a count a seed, with the largest use of limits so far, and how long planning took.
+    """Return how many worlds did a task, a count a seed, with the largest use of limits, and how long planning took.
 
-    That is the seconds by the clock and of the processor, once for all worlds of the first seed; other processes may run.
+    That is the seconds by the clock and of the processor, once for all worlds and seeds; other processes may run.
     """
+    from s2a import tasks
     from s2a.evaluate import run_episodes
-    from s2a.planner.motion import Planner
+    from s2a.planner.motion import Planner, demonstration
     from s2a.sim.limit_use import LimitUse
     from s2a.sim.simulation import Simulation
     from s2a.tasks import make_env
 
     sim = Simulation(stage, settings.sim, args.num_envs, args.device)
     counts: list[int] = []
-    used, planning = dict(row.get("limit_use", {})), []
+    ends: list[float] = []
+    used = dict(row.get("limit_use", {}))
+    begun, used_before = time.perf_counter(), time.process_time()
+    motion = demonstration(
+        sim, settings.planner, partial(tasks.task(settings.task.name).tool_path, config=settings.task)
+    )
+    planning = [time.perf_counter() - begun, time.process_time() - used_before]
     for seed in args.seeds:
         env = make_env(sim, settings.task, settings.metrics, {}, seed)
-        begun, used_before = time.perf_counter(), time.process_time()
-        planner = Planner(env, settings.planner)
-        planning = planning or [time.perf_counter() - begun, time.process_time() - used_before]
-        if planner.steps >= env.max_episode_length:  # near a singularity the arm has to go slowly
-            env = make_env(sim, replace(settings.task, episode_steps=planner.steps + 1), settings.metrics, {}, seed)
-            planner = Planner(env, settings.planner)
+        planner = Planner(env, settings.planner, [motion])
+        if planner.steps + LAG > env.max_episode_length:  # near a singularity, or around an open part, it takes longer
+            env = make_env(sim, replace(settings.task, episode_steps=planner.steps + LAG), settings.metrics, {}, seed)
+            planner = Planner(env, settings.planner, [motion])
         use = LimitUse(sim)
         columns = run_episodes(env, planner, lambda env=env, use=use: use.watch(env.episode_step == 0))  # type: ignore[misc]
         counts.append(int(columns["final_success"].sum()))
+        ends += [float(columns["opening"].min()) if name == "opened" else float(columns["remaining"].max())]
         used = {key: max(used.get(key, 0.0), round(value, 3)) for key, value in use.fractions().items()}
         if "grasp_success" in columns:
             row.setdefault("grasped", []).append(int(columns["grasp_success"].sum()))
-    return {name: counts, "limit_use": used, f"{name}_planning": [round(each, 2) for each in planning]}
+    worst = min(ends) if name == "opened" else max(ends)
+    times = [round(each, 2) for each in planning]
+    return {name: counts, f"{name}_worst": round(worst, 3), "limit_use": used, f"{name}_planning": times}
 
 
 if __name__ == "__main__":

@@ -3,9 +3,9 @@
     python experiments/skill_rooms.py     # once, on any machine
     python experiments/put_in.py [--num-envs 8] [--device cpu] [--jobs 1] [--rooms office_0 ...] [--seeds 0]
 
-The drawers are tried from the nearest to the object on, for each object in turn: the first pair for which there is a plan is
-executed, by `s2a evaluate task=put_in`; why others were refused is in its row. A room without such a pair counts as so many
-failures. The object starts where its insertion put it. Rooms that have a row are not done again. Writes
+Pairs are tried from those nearest to each other on: the first pair for which there is a plan is executed, by
+`s2a evaluate task=put_in task.start=nearby`, from a free spot near the drawer; why others were refused is in its row. A room
+without such a pair counts as so many failures. Rooms that have a row are not done again. Writes
 experiments/results/put_in.json after each: a row a room and seed, all episodes together with their Wilson 95 % interval, and
 the largest use of the robot's limits.
 """
@@ -23,8 +23,6 @@ RESULTS = Path(__file__).parent / "results/put_in.json"
 COLUMNS = ("grasped", "carried", "released_at_rest", "shut_with_it", "stored", "undisturbed")
 """In the order in which an episode fails."""
 VALUES = ("position_error", "angle_error", "drift", "remaining")
-FAR = 1.6
-"""[m] From a drawer's handle to the object, at most: the arm stands between them."""
 
 
 def main() -> None:
@@ -45,8 +43,8 @@ def _row(args: argparse.Namespace, room: str, seed: str) -> Row:
     for name, part in _pairs(args.inputs / room):
         begun = time.perf_counter()
         metrics = evaluated(
-            [f"stage={args.inputs}/{room}/room.usd", f"part={name}", "task=put_in", "sim=put_in", f"task.place={part}",
-             f"num_envs={args.num_envs}", f"device={args.device}", f"seed={seed}", *args.set],
+            [f"stage={args.inputs}/{room}/room.usd", f"part={name}", "task=put_in", "sim=put_in", "task.start=nearby",
+             f"task.place={part}", f"num_envs={args.num_envs}", f"device={args.device}", f"seed={seed}", *args.set],
             args.rows / "metrics" / f"{room}_{seed}.json",
         )  # fmt: skip
         seconds = round(time.perf_counter() - begun, 1)
@@ -54,11 +52,12 @@ def _row(args: argparse.Namespace, room: str, seed: str) -> Row:
             row |= {"object": name, "drawer": part, "seconds": seconds, "refused": refused}
             return row | summarized(metrics, COLUMNS, VALUES)
         refused.append({"object": name, "drawer": part, "seconds": seconds, **metrics})
+        print(json.dumps(refused[-1]), flush=True)
     return row | {"cause": "no plan", "why": "no pair of an object and a drawer has a plan", "refused": refused}
 
 
 def _pairs(folder: Path) -> list[tuple[str, str]]:
-    """Return the objects and drawers of a room, object by object, the nearest drawer first."""
+    """Return the objects and drawers of a room, those nearest to each other first."""
     import numpy as np
 
     from s2a.usd import sim_stage
@@ -67,7 +66,7 @@ def _pairs(folder: Path) -> list[tuple[str, str]]:
     ids = [each["id"] for each in json.loads((folder / "objects.json").read_text()).values() if each["free"]]
     drawers = {i: np.array(a.grasp.point) for i, a in room.articulations.items() if a.joint.kind == "prismatic"}
     away = {(i, d): float(np.linalg.norm(np.subtract(room.free[i].position, drawers[d]))) for i in ids for d in drawers}
-    return sorted((pair for pair in away if away[pair] <= FAR), key=lambda pair: (ids.index(pair[0]), away[pair]))
+    return sorted(away, key=lambda pair: away[pair])
 
 
 if __name__ == "__main__":

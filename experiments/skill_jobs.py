@@ -18,6 +18,7 @@ from skill_rooms import NAMES
 
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
+from s2a.planner.graspable import Ungraspable
 from s2a.provenance import provenance
 
 SEGMENT = re.compile(r": (grasp|base|place|approach and lift|lowering and retreat|reach|carry|handle)\b")
@@ -95,6 +96,8 @@ def evaluated(keys: Sequence[str], out: Path) -> Row:
 
 def cause_of(error: InputError) -> Row:
     """Return the cause of a failure before any episode, and what was said."""
+    if isinstance(error.__cause__ or error, Ungraspable):  # what a command raises names its output, and has a cause
+        return {"cause": "does not fit the gripper", "why": str(error)}
     found = SEGMENT.search(str(error))
     spot = "no free spot" if "level spot" in str(error) else "refused"
     return {"cause": f"no plan: {found[1]}" if found else spot, "why": str(error)}

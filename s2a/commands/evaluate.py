@@ -10,8 +10,10 @@ from typing import Any
 import torch
 from PIL import Image
 
+from s2a import tasks
 from s2a.commands.worlds import WorldsConfig
 from s2a.env import starts
+from s2a.env.task import Task
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import Agent, Policy, baseline, run_episodes, summary, warn_of_errors
@@ -20,6 +22,7 @@ from s2a.part_results import by_part
 from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.estimate import seen
 from s2a.planner.motion import Planner
+from s2a.planner.part_base import with_base
 from s2a.provenance import provenance
 from s2a.ranges import Count
 from s2a.rl.checkpoint import load_model, load_policy
@@ -31,6 +34,7 @@ from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse
 from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import Simulation, device_of
+from s2a.sim.world import SimStage
 from s2a.tasks import make_env
 
 
@@ -51,6 +55,7 @@ class Config(WorldsConfig):
         depth_camera: the camera.
         export: write the checkpoint as TorchScript and ONNX too, beside it.
         images: folder for before.png and after.png (world 0 where its part moved farthest), or null.
+        search_base: Enable the search for another base where the prepared one does not serve for all of the planner's motion.
         recordings: folder for what the robot's sensors tell, a CSV file for each world, which `s2a identify` reads, or null.
         camera: how they are taken.
     """
@@ -64,6 +69,7 @@ class Config(WorldsConfig):
     depth_camera: DepthCameraConfig
     export: bool
     images: Path | None
+    search_base: bool
     recordings: Path | None
     camera: CameraConfig
 
@@ -132,11 +138,23 @@ def _refuse_contradictions(config: Config) -> None:
             raise InputError(f"key {name!r} is {str(folder)!r}, a file; give a folder")
 
 
+def _based(stage: SimStage, config: Config) -> SimStage:
+    """Return the stage with a base from which the planner can do all of the task, if that is asked for."""
+    task = tasks.task(config.task.name)
+    if not config.search_base:
+        return stage
+    if task.tool_path is Task.tool_path:
+        raise InputError(f"key 'search_base' is true, and task={config.task.name} always searches; leave it out")
+    path = task.tool_path(stage, config.planner, config.task)
+    return with_base(stage, path, config.robot, config.planner.start_noise, config.planner.seed)
+
+
 def _refuse_of_a_pool(config: Config) -> None:
     """Raise for keys that mean one room, and for parts without an episode."""
-    if config.images or config.recordings:
+    if config.images or config.recordings or config.search_base:
         raise InputError(
-            f"keys 'images' and 'recordings' show one room; {config.stage} has the parts of many: give a sim.usd"
+            "keys 'images', 'recordings' and 'search_base' are for one room; "
+            f"{config.stage} has the parts of many: give a sim.usd"
         )
     if config.num_envs < (count := len(pool.read(config.stage))):
         raise InputError(
@@ -151,7 +169,7 @@ def run(config: Config) -> str:
     world = file.world if file else read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:
-        stages, device = config.read_stages(), device_of(config.device)
+        stages, device = [_based(stage, config) for stage in config.read_stages()], device_of(config.device)
         if config.perception:
             stages = seen(
                 config.stage,

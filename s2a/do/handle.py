@@ -14,6 +14,7 @@ from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.planner.motion import PlannerConfig, planned_path
 from s2a.planner.obstacles import RoomHulls
+from s2a.planner.part_reach import detour
 from s2a.planner.pick_base import arm_depth
 from s2a.planner.segments import Segments
 from s2a.robot.collision import SLACK, robot_shape
@@ -67,7 +68,11 @@ def _motion(env: VecEnv, config: PlannerConfig, fraction: float) -> HandleMotion
     back = round(fraction * path.grasp)
     last = len(path.poses) - 1 - back
     rate = 1.0 / (sim.config.dt * sim.config.substeps)
-    found = Segments(arm[0], sim.robot, sim.plan_limits, rate, config.close_time)
+    around = detour(sim.stage, sim.robot, arm[0], float(path.q[0]), config.start_noise, config.seed)
+    reach = arm[:1] if around is None else around
+    found = Segments(reach[0], sim.robot, sim.plan_limits, rate, config.close_time)
+    if around is not None:
+        found.between(around, config.reach_time)
     found.go(arm[: path.grasp + 1], config.approach_time)
     found.close()
     found.go(arm[path.grasp : last + 1], config.pull_time)

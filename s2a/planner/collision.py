@@ -18,6 +18,8 @@ TRIED = 16
 def most_clear(sim: Simulation, paths: np.ndarray, start: float = 0.0) -> int:
     """Return the index of the first joint path [path pose arm] that collides with nothing, else of the one that does least.
 
+    What it meets itself weighs more than what is on the way to it, which may be led around.
+
     The arm turns all joints evenly from home to a path's first pose, where nothing may touch; from there on the fingers and
     the part move together.
 
@@ -29,18 +31,15 @@ def most_clear(sim: Simulation, paths: np.ndarray, start: float = 0.0) -> int:
     shape, base = robot_shape(sim.robot), matrices(sim.stage.base[None])[0]
     static, all_hulls = _hulls(sim, start, moving=False), _hulls(sim, start, moving=True)
     home = np.array(sim.robot.home)
-    best = (np.inf, 0)
+    best = (np.inf, np.inf, 0)
     for k, path in enumerate(paths[:TRIED]):
         reach = straight(home, path[0])
-        depth = max(
-            _penetration(shape, base, static, path, fingers=False),
-            _penetration(shape, base, all_hulls, reach, fingers=True),
-            shape.self_penetration(np.concatenate([reach, path]))[0],
-        )
-        if depth <= SLACK:
+        own = max(_penetration(shape, base, static, path, fingers=False), shape.self_penetration(path)[0])
+        on_the_way = max(_penetration(shape, base, all_hulls, reach, fingers=True), shape.self_penetration(reach)[0])
+        if max(own, on_the_way) <= SLACK:
             return k
-        best = min(best, (depth, k))
-    return best[1]
+        best = min(best, (max(own, SLACK), on_the_way, k))
+    return best[2]
 
 
 def _penetration(shape: RobotShape, base: np.ndarray, hulls: Surfaces, q: np.ndarray, *, fingers: bool) -> float:

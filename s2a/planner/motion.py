@@ -21,6 +21,7 @@ from s2a.errors import InputError
 from s2a.planner import pull_law
 from s2a.planner.collision import most_clear
 from s2a.planner.held_object import HeldObject
+from s2a.planner.part_reach import detour, preceded
 from s2a.planner.seen_grasp import SeenGrasp
 from s2a.planner.shifted_object import ShiftedObject
 from s2a.planner.trajectory import Progress, Trajectory, closing, eased, reach_steps, sampled, timed
@@ -218,7 +219,12 @@ def demonstration(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> D
 
 def plan(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Trajectory:
     """Return the trajectory that does a task in a simulation's stage; InputError: out of reach."""
-    return _trajectory(sim, *planned_path(sim, config, tool_path), config)
+    path, arm = planned_path(sim, config, tool_path)
+    trajectory = _trajectory(sim, path, arm, config)
+    around = detour(sim.stage, sim.robot, arm[0], float(path.q[0]), config.start_noise, config.seed)
+    if around is None:
+        return trajectory
+    return preceded(trajectory, around, sim.robot, sim.plan_limits, _rate(sim), config.start_noise, config.reach_time)
 
 
 def planned_path(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> tuple[ToolPath, np.ndarray]:
@@ -245,7 +251,7 @@ def joint_paths(kin: Kinematics, stage: SimStage, path: ToolPath, config: Planne
     if not len(paths):
         raise InputError(
             f"{stage.path}: the arm cannot follow part {stage.target!r} from its base at {np.round(stage.base[:3], 2)} m; "
-            f"prepare the stage again, with robot={stage.robot}"
+            f"give search_base=true to s2a evaluate, or prepare the stage again, with robot={stage.robot}"
         )
     distance = np.abs(paths[:, 0] - np.array(kin.spec.home)).max(axis=1)
     margin = np.minimum(paths - kin.lower, kin.upper - paths).min(axis=(1, 2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -17,17 +17,23 @@ from s2a.robot.collision import SLACK, RobotShape
 
 Item = TypeVar("Item")
 PEDESTALS = (0.0, 0.2, 0.4, 0.6)
-"""[m] Heights of what the robot may stand on; as `s2a prepare` has them, but for the highest."""
+"""[m] Heights of what the robot may stand on for an object; handles of wall cabinets and windows ask for more."""
 DIRECTIONS = 24
 """Directions from which the robot may face the object: 14 cm apart, half of what the base is wide."""
 FURTHER = 0.4, 0.8
 """[m] Distances besides the robot's own, which are for handles in front of it: where there is little floor, these are left."""
+BLOCK = 64
+"""Bases that are looked at together."""
 EXACT = 1e-3
 """Root of the squared errors [m and rad] up to which inverse kinematics reaches a pose."""
 
 
 def bases(
-    shape: RobotShape, near: RoomHulls, start: np.ndarray, goal: np.ndarray
+    shape: RobotShape,
+    near: RoomHulls,
+    start: np.ndarray,
+    goal: np.ndarray,
+    pedestals: Sequence[float] = PEDESTALS,
 ) -> Iterator[tuple[np.ndarray, float]]:
     """Yield poses [4 4] where the base can stand, and the pedestal's height [m], the preferred ones first.
 
@@ -36,34 +42,44 @@ def bases(
         near: the room around the object.
         start: pose of the object [4 4] where it is picked.
         goal: that where it is placed.
+        pedestals: heights of what the robot may stand on [m].
     """
     spec = shape.kin.spec.base
     distances = (*spec.distances, *FURTHER)
     middle = (start[:3, 3] + goal[:3, 3]) / 2
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     places = sorted(
-        itertools.product(distances, angles, PEDESTALS), key=lambda p: abs(p[0] - distances[0]) + 0.3 * p[2]
+        itertools.product(distances, angles, pedestals), key=lambda p: abs(p[0] - distances[0]) + 0.3 * p[2]
     )
     over = max(start[2, 3], goal[2, 3])
     spots = np.array([[*(middle[:2] + r * np.array([np.cos(a), np.sin(a)])), over] for r, a, _ in places])
     floor, _ = near.below(spots)
-    lowest = floor[np.isfinite(floor)].min(initial=np.inf)
-    for (_, angle, pedestal), spot, height in zip(places, spots, floor, strict=True):
-        if not math.isfinite(height) or height > lowest + 0.05:
-            continue
-        pose = np.eye(4)
-        pose[:3, :3] = Rotation.from_euler("z", angle + np.pi).as_matrix()
-        pose[:3, 3] = [spot[0], spot[1], height + pedestal]
-        top = height + pedestal + spec.shoulder_height
-        column = np.arange(height + 0.05 + spec.radius, top + spec.radius, spec.radius)
-        stand = np.c_[np.tile(spot[:2], (len(column), 1)), column]
-        shoulder = np.array([*spot[:2], top])
-        reach = max(np.linalg.norm(at[:3, 3] - shoulder) for at in (start, goal))
-        if reach > spec.reach + 0.1 or near.depth(stand, np.full(len(stand), spec.radius)) > 0.0:
-            continue
-        home = np.array([shape.kin.spec.home])
-        if arm_depth(shape, near, home, pose)[0] <= SLACK:
-            yield pose, pedestal
+    stands = np.isfinite(floor) & (floor <= floor[np.isfinite(floor)].min(initial=np.inf) + 0.05)
+    raised = np.array([pedestal for _, _, pedestal in places])
+    shoulders = np.c_[spots[:, :2], floor + raised + spec.shoulder_height]
+    reach = np.max([np.linalg.norm(at[:3, 3] - shoulders, axis=1) for at in (start, goal)], axis=0)
+    poses = np.tile(np.eye(4), (len(places), 1, 1))
+    poses[:, :3, :3] = Rotation.from_euler("z", [[angle + np.pi] for _, angle, _ in places]).as_matrix()
+    poses[:, :3, 3] = np.c_[spots[:, :2], floor + raised]
+    hopeful = np.flatnonzero(stands & (reach <= spec.reach + 0.1))
+    for block in np.array_split(hopeful, max(1, math.ceil(len(hopeful) / BLOCK))):
+        for k in block[_clear(shape, near, poses[block], raised[block])]:
+            yield poses[k], float(raised[k])
+
+
+def _clear(shape: RobotShape, near: RoomHulls, poses: np.ndarray, pedestals: np.ndarray) -> np.ndarray:
+    """Return at which poses [base 4 4] on pedestals [base] column and arm at home are clear of the room, shape [base]."""
+    if not len(poses):
+        return np.zeros(0, bool)
+    spec, home = shape.kin.spec, np.array(shape.kin.spec.home)
+    feet = poses[:, 2, 3] - pedestals
+    low, high = feet + 0.05 + spec.base.radius, poses[:, 2, 3] + spec.base.shoulder_height
+    count = max(2, math.ceil(float((high - low).max()) / spec.base.radius) + 1)
+    heights = np.linspace(low, high, count, axis=1)
+    columns = np.concatenate([np.repeat(poses[:, None, :2, 3], count, axis=1), heights[..., None]], axis=2)
+    free = near.depth(columns, np.full(count, spec.base.radius)) <= 0.0
+    free[free] = arm_depth(shape, near, np.tile(home, (int(free.sum()), 1)), poses[free]) <= SLACK
+    return free
 
 
 def arm_depth(

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.planner.free_motion import free_motion
+from s2a.planner.graspable import ungraspable
 from s2a.planner.gripper_shape import gripper_spheres
 from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.object_grasps import SAMPLES, ObjectGrasps, matrix, object_grasps
@@ -102,12 +103,7 @@ class _Search:
     def _failure(self, nearest: float) -> Unreachable:
         """Return why there is no plan; `nearest` is the least penetration depth of a grasp [m], inf where there is none."""
         if math.isinf(nearest):
-            size = np.ptp(self._points, axis=0).min()
-            return Unreachable(
-                f"{self._target!r}: grasp: no two opposite faces as wide as the pads fit between the fingers, which open "
-                f"{1000 * self._spec.gripper.max_opening:.0f} mm; the object's thinnest extent is {1000 * size:.0f} mm; choose "
-                "a smaller object or another robot="
-            )
+            return ungraspable(self._target, float(np.ptp(self._points, axis=0).min()), self._spec)
         if nearest > 0.0:
             return Unreachable(
                 f"{self._target!r}: grasp: the gripper reaches at least {1000 * nearest:.1f} mm into what is around the "

@@ -12,9 +12,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
+from s2a.planner.graspable import refuse_ungraspable
 from s2a.planner.misses import Unreachable
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import RoomHulls, surface_points
+from s2a.robot.spec import RobotSpec
 from s2a.usd.sim_scene import SimRoom
 
 Ends = TypeVar("Ends")
@@ -209,17 +211,25 @@ def footprint(points: np.ndarray) -> np.ndarray:
     return np.array(list(itertools.product(*sides)))
 
 
-def first_planned(ends: Iterable[Ends], plan: Callable[[Ends], Plan]) -> tuple[Ends, Plan]:
-    """Return the first of some starts and places for which there is a plan, and that plan.
+def first_planned(
+    room: SimRoom, name: str, spec: RobotSpec, ends: Iterable[Ends], plan: Callable[[Ends], Plan]
+) -> tuple[Ends, Plan]:
+    """Return the first of some starts and places of an object for which there is a plan, and that plan.
 
     Raises:
-        Unreachable: of the first ones, where there is none for any.
+        Unreachable: of the first ones, where there is none for any; Ungraspable where the object is why.
+        InputError: there are no starts or places.
     """
     first: Unreachable | None = None
-    for each in ends:
-        try:
-            return each, plan(each)
-        except Unreachable as error:
-            first = first or error
+    try:
+        for each in ends:
+            try:
+                return each, plan(each)
+            except Unreachable as error:
+                first = first or error
+    except InputError:  # no spot is free; the object may be too large for the gripper as well
+        refuse_ungraspable(room, name, spec)
+        raise
+    refuse_ungraspable(room, name, spec)
     assert first is not None, "`place_poses` yields a pose, or raises"
     raise first

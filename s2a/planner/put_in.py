@@ -12,8 +12,8 @@ from s2a.planner.insides import Inside, inside_placements, moved_room
 from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import RoomHulls
-from s2a.planner.pick_base import arm_depth
-from s2a.planner.pick_place import IK_SEEDS, SEARCH, plan_pick
+from s2a.planner.pick_base import arm_depth, bases, chunks
+from s2a.planner.pick_place import BASES, IK_SEEDS, SEARCH, plan_pick
 from s2a.planner.pick_plan import PickPlan
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.joint_path import follow
@@ -90,8 +90,10 @@ def plan_put(task: PutTask, spec: RobotSpec, seed: int = 0) -> PutPlan:
     for goal, inside in inside_placements(task.room, task.target, task.part, task.opening)[::PLACEMENT_STRIDE][
         :PLACEMENTS
     ]:
+        search = _Search(task, goal, inside, spec, seed)
+        search.refuse_without_base()
         try:
-            return _Search(task, goal, inside, spec, seed).plan()
+            return search.plan()
         except Unreachable as error:
             last = error
     raise last or Unreachable(f"{task.part!r}: nothing was tried")
@@ -112,6 +114,13 @@ class _Search:
                        "done": RoomHulls(done, (), about)}  # fmt: skip
         self._path = handle_path(task)
         self._handles: dict[bytes, list[np.ndarray]] = {}
+
+    def refuse_without_base(self) -> None:
+        """Raise Unreachable where from no base the arm can open the part: that takes less time than a search for grasps."""
+        t, ends = self._task, (matrix(self._task.start), matrix(self._goal))
+        near = RoomHulls(self._opened, {t.target}, (t.start[:3] + self._goal[:3]) / 2)
+        if not any(map(self._fits, chunks(bases(self._shape, near, *ends), BASES))):
+            raise Unreachable(f"{t.target!r} cannot be put into {t.part!r} so: {self._misses.text}")
 
     def plan(self) -> PutPlan:
         """Return the first plan found."""

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from s2a.planner.part_reach import SPEED
 from s2a.planner.trajectory import USED, Aligned, Picked, Trajectory, closing, reach_steps, timed
 from s2a.robot.spec import JointLimits, RobotSpec
 
-SPEED = 0.6
-"""[rad] Of all joints together that the arm moves in a second between two straight paths."""
 SETTLE = 0.7
 """[s] Between two motions: the arm's controller lags by 0.2 s."""
 ALIGN = 1.0

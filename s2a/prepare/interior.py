@@ -34,8 +34,8 @@ CELL = 0.05
 def drawer_box(target: Target) -> list[Mesh]:
     """Return bottom, two sides and back of a drawer's box as convex hulls, at the pose in which it was scanned.
 
-    It is as deep as the joint's range, but ends inside the cabinet. None for a part that turns or opens upwards, or whose
-    front was not scanned.
+    It is as deep as the joint's range, but ends inside the cabinet, unless of that no more than a frame was scanned: what
+    slides out so far is so deep. None for a part that turns or opens upwards, or whose front was not scanned.
     """
     joint, front = target.joint, target.front
     inwards = -opening_direction(joint, front.bounds.mean(axis=0))
@@ -46,7 +46,8 @@ def drawer_box(target: Target) -> list[Mesh]:
     frame = np.stack([np.cross(up, inwards), up, inwards], axis=1)
     low, high = extents(front, frame)
     start = low[2] + FRONT
-    depth = min(abs(open_limit(joint)), _cabinet_end(target.cabinet, inwards) - WALL - start)
+    behind = _cabinet_end(target.cabinet, inwards) - WALL - start
+    depth = min(abs(open_limit(joint)), behind if behind > FLATTEST else np.inf)
     width, height = high[0] - low[0] - 2 * INSET, HEIGHT * (high[1] - low[1])
     if depth < SHALLOWEST or min(width, height) < SHALLOWEST / 2:
         return []

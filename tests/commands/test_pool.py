@@ -84,7 +84,8 @@ def test_a_run_begins_with_the_networks_of_another(index: Path, tmp_path: Path) 
         ("train", ["part=drawer_2"], "leave them out"),
         ("train", ["demo_reset_fraction=0.5"], "not a motion of s2a pool"),
         ("evaluate", ["agent=zero", "num_envs=1"], "has 2 parts"),
-        ("evaluate", ["agent=zero", "images=there"], "show one room"),
+        ("evaluate", ["agent=zero", "images=there"], "are for one room"),
+        ("evaluate", ["agent=zero", "search_base=true"], "are for one room"),
         ("train", ["init=nowhere.pt"], "no networks that fit"),
     ],
 )

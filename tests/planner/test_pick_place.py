@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from cabinet import box, free_cube, write_cabinet
 from s2a import robot
 from s2a.errors import InputError
 from s2a.planner.free_motion import free_motion
+from s2a.planner.graspable import Ungraspable
 from s2a.planner.gripper_shape import gripper_boxes
 from s2a.planner.misses import Misses
 from s2a.planner.object_grasps import matrix, object_grasps
@@ -192,15 +194,33 @@ def test_free_placements_are_apart_and_those_with_room_for_the_hand_come_first(t
     assert 0 < first and (beside[:first] >= MARGINS[0]).all() and beside.min() >= MARGINS[-1]
 
 
-def test_the_next_spot_is_planned_for_where_the_first_one_has_no_plan() -> None:
+def test_the_next_spot_is_planned_for_where_the_first_one_has_no_plan(tmp_path: Path) -> None:
     def plan(spot: int) -> str:
         if spot < 3:
             raise Unreachable(f"not from {spot}")
         return f"from {spot}"
 
-    assert first_planned([1, 2, 3, 4], plan) == (3, "from 3")
+    room = room_of(tmp_path)
+    assert first_planned(room, "cube_9", PANDA, [1, 2, 3, 4], plan) == (3, "from 3")
     with pytest.raises(Unreachable, match="not from 1"):
-        first_planned([1, 2], plan)
+        first_planned(room, "cube_9", PANDA, [1, 2], plan)
+
+
+@pytest.mark.parametrize("spots", [[], [1]])
+def test_where_no_spot_serves_the_gripper_that_does_not_fit_is_said_first(spots: list[int], tmp_path: Path) -> None:
+    """A cube of 100 mm, and a gripper that opens 80."""
+
+    def ends() -> Iterator[int]:
+        yield from spots
+        raise InputError("no level spot is free")
+
+    def plan(spot: int) -> str:
+        raise Unreachable(f"not from {spot}")
+
+    with pytest.raises(Ungraspable, match="open 80 mm; .* is 100 mm; choose"):
+        first_planned(room_of(tmp_path, side=0.1), "cube_9", PANDA, ends(), plan)
+    with pytest.raises(InputError, match="no level spot"):
+        first_planned(room_of(tmp_path), "cube_9", PANDA, ends(), plan)
 
 
 def blocks() -> list[Mesh]:

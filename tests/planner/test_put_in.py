@@ -57,5 +57,5 @@ def test_the_object_ends_on_the_floor_of_the_open_drawer(planned: tuple[PutTask,
 
 def test_an_object_out_of_reach_of_the_drawer_is_said(tmp_path: Path) -> None:
     far = START + [0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    with pytest.raises(Unreachable, match="'cube_9' cannot be picked and placed so: .*; choose a place"):
+    with pytest.raises(Unreachable, match="'cube_9' cannot be put into 'drawer_2' so: base: .*; choose a place"):
         plan_put(task(drawer_room(tmp_path / "sim.usda"), far), PANDA)

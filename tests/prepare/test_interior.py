@@ -13,6 +13,7 @@ from pxr import Usd
 from scanned_drawers import scanned_drawer
 from settings import load
 
+from s2a.geometry.convex import box
 from s2a.geometry.mesh_ops import centroids, keep, merge, normals
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.interior import cabinet_walls, drawer_box
@@ -39,6 +40,15 @@ def test_the_box_ends_inside_the_cabinet() -> None:
     scene = replace(room, parts={**room.parts, "drawer_7": replace(drawer, motion=far)})
     for piece in drawer_box(find_target(scene, "drawer_7")):
         assert piece.bounds[0, 0] > room.parts["cabinet_3"].mesh.bounds[0, 0]
+
+
+@pytest.mark.parametrize(("scanned", "depth"), [(0.1, 0.4), (0.3, 0.3 - 0.006 - 0.02)])
+def test_a_cabinet_scanned_as_a_frame_does_not_end_the_box(scanned: float, depth: float) -> None:
+    scene = scanned_drawer()
+    back = box(np.array([-scanned / 2, 0.0, 0.73]), np.eye(3), np.array([scanned, 0.8, 0.3]))
+    shallow = replace(scene, parts={**scene.parts, "cabinet_3": replace(scene.parts["cabinet_3"], mesh=back)})
+    low, high = merge(drawer_box(find_target(shallow, "drawer_7"))).bounds
+    assert high[0] - low[0] == pytest.approx(depth, abs=0.01)
 
 
 def test_a_door_gets_none() -> None:

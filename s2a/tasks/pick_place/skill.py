@@ -64,8 +64,9 @@ def read_stage(
     """
     room = sim_stage.read(path, visuals=False)
     target, name = free_object(room, part), robot or DEFAULT_ROBOT
+    spec = robots.load(name)
     (start, goal), plan = first_planned(
-        _ends(room, target, config), lambda ends: plan_pick(room, target, *ends, robots.load(name))
+        room, target, spec, _ends(room, target, config), lambda ends: plan_pick(room, target, *ends, spec)
     )
     near = neighbours(room, target, start, goal)
     surface = merge([c.mesh for c in room.free[target].colliders])
@@ -77,7 +78,7 @@ def read_stage(
         grasp=start,
         grasp_size=np.ptp(surface.vertices, axis=0),
         region=surface,
-        pedestal=(plan.pedestal, robots.load(name).base.radius),
+        pedestal=(plan.pedestal, spec.base.radius),
         robot=name,
         also=tuple(dict.fromkeys([*also, *near])),
         room=room,

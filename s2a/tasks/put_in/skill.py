@@ -68,9 +68,13 @@ def read_stage(path: Path, part: str | None, robot: str | None, also: Sequence[s
     into = config.place
     grasp = np.array([*room.articulations[into].grasp.point, 0.0, 0.0, 0.0, 1.0])
     opened = opening_coordinate(room.articulations[into].joint, grasp[:3], config.opening)
+    spec = robots.load(name)
     start, put = first_planned(
+        room,
+        target,
+        spec,
         place_poses(room, target, config.start, grasp),
-        lambda start: plan_put(PutTask(room, target, start, into, opened, APPROACH, DEPTH), robots.load(name)),
+        lambda start: plan_put(PutTask(room, target, start, into, opened, APPROACH, DEPTH), spec),
     )
     near = skill.neighbours(room, target, start, put.goal)
     surface = merge([c.mesh for c in room.free[target].colliders])
@@ -82,7 +86,7 @@ def read_stage(path: Path, part: str | None, robot: str | None, also: Sequence[s
         grasp=start,
         grasp_size=np.ptp(surface.vertices, axis=0),
         region=surface,
-        pedestal=(put.pick.pedestal, robots.load(name).base.radius),
+        pedestal=(put.pick.pedestal, spec.base.radius),
         robot=name,
         also=tuple(dict.fromkeys([into, *also, *near])),
         room=room,

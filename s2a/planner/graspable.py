@@ -1,0 +1,34 @@
+"""Whether a gripper can hold an object at all, whatever stands around it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from s2a.planner.misses import Unreachable
+from s2a.planner.object_grasps import SAMPLES, matrix, object_grasps
+from s2a.robot.spec import RobotSpec
+from s2a.usd.sim_scene import SimRoom
+
+
+class Ungraspable(Unreachable):
+    """The gripper fits nowhere on the object."""
+
+
+def refuse_ungraspable(room: SimRoom, target: str, spec: RobotSpec, seed: int = 0) -> None:
+    """Raise Ungraspable where no grasp of a free object fits a robot's gripper."""
+    body = room.free[target]
+    up = matrix(np.array([*body.position, *body.orientation]))[2, :3]
+    hulls = [c.mesh for c in body.colliders]
+    found = object_grasps(hulls, np.array(body.mass.center), spec.gripper, seed, SAMPLES[-1], up=up)
+    if not len(found.tool):
+        points = np.concatenate([hull.vertices for hull in hulls])
+        raise ungraspable(target, float(np.ptp(points, axis=0).min()), spec)
+
+
+def ungraspable(target: str, size: float, spec: RobotSpec) -> Ungraspable:
+    """Return what says that a gripper holds an object of this thinnest extent [m] nowhere."""
+    return Ungraspable(
+        f"{target!r}: grasp: no two opposite faces as wide as the pads fit between the fingers, which open "
+        f"{1000 * spec.gripper.max_opening:.0f} mm; the object's thinnest extent is {1000 * size:.0f} mm; choose "
+        "a smaller object or another robot="
+    )

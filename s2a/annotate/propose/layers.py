@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, label
 
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.surface import SplitSurface
@@ -27,6 +27,8 @@ STEP = 0.004
 """[m] Bins of the offsets along an azimuth."""
 AHEAD = 0.09
 """[m] A handle stands out by less."""
+CONNECTED = 0.02
+"""[m] Cells in which points lie beside each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +63,7 @@ class Layer:
         color: RGB of the surface near the plane, shape [row column 3]; NaN where there is none.
         height: of that surface over the plane [m], shape [row column]; NaN where there is none.
         ahead: height of what stands out over the plane [m], at most AHEAD, shape [row column]; 0 where nothing does.
+        sharp: the scan shows handles by their shape; else by their colour too.
     """
 
     normal: np.ndarray
@@ -71,6 +74,7 @@ class Layer:
     color: np.ndarray
     height: np.ndarray
     ahead: np.ndarray
+    sharp: bool = True
 
 
 def spread(surface: SplitSurface, density: float, seed: int = 0) -> Points:
@@ -103,16 +107,62 @@ def azimuths(points: Points) -> list[float]:
     return found
 
 
-def layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
-    """Yield the upright planes of a room with enough area, for each azimuth."""
+def layers(points: Points, config: ProposeConfig) -> list[Layer]:
+    """Return the upright planes of a room with enough area."""
+    found = list(_layers(points, config))
+    rough = [1.4826 * float(np.nanmedian(np.abs(layer.height - np.nanmedian(layer.height)))) for layer in found]
+    sharp = bool(rough) and float(np.median(rough)) < config.sharp
+    return [replace(layer, sharp=sharp) for layer in found]
+
+
+def _layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
     for azimuth in azimuths(points):
         normal = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         facing = points.normal @ normal
         flat = facing > FACING
         offset = points.place @ normal
         for peak in _peaks(offset[flat], config):
-            near = np.abs(offset - peak) < AHEAD + config.layer
-            yield _image(points[near], flat[near], normal, peak, config)
+            near = np.abs(offset - peak) < 2 * AHEAD
+            for level in _levelled(points[near].place[flat[near] & (np.abs(offset - peak)[near] < 2 * config.layer)], normal, peak, config):
+                yield _image(points[near], flat[near], *level, config)
+
+
+def _levelled(
+    places: np.ndarray, normal: np.ndarray, offset: float, config: ProposeConfig
+) -> Iterator[tuple[np.ndarray, float, np.ndarray]]:
+    """Yield normal, offset [m] and corners [m] (low, high: along the plane, and upwards) of each connected piece of a plane.
+
+    Furniture is not quite parallel, and a scan drifts: over two metres the heights over one common plane differ by 2 cm.
+    """
+    right = np.array([-normal[1], normal[0], 0.0])
+    u, height = places @ right, places @ normal - offset
+    index = np.floor(np.stack([u, places[:, 2]], axis=1) / CONNECTED).astype(int)
+    index -= index.min(axis=0)
+    seen = np.zeros(index.max(axis=0) + 1, bool)
+    seen[tuple(index.T)] = True
+    piece = label(seen, np.ones((3, 3)))[0][tuple(index.T)]
+    for number in np.flatnonzero(np.bincount(piece) >= config.min_layer * config.density):
+        mine = piece == number
+        line = _line(u[mine], height[mine], config.layer / 2)
+        turned = normal - line[0] * right
+        turned /= np.linalg.norm(turned)
+        along = np.array([-turned[1], turned[0], 0.0])
+        flat = np.abs(height[mine] - np.polyval(line, u[mine])) < config.layer
+        if flat.sum() < config.min_layer * config.density:
+            continue
+        best = places[mine][flat]
+        place = np.stack([best @ along, best[:, 2]], axis=1)
+        yield turned, float(np.median(best @ turned)), np.stack([place.min(axis=0), place.max(axis=0)])
+
+
+def _line(x: np.ndarray, y: np.ndarray, near: float) -> np.ndarray:
+    """Return slope and offset of a straight line through most points; x, y [m], shape [point]."""
+    line = np.array([0.0, float(np.median(y))])
+    for reach in (2 * near, near, near):
+        inlier = np.abs(y - np.polyval(line, x)) < reach
+        if inlier.sum() > 10 and np.ptp(x[inlier]) > 0.1:
+            line = np.polyfit(x[inlier], y[inlier], 1)
+    return line
 
 
 def _peaks(offsets: np.ndarray, config: ProposeConfig) -> list[float]:
@@ -135,13 +185,13 @@ def _peaks(offsets: np.ndarray, config: ProposeConfig) -> list[float]:
     return found
 
 
-def _image(points: Points, flat: np.ndarray, normal: np.ndarray, offset: float, config: ProposeConfig) -> Layer:
+def _image(points: Points, flat: np.ndarray, normal: np.ndarray, offset: float, corners: np.ndarray, config: ProposeConfig) -> Layer:
     right = np.array([-normal[1], normal[0], 0.0])
     place = np.stack([points.place @ right, points.place[:, 2]], axis=1)
     height = points.place @ normal - offset
     mine = flat & (np.abs(height) < config.layer)
-    low = place[mine].min(axis=0) - 2 * config.cell
-    size = np.ceil((place[mine].max(axis=0) - low) / config.cell).astype(int) + 3
+    low = corners[0] - 2 * config.cell
+    size = np.ceil((corners[1] - low) / config.cell).astype(int) + 3
     index = np.floor((place - low) / config.cell).astype(int)
     within = ((index >= 0) & (index < size)).all(axis=1)
     key = np.where(within, index[:, 1] * size[0] + index[:, 0], 0)

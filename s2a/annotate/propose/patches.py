@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,10 +28,8 @@ RING, AROUND = 3, 0.6
 """Cells around a blob, and the fraction of them that are plain front, from which on it is a handle on it."""
 ALIKE = 1.8
 """Ratio of the lengths of two handles of one piece of furniture, at most."""
-MAX_BLOB = 0.3
-"""Fraction of its patch that a handle covers at most."""
-JOINED = 0.025
-"""[m] Blobs this near to each other are one handle: a scan shows a bar in pieces."""
+JOINED, BAR = 0.08, 1.6
+"""[m] Gap between two blobs on a line that are one handle, and length over width of one of them at least."""
 
 
 @dataclass(frozen=True)
@@ -97,12 +95,12 @@ def patches(layer: Layer, config: ProposeConfig) -> Iterator[ColorPatch]:
         yield ColorPatch(box, color, tuple(b for b, _ in blobs), tuple(r for _, r in blobs))
 
 
-def _surrounded(mask: np.ndarray, where: tuple[slice, ...], plain: np.ndarray) -> float:
+def _surrounded(piece: CellBox, plain: np.ndarray) -> float:
     """Return the fraction of the cells around a blob that are plain front: books and moulding have other neighbours."""
-    whole = np.zeros_like(plain)
-    whole[where] = mask
-    ring = ndimage.binary_dilation(whole, np.ones((3, 3)), iterations=RING)
-    ring &= ~ndimage.binary_dilation(whole, np.ones((3, 3)))
+    ring = np.zeros_like(plain)
+    for by, value in ((RING, True), (1, False)):
+        rows = slice(max(int(piece.bottom) - by, 0), int(piece.top) + by)
+        ring[rows, max(int(piece.left) - by, 0) : int(piece.right) + by] = value
     return float(plain[ring].mean()) if ring.any() else 0.0
 
 
@@ -184,35 +182,61 @@ def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig)
     edge = int(round(BORDER / config.cell))
     rows = slice(int(box.bottom) + edge, int(box.top) - edge)
     columns = slice(int(box.left) + edge, int(box.right) - edge)
-    ahead, seen = layer.ahead[rows, columns], ~np.isnan(layer.height[rows, columns])
-    if not ahead.size:
+    if rows.stop - rows.start < 3 or columns.stop - columns.start < 3:
         return
-    noise = 1.4826 * float(np.median(np.abs(ahead[seen] - np.median(ahead[seen])))) if seen.any() else 0.0
-    out = ahead > max(config.relief, float(np.median(ahead)) + 4 * noise)
+    window = int(round(BACKGROUND / config.cell))
+    seen = ~np.isnan(layer.height[rows, columns])
+    local = layer.ahead[rows, columns]
+    local = local - ndimage.median_filter(local, size=window, mode="nearest")
+    out = local > (config.relief if layer.sharp else config.bump)
     other = np.zeros_like(out)
-    # Where noise is small, handles stand out, and what has another colour alone is printed, or a shadow.
-    if float(np.nanstd(layer.height[rows, columns])) > config.sharp:
-        other = _odd(layer.color[rows, columns], color, config.contrast, int(round(BACKGROUND / config.cell)))
-        out = ahead > 2 * config.relief
-    joined = ndimage.binary_closing(np.pad(out | other, 4), np.ones((3, 3)))[4:-4, 4:-4]
-    reach = int(round(JOINED / config.cell))
-    labels, _ = ndimage.label(ndimage.binary_dilation(joined, np.ones((reach, reach))))
-    labels[~joined] = 0
+    if not layer.sharp:
+        other = _odd(layer.color[rows, columns], color, config.contrast, window)
+    marked = out | other
+    labels, _ = ndimage.label(ndimage.binary_closing(np.pad(marked, 2), np.ones((3, 3)))[2:-2, 2:-2], np.ones((3, 3)))
+    pieces = []
     for number, where in enumerate(ndimage.find_objects(labels), start=1):
-        if where is None:
-            continue
-        mask = labels[where] == number
-        height, width = mask.shape
-        long, short = sorted((height * config.cell, width * config.cell), reverse=True)
-        area = mask.sum() * config.cell**2
-        if area < MIN_BLOB or area > MAX_BLOB * box.width * box.height * config.cell**2:
-            continue
-        if not out[where][mask].any() and (long < MIN_PAINTED or long < PAINTED * short):
-            continue
+        if (labels[where] == number).sum() * config.cell**2 >= MIN_BLOB:
+            pieces.append(CellBox(where[1].start, where[0].start, where[1].stop, where[0].stop))
+    for piece in _joined(pieces, JOINED / config.cell):
+        long, short = sorted((piece.height * config.cell, piece.width * config.cell), reverse=True)
+        inside = np.s_[int(piece.bottom) : int(piece.top), int(piece.left) : int(piece.right)]
         if long > config.max_handle[0] or short > config.max_handle[1]:
             continue
-        if _surrounded(mask, where, seen & ~out & ~other) < AROUND:
+        if not out[inside].any() and (long < MIN_PAINTED or long < PAINTED * short):
             continue
-        left, bottom = columns.start + where[1].start, rows.start + where[0].start
-        relief = float(np.quantile(ahead[where][mask], 0.9))
-        yield CellBox(left, bottom, left + width, bottom + height), relief
+        if _surrounded(piece, seen & ~marked) < AROUND:
+            continue
+        relief = float(np.quantile(local[inside][marked[inside]], 0.9)) if marked[inside].any() else 0.0
+        left, bottom = columns.start + piece.left, rows.start + piece.bottom
+        yield CellBox(left, bottom, left + piece.width, bottom + piece.height), relief
+
+
+def _joined(pieces: list[CellBox], gap: float) -> list[CellBox]:
+    """Return boxes, those on one line as one: a scan shows a bar in pieces. Two knobs beside each other are two."""
+    found = list(pieces)
+    while True:
+        pair = next(
+            ((a, b) for i, a in enumerate(found) for b in found[i + 1 :] if _one_bar(a, b, gap)),
+            None,
+        )
+        if pair is None:
+            return found
+        found = [piece for piece in found if piece not in pair] + [hull(pair)]
+
+
+def _one_bar(a: CellBox, b: CellBox, gap: float) -> bool:
+    level = min(a.top, b.top) - max(a.bottom, b.bottom)
+    upright = min(a.right, b.right) - max(a.left, b.left)
+    if level > 0 and upright > 0:
+        return True
+    long_x = max(a.width / a.height, b.width / b.height) >= BAR
+    long_y = max(a.height / a.width, b.height / b.width) >= BAR
+    return bool((level > 0 and long_x and -upright <= gap) or (upright > 0 and long_y and -level <= gap))
+
+
+def hull(boxes: Sequence[CellBox]) -> CellBox:
+    """Return the rectangle around boxes."""
+    return CellBox(
+        min(b.left for b in boxes), min(b.bottom for b in boxes), max(b.right for b in boxes), max(b.top for b in boxes)
+    )

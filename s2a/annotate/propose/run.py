@@ -14,7 +14,7 @@ from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.propose.layers import Layer, layers, spread
 from s2a.annotate.propose.motion import FrontShape, Motion, motion
 from s2a.annotate.propose.partition import divide
-from s2a.annotate.propose.patches import CellBox, ColorPatch, patches
+from s2a.annotate.propose.patches import CellBox, ColorPatch, hull, patches
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.geometry.planes import fit_plane
@@ -64,7 +64,7 @@ def _items(
         low, high = config.min_front, config.max_front
         if not blobs or not (low[0] <= width <= high[0] and low[1] <= height <= high[1]):
             continue
-        handle = _union(blobs)
+        handle = hull(blobs)
         seen = _seen(layer, box, handle, floor)
         region = _region(surface, layer, box, grow)
         if region is None or seen.middle < config.min_middle:
@@ -87,12 +87,6 @@ def _score(relief: float, config: ProposeConfig) -> float:
 
 def _joint(region: FrontRegion, opens: Motion) -> Joint:
     return joints.slide(region) if opens == "slide" else joints.hinge_at(region, SIDES[opens])
-
-
-def _union(blobs: list[CellBox]) -> CellBox:
-    return CellBox(
-        min(b.left for b in blobs), min(b.bottom for b in blobs), max(b.right for b in blobs), max(b.top for b in blobs)
-    )
 
 
 def _seen(layer: Layer, box: CellBox, handle: CellBox, floor: float) -> FrontShape:

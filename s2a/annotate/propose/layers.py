@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, label
+from scipy.ndimage import gaussian_filter1d, label, median_filter, uniform_filter
 
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.surface import SplitSurface
@@ -27,6 +27,10 @@ STEP = 0.004
 """[m] Bins of the offsets along an azimuth."""
 AHEAD = 0.09
 """[m] A handle stands out by less."""
+WALL = 0.1
+"""[m] The sides of an open compartment stand out of its back by more, a door's frame by less."""
+BACKGROUND = 0.13
+"""[m] A handle is narrower than half of this."""
 CONNECTED = 0.02
 """[m] Cells in which points lie beside each other."""
 
@@ -63,6 +67,9 @@ class Layer:
         color: RGB of the surface near the plane, shape [row column 3]; NaN where there is none.
         height: of that surface over the plane [m], shape [row column]; NaN where there is none.
         ahead: height of what stands out over the plane [m], at most AHEAD, shape [row column]; 0 where nothing does.
+        relief: `ahead` over its median around [m], shape [row column].
+        odd: difference of a cell's colour from the median around, Euclidean in RGB, shape [row column].
+        wall: upright surface across the plane stands out by WALL and more, shape [row column].
         sharp: the scan shows handles by their shape; else by their colour too.
     """
 
@@ -74,6 +81,9 @@ class Layer:
     color: np.ndarray
     height: np.ndarray
     ahead: np.ndarray
+    relief: np.ndarray
+    odd: np.ndarray
+    wall: np.ndarray
     sharp: bool = True
 
 
@@ -204,16 +214,29 @@ def _image(points: Points, flat: np.ndarray, normal: np.ndarray, offset: float, 
     ahead = np.zeros(size.prod())
     out = within & (height > 0) & (height < AHEAD) & (points.normal @ normal > -0.3)
     np.maximum.at(ahead, key[out], height[out])
-    return Layer(
-        normal,
-        right,
-        offset,
-        low,
-        config.cell,
-        color.reshape(*shape, 3),
-        mean.reshape(shape),
-        ahead.reshape(shape),
-    )
+    across = within & (np.abs(points.normal @ normal) < 0.5) & (height > WALL)
+    wall = np.bincount(key[across], minlength=size.prod()) > 0
+    color, ahead = color.reshape(*shape, 3), ahead.reshape(shape)
+    window = int(round(BACKGROUND / config.cell))
+    relief = ahead - median_filter(ahead, size=window, mode="nearest")
+    odd = _odd(color, window)
+    return Layer(normal, right, offset, low, config.cell, color, mean.reshape(shape), ahead, relief, odd, wall.reshape(shape))
+
+
+def _odd(color: np.ndarray, window: int) -> np.ndarray:
+    """Return the difference of each cell's colour from the median of the window around it."""
+    seen = ~np.isnan(color[..., 0])
+    usual = np.median(color[seen], axis=0)
+    filled = np.stack([np.where(seen, color[..., k], smooth(color[..., k], seen)) for k in range(3)], axis=-1)
+    filled = np.where(np.isnan(filled), usual, filled)
+    return np.asarray(np.linalg.norm(filled - median_filter(filled, size=(window, window, 1), mode="nearest"), axis=-1))
+
+
+def smooth(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Return the mean of what is seen in the 3 x 3 cells around each cell; NaN where nothing is."""
+    weight = uniform_filter(seen.astype(float), 3)
+    total = uniform_filter(np.where(seen, values, 0.0), 3)
+    return np.asarray(np.where(weight > 0.1, total / np.maximum(weight, 1e-9), np.nan))
 
 
 def _turn(angle: np.ndarray | float) -> np.ndarray:

@@ -14,6 +14,10 @@ EVIDENCE = 6.0
 """Deviations of the line's profile that count as much as lying right in the middle between two handles."""
 STRONG = 60.0
 """Difference of colour (RGB, summed) that counts no more if it is larger: a handle's, along a part of a line."""
+BESIDE = 1
+"""Cells around a handle that do not count as line either."""
+PARTS = 3
+"""A line shows in each of so many parts of its length."""
 GAP = 9
 """Cells over which a profile is compared: a line is narrower."""
 
@@ -51,7 +55,7 @@ def divide(layer: Layer, box: CellBox, blobs: list[CellBox]) -> list[tuple[CellB
 def _cuts(layer: Layer, box: CellBox, blobs: list[CellBox], axis: int) -> list[Cut]:
     """Return the best cut in each interval that no handle crosses."""
     ends = sorted((blob.left, blob.right) if axis == 0 else (blob.bottom, blob.top) for blob in blobs)
-    profile = _profile(layer, box, axis)
+    profile = _profile(layer, box, blobs, axis)
     first = int(box.left if axis == 0 else box.bottom)
     found, reach = [], ends[0][1]
     for low, high in ends[1:]:
@@ -67,17 +71,27 @@ def _cuts(layer: Layer, box: CellBox, blobs: list[CellBox], axis: int) -> list[C
     return found
 
 
-def _profile(layer: Layer, box: CellBox, axis: int) -> np.ndarray:
-    """Return how much each column, or row, of a box differs from those beside it, in deviations of all."""
+def _profile(layer: Layer, box: CellBox, blobs: list[CellBox], axis: int) -> np.ndarray:
+    """Return how much each column, or row, of a box differs from those beside it, in deviations of all; handles do not count."""
     rows, columns = slice(int(box.bottom), int(box.top)), slice(int(box.left), int(box.right))
     image = np.concatenate([layer.color[rows, columns], 2e4 * layer.height[rows, columns, None]], axis=-1)
-    image = image if axis == 0 else np.swapaxes(image, 0, 1)  # the cut runs along the first axis
-    size = (1, GAP, 1)
+    plain = np.ones(image.shape[:2], bool)
+    for b in blobs:
+        low, left = max(int(b.bottom - box.bottom) - BESIDE, 0), max(int(b.left - box.left) - BESIDE, 0)
+        plain[low : int(b.top - box.bottom) + BESIDE, left : int(b.right - box.left) + BESIDE] = False
+    if axis == 1:  # the cut runs along the first axis
+        image, plain = np.swapaxes(image, 0, 1), plain.T
     seen = np.where(np.isnan(image), np.nanmedian(image, axis=(0, 1)), image)
-    off = np.abs(seen - median_filter(seen, size=size, mode="nearest")).sum(axis=-1)
-    mean = np.minimum(off, STRONG).mean(axis=0)
+    off = np.minimum(np.abs(seen - median_filter(seen, size=(1, GAP, 1), mode="nearest")).sum(axis=-1), STRONG)
+    mean = np.min([_mean(off[part], plain[part]) for part in np.array_split(np.arange(len(off)), PARTS)], axis=0)
     scatter = 1.4826 * float(np.median(np.abs(mean - np.median(mean)))) + 1e-6
     return np.asarray(np.clip((mean - np.median(mean)) / scatter, 0.0, 2 * EVIDENCE))
+
+
+def _mean(off: np.ndarray, plain: np.ndarray) -> np.ndarray:
+    """Return the mean along the first axis of what is plain; where too little is, as if there were a line."""
+    count = plain.sum(axis=0)
+    return np.where(count > len(off) / 4, (off * plain).sum(axis=0) / np.maximum(count, 1), STRONG)
 
 
 def _halves(box: CellBox, cut: Cut) -> tuple[CellBox, CellBox]:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from s2a.annotate.propose.config import ProposeConfig
-from s2a.annotate.propose.layers import Layer
+from s2a.annotate.propose.layers import Layer, smooth
 from s2a.annotate.surface import connected
 
 HOLES = 2
@@ -20,15 +20,15 @@ BORDER = 0.012
 """[m] What differs this near to a patch's border is the border."""
 MIN_BLOB = 1.5e-4
 """[m^2] Smaller blobs are noise."""
-BACKGROUND = 0.13
-"""[m] A handle is narrower than half of this."""
 MIN_PAINTED, PAINTED = 0.05, 1.8
 """[m] and multiple of its width: length from which on what is in the colours alone may be a handle."""
+THIN = 0.011
+"""[m] A line of one cell is a gap between two fronts."""
 RING, AROUND = 3, 0.6
 """Cells around a blob, and the fraction of them that are plain front, from which on it is a handle on it."""
 ALIKE = 1.8
 """Ratio of the lengths of two handles of one piece of furniture, at most."""
-JOINED, BAR = 0.08, 1.6
+JOINED, BAR = 0.05, 1.6
 """[m] Gap between two blobs on a line that are one handle, and length over width of one of them at least."""
 
 
@@ -50,6 +50,11 @@ class CellBox:
     def height(self) -> float:
         """Rows."""
         return self.top - self.bottom
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Columns and rows."""
+        return self.width, self.height
 
     @property
     def middle(self) -> tuple[float, float]:
@@ -104,16 +109,6 @@ def _surrounded(piece: CellBox, plain: np.ndarray) -> float:
     return float(plain[ring].mean()) if ring.any() else 0.0
 
 
-def _odd(colors: np.ndarray, color: np.ndarray, contrast: float, window: int) -> np.ndarray:
-    """Return which cells differ from the colour of the cells around them, and from their patch's."""
-    seen = ~np.isnan(colors[..., 0])
-    filled = np.stack([np.where(seen, colors[..., k], _smooth(colors[..., k], seen)) for k in range(3)], axis=-1)
-    filled = np.where(np.isnan(filled), color, filled)
-    around = ndimage.median_filter(filled, size=(window, window, 1), mode="nearest")
-    off = np.minimum(np.linalg.norm(filled - around, axis=-1), np.linalg.norm(filled - color, axis=-1))
-    return np.asarray(off > contrast)
-
-
 def _alike(blobs: list[tuple[CellBox, float]]) -> list[tuple[CellBox, float]]:
     """Return the blobs of a patch with about the length of most: one piece of furniture has one kind of handle."""
     if len(blobs) < 3:
@@ -127,7 +122,7 @@ def _alike(blobs: list[tuple[CellBox, float]]) -> list[tuple[CellBox, float]]:
 def _labels(layer: Layer, config: ProposeConfig) -> tuple[np.ndarray, int]:
     """Return the number of the patch of each cell from 1 on, 0 for none, and how many there are."""
     seen = ~np.isnan(layer.height)
-    color = np.stack([_smooth(layer.color[..., k], seen) for k in range(3)], axis=-1)
+    color = np.stack([smooth(layer.color[..., k], seen) for k in range(3)], axis=-1)
     filled = ndimage.binary_closing(seen, np.ones((2 * HOLES + 1,) * 2)) & ~np.isnan(color[..., 0])
     index = np.full(seen.shape, -1)
     index[filled] = np.arange(filled.sum())
@@ -159,13 +154,6 @@ def _part_colors(labels: np.ndarray, color: np.ndarray, config: ProposeConfig) -
                 labels[where][parts == part] = count
 
 
-def _smooth(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Return the mean of what is seen in the 3 x 3 cells around each cell; NaN where nothing is."""
-    weight = ndimage.uniform_filter(seen.astype(float), 3)
-    total = ndimage.uniform_filter(np.where(seen, values, 0.0), 3)
-    return np.asarray(np.where(weight > 0.1, total / np.maximum(weight, 1e-9), np.nan))
-
-
 def _box(mask: np.ndarray, where: tuple[slice, ...]) -> CellBox:
     """Return the rectangle of a patch but for ragged ends."""
     ends = []
@@ -184,26 +172,23 @@ def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig)
     columns = slice(int(box.left) + edge, int(box.right) - edge)
     if rows.stop - rows.start < 3 or columns.stop - columns.start < 3:
         return
-    window = int(round(BACKGROUND / config.cell))
     seen = ~np.isnan(layer.height[rows, columns])
-    local = layer.ahead[rows, columns]
-    local = local - ndimage.median_filter(local, size=window, mode="nearest")
-    out = local > (config.relief if layer.sharp else config.bump)
-    other = np.zeros_like(out)
-    if not layer.sharp:
-        other = _odd(layer.color[rows, columns], color, config.contrast, window)
-    marked = out | other
+    local = layer.relief[rows, columns]
+    odd = np.where(np.linalg.norm(layer.color[rows, columns] - color, axis=-1) < config.contrast, 0.0, layer.odd[rows, columns])
+    odd = np.zeros_like(odd) if layer.sharp else odd
+    out = local > config.relief * (1 if layer.sharp else 2)
+    marked = out | (odd > config.contrast)
     labels, _ = ndimage.label(ndimage.binary_closing(np.pad(marked, 2), np.ones((3, 3)))[2:-2, 2:-2], np.ones((3, 3)))
     pieces = []
     for number, where in enumerate(ndimage.find_objects(labels), start=1):
         if (labels[where] == number).sum() * config.cell**2 >= MIN_BLOB:
             pieces.append(CellBox(where[1].start, where[0].start, where[1].stop, where[0].stop))
-    for piece in _joined(pieces, JOINED / config.cell):
+    for piece in _joined(pieces, JOINED / config.cell, np.array(config.max_handle) / config.cell):
         long, short = sorted((piece.height * config.cell, piece.width * config.cell), reverse=True)
         inside = np.s_[int(piece.bottom) : int(piece.top), int(piece.left) : int(piece.right)]
         if long > config.max_handle[0] or short > config.max_handle[1]:
             continue
-        if not out[inside].any() and (long < MIN_PAINTED or long < PAINTED * short):
+        if not out[inside].any() and not _painted(long, short, float(np.quantile(odd[inside], 0.8)), config.contrast):
             continue
         if _surrounded(piece, seen & ~marked) < AROUND:
             continue
@@ -212,27 +197,40 @@ def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig)
         yield CellBox(left, bottom, left + piece.width, bottom + piece.height), relief
 
 
-def _joined(pieces: list[CellBox], gap: float) -> list[CellBox]:
+def _painted(long: float, short: float, odd: float, contrast: float) -> bool:
+    """Return whether a blob that is in the colours alone may be a bar, or a knob that is seen well; a line is a gap."""
+    if long >= MIN_PAINTED and long > PAINTED * short and short > THIN:
+        return odd > contrast
+    return bool(THIN < short <= long < MIN_PAINTED and odd > 2 * contrast)
+
+
+def _joined(pieces: list[CellBox], gap: float, largest: np.ndarray) -> list[CellBox]:
     """Return boxes, those on one line as one: a scan shows a bar in pieces. Two knobs beside each other are two."""
     found = list(pieces)
     while True:
-        pair = next(
-            ((a, b) for i, a in enumerate(found) for b in found[i + 1 :] if _one_bar(a, b, gap)),
-            None,
-        )
-        if pair is None:
+        pairs = [
+            (apart, a, b)
+            for i, a in enumerate(found)
+            for b in found[i + 1 :]
+            if (apart := _apart(a, b)) <= gap and (sorted(hull((a, b)).sides, reverse=True) <= largest).all()
+        ]
+        if not pairs:
             return found
-        found = [piece for piece in found if piece not in pair] + [hull(pair)]
+        _, a, b = min(pairs, key=lambda pair: pair[0])
+        found = [piece for piece in found if piece is not a and piece is not b] + [hull((a, b))]
 
 
-def _one_bar(a: CellBox, b: CellBox, gap: float) -> bool:
+def _apart(a: CellBox, b: CellBox) -> float:
+    """Return the gap between two pieces of one bar, infinite where they lie on no line of one of them [cells]."""
     level = min(a.top, b.top) - max(a.bottom, b.bottom)
     upright = min(a.right, b.right) - max(a.left, b.left)
     if level > 0 and upright > 0:
-        return True
-    long_x = max(a.width / a.height, b.width / b.height) >= BAR
-    long_y = max(a.height / a.width, b.height / b.width) >= BAR
-    return bool((level > 0 and long_x and -upright <= gap) or (upright > 0 and long_y and -level <= gap))
+        return 0.0
+    if level > 0 and max(a.width / a.height, b.width / b.height) >= BAR:
+        return -upright
+    if upright > 0 and max(a.height / a.width, b.height / b.width) >= BAR:
+        return -level
+    return np.inf
 
 
 def hull(boxes: Sequence[CellBox]) -> CellBox:

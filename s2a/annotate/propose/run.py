@@ -24,6 +24,8 @@ SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}
 """Index of a side in `joints.hinge_at`."""
 OVERLAP = 0.5
 """Fraction of the smaller front that two proposals may share; the better one stays."""
+BESIDE, WALLED = 4, 0.4
+"""Cells beside a side in which a wall may stand, and the fraction of the side before which it stands."""
 FACING = 0.6
 """Cosine between a face of a front and its plane."""
 
@@ -67,7 +69,7 @@ def _items(
         handle = hull(blobs)
         seen = _seen(layer, box, handle, floor)
         region = _region(surface, layer, box, grow)
-        if region is None or seen.middle < config.min_middle:
+        if region is None or seen.middle < config.min_middle or _recessed(layer, box):
             continue
         opens = motion(seen)
         out = max(relief[blob] for blob in blobs)
@@ -78,6 +80,13 @@ def _items(
             proposed=True,
             score=_score(out, config),
         )
+
+
+def _recessed(layer: Layer, box: CellBox) -> bool:
+    """Return whether walls stand before both sides of a box: it is the back of an open compartment."""
+    rows = slice(max(int(box.bottom), 0), int(box.top))
+    sides = [layer.wall[rows, max(int(x) - BESIDE, 0) : int(x) + BESIDE] for x in (box.left, box.right)]
+    return all(side.size and side.any(axis=1).mean() > WALLED for side in sides)
 
 
 def _score(relief: float, config: ProposeConfig) -> float:

@@ -26,9 +26,9 @@ THIN = 0.011
 """[m] A line of one cell is a gap between two fronts."""
 RING, AROUND = 3, 0.6
 """Cells around a blob, and the fraction of them that are plain front, from which on it is a handle on it."""
-ALIKE = 1.8
+ALIKE = 3.0
 """Ratio of the lengths of two handles of one piece of furniture, at most."""
-JOINED, BAR = 0.05, 1.6
+JOINED, BAR = 0.07, 1.6
 """[m] Gap between two blobs on a line that are one handle, and length over width of one of them at least."""
 
 

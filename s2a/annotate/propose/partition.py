@@ -18,6 +18,8 @@ BESIDE = 1
 """Cells around a handle that do not count as line either."""
 PARTS = 3
 """A line shows in each of so many parts of its length."""
+WIDE, CLEAR = 3.0, 6.0
+"""Width over height of a drawer with two handles, and deviations of a line's profile that divide it."""
 GAP = 9
 """Cells over which a profile is compared: a line is narrower."""
 
@@ -30,11 +32,13 @@ class Cut:
         axis: 0 for an upright cut between left and right, 1 for a level one.
         place: column or row.
         score: how much speaks for it.
+        line: deviations by which a line shows there.
     """
 
     axis: int
     place: float
     score: float
+    line: float
 
 
 def divide(layer: Layer, box: CellBox, blobs: list[CellBox]) -> list[tuple[CellBox, list[CellBox]]]:
@@ -42,7 +46,7 @@ def divide(layer: Layer, box: CellBox, blobs: list[CellBox]) -> list[tuple[CellB
     if len(blobs) < 2:
         return [(box, blobs)]
     cuts = [cut for axis in (0, 1) for cut in _cuts(layer, box, blobs, axis)]
-    if not cuts:
+    if not cuts or (_pair(box, blobs) and max(cut.line for cut in cuts) < CLEAR):
         return [(box, blobs)]
     best = max(cuts, key=lambda cut: cut.score)
     found = []
@@ -50,6 +54,15 @@ def divide(layer: Layer, box: CellBox, blobs: list[CellBox]) -> list[tuple[CellB
         inside = [blob for blob in blobs if _holds(part, blob)]
         found += divide(layer, part, inside)
     return found
+
+
+def _pair(box: CellBox, blobs: list[CellBox]) -> bool:
+    """Return whether two level handles lie like those of one wide drawer."""
+    if len(blobs) != 2 or box.width < WIDE * box.height or any(blob.width < blob.height for blob in blobs):
+        return False
+    x = (blobs[0].middle[0] + blobs[1].middle[0]) / 2
+    y = abs(blobs[0].middle[1] - blobs[1].middle[1])
+    return bool(abs(x - box.middle[0]) < 0.1 * box.width and y < 0.2 * box.height)
 
 
 def _cuts(layer: Layer, box: CellBox, blobs: list[CellBox], axis: int) -> list[Cut]:
@@ -66,7 +79,7 @@ def _cuts(layer: Layer, box: CellBox, blobs: list[CellBox], axis: int) -> list[C
             score = line / EVIDENCE + 1.0 - 0.7 * np.abs(places - middle) / half
             best = int(np.argmax(score))
             wide = (low - reach) / (box.width if axis == 0 else box.height)
-            found.append(Cut(axis, float(places[best]), float(score[best]) + wide))
+            found.append(Cut(axis, float(places[best]), float(score[best]) + wide, float(line[best])))
         reach = max(reach, high)
     return found
 

@@ -22,6 +22,10 @@ MIN_BLOB = 1.5e-4
 """[m^2] Smaller blobs are noise."""
 MIN_PAINTED, PAINTED = 0.05, 1.8
 """[m] and multiple of its width: length from which on what is in the colours alone may be a handle."""
+MAX_RELIEF = 0.08
+"""[m] What stands out by more is an object, or a wall."""
+FAINT = 0.5
+"""Of the contrast of a patch's clearest handle: lines and shadows have less."""
 THIN = 0.011
 """[m] A line of one cell is a gap between two fronts."""
 RING, AROUND = 3, 0.6
@@ -179,7 +183,7 @@ def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig)
     out = local > config.relief * (1 if layer.sharp else 2)
     marked = out | (odd > config.contrast)
     labels, _ = ndimage.label(ndimage.binary_closing(np.pad(marked, 2), np.ones((3, 3)))[2:-2, 2:-2], np.ones((3, 3)))
-    pieces = []
+    pieces, found = [], []
     for number, where in enumerate(ndimage.find_objects(labels), start=1):
         if (labels[where] == number).sum() * config.cell**2 >= MIN_BLOB:
             pieces.append(CellBox(where[1].start, where[0].start, where[1].stop, where[0].stop))
@@ -193,8 +197,15 @@ def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig)
         if _surrounded(piece, seen & ~marked) < AROUND:
             continue
         relief = float(np.quantile(local[inside][marked[inside]], 0.9)) if marked[inside].any() else 0.0
+        if relief > MAX_RELIEF:
+            continue
         left, bottom = columns.start + piece.left, rows.start + piece.bottom
-        yield CellBox(left, bottom, left + piece.width, bottom + piece.height), relief
+        strength = float(np.quantile(odd[inside], 0.8))
+        found.append((CellBox(left, bottom, left + piece.width, bottom + piece.height), relief, strength))
+    clearest = max((strength for _, _, strength in found), default=0.0)
+    for blob, relief, strength in found:
+        if strength >= FAINT * clearest or relief > config.relief * 2:
+            yield blob, relief
 
 
 def _painted(long: float, short: float, odd: float, contrast: float) -> bool:

@@ -192,15 +192,15 @@ def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig)
         inside = np.s_[int(piece.bottom) : int(piece.top), int(piece.left) : int(piece.right)]
         if long > config.max_handle[0] or short > config.max_handle[1]:
             continue
-        if not out[inside].any() and not _painted(long, short, float(np.quantile(odd[inside], 0.8)), config.contrast):
+        strength = float(np.quantile(odd[inside][marked[inside]], 0.9))
+        if not out[inside].any() and not _painted(long, short, strength, config.contrast):
             continue
         if _surrounded(piece, seen & ~marked) < AROUND:
             continue
-        relief = float(np.quantile(local[inside][marked[inside]], 0.9)) if marked[inside].any() else 0.0
+        relief = float(np.quantile(local[inside][marked[inside]], 0.9))
         if relief > MAX_RELIEF:
             continue
         left, bottom = columns.start + piece.left, rows.start + piece.bottom
-        strength = float(np.quantile(odd[inside], 0.8))
         found.append((CellBox(left, bottom, left + piece.width, bottom + piece.height), relief, strength))
     clearest = max((strength for _, _, strength in found), default=0.0)
     for blob, relief, strength in found:

@@ -26,6 +26,8 @@ MAX_RELIEF = 0.08
 """[m] What stands out by more is an object, or a wall."""
 FAINT = 0.5
 """Of the contrast of a patch's clearest handle: lines and shadows have less."""
+PATTERN = 40
+"""Blobs in one patch from which on they are ribs, slots or print."""
 THIN = 0.011
 """[m] A line of one cell is a gap between two fronts."""
 RING, AROUND = 3, 0.6
@@ -187,6 +189,8 @@ def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig)
     for number, where in enumerate(ndimage.find_objects(labels), start=1):
         if (labels[where] == number).sum() * config.cell**2 >= MIN_BLOB:
             pieces.append(CellBox(where[1].start, where[0].start, where[1].stop, where[0].stop))
+    if len(pieces) > PATTERN:
+        return
     for piece in _joined(pieces, JOINED / config.cell, np.array(config.max_handle) / config.cell):
         long, short = sorted((piece.height * config.cell, piece.width * config.cell), reverse=True)
         inside = np.s_[int(piece.bottom) : int(piece.top), int(piece.left) : int(piece.right)]

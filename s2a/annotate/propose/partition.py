@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -18,6 +19,8 @@ BESIDE = 1
 """Cells around a handle that do not count as line either."""
 PARTS = 3
 """A line shows in each of so many parts of its length."""
+EQUAL = 0.15
+"""Handles lie at equal distances, up to this fraction: their fronts are equal."""
 WIDE, CLEAR = 3.0, 6.0
 """Width over height of a drawer with two handles, and deviations of a line's profile that divide it."""
 GAP = 9
@@ -67,21 +70,40 @@ def _pair(box: CellBox, blobs: list[CellBox]) -> bool:
 
 def _cuts(layer: Layer, box: CellBox, blobs: list[CellBox], axis: int) -> list[Cut]:
     """Return the best cut in each interval that no handle crosses."""
-    ends = sorted((blob.left, blob.right) if axis == 0 else (blob.bottom, blob.top) for blob in blobs)
     profile = _profile(layer, box, blobs, axis)
-    first = int(box.left if axis == 0 else box.bottom)
-    found, reach = [], ends[0][1]
-    for low, high in ends[1:]:
-        if low > reach + 1:
-            places = np.arange(int(np.ceil(reach)), int(low) + 1)
-            middle, half = (reach + low) / 2, max((low - reach) / 2, 1.0)
-            line = profile[np.clip(places - first, 0, len(profile) - 1)]
-            score = line / EVIDENCE + 1.0 - 0.7 * np.abs(places - middle) / half
-            best = int(np.argmax(score))
-            wide = (low - reach) / (box.width if axis == 0 else box.height)
-            found.append(Cut(axis, float(places[best]), float(score[best]) + wide, float(line[best])))
-        reach = max(reach, high)
+    first, length = (box.left, box.width) if axis == 0 else (box.bottom, box.height)
+    rows = _rows(blobs, axis)
+    usual = _regular(rows, first, length)
+    found = []
+    for index, ((_, low), (high, _)) in enumerate(pairwise(rows)):
+        places = np.arange(int(np.ceil(low)), int(high) + 1)
+        middle, half = (low + high) / 2, max((high - low) / 2, 1.0)
+        middle = middle if usual is None else float(np.clip(usual[index], low, high))
+        line = profile[np.clip(places - int(first), 0, len(profile) - 1)]
+        score = line / EVIDENCE + 1.0 - 0.7 * np.abs(places - middle) / half
+        best = int(np.argmax(score))
+        found.append(Cut(axis, float(places[best]), float(score[best] + (high - low) / length), float(line[best])))
     return found
+
+
+def _rows(blobs: list[CellBox], axis: int) -> list[tuple[float, float]]:
+    """Return the ends of the rows, or columns, of handles, between which a cut fits."""
+    found: list[tuple[float, float]] = []
+    for low, high in sorted((blob.left, blob.right) if axis == 0 else (blob.bottom, blob.top) for blob in blobs):
+        if found and low <= found[-1][1] + 1:
+            found[-1] = (found[-1][0], max(found[-1][1], high))
+        else:
+            found.append((low, high))
+    return found
+
+
+def _regular(rows: list[tuple[float, float]], first: float, length: float) -> np.ndarray | None:
+    """Return the places of the cuts of equal fronts, None where handles lie at other distances."""
+    apart = np.diff([(low + high) / 2 for low, high in rows])
+    equal = length / len(rows)
+    if not len(apart) or (np.abs(apart - equal) > EQUAL * equal).any():
+        return None
+    return first + equal * np.arange(1, len(rows))
 
 
 def _profile(layer: Layer, box: CellBox, blobs: list[CellBox], axis: int) -> np.ndarray:

@@ -108,6 +108,8 @@ def _leaf(
     center = region.center + region.axes @ (low + high) / 2 + offset * region.normal
     region = replace(region, center=center, size=high - low)
     region = replace(region, faces=inside(surface, region, grow))
+    if box.height * layer.cell >= MIN_DOOR > region.size[1]:
+        return
     if layer.sharp and region.size[1] < MIN_DOOR and surface.areas[region.faces].sum() > GLAZED * region.size.prod():
         return
     opens: Motion = "left" if lever.middle[0] > box.middle[0] else "right"

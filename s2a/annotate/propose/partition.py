@@ -17,7 +17,7 @@ STRONG = 60.0
 """Difference of colour (RGB, summed) that counts no more if it is larger: a handle's, along a part of a line."""
 BESIDE = 1
 """Cells around a handle that do not count as line either."""
-PARTS = 3
+PARTS = 4
 """A line shows in each of so many parts of its length."""
 EQUAL = 0.15
 """Handles lie at equal distances, up to this fraction: their fronts are equal."""

@@ -26,7 +26,7 @@ MAX_RELIEF = 0.08
 """[m] What stands out by more is an object, or a wall."""
 FAINT = 0.5
 """Of the contrast of a patch's clearest handle: lines and shadows have less."""
-PATTERN = 40
+PATTERN = 25
 """Blobs in one patch from which on they are ribs, slots or print."""
 THIN = 0.011
 """[m] A line of one cell is a gap between two fronts."""

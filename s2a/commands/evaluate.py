@@ -29,6 +29,7 @@ from s2a.rl.run_world import read_world
 from s2a.sim import pool
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse
+from s2a.playback import states
 from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import Simulation, device_of
 from s2a.tasks import make_env
@@ -52,6 +53,7 @@ class Config(WorldsConfig):
         export: write the checkpoint as TorchScript and ONNX too, beside it.
         images: folder for before.png and after.png (world 0 where its part moved farthest), or null.
         recordings: folder for what the robot's sensors tell, a CSV file for each world, which `s2a identify` reads, or null.
+        states: npz file for where everything was after every control step, which `s2a view` plays, or null.
         camera: how they are taken.
     """
 
@@ -65,6 +67,7 @@ class Config(WorldsConfig):
     export: bool
     images: Path | None
     recordings: Path | None
+    states: Path | None
     camera: CameraConfig
 
 
@@ -134,9 +137,9 @@ def _refuse_contradictions(config: Config) -> None:
 
 def _refuse_of_a_pool(config: Config) -> None:
     """Raise for keys that mean one room, and for parts without an episode."""
-    if config.images or config.recordings:
+    if config.images or config.recordings or config.states:
         raise InputError(
-            f"keys 'images' and 'recordings' show one room; {config.stage} has the parts of many: give a sim.usd"
+            f"keys 'images', 'recordings' and 'states' show one room; {config.stage} has the parts of many: give a sim.usd"
         )
     if config.num_envs < (count := len(pool.read(config.stage))):
         raise InputError(
@@ -164,6 +167,7 @@ def run(config: Config) -> str:
             )
         sim = Simulation(stages, sim_config, config.num_envs, device)
         recorder = Recorder(sim) if config.recordings else None
+        seen_states = states.Watch(sim) if config.states else None
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env, file)
         album, use = Album(env), LimitUse(sim)
@@ -174,6 +178,8 @@ def run(config: Config) -> str:
                 album.watch()
             if recorder:
                 recorder.watch(env.done.bool())
+            if seen_states:
+                seen_states.sample(env.done)
 
         origin = {"stage": config.stage.name, "policy": _who(config), "seed": config.seed, **provenance(sim.device)}
         origin |= {"perception": config.perception and config.perception.name}
@@ -191,6 +197,9 @@ def run(config: Config) -> str:
     if config.images:
         config.images.mkdir(parents=True, exist_ok=True)
         album.save(Camera(sim.stage, config.camera), config.images)
+    if config.states and seen_states:
+        with atomic_write(config.states) as out:
+            states.write(seen_states.states(), out)
     if config.recordings and recorder:
         config.recordings.mkdir(parents=True, exist_ok=True)
         recorder.save(config.recordings)

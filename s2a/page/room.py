@@ -122,10 +122,12 @@ class Coordinates:
     Attributes:
         room: the page's data.
         q: joint coordinates by part [m] or [rad]; the scanned pose where none is given.
+        moved: displacements [4 4] of free objects that have a mover of their own, by their ids.
     """
 
     room: PageRoom
     q: dict[str, float] = field(default_factory=dict)
+    moved: dict[str, np.ndarray] = field(default_factory=dict)
 
     def set(self, part: str, shown: float) -> None:
         """Move a joint to a coordinate in the units that people read [mm] or [deg]."""
@@ -133,6 +135,8 @@ class Coordinates:
 
     def pose(self, mover: str | None) -> np.ndarray:
         """Return the displacement [4 4] of what moves with a jointed part."""
+        if mover is not None and mover not in self.room.joints:
+            return self.moved.get(mover, np.eye(4))
         return self.room.pose(mover, self.q)
 
 

@@ -81,13 +81,16 @@ def run(config: Config) -> str:
     if config.path.suffix == ".npz" or (config.path / DATASET).is_file():
         raise InputError(f"{config.path} is played in its room; give stage= the sim.usd, too, and page=true")
     stage, noted = notes.of_path(config.path)
+    inserted = notes.inserted(config.path, noted)
     config = replace(config, path=stage)
     if remedy := mesh_remedy(config.path):
         raise InputError(f"{config.path}: {remedy}, in a folder of its own, and give that folder")
     if config.image:
         require_png(config.image)
     _refuse_keys(config)
-    room = replace(_page_room(config), notes=noted) if config.page or config.html else None
+    room = None
+    if config.page or config.html:
+        room = replace(_page_room(config), notes=noted).with_inserted(inserted)
     said = []
     if config.image:
         said.append(_image(visible(config.path), config, config.image))

@@ -71,8 +71,8 @@ class Player:
         gui.add_html(STYLE)
         with gui.add_folder("Time"):
             self._button = gui.add_button("play")
-            self._time = gui.add_slider("time [s]", 0.0, self._seconds(played.frames - 1), self._seconds(1), 0.0)
             self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="real time")
+            self._time = gui.add_slider("time [s]", 0.0, self._seconds(played.frames - 1), self._seconds(1), 0.0)
         with gui.add_folder("Show"):
             for layer in offered(room):
                 box = gui.add_checkbox(layer, layer == first(room))

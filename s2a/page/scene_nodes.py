@@ -45,6 +45,7 @@ class SceneNodes:
         self._scene, self._root = scene, root
         self._lock = RLock()  # viser calls from several threads
         self._movers: dict[str, str | None] = {}
+        self._hidden: set[str | None] = set()
         self._handles: dict[str, viser.SceneNodeHandle] = {}
         self._layers: dict[str, viser.SceneNodeHandle] = {}
 
@@ -63,6 +64,13 @@ class SceneNodes:
         with self._lock:
             self.at.set(part, shown)
             self._place(self.at.room.carried(part))
+
+    def hide(self, movers: Iterable[str]) -> None:
+        """Hide what moves with some parts, and show all else."""
+        with self._lock:
+            self._hidden = set(movers)
+            for name, mover in self._movers.items():
+                self._handles[name].visible = mover not in self._hidden
 
     def put(self, q: Mapping[str, float], moved: Mapping[str, np.ndarray]) -> None:
         """Put all joints at coordinates [m] or [rad], and free objects at displacements [4 4]."""
@@ -127,6 +135,8 @@ class SceneNodes:
 
     def _keep(self, name: str, mover: str | None, handle: viser.SceneNodeHandle) -> None:
         self._movers[name], self._handles[name] = mover, handle
+        if mover in self._hidden:
+            handle.visible = False
 
     def _forget(self, name: str) -> None:
         if handle := self._handles.pop(name, None):

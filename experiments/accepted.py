@@ -3,8 +3,8 @@
     python experiments/accepted.py runs/homes/*_phone --work runs/accepted --out experiments/results/accepted.json
 
 Each folder holds a scan of s2a sample virtual=varied detail=phone; its GLB is imported, and proposals are made. The annotator
-accepts those that match a part (intersection over union of 0.5, kind and direction right) and rejects the others; where one has no
-handle, it clicks where the truth has one, which adds a bar. Then come s2a export, prepare and the planner, EPISODES for each
+accepts those that match a part (intersection over union of 0.5, kind and direction right) and rejects the others; where one has
+no handle, it clicks where the truth has one, which adds a bar. Then come s2a export, prepare and the planner, EPISODES for each
 part. A part is opened where every episode succeeds; one that export or prepare lost counts as not opened.
 """
 

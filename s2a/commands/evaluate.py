@@ -20,6 +20,7 @@ from s2a.part_results import by_part
 from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.estimate import seen
 from s2a.planner.motion import Planner
+from s2a.playback import states
 from s2a.provenance import provenance
 from s2a.ranges import Count
 from s2a.rl.checkpoint import load_model, load_policy
@@ -29,7 +30,6 @@ from s2a.rl.run_world import read_world
 from s2a.sim import pool
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse
-from s2a.playback import states
 from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import Simulation, device_of
 from s2a.tasks import make_env

@@ -150,7 +150,9 @@ class _World:
         self.nodes = SceneNodes(scene, replace(room, parts=alone), root)
         self._room, self._world = room, world
         self._links = [
-            scene.add_glb(f"{root}/robot/{k}", glb.encode(mesh, both_sides=True), cast_shadow=False, receive_shadow=False)
+            scene.add_glb(
+                f"{root}/robot/{k}", glb.encode(mesh, both_sides=True), cast_shadow=False, receive_shadow=False
+            )
             for k, mesh in enumerate(played.links)
         ]
 

@@ -36,7 +36,11 @@ def read(root: Path, first: int, count: int) -> States:
         if not chosen:
             raise InputError(f"{root} has {total} episodes; there is none with index {first}: give a smaller 'first'")
         episodes = [_columns(root, info, index) for index in chosen]
-        names = {key: info["features"][key]["names"] for key in ("observation.part", "observation.objects") if key in info["features"]}
+        names = {
+            key: info["features"][key]["names"]
+            for key in ("observation.part", "observation.objects")
+            if key in info["features"]
+        }
         joints = len(robot.load(about["robot"]).joints)
         objects = [name.rpartition(".")[0] for name in names.get("observation.objects", [])[::POSE]]
         return States(

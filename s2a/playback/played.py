@@ -73,7 +73,9 @@ def of_states(found: States, room: SimRoom) -> Played:
 def _some(every: States, path: Path, first: int, count: int) -> States:
     chosen = slice(first, first + count)
     if not every.names[chosen]:
-        raise InputError(f"{path} has {len(every.names)} worlds; there is none with index {first}: give a smaller 'first'")
+        raise InputError(
+            f"{path} has {len(every.names)} worlds; there is none with index {first}: give a smaller 'first'"
+        )
     return States(
         every.rate,
         every.robot,
@@ -96,10 +98,10 @@ def _links(builder: newton.ModelBuilder) -> tuple[list[int], list[Mesh]]:
         pose = np.array(builder.shape_transform[i], dtype=float)
         points = np.asarray(source.vertices, dtype=float) * np.array(builder.shape_scale[i])
         points = Rotation.from_quat(pose[3:]).apply(points) + pose[:3]
-        color = tuple(int(255 * SHINY * value) for value in builder.shape_color[i])
+        red, green, blue = (int(255 * SHINY * value) for value in builder.shape_color[i])
         mesh = clustered(Mesh(points, np.asarray(source.indices).reshape(-1, 3)), DETAIL)
         if len(mesh.faces):
-            pieces.setdefault(builder.shape_body[i], []).append(painted(mesh, color))
+            pieces.setdefault(builder.shape_body[i], []).append(painted(mesh, (red, green, blue)))
     return list(pieces), [merge(each) for each in pieces.values()]
 
 

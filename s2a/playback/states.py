@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -84,19 +85,12 @@ class Watch:
 
 def write(states: States, path: Path) -> None:
     """Write states as an npz file: frames of all worlds one after the other, and how many each has."""
-    arrays = {f"part.{i}": np.concatenate(each) for i, each in states.parts.items()}
+    arrays: dict[str, Any] = {f"part.{i}": np.concatenate(each) for i, each in states.parts.items()}
     arrays |= {f"object.{i}": np.concatenate(each) for i, each in states.objects.items()}
     arrays |= {"joints": np.concatenate(states.joints), "frames": np.array([len(each) for each in states.joints])}
+    arrays |= {name: getattr(states, name) for name in ("rate", "robot", "base", "sha256", "names")}
     with path.open("wb") as file:
-        np.savez_compressed(
-            file,
-            rate=states.rate,
-            robot=states.robot,
-            base=states.base,
-            sha256=states.sha256,
-            names=np.array(states.names),
-            **arrays,
-        )
+        np.savez_compressed(file, **arrays)
 
 
 def read(path: Path) -> States:
@@ -106,7 +100,9 @@ def read(path: Path) -> States:
             content = {name: file[name] for name in file.files}
         ends = np.cumsum(content["frames"])[:-1]
         groups = {
-            group: {name.removeprefix(group): np.split(content[name], ends) for name in content if name.startswith(group)}
+            group: {
+                name.removeprefix(group): np.split(content[name], ends) for name in content if name.startswith(group)
+            }
             for group in ("part.", "object.")
         }
         joints = np.split(content["joints"], ends)

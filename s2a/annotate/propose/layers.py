@@ -133,7 +133,9 @@ def _layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
         offset = points.place @ normal
         for peak in _peaks(offset[flat], config):
             near = np.abs(offset - peak) < 2 * AHEAD
-            for level in _levelled(points[near].place[flat[near] & (np.abs(offset - peak)[near] < 2 * config.layer)], normal, peak, config):
+            for level in _levelled(
+                points[near].place[flat[near] & (np.abs(offset - peak)[near] < 2 * config.layer)], normal, peak, config
+            ):
                 yield _image(points[near], flat[near], *level, config)
 
 
@@ -195,7 +197,9 @@ def _peaks(offsets: np.ndarray, config: ProposeConfig) -> list[float]:
     return found
 
 
-def _image(points: Points, flat: np.ndarray, normal: np.ndarray, offset: float, corners: np.ndarray, config: ProposeConfig) -> Layer:
+def _image(
+    points: Points, flat: np.ndarray, normal: np.ndarray, offset: float, corners: np.ndarray, config: ProposeConfig
+) -> Layer:
     right = np.array([-normal[1], normal[0], 0.0])
     place = np.stack([points.place @ right, points.place[:, 2]], axis=1)
     height = points.place @ normal - offset
@@ -220,7 +224,9 @@ def _image(points: Points, flat: np.ndarray, normal: np.ndarray, offset: float, 
     window = int(round(BACKGROUND / config.cell))
     relief = ahead - median_filter(ahead, size=window, mode="nearest")
     odd = _odd(color, window)
-    return Layer(normal, right, offset, low, config.cell, color, mean.reshape(shape), ahead, relief, odd, wall.reshape(shape))
+    return Layer(
+        normal, right, offset, low, config.cell, color, mean.reshape(shape), ahead, relief, odd, wall.reshape(shape)
+    )
 
 
 def _odd(color: np.ndarray, window: int) -> np.ndarray:

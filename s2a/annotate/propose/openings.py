@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import ndimage
 
+from s2a.annotate.propose.cells import CellBox
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.propose.layers import Layer
-from s2a.annotate.propose.patches import CellBox
 
 MIN_WALL = (1.2, 1.6)
 """[m] Width and height of the plane of a wall, at least."""
@@ -87,4 +87,6 @@ def _leaf(box: CellBox, lever: CellBox) -> CellBox:
     if abs(aside) > LEAVES:
         return box
     middle = (box.left + box.right) / 2
-    return CellBox(middle, box.bottom, box.right, box.top) if aside > 0 else CellBox(box.left, box.bottom, middle, box.top)
+    return (
+        CellBox(middle, box.bottom, box.right, box.top) if aside > 0 else CellBox(box.left, box.bottom, middle, box.top)
+    )

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import median_filter
 
+from s2a.annotate.propose.cells import CellBox
 from s2a.annotate.propose.layers import Layer
-from s2a.annotate.propose.patches import CellBox
 
 EVIDENCE = 6.0
 """Deviations of the line's profile that count as much as lying right in the middle between two handles."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 
+from s2a.annotate.propose.cells import CellBox, hull
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.propose.layers import Layer, smooth
 from s2a.annotate.surface import connected
@@ -36,36 +37,6 @@ ALIKE = 3.0
 """Ratio of the lengths of two handles of one piece of furniture, at most."""
 JOINED, BAR = 0.07, 1.6
 """[m] Gap between two blobs on a line that are one handle, and length over width of one of them at least."""
-
-
-@dataclass(frozen=True)
-class CellBox:
-    """A rectangle of an image: cells from `low` to below `high`, each (column, row)."""
-
-    left: float
-    bottom: float
-    right: float
-    top: float
-
-    @property
-    def width(self) -> float:
-        """Columns."""
-        return self.right - self.left
-
-    @property
-    def height(self) -> float:
-        """Rows."""
-        return self.top - self.bottom
-
-    @property
-    def sides(self) -> tuple[float, float]:
-        """Columns and rows."""
-        return self.width, self.height
-
-    @property
-    def middle(self) -> tuple[float, float]:
-        """Column and row of its middle."""
-        return (self.left + self.right) / 2, (self.bottom + self.top) / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +151,9 @@ def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig)
         return
     seen = ~np.isnan(layer.height[rows, columns])
     local = layer.relief[rows, columns]
-    odd = np.where(np.linalg.norm(layer.color[rows, columns] - color, axis=-1) < config.contrast, 0.0, layer.odd[rows, columns])
+    odd = np.where(
+        np.linalg.norm(layer.color[rows, columns] - color, axis=-1) < config.contrast, 0.0, layer.odd[rows, columns]
+    )
     odd = np.zeros_like(odd) if layer.sharp else odd
     out = local > config.relief * (1 if layer.sharp else 2)
     marked = out | (odd > config.contrast)
@@ -246,10 +219,3 @@ def _apart(a: CellBox, b: CellBox) -> float:
     if upright > 0 and max(a.height / a.width, b.height / b.width) >= BAR:
         return -level
     return np.inf
-
-
-def hull(boxes: Sequence[CellBox]) -> CellBox:
-    """Return the rectangle around boxes."""
-    return CellBox(
-        min(b.left for b in boxes), min(b.bottom for b in boxes), max(b.right for b in boxes), max(b.top for b in boxes)
-    )

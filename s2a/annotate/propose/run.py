@@ -10,12 +10,13 @@ import numpy as np
 from s2a.annotate import joints
 from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.handle import standing_out
+from s2a.annotate.propose.cells import CellBox, hull
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.propose.layers import Layer, layers, spread
 from s2a.annotate.propose.motion import FrontShape, Motion, motion
 from s2a.annotate.propose.openings import MIN_DOOR, openings
 from s2a.annotate.propose.partition import divide
-from s2a.annotate.propose.patches import CellBox, ColorPatch, hull, patches
+from s2a.annotate.propose.patches import ColorPatch, patches
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.geometry.planes import fit_plane
@@ -89,9 +90,7 @@ def _items(
         )
 
 
-def _leaf(
-    surface: SplitSurface, layer: Layer, box: CellBox, lever: CellBox, grow: GrowConfig
-) -> Iterator[Item]:
+def _leaf(surface: SplitSurface, layer: Layer, box: CellBox, lever: CellBox, grow: GrowConfig) -> Iterator[Item]:
     """Yield the leaf of a door or window, on its own plane: before the wall's, or behind it."""
     region = _rectangle(layer, box)
     place = region.local(surface.middles)

@@ -19,7 +19,6 @@ class ProposeConfig:
         color: largest difference of colour between neighbouring cells of one patch, Euclidean in RGB.
         min_fill: smallest fraction of its rectangle that a patch covers.
         relief: height over a plane from which a cell is a handle's [m].
-        bump: the same, where the scan is smooth, over the median of the surface around.
         sharp: standard deviation of a plane's heights, in the median, up to which a scan shows handles by their shape [m].
         contrast: difference of a cell's colour from its patch's from which it may be a handle's, Euclidean in RGB.
         max_handle: largest length and width of a handle [m].
@@ -37,7 +36,6 @@ class ProposeConfig:
     color: Positive
     min_fill: Fraction
     relief: Positive
-    bump: Positive
     sharp: Positive
     contrast: Positive
     max_handle: tuple[Positive, Positive]

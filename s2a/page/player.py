@@ -90,7 +90,7 @@ class Player:
         with self._server.atomic():
             for world in self._worlds:
                 world.show(frame)
-        self._card.content = "".join(f"<div class='s2a-card'>{world.told(frame)}</div>" for world in self._worlds)
+        self._card.content = "".join(f"<div class='s2a-card'>{world.facts(frame)}</div>" for world in self._worlds)
 
     def close(self) -> None:
         """End the thread that plays."""
@@ -163,7 +163,7 @@ class _World:
         for handle, pose in zip(self._links, world.links[k], strict=True):
             handle.position, handle.wxyz = pose[:3], pose[[6, 3, 4, 5]]
 
-    def told(self, frame: int) -> str:
+    def facts(self, frame: int) -> str:
         """Return a line about a frame, as HTML."""
         k = min(frame, self._world.frames - 1)
         said = [self._world.name]

@@ -60,9 +60,9 @@ def noted(room: PageRoom) -> str:
     return "".join(_table(part, said) for part, said in room.notes.items())
 
 
-def step_card(part: str, name: str, told: str) -> str:
+def step_card(part: str, name: str, value: str) -> str:
     """Return a step of an insertion as HTML."""
-    return _table(part, [(name, told)])
+    return _table(part, [(name, value)])
 
 
 def _table(title: str, values: Iterable[tuple[str, str]]) -> str:

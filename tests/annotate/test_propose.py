@@ -13,9 +13,9 @@ from s2a.annotate.propose import ProposeConfig, propose
 from s2a.annotate.propose.cells import CellBox
 from s2a.annotate.propose.layers import Layer
 from s2a.annotate.propose.motion import FrontShape, motion
-from s2a.annotate.propose.openings import openings
 from s2a.annotate.propose.partition import divide
 from s2a.annotate.propose.patches import patches
+from s2a.annotate.propose.wall_leaves import leaves
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
 
@@ -109,7 +109,7 @@ def test_a_door_is_the_opening_around_its_lever_and_a_picture_is_none() -> None:
     wall, out = np.full((250, 300, 3), 200.0), np.zeros((250, 300))
     wall[:205, 100:190] = 90.0  # a door 0.9 m wide and 2.05 m high
     out[100:103, 104:116] = 0.05
-    ((box, lever),) = openings(image(wall, out), 0.0, PROPOSE)
+    ((box, lever),) = leaves(image(wall, out), 0.0, PROPOSE)
     assert (box.left, box.right, box.bottom) == pytest.approx((100, 190, 0), abs=2) and box.top == pytest.approx(
         205, abs=2
     )
@@ -117,7 +117,7 @@ def test_a_door_is_the_opening_around_its_lever_and_a_picture_is_none() -> None:
     wall[:], out[:] = 200.0, 0.0
     wall[140:160, 100:190] = 90.0  # 0.2 m high: lower than any window
     out[150:153, 104:116] = 0.05
-    assert list(openings(image(wall, out), 0.0, PROPOSE)) == []
+    assert list(leaves(image(wall, out), 0.0, PROPOSE)) == []
 
 
 def test_the_command_writes_proposals_without_a_page(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

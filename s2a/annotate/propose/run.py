@@ -14,9 +14,9 @@ from s2a.annotate.propose.cells import CellBox, hull
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.propose.layers import Layer, layers, spread
 from s2a.annotate.propose.motion import FrontShape, Motion, motion
-from s2a.annotate.propose.openings import MIN_DOOR, openings
 from s2a.annotate.propose.partition import divide
 from s2a.annotate.propose.patches import ColorPatch, patches
+from s2a.annotate.propose.wall_leaves import MIN_DOOR, leaves
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.geometry.planes import fit_plane
@@ -49,7 +49,7 @@ def propose(surface: SplitSurface, config: ProposeConfig, grow: GrowConfig) -> t
     for layer in layers(spread(surface, config.density), config):
         for patch in patches(layer, config):
             found += list(_items(surface, layer, patch, floor, config, grow))
-        for box, lever in openings(layer, floor, config):
+        for box, lever in leaves(layer, floor, config):
             found += list(_leaf(surface, layer, box, lever, grow))
     return _best(surface, found)
 

@@ -31,7 +31,7 @@ LEAVES = 0.25
 """A lever so near to the middle, as a fraction of the width, closes one of two leaves."""
 
 
-def openings(layer: Layer, floor: float, config: ProposeConfig) -> Iterator[tuple[CellBox, CellBox]]:
+def leaves(layer: Layer, floor: float, config: ProposeConfig) -> Iterator[tuple[CellBox, CellBox]]:
     """Yield rectangle and lever of each door and window of a plane that is a wall; none of other planes."""
     height, width = layer.height.shape
     if width * config.cell < MIN_WALL[0] or height * config.cell < MIN_WALL[1]:

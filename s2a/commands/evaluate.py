@@ -23,6 +23,7 @@ from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.estimate import seen
 from s2a.planner.motion import Planner
 from s2a.planner.part_base import with_base
+from s2a.playback import states
 from s2a.provenance import provenance
 from s2a.ranges import Count
 from s2a.rl.checkpoint import load_model, load_policy
@@ -57,6 +58,7 @@ class Config(WorldsConfig):
         images: folder for before.png and after.png (world 0 where its part moved farthest), or null.
         search_base: Enable the search for another base where the prepared one does not serve for all of the planner's motion.
         recordings: folder for what the robot's sensors tell, a CSV file for each world, which `s2a identify` reads, or null.
+        states: npz file for where everything was after every control step, which `s2a view` plays, or null.
         camera: how they are taken.
     """
 
@@ -71,6 +73,7 @@ class Config(WorldsConfig):
     images: Path | None
     search_base: bool
     recordings: Path | None
+    states: Path | None
     camera: CameraConfig
 
 
@@ -151,9 +154,9 @@ def _based(stage: SimStage, config: Config) -> SimStage:
 
 def _refuse_of_a_pool(config: Config) -> None:
     """Raise for keys that mean one room, and for parts without an episode."""
-    if config.images or config.recordings or config.search_base:
+    if config.images or config.recordings or config.states or config.search_base:
         raise InputError(
-            "keys 'images', 'recordings' and 'search_base' are for one room; "
+            "keys 'images', 'recordings', 'states' and 'search_base' are for one room; "
             f"{config.stage} has the parts of many: give a sim.usd"
         )
     if config.num_envs < (count := len(pool.read(config.stage))):
@@ -182,6 +185,7 @@ def run(config: Config) -> str:
             )
         sim = Simulation(stages, sim_config, config.num_envs, device)
         recorder = Recorder(sim) if config.recordings else None
+        seen_states = states.Watch(sim) if config.states else None
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env, file)
         album, use = Album(env), LimitUse(sim)
@@ -192,6 +196,8 @@ def run(config: Config) -> str:
                 album.watch()
             if recorder:
                 recorder.watch(env.done.bool())
+            if seen_states:
+                seen_states.sample(env.done)
 
         origin = {"stage": config.stage.name, "policy": _who(config), "seed": config.seed, **provenance(sim.device)}
         origin |= {"perception": config.perception and config.perception.name}
@@ -209,6 +215,9 @@ def run(config: Config) -> str:
     if config.images:
         config.images.mkdir(parents=True, exist_ok=True)
         album.save(Camera(sim.stage, config.camera), config.images)
+    if config.states and seen_states:
+        with atomic_write(config.states) as out:
+            states.write(seen_states.states(), out)
     if config.recordings and recorder:
         config.recordings.mkdir(parents=True, exist_ok=True)
         recorder.save(config.recordings)

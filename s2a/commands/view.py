@@ -26,6 +26,8 @@ from s2a.usd.stage import ENCODINGS
 from s2a.usd.tree import tree
 from s2a.usd.visuals import Visible, visible
 
+DATASET = "meta/s2a.json"
+"""By this file a folder is a dataset of s2a collect."""
 FILE_FACES = 320_000
 """Faces that a file of 10 MB has room for, with and without their scanned colours."""
 
@@ -35,7 +37,11 @@ class Config:
     """Keys of `s2a view`.
 
     Attributes:
-        path: a scan's folder, a stage, or a folder of s2a certify or s2a insert.
+        path: a scan's folder, a stage, or a folder of s2a certify or s2a insert; to be played: states of s2a evaluate, or a
+            dataset of s2a collect.
+        stage: the room of what is played, or null.
+        first: index of the first world or episode that is played.
+        worlds: how many are played side by side, at most.
         text: Print the tree; null prints it unless an image or a page is requested.
         image: PNG file to write, or null.
         page: Serve a page for the browser, until Ctrl-C: parts, a slider for every joint, colliders, grasp regions, axes.
@@ -48,6 +54,9 @@ class Config:
     """
 
     path: Path
+    stage: Path | None
+    first: Annotated[int, AtLeast(0)]
+    worlds: Count
     text: bool | None
     image: Path | None
     page: bool
@@ -67,14 +76,21 @@ def run(config: Config) -> str:
     """
     if not config.path.exists():
         raise InputError(f"{config.path}: does not exist; give a scan's folder, or a {', '.join(ENCODINGS)} file")
+    if config.stage:
+        return _play(config, config.stage)
+    if config.path.suffix == ".npz" or (config.path / DATASET).is_file():
+        raise InputError(f"{config.path} is played in its room; give stage= the sim.usd, too, and page=true")
     stage, noted = notes.of_path(config.path)
+    inserted = notes.inserted(config.path, noted)
     config = replace(config, path=stage)
     if remedy := mesh_remedy(config.path):
         raise InputError(f"{config.path}: {remedy}, in a folder of its own, and give that folder")
     if config.image:
         require_png(config.image)
     _refuse_keys(config)
-    room = replace(_page_room(config), notes=noted) if config.page or config.html else None
+    room = None
+    if config.page or config.html:
+        room = replace(_page_room(config), notes=noted).with_inserted(inserted)
     said = []
     if config.image:
         said.append(_image(visible(config.path), config, config.image))
@@ -89,6 +105,27 @@ def run(config: Config) -> str:
             "key 'text' is false and nothing else is requested; give image=FILE.png, page=true or text=true"
         )
     return "\n".join(said)
+
+
+def _play(config: Config, stage: Path) -> str:
+    """Serve the page of worlds that move, until somebody interrupts."""
+    if not config.page or config.image or config.html:
+        raise InputError(f"{config.path} is played on the page alone; give page=true, without image or html")
+    room = _page_room(replace(config, path=stage))
+    from s2a.page import player  # viser is of the extra "view"
+    from s2a.playback import played  # of the extra "sim"
+    from s2a.usd import sim_stage
+
+    found = played.of_states(
+        played.read(config.path, stage, config.first, config.worlds), sim_stage.read(stage, visuals=False)
+    )
+    room = thinned(room, config.max_faces) if config.max_faces else room
+    view = player.whole(_page_view(room, config), room, len(found.worlds))
+    with player.served(room, found, view, config.camera.fov, config.port) as address:
+        report(f"{config.path}: {len(found.worlds)} worlds, {found.frames} frames, at {address}; Ctrl-C ends it")
+        with suppress(KeyboardInterrupt):
+            threading.Event().wait()
+    return ""
 
 
 def _refuse_keys(config: Config) -> None:

@@ -14,6 +14,8 @@ from s2a.usd.stamp import content_hash
 Note = tuple[tuple[str, str], ...]
 """Names and values that a card shows."""
 REPORT, INSERTION, LAYER = "report.json", "insert.json", "insert.usda"
+PLACE = "place"
+"""The step of an insertion from which on its object is there."""
 DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, RecursionError)
 """What values of other types, or missing ones, raise while notes are made of them."""
 
@@ -28,6 +30,11 @@ def of_path(path: Path) -> tuple[Path, dict[str, Note]]:
         if (path / name).is_file():
             return _read(path / name, read)
     return path, {}
+
+
+def inserted(path: Path, noted: Mapping[str, Note]) -> tuple[str, ...]:
+    """Return the ids of what an insertion put there, in its order; none for other paths."""
+    return tuple(noted) if (path / INSERTION).is_file() and not (path / REPORT).is_file() else ()
 
 
 def _read(
@@ -79,7 +86,7 @@ def _steps(record: Mapping[str, Any]) -> Note:
         and f"{first.get('relation', 'on')} {first.get('target')}, near {plan.get('near')}: {first.get('reason')}",
         "size": scale and f"{_lengths(scale['size'])} m, {scale.get('method')}: {scale.get('reason')}",
         "surface": surface and f"{surface.get('kind')}, of {surface.get('target')}, at {surface.get('height'):.3g} m",
-        "place": pose and f"({', '.join(f'{x:.2f}' for x in pose['position'])}) m",
+        PLACE: pose and f"({', '.join(f'{x:.2f}' for x in pose['position'])}) m",
         "at rest": rest and f"moved {1000 * rest['drift']:.1f} mm, tilted {math.degrees(rest['tilt']):.1f} degrees",
     }
     return tuple((name, str(told)) for name, told in steps.items() if told)

@@ -10,9 +10,10 @@ import viser
 
 from s2a.articulation import open_limit
 from s2a.page import layers
+from s2a.page.notes import PLACE
 from s2a.page.rays import pick
 from s2a.page.room import PageRoom, unit
-from s2a.page.rows import card, noted, row, rows
+from s2a.page.rows import card, noted, row, rows, step_card
 from s2a.page.scene_nodes import SceneNodes
 
 STYLE = """<style>
@@ -52,6 +53,7 @@ class Panel:
             self._add_joints()
         if self._room.notes:
             with tabs.add_tab(f"Notes ({len(self._room.notes)})"):
+                self._add_steps()
                 gui.add_html(noted(self._room))
         with tabs.add_tab(f"Parts ({len(self._room.parts)})"):
             self._add_tree()
@@ -84,6 +86,23 @@ class Panel:
             slider.on_update(self._moving(part))
             self._sliders[part] = slider
 
+    def _add_steps(self) -> None:
+        """Add a slider through the steps of an insertion: objects come one after the other."""
+        taken = steps(self._room)
+        if not taken:
+            return
+        slider = self._server.gui.add_slider("step", 0, len(taken), 1, len(taken))
+        told = self._server.gui.add_html("")
+
+        def show() -> None:
+            placed = {part for part, name, _ in taken[: slider.value] if name == PLACE}
+            self._nodes.hide(set(self._room.inserted) - placed)
+            now = taken[slider.value - 1] if slider.value else ("", "before", "nothing is inserted yet")
+            told.content = step_card(*now)
+            self.select(now[0] if now[0] in placed else None)
+
+        slider.on_update(lambda _: show())
+
     def _move_all(self, fraction: float) -> None:
         with self._server.atomic():
             for part, joint in self._room.joints.items():
@@ -106,6 +125,11 @@ class Panel:
 
     def _clicked(self, event: viser.SceneClickEvent) -> None:
         self.select(pick(self._nodes.at, np.array(event.ray_origin), np.array(event.ray_direction)))
+
+
+def steps(room: PageRoom) -> list[tuple[str, str, str]]:
+    """Return the steps of an insertion, object by object: id, name of the step, what it decided."""
+    return [(part, name, told) for part in room.inserted for name, told in room.notes[part]]
 
 
 def offered(room: PageRoom) -> list[str]:

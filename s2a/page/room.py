@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -62,6 +62,7 @@ class PageRoom:
         grasps: where a gripper grasps each jointed part.
         boxes: The surfaces are the boxes of a description, which are shown translucent.
         notes: what a validation report or an insertion says of parts, by their ids: names and values.
+        inserted: ids of the objects that an insertion put there, in its order; their notes are its steps.
     """
 
     name: str
@@ -71,6 +72,7 @@ class PageRoom:
     grasps: tuple[Extra, ...] = ()
     boxes: bool = False
     notes: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+    inserted: tuple[str, ...] = ()
 
     @cached_property
     def joints(self) -> dict[str, Joint]:
@@ -89,6 +91,12 @@ class PageRoom:
         for part_id, part in self.parts.items():
             found.setdefault(part.parent, []).append(part_id)
         return {i: tuple(c) for i, c in found.items()}
+
+    def with_inserted(self, ids: tuple[str, ...]) -> PageRoom:
+        """Return the room with objects that an insertion put there, which can be hidden: each moves with itself."""
+        known = tuple(i for i in ids if i in self.parts)
+        alone = {i: replace(self.parts[i], mover=i) for i in known if self.parts[i].mover is None}
+        return replace(self, parts=self.parts | alone, inserted=known)
 
     def poses(self, q: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Return the displacement [4 4] of every jointed part: scene pose = displacement @ scanned pose.
@@ -122,10 +130,12 @@ class Coordinates:
     Attributes:
         room: the page's data.
         q: joint coordinates by part [m] or [rad]; the scanned pose where none is given.
+        moved: displacements [4 4] of free objects that have a mover of their own, by their ids.
     """
 
     room: PageRoom
     q: dict[str, float] = field(default_factory=dict)
+    moved: dict[str, np.ndarray] = field(default_factory=dict)
 
     def set(self, part: str, shown: float) -> None:
         """Move a joint to a coordinate in the units that people read [mm] or [deg]."""
@@ -133,6 +143,8 @@ class Coordinates:
 
     def pose(self, mover: str | None) -> np.ndarray:
         """Return the displacement [4 4] of what moves with a jointed part."""
+        if mover is not None and mover not in self.room.joints:
+            return self.moved.get(mover, np.eye(4))
         return self.room.pose(mover, self.q)
 
 

@@ -60,6 +60,11 @@ def noted(room: PageRoom) -> str:
     return "".join(_table(part, said) for part, said in room.notes.items())
 
 
+def step_card(part: str, name: str, value: str) -> str:
+    """Return a step of an insertion as HTML."""
+    return _table(part, [(name, value)])
+
+
 def _table(title: str, values: Iterable[tuple[str, str]]) -> str:
     lines = (f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>" for name, value in values)
     return f"<div class='s2a-card'><b>{html.escape(title)}</b><table>{''.join(lines)}</table></div>"

@@ -39,11 +39,13 @@ class SceneNodes:
         at: the room, and where its joints stand.
     """
 
-    def __init__(self, scene: viser.SceneApi, room: PageRoom) -> None:
+    def __init__(self, scene: viser.SceneApi, room: PageRoom, root: str = "") -> None:
+        """Show a room below a node; "": where its coordinates say."""
         self.at = Coordinates(room)
-        self._scene = scene
+        self._scene, self._root = scene, root
         self._lock = RLock()  # viser calls from several threads
         self._movers: dict[str, str | None] = {}
+        self._hidden: set[str | None] = set()
         self._handles: dict[str, viser.SceneNodeHandle] = {}
         self._layers: dict[str, viser.SceneNodeHandle] = {}
 
@@ -53,7 +55,7 @@ class SceneNodes:
             if layer not in self._layers:
                 if not visible:
                     return
-                self._layers[layer] = self._scene.add_frame(_path(layer), show_axes=False)
+                self._layers[layer] = self._scene.add_frame(self._path(layer), show_axes=False)
                 self._add(layer)
             self._layers[layer].visible = visible
 
@@ -62,6 +64,19 @@ class SceneNodes:
         with self._lock:
             self.at.set(part, shown)
             self._place(self.at.room.carried(part))
+
+    def hide(self, movers: Iterable[str]) -> None:
+        """Hide what moves with some parts, and show all else."""
+        with self._lock:
+            self._hidden = set(movers)
+            for name, mover in self._movers.items():
+                self._handles[name].visible = mover not in self._hidden
+
+    def put(self, q: Mapping[str, float], moved: Mapping[str, np.ndarray]) -> None:
+        """Put all joints at coordinates [m] or [rad], and free objects at displacements [4 4]."""
+        with self._lock:
+            self.at.q, self.at.moved = dict(q), dict(moved)
+            self._place({i for part in q for i in self.at.room.carried(part)} | set(moved))
 
     def _place(self, movers: Iterable[str]) -> None:
         """Put the nodes that move with some jointed parts where their joints stand."""
@@ -78,23 +93,23 @@ class SceneNodes:
             self._select(part)
 
     def _select(self, part: str | None) -> None:
-        self._forget(SELECTED)
+        self._forget(self._root + SELECTED)
         if part is None or not len(self.at.room.parts[part].surface.faces):
             return
         chosen = self.at.room.parts[part]
         mark = glb.encode(layers.lifted(chosen.surface), MARKED, MARK_OPACITY, chosen.mover is not None)
-        self._mesh(SELECTED, chosen.mover, mark)
+        self._mesh(self._root + SELECTED, chosen.mover, mark)
 
     def _add(self, layer: str) -> None:
         room = self.at.room
         if layer == AXES:
             for arrow in layers.arrows(room):
-                self._arrow(f"{_path(AXES)}/{arrow.name}", arrow, room.joints[arrow.name].kind)
+                self._arrow(f"{self._path(AXES)}/{arrow.name}", arrow, room.joints[arrow.name].kind)
             return
         opacity = TRANSLUCENT if room.boxes else 1.0
         for node in MAKERS[layer](room):
             data = glb.encode(node.mesh, opacity=opacity, both_sides=node.mover is not None)
-            self._mesh(f"{_path(layer)}/{node.name}", node.mover, data)
+            self._mesh(f"{self._path(layer)}/{node.name}", node.mover, data)
 
     def _mesh(self, name: str, mover: str | None, data: bytes) -> None:
         turned, position = _pose(self.at.pose(mover))
@@ -120,15 +135,16 @@ class SceneNodes:
 
     def _keep(self, name: str, mover: str | None, handle: viser.SceneNodeHandle) -> None:
         self._movers[name], self._handles[name] = mover, handle
+        if mover in self._hidden:
+            handle.visible = False
 
     def _forget(self, name: str) -> None:
         if handle := self._handles.pop(name, None):
             handle.remove()
             del self._movers[name]
 
-
-def _path(layer: str) -> str:
-    return f"/{layer}"
+    def _path(self, layer: str) -> str:
+        return f"{self._root}/{layer}"
 
 
 def _pose(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,10 +10,12 @@ import pytest
 
 from s2a import cli, config, scan
 from s2a.annotate.propose import ProposeConfig, propose
+from s2a.annotate.propose.cells import CellBox
 from s2a.annotate.propose.layers import Layer
 from s2a.annotate.propose.motion import FrontShape, motion
 from s2a.annotate.propose.partition import divide
-from s2a.annotate.propose.patches import CellBox
+from s2a.annotate.propose.patches import patches
+from s2a.annotate.propose.wall_leaves import leaves
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
 
@@ -60,22 +62,62 @@ def test_a_front_opens_away_from_its_handle(front: FrontShape, expected: str) ->
     assert motion(front) == expected
 
 
+def image(color: np.ndarray, ahead: np.ndarray | None = None, sharp: bool = True, cell: float = 0.01) -> Layer:
+    """Return the image of a flat plane that faces x; what stands out of it is a handle's."""
+    none = np.zeros(color.shape[:2])
+    out = none if ahead is None else ahead
+    odd = np.linalg.norm(color - np.median(color, axis=(0, 1)), axis=-1)
+    frame = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
+    return Layer(*frame, 0.0, np.zeros(2), cell, color, none, out, out, odd, none > 0, sharp)
+
+
 def test_a_dark_line_divides_two_fronts_rather_than_the_middle() -> None:
     color = np.full((40, 80, 3), 150.0)
     color[:, 50] = 20.0
-    layer = Layer(
-        np.array([1.0, 0, 0]),
-        np.array([0, 1.0, 0]),
-        0.0,
-        np.zeros(2),
-        0.01,
-        color,
-        np.zeros((40, 80)),
-        np.zeros((40, 80)),
-    )
     handles = [CellBox(18, 18, 22, 20), CellBox(62, 18, 66, 20)]
-    (left, first), (right, second) = divide(layer, CellBox(0, 0, 80, 40), handles)
+    (left, first), (right, second) = divide(image(color), CellBox(0, 0, 80, 40), handles)
     assert 49 <= left.right == right.left <= 51 and [first, second] == [[handles[0]], [handles[1]]]
+
+
+def test_equal_fronts_are_divided_where_they_end_though_their_handles_are_at_their_tops() -> None:
+    handles = [CellBox(30, 20 * k + 15, 50, 20 * k + 17) for k in range(4)]
+    found = divide(image(np.full((80, 80, 3), 150.0)), CellBox(0, 0, 80, 80), handles)
+    assert sorted(box.bottom for box, _ in found) == pytest.approx([0, 20, 40, 60], abs=1.5)
+
+
+def test_a_wide_drawer_has_two_handles_and_stays_one() -> None:
+    handles = [CellBox(15, 12, 35, 14), CellBox(85, 12, 105, 14)]
+    plain = np.full((24, 120, 3), 150.0)
+    assert len(divide(image(plain), CellBox(0, 0, 120, 24), handles)) == 1
+    plain[:, 60] = 20.0
+    assert len(divide(image(plain), CellBox(0, 0, 120, 24), handles)) == 2
+
+
+def test_a_bar_that_a_scan_shows_in_pieces_is_one_handle_and_two_knobs_are_two() -> None:
+    out = np.zeros((60, 100))
+    for left in range(20, 56, 8):
+        out[30, left : left + 4] = 0.03
+    (patch,) = patches(image(np.full((60, 100, 3), 150.0), out), PROPOSE)
+    assert [(blob.left, blob.right) for blob in patch.blobs] == [(20, 56)]
+    out[:] = 0
+    out[30:33, 40:43] = out[30:33, 47:50] = 0.03
+    (patch,) = patches(image(np.full((60, 100, 3), 150.0), out), PROPOSE)
+    assert len(patch.blobs) == 2
+
+
+def test_a_door_is_the_opening_around_its_lever_and_a_picture_is_none() -> None:
+    wall, out = np.full((250, 300, 3), 200.0), np.zeros((250, 300))
+    wall[:205, 100:190] = 90.0  # a door 0.9 m wide and 2.05 m high
+    out[100:103, 104:116] = 0.05
+    ((box, lever),) = leaves(image(wall, out), 0.0, PROPOSE)
+    assert (box.left, box.right, box.bottom) == pytest.approx((100, 190, 0), abs=2) and box.top == pytest.approx(
+        205, abs=2
+    )
+    assert lever.left == 104
+    wall[:], out[:] = 200.0, 0.0
+    wall[140:160, 100:190] = 90.0  # 0.2 m high: lower than any window
+    out[150:153, 104:116] = 0.05
+    assert list(leaves(image(wall, out), 0.0, PROPOSE)) == []
 
 
 def test_the_command_writes_proposals_without_a_page(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

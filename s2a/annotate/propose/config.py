@@ -19,7 +19,7 @@ class ProposeConfig:
         color: largest difference of colour between neighbouring cells of one patch, Euclidean in RGB.
         min_fill: smallest fraction of its rectangle that a patch covers.
         relief: height over a plane from which a cell is a handle's [m].
-        sharp: standard deviation of a patch's heights up to which a scan shows handles by their shape [m].
+        sharp: standard deviation of a plane's heights, in the median, up to which a scan shows handles by their shape [m].
         contrast: difference of a cell's colour from its patch's from which it may be a handle's, Euclidean in RGB.
         max_handle: largest length and width of a handle [m].
         min_front: smallest width and height of a front [m].

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, label, median_filter, uniform_filter
 
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.surface import SplitSurface
@@ -27,6 +27,12 @@ STEP = 0.004
 """[m] Bins of the offsets along an azimuth."""
 AHEAD = 0.09
 """[m] A handle stands out by less."""
+WALL = 0.1
+"""[m] The sides of an open compartment stand out of its back by more, a door's frame by less."""
+BACKGROUND = 0.13
+"""[m] A handle is narrower than half of this."""
+CONNECTED = 0.02
+"""[m] Cells in which points lie beside each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +67,10 @@ class Layer:
         color: RGB of the surface near the plane, shape [row column 3]; NaN where there is none.
         height: of that surface over the plane [m], shape [row column]; NaN where there is none.
         ahead: height of what stands out over the plane [m], at most AHEAD, shape [row column]; 0 where nothing does.
+        relief: `ahead` over its median around [m], shape [row column].
+        odd: difference of a cell's colour from the median around, Euclidean in RGB, shape [row column].
+        wall: upright surface across the plane stands out by WALL and more, shape [row column].
+        sharp: the scan shows handles by their shape; else by their colour too.
     """
 
     normal: np.ndarray
@@ -71,6 +81,10 @@ class Layer:
     color: np.ndarray
     height: np.ndarray
     ahead: np.ndarray
+    relief: np.ndarray
+    odd: np.ndarray
+    wall: np.ndarray
+    sharp: bool = True
 
 
 def spread(surface: SplitSurface, density: float, seed: int = 0) -> Points:
@@ -103,16 +117,64 @@ def azimuths(points: Points) -> list[float]:
     return found
 
 
-def layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
-    """Yield the upright planes of a room with enough area, for each azimuth."""
+def layers(points: Points, config: ProposeConfig) -> list[Layer]:
+    """Return the upright planes of a room with enough area."""
+    found = list(_layers(points, config))
+    rough = [1.4826 * float(np.nanmedian(np.abs(layer.height - np.nanmedian(layer.height)))) for layer in found]
+    sharp = bool(rough) and float(np.median(rough)) < config.sharp
+    return [replace(layer, sharp=sharp) for layer in found]
+
+
+def _layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
     for azimuth in azimuths(points):
         normal = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         facing = points.normal @ normal
         flat = facing > FACING
         offset = points.place @ normal
         for peak in _peaks(offset[flat], config):
-            near = np.abs(offset - peak) < AHEAD + config.layer
-            yield _image(points[near], flat[near], normal, peak, config)
+            near = np.abs(offset - peak) < 2 * AHEAD
+            for level in _levelled(
+                points[near].place[flat[near] & (np.abs(offset - peak)[near] < 2 * config.layer)], normal, peak, config
+            ):
+                yield _image(points[near], flat[near], *level, config)
+
+
+def _levelled(
+    places: np.ndarray, normal: np.ndarray, offset: float, config: ProposeConfig
+) -> Iterator[tuple[np.ndarray, float, np.ndarray]]:
+    """Yield normal, offset [m] and corners [m] (low, high: along the plane, and upwards) of each connected piece of a plane.
+
+    Furniture is not quite parallel, and a scan drifts: over two metres the heights over one common plane differ by 2 cm.
+    """
+    right = np.array([-normal[1], normal[0], 0.0])
+    u, height = places @ right, places @ normal - offset
+    index = np.floor(np.stack([u, places[:, 2]], axis=1) / CONNECTED).astype(int)
+    index -= index.min(axis=0)
+    seen = np.zeros(index.max(axis=0) + 1, bool)
+    seen[tuple(index.T)] = True
+    piece = label(seen, np.ones((3, 3)))[0][tuple(index.T)]
+    for number in np.flatnonzero(np.bincount(piece) >= config.min_layer * config.density):
+        mine = piece == number
+        line = _line(u[mine], height[mine], config.layer / 2)
+        turned = normal - line[0] * right
+        turned /= np.linalg.norm(turned)
+        along = np.array([-turned[1], turned[0], 0.0])
+        flat = np.abs(height[mine] - np.polyval(line, u[mine])) < config.layer
+        if flat.sum() < config.min_layer * config.density:
+            continue
+        best = places[mine][flat]
+        place = np.stack([best @ along, best[:, 2]], axis=1)
+        yield turned, float(np.median(best @ turned)), np.stack([place.min(axis=0), place.max(axis=0)])
+
+
+def _line(x: np.ndarray, y: np.ndarray, near: float) -> np.ndarray:
+    """Return slope and offset of a straight line through most points; x, y [m], shape [point]."""
+    line = np.array([0.0, float(np.median(y))])
+    for reach in (2 * near, near, near):
+        inlier = np.abs(y - np.polyval(line, x)) < reach
+        if inlier.sum() > 10 and np.ptp(x[inlier]) > 0.1:
+            line = np.polyfit(x[inlier], y[inlier], 1)
+    return line
 
 
 def _peaks(offsets: np.ndarray, config: ProposeConfig) -> list[float]:
@@ -135,13 +197,15 @@ def _peaks(offsets: np.ndarray, config: ProposeConfig) -> list[float]:
     return found
 
 
-def _image(points: Points, flat: np.ndarray, normal: np.ndarray, offset: float, config: ProposeConfig) -> Layer:
+def _image(
+    points: Points, flat: np.ndarray, normal: np.ndarray, offset: float, corners: np.ndarray, config: ProposeConfig
+) -> Layer:
     right = np.array([-normal[1], normal[0], 0.0])
     place = np.stack([points.place @ right, points.place[:, 2]], axis=1)
     height = points.place @ normal - offset
     mine = flat & (np.abs(height) < config.layer)
-    low = place[mine].min(axis=0) - 2 * config.cell
-    size = np.ceil((place[mine].max(axis=0) - low) / config.cell).astype(int) + 3
+    low = corners[0] - 2 * config.cell
+    size = np.ceil((corners[1] - low) / config.cell).astype(int) + 3
     index = np.floor((place - low) / config.cell).astype(int)
     within = ((index >= 0) & (index < size)).all(axis=1)
     key = np.where(within, index[:, 1] * size[0] + index[:, 0], 0)
@@ -154,16 +218,31 @@ def _image(points: Points, flat: np.ndarray, normal: np.ndarray, offset: float, 
     ahead = np.zeros(size.prod())
     out = within & (height > 0) & (height < AHEAD) & (points.normal @ normal > -0.3)
     np.maximum.at(ahead, key[out], height[out])
+    across = within & (np.abs(points.normal @ normal) < 0.5) & (height > WALL)
+    wall = np.bincount(key[across], minlength=size.prod()) > 0
+    color, ahead = color.reshape(*shape, 3), ahead.reshape(shape)
+    window = int(round(BACKGROUND / config.cell))
+    relief = ahead - median_filter(ahead, size=window, mode="nearest")
+    odd = _odd(color, window)
     return Layer(
-        normal,
-        right,
-        offset,
-        low,
-        config.cell,
-        color.reshape(*shape, 3),
-        mean.reshape(shape),
-        ahead.reshape(shape),
+        normal, right, offset, low, config.cell, color, mean.reshape(shape), ahead, relief, odd, wall.reshape(shape)
     )
+
+
+def _odd(color: np.ndarray, window: int) -> np.ndarray:
+    """Return the difference of each cell's colour from the median of the window around it."""
+    seen = ~np.isnan(color[..., 0])
+    usual = np.median(color[seen], axis=0)
+    filled = np.stack([np.where(seen, color[..., k], smooth(color[..., k], seen)) for k in range(3)], axis=-1)
+    filled = np.where(np.isnan(filled), usual, filled)
+    return np.asarray(np.linalg.norm(filled - median_filter(filled, size=(window, window, 1), mode="nearest"), axis=-1))
+
+
+def smooth(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Return the mean of what is seen in the 3 x 3 cells around each cell; NaN where nothing is."""
+    weight = uniform_filter(seen.astype(float), 3)
+    total = uniform_filter(np.where(seen, values, 0.0), 3)
+    return np.asarray(np.where(weight > 0.1, total / np.maximum(weight, 1e-9), np.nan))
 
 
 def _turn(angle: np.ndarray | float) -> np.ndarray:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from s2a.annotate.propose.cells import CellBox, hull
 from s2a.annotate.propose.config import ProposeConfig
-from s2a.annotate.propose.layers import Layer
+from s2a.annotate.propose.layers import Layer, smooth
 from s2a.annotate.surface import connected
 
 HOLES = 2
@@ -20,43 +21,22 @@ BORDER = 0.012
 """[m] What differs this near to a patch's border is the border."""
 MIN_BLOB = 1.5e-4
 """[m^2] Smaller blobs are noise."""
-BACKGROUND = 0.13
-"""[m] A handle is narrower than half of this."""
 MIN_PAINTED, PAINTED = 0.05, 1.8
 """[m] and multiple of its width: length from which on what is in the colours alone may be a handle."""
+MAX_RELIEF = 0.08
+"""[m] What stands out by more is an object, or a wall."""
+FAINT = 0.5
+"""Of the contrast of a patch's clearest handle: lines and shadows have less."""
+PATTERN = 25
+"""Blobs in one patch from which on they are ribs, slots or print."""
+THIN = 0.011
+"""[m] A line of one cell is a gap between two fronts."""
 RING, AROUND = 3, 0.6
 """Cells around a blob, and the fraction of them that are plain front, from which on it is a handle on it."""
-ALIKE = 1.8
+ALIKE = 3.0
 """Ratio of the lengths of two handles of one piece of furniture, at most."""
-MAX_BLOB = 0.3
-"""Fraction of its patch that a handle covers at most."""
-JOINED = 0.025
-"""[m] Blobs this near to each other are one handle: a scan shows a bar in pieces."""
-
-
-@dataclass(frozen=True)
-class CellBox:
-    """A rectangle of an image: cells from `low` to below `high`, each (column, row)."""
-
-    left: float
-    bottom: float
-    right: float
-    top: float
-
-    @property
-    def width(self) -> float:
-        """Columns."""
-        return self.right - self.left
-
-    @property
-    def height(self) -> float:
-        """Rows."""
-        return self.top - self.bottom
-
-    @property
-    def middle(self) -> tuple[float, float]:
-        """Column and row of its middle."""
-        return (self.left + self.right) / 2, (self.bottom + self.top) / 2
+JOINED, BAR = 0.07, 1.6
+"""[m] Gap between two blobs on a line that are one handle, and length over width of one of them at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,23 +77,13 @@ def patches(layer: Layer, config: ProposeConfig) -> Iterator[ColorPatch]:
         yield ColorPatch(box, color, tuple(b for b, _ in blobs), tuple(r for _, r in blobs))
 
 
-def _surrounded(mask: np.ndarray, where: tuple[slice, ...], plain: np.ndarray) -> float:
+def _surrounded(piece: CellBox, plain: np.ndarray) -> float:
     """Return the fraction of the cells around a blob that are plain front: books and moulding have other neighbours."""
-    whole = np.zeros_like(plain)
-    whole[where] = mask
-    ring = ndimage.binary_dilation(whole, np.ones((3, 3)), iterations=RING)
-    ring &= ~ndimage.binary_dilation(whole, np.ones((3, 3)))
+    ring = np.zeros_like(plain)
+    for by, value in ((RING, True), (1, False)):
+        rows = slice(max(int(piece.bottom) - by, 0), int(piece.top) + by)
+        ring[rows, max(int(piece.left) - by, 0) : int(piece.right) + by] = value
     return float(plain[ring].mean()) if ring.any() else 0.0
-
-
-def _odd(colors: np.ndarray, color: np.ndarray, contrast: float, window: int) -> np.ndarray:
-    """Return which cells differ from the colour of the cells around them, and from their patch's."""
-    seen = ~np.isnan(colors[..., 0])
-    filled = np.stack([np.where(seen, colors[..., k], _smooth(colors[..., k], seen)) for k in range(3)], axis=-1)
-    filled = np.where(np.isnan(filled), color, filled)
-    around = ndimage.median_filter(filled, size=(window, window, 1), mode="nearest")
-    off = np.minimum(np.linalg.norm(filled - around, axis=-1), np.linalg.norm(filled - color, axis=-1))
-    return np.asarray(off > contrast)
 
 
 def _alike(blobs: list[tuple[CellBox, float]]) -> list[tuple[CellBox, float]]:
@@ -129,7 +99,7 @@ def _alike(blobs: list[tuple[CellBox, float]]) -> list[tuple[CellBox, float]]:
 def _labels(layer: Layer, config: ProposeConfig) -> tuple[np.ndarray, int]:
     """Return the number of the patch of each cell from 1 on, 0 for none, and how many there are."""
     seen = ~np.isnan(layer.height)
-    color = np.stack([_smooth(layer.color[..., k], seen) for k in range(3)], axis=-1)
+    color = np.stack([smooth(layer.color[..., k], seen) for k in range(3)], axis=-1)
     filled = ndimage.binary_closing(seen, np.ones((2 * HOLES + 1,) * 2)) & ~np.isnan(color[..., 0])
     index = np.full(seen.shape, -1)
     index[filled] = np.arange(filled.sum())
@@ -161,13 +131,6 @@ def _part_colors(labels: np.ndarray, color: np.ndarray, config: ProposeConfig) -
                 labels[where][parts == part] = count
 
 
-def _smooth(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Return the mean of what is seen in the 3 x 3 cells around each cell; NaN where nothing is."""
-    weight = ndimage.uniform_filter(seen.astype(float), 3)
-    total = ndimage.uniform_filter(np.where(seen, values, 0.0), 3)
-    return np.asarray(np.where(weight > 0.1, total / np.maximum(weight, 1e-9), np.nan))
-
-
 def _box(mask: np.ndarray, where: tuple[slice, ...]) -> CellBox:
     """Return the rectangle of a patch but for ragged ends."""
     ends = []
@@ -184,35 +147,75 @@ def _blobs(layer: Layer, box: CellBox, color: np.ndarray, config: ProposeConfig)
     edge = int(round(BORDER / config.cell))
     rows = slice(int(box.bottom) + edge, int(box.top) - edge)
     columns = slice(int(box.left) + edge, int(box.right) - edge)
-    ahead, seen = layer.ahead[rows, columns], ~np.isnan(layer.height[rows, columns])
-    if not ahead.size:
+    if rows.stop - rows.start < 3 or columns.stop - columns.start < 3:
         return
-    noise = 1.4826 * float(np.median(np.abs(ahead[seen] - np.median(ahead[seen])))) if seen.any() else 0.0
-    out = ahead > max(config.relief, float(np.median(ahead)) + 4 * noise)
-    other = np.zeros_like(out)
-    # Where noise is small, handles stand out, and what has another colour alone is printed, or a shadow.
-    if float(np.nanstd(layer.height[rows, columns])) > config.sharp:
-        other = _odd(layer.color[rows, columns], color, config.contrast, int(round(BACKGROUND / config.cell)))
-        out = ahead > 2 * config.relief
-    joined = ndimage.binary_closing(np.pad(out | other, 4), np.ones((3, 3)))[4:-4, 4:-4]
-    reach = int(round(JOINED / config.cell))
-    labels, _ = ndimage.label(ndimage.binary_dilation(joined, np.ones((reach, reach))))
-    labels[~joined] = 0
+    seen = ~np.isnan(layer.height[rows, columns])
+    local = layer.relief[rows, columns]
+    odd = np.where(
+        np.linalg.norm(layer.color[rows, columns] - color, axis=-1) < config.contrast, 0.0, layer.odd[rows, columns]
+    )
+    odd = np.zeros_like(odd) if layer.sharp else odd
+    out = local > config.relief * (1 if layer.sharp else 2)
+    marked = out | (odd > config.contrast)
+    labels, _ = ndimage.label(ndimage.binary_closing(np.pad(marked, 2), np.ones((3, 3)))[2:-2, 2:-2], np.ones((3, 3)))
+    pieces, found = [], []
     for number, where in enumerate(ndimage.find_objects(labels), start=1):
-        if where is None:
-            continue
-        mask = labels[where] == number
-        height, width = mask.shape
-        long, short = sorted((height * config.cell, width * config.cell), reverse=True)
-        area = mask.sum() * config.cell**2
-        if area < MIN_BLOB or area > MAX_BLOB * box.width * box.height * config.cell**2:
-            continue
-        if not out[where][mask].any() and (long < MIN_PAINTED or long < PAINTED * short):
-            continue
+        if (labels[where] == number).sum() * config.cell**2 >= MIN_BLOB:
+            pieces.append(CellBox(where[1].start, where[0].start, where[1].stop, where[0].stop))
+    if len(pieces) > PATTERN:
+        return
+    for piece in _joined(pieces, JOINED / config.cell, np.array(config.max_handle) / config.cell):
+        long, short = sorted((piece.height * config.cell, piece.width * config.cell), reverse=True)
+        inside = np.s_[int(piece.bottom) : int(piece.top), int(piece.left) : int(piece.right)]
         if long > config.max_handle[0] or short > config.max_handle[1]:
             continue
-        if _surrounded(mask, where, seen & ~out & ~other) < AROUND:
+        strength = float(np.quantile(odd[inside][marked[inside]], 0.9))
+        if not out[inside].any() and not _painted(long, short, strength, config.contrast):
             continue
-        left, bottom = columns.start + where[1].start, rows.start + where[0].start
-        relief = float(np.quantile(ahead[where][mask], 0.9))
-        yield CellBox(left, bottom, left + width, bottom + height), relief
+        if _surrounded(piece, seen & ~marked) < AROUND:
+            continue
+        relief = float(np.quantile(local[inside][marked[inside]], 0.9))
+        if relief > MAX_RELIEF:
+            continue
+        left, bottom = columns.start + piece.left, rows.start + piece.bottom
+        found.append((CellBox(left, bottom, left + piece.width, bottom + piece.height), relief, strength))
+    clearest = max((strength for _, _, strength in found), default=0.0)
+    for blob, relief, strength in found:
+        if strength >= FAINT * clearest or relief > config.relief * 2:
+            yield blob, relief
+
+
+def _painted(long: float, short: float, odd: float, contrast: float) -> bool:
+    """Return whether a blob that is in the colours alone may be a bar, or a knob that is seen well; a line is a gap."""
+    if long >= MIN_PAINTED and long > PAINTED * short and short > THIN:
+        return odd > contrast
+    return bool(THIN < short <= long < MIN_PAINTED and odd > 2 * contrast)
+
+
+def _joined(pieces: list[CellBox], gap: float, largest: np.ndarray) -> list[CellBox]:
+    """Return boxes, those on one line as one: a scan shows a bar in pieces. Two knobs beside each other are two."""
+    found = list(pieces)
+    while True:
+        pairs = [
+            (apart, a, b)
+            for i, a in enumerate(found)
+            for b in found[i + 1 :]
+            if (apart := _apart(a, b)) <= gap and (sorted(hull((a, b)).sides, reverse=True) <= largest).all()
+        ]
+        if not pairs:
+            return found
+        _, a, b = min(pairs, key=lambda pair: pair[0])
+        found = [piece for piece in found if piece is not a and piece is not b] + [hull((a, b))]
+
+
+def _apart(a: CellBox, b: CellBox) -> float:
+    """Return the gap between two pieces of one bar, infinite where they lie on no line of one of them [cells]."""
+    level = min(a.top, b.top) - max(a.bottom, b.bottom)
+    upright = min(a.right, b.right) - max(a.left, b.left)
+    if level > 0 and upright > 0:
+        return 0.0
+    if level > 0 and max(a.width / a.height, b.width / b.height) >= BAR:
+        return -upright
+    if upright > 0 and max(a.height / a.width, b.height / b.width) >= BAR:
+        return -level
+    return np.inf

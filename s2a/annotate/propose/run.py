@@ -10,11 +10,13 @@ import numpy as np
 from s2a.annotate import joints
 from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.handle import standing_out
+from s2a.annotate.propose.cells import CellBox, hull
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.propose.layers import Layer, layers, spread
 from s2a.annotate.propose.motion import FrontShape, Motion, motion
 from s2a.annotate.propose.partition import divide
-from s2a.annotate.propose.patches import CellBox, ColorPatch, patches
+from s2a.annotate.propose.patches import ColorPatch, patches
+from s2a.annotate.propose.wall_leaves import MIN_DOOR, leaves
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.geometry.planes import fit_plane
@@ -24,6 +26,12 @@ SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}
 """Index of a side in `joints.hinge_at`."""
 OVERLAP = 0.5
 """Fraction of the smaller front that two proposals may share; the better one stays."""
+GLAZED = 0.85
+"""Fraction of a window that a laser sees at most: of a picture it sees all."""
+REVEAL = 0.12
+"""[m] A door's leaf lies before or behind its wall by less."""
+BESIDE, WALLED = 4, 0.4
+"""Cells beside a side in which a wall may stand, and the fraction of the side before which it stands."""
 FACING = 0.6
 """Cosine between a face of a front and its plane."""
 
@@ -41,6 +49,8 @@ def propose(surface: SplitSurface, config: ProposeConfig, grow: GrowConfig) -> t
     for layer in layers(spread(surface, config.density), config):
         for patch in patches(layer, config):
             found += list(_items(surface, layer, patch, floor, config, grow))
+        for box, lever in leaves(layer, floor, config):
+            found += list(_leaf(surface, layer, box, lever, grow))
     return _best(surface, found)
 
 
@@ -64,10 +74,10 @@ def _items(
         low, high = config.min_front, config.max_front
         if not blobs or not (low[0] <= width <= high[0] and low[1] <= height <= high[1]):
             continue
-        handle = _union(blobs)
+        handle = hull(blobs)
         seen = _seen(layer, box, handle, floor)
         region = _region(surface, layer, box, grow)
-        if region is None or seen.middle < config.min_middle:
+        if region is None or seen.middle < config.min_middle or _recessed(layer, box):
             continue
         opens = motion(seen)
         out = max(relief[blob] for blob in blobs)
@@ -80,6 +90,39 @@ def _items(
         )
 
 
+def _leaf(surface: SplitSurface, layer: Layer, box: CellBox, lever: CellBox, grow: GrowConfig) -> Iterator[Item]:
+    """Yield the leaf of a door or window, on its own plane: before the wall's, or behind it."""
+    region = _rectangle(layer, box)
+    place = region.local(surface.middles)
+    mine = (np.abs(place[:, :2]) < region.size / 2).all(axis=1) & (np.abs(place[:, 2]) < REVEAL)
+    mine &= surface.normals @ region.normal > FACING
+    if not mine.any():
+        return
+    count, edges = np.histogram(place[mine, 2], np.arange(-REVEAL, REVEAL, 0.01), weights=surface.areas[mine])
+    offset = float(edges[np.argmax(count)]) + 0.005
+    leaf = mine & (np.abs(place[:, 2] - offset) < grow.distance)
+    if surface.areas[leaf].sum() < 0.15 * region.size.prod():
+        return
+    low, high = np.quantile(place[leaf, :2], (0.01, 0.99), axis=0)
+    center = region.center + region.axes @ (low + high) / 2 + offset * region.normal
+    region = replace(region, center=center, size=high - low)
+    region = replace(region, faces=inside(surface, region, grow))
+    if box.height * layer.cell >= MIN_DOOR > region.size[1]:
+        return
+    if layer.sharp and region.size[1] < MIN_DOOR and surface.areas[region.faces].sum() > GLAZED * region.size.prod():
+        return
+    opens: Motion = "left" if lever.middle[0] > box.middle[0] else "right"
+    handle = _handle(surface, layer, region, lever)
+    yield Item(region, joint=_joint(region, opens), handle=handle, proposed=True)
+
+
+def _recessed(layer: Layer, box: CellBox) -> bool:
+    """Return whether walls stand before both sides of a box: it is the back of an open compartment."""
+    rows = slice(max(int(box.bottom), 0), int(box.top))
+    sides = [layer.wall[rows, max(int(x) - BESIDE, 0) : int(x) + BESIDE] for x in (box.left, box.right)]
+    return all(side.size and side.any(axis=1).mean() > WALLED for side in sides)
+
+
 def _score(relief: float, config: ProposeConfig) -> float:
     """Return how sure a front is, 0 to 1: a handle that stands out is one, a patch of another colour may be none."""
     return float(0.5 + 0.5 * np.clip(relief / (3 * config.relief), 0.0, 1.0))
@@ -87,12 +130,6 @@ def _score(relief: float, config: ProposeConfig) -> float:
 
 def _joint(region: FrontRegion, opens: Motion) -> Joint:
     return joints.slide(region) if opens == "slide" else joints.hinge_at(region, SIDES[opens])
-
-
-def _union(blobs: list[CellBox]) -> CellBox:
-    return CellBox(
-        min(b.left for b in blobs), min(b.bottom for b in blobs), max(b.right for b in blobs), max(b.top for b in blobs)
-    )
 
 
 def _seen(layer: Layer, box: CellBox, handle: CellBox, floor: float) -> FrontShape:
@@ -114,13 +151,18 @@ def _place(layer: Layer, column: float, row: float) -> np.ndarray:
     return np.asarray(u * layer.right + v * np.array([0.0, 0.0, 1.0]) + layer.offset * layer.normal)
 
 
-def _region(surface: SplitSurface, layer: Layer, box: CellBox, grow: GrowConfig) -> FrontRegion | None:
-    """Return a box as a region of the surface, its plane fitted to its faces and upright; None where it holds hardly any."""
+def _rectangle(layer: Layer, box: CellBox) -> FrontRegion:
+    """Return a box as a rectangle of a plane, without faces."""
     axes = np.stack([layer.right, np.array([0.0, 0.0, 1.0])], axis=1)
     size = np.array([box.width, box.height]) * layer.cell
-    region = FrontRegion(layer.normal, _place(layer, *box.middle), axes, size, np.empty(0, int))
+    return FrontRegion(layer.normal, _place(layer, *box.middle), axes, size, np.empty(0, int))
+
+
+def _region(surface: SplitSurface, layer: Layer, box: CellBox, grow: GrowConfig) -> FrontRegion | None:
+    """Return a box as a region of the surface, its plane fitted to its faces and upright; None where it holds hardly any."""
+    region = _rectangle(layer, box)
     faces = inside(surface, region, grow)
-    if surface.areas[faces].sum() < 0.3 * size.prod():
+    if surface.areas[faces].sum() < 0.3 * region.size.prod():
         return None
     normal, _ = fit_plane(surface.middles[faces], surface.areas[faces], layer.normal)
     normal = normal * [1.0, 1.0, 0.0]
@@ -130,7 +172,7 @@ def _region(surface: SplitSurface, layer: Layer, box: CellBox, grow: GrowConfig)
     right = np.array([-normal[1], normal[0], 0.0])
     offset = float(np.median(surface.middles[faces] @ normal))
     center = region.center + (offset - float(region.center @ normal)) * normal
-    turned = replace(region, normal=normal, center=center, axes=np.stack([right, axes[:, 1]], axis=1))
+    turned = replace(region, normal=normal, center=center, axes=np.stack([right, region.axes[:, 1]], axis=1))
     return replace(turned, faces=inside(surface, turned, grow))
 
 

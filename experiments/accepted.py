@@ -1,0 +1,140 @@
+"""Does the planner open parts that were proposed and accepted? A scripted annotator goes through the proposals of phones' scans.
+
+    python experiments/accepted.py runs/homes/*_phone --work runs/accepted --out experiments/results/accepted.json
+
+Each folder holds a scan of s2a sample virtual=varied detail=phone; its GLB is imported, and proposals are made. The annotator
+accepts those that match a part (intersection over union of 0.5, kind and direction right) and rejects the others; where one has
+no handle, it clicks where the truth has one, which adds a bar. Then come s2a export, prepare and the planner, EPISODES for each
+part. A part is opened where every episode succeeds; one that export or prepare lost counts as not opened.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import proposals
+from proposals import TEXEL
+
+from s2a import cli, config, scan
+from s2a.annotate import files
+from s2a.annotate.annotation import Draft
+from s2a.annotate.propose import ProposeConfig, cut, propose
+from s2a.annotate.region import GrowConfig
+from s2a.provenance import provenance
+from s2a.scan import folder, parts
+from s2a.scan.labels import parents
+
+EPISODES = 2
+HANDLES = ("handle", "knob", "lever")
+
+
+def main() -> None:
+    """Go through all folders, print and write the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scans", nargs="+", type=Path)
+    parser.add_argument("--work", type=Path, required=True)
+    parser.add_argument("--out", type=Path)
+    arguments = parser.parse_args()
+    rows: list[dict] = []
+    for path in arguments.scans:
+        rows += opened(path, arguments.work / path.name)
+        print(path.name, summary(rows), flush=True)
+        if arguments.out:
+            content = {"provenance": provenance("cpu"), "episodes": EPISODES, "summary": summary(rows), "rows": rows}
+            arguments.out.write_text(json.dumps(content, indent=1) + "\n")
+
+
+def opened(path: Path, work: Path) -> list[dict]:
+    """Return a row for each part that was accepted of a scan."""
+    work.mkdir(parents=True, exist_ok=True)
+    keys = [f"mesh={path / 'scan.glb'}", f"out={work / 'scan'}", f"texel={TEXEL}", "floor=false"]
+    _call("import", *keys)
+    draft, rows = accepted(path, files.read(work / "scan"))
+    files.write(draft, files.read(work / "scan"), work / "annotated")
+    _call("export", f"scan={work / 'annotated'}", f"out={work}")
+    movable = scan.read(work / "annotated").movable
+    _call("prepare", f"stage={work / 'geometric.usd'}", "targets=all", f"out={work / 'room.usd'}")
+    for row, part in zip(rows, movable, strict=True):
+        row |= {"written_as": part} | _evaluated(work, part)
+        print(" ", row, flush=True)
+    return rows
+
+
+def accepted(path: Path, bare: files.BareScan) -> tuple[Draft, list[dict]]:
+    """Return the annotation of the accepted proposals of an imported scan, and a row for each."""
+    values = config.file("annotate")
+    grow = config.load(GrowConfig, values["grow"])
+    sample = files.read(path)
+    _, source = proposals.as_used(path, sample)
+    truth = json.loads((path / "truth" / "truth.json").read_text())
+    real = proposals.true_parts(path, sample, truth, bare.surface, source)
+    found = propose(bare.surface, config.load(ProposeConfig, values["propose"]), grow)
+    scores = np.array(
+        [[proposals.overlap(bare.surface, np.union1d(i.region.faces, i.handle), f) for _, f, _ in real] for i in found]
+    )
+    pairs = proposals.matched(scores.reshape(len(found), len(real)))
+    rows = [(i, proposals.row(truth, found, real, scores, i, j)) for i, j in pairs]
+    rows = [(i, row) for i, row in rows if row.get("same_direction")]
+    draft = cut(bare.surface, tuple(found[i] for i, _ in rows), grow)
+    places = handle_places(path, sample, truth)
+    for index, (_, row) in enumerate(rows):
+        row |= {"seed": truth["seed"], "clicked": not row["handle"] and row["part"] in places}
+        if row["clicked"]:
+            draft = draft.with_handle(index, places[row["part"]], None)
+    return draft, [row for _, row in rows]
+
+
+def handle_places(path: Path, sample: files.BareScan, truth: dict) -> dict[str, np.ndarray]:
+    """Return the middle of the handle of each part that has one [m]."""
+    annotated = parts.read(folder.find(path).parts, sample.mesh)
+    parent = parents({number: part.label for number, part in annotated.items()})
+    ids = {int(name.rpartition("_")[2]): name for name in truth["parts"]}
+    return {
+        ids[parent[number]]: np.array(truth["parts"][ids[number]]["pose"])[:3, 3]
+        for number, part in annotated.items()
+        if part.label.split(".")[0].split()[0] in HANDLES and parent[number] in ids
+    }
+
+
+def summary(rows: list[dict]) -> dict:
+    """Return how many parts were accepted and opened."""
+    clicked = [row for row in rows if row["clicked"]]
+    return {
+        "parts": len(rows),
+        "opened": sum(row["opened"] for row in rows),
+        "fraction": round(sum(row["opened"] for row in rows) / max(len(rows), 1), 4),
+        "handle_clicked": len(clicked),
+        "opened_of_those": sum(row["opened"] for row in clicked),
+    }
+
+
+def _evaluated(work: Path, part: str) -> dict:
+    """Return whether the planner opens a part in all episodes, or why it was not tried."""
+    report = work / f"{part}.json"
+    code = cli.main(["evaluate", f"stage={work / 'room.usd'}", f"part={part}", f"num_envs={EPISODES}", f"out={report}"])
+    if code:
+        return {"opened": False, "tried": False}
+    figures = json.loads(report.read_text())
+    rates = {
+        name: figures[name]["rate"] if isinstance(figures[name], dict) else figures[name]
+        for name in ("success", "grasp_success")
+    }
+    return {
+        "opened": rates["success"] == 1.0,
+        "tried": True,
+        **rates,
+        "opening_m": round(figures["opening"]["mean"], 3),
+    }
+
+
+def _call(*arguments: str) -> None:
+    if code := cli.main(list(arguments)):
+        sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

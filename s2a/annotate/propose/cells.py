@@ -1,0 +1,43 @@
+"""Rectangles of cells of a plane's image."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class CellBox:
+    """A rectangle of an image: cells from `low` to below `high`, each (column, row)."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+
+    @property
+    def width(self) -> float:
+        """Columns."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """Rows."""
+        return self.top - self.bottom
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Columns and rows."""
+        return self.width, self.height
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Column and row of its middle."""
+        return (self.left + self.right) / 2, (self.bottom + self.top) / 2
+
+
+def hull(boxes: Sequence[CellBox]) -> CellBox:
+    """Return the rectangle around boxes."""
+    return CellBox(
+        min(b.left for b in boxes), min(b.bottom for b in boxes), max(b.right for b in boxes), max(b.top for b in boxes)
+    )

@@ -185,7 +185,7 @@ def run(config: Config) -> str:
             )
         sim = Simulation(stages, sim_config, config.num_envs, device)
         recorder = Recorder(sim) if config.recordings else None
-        seen_states = states.Watch(sim) if config.states else None
+        played = states.Watch(sim) if config.states else None
         env = make_env(sim, task, config.metrics, {}, config.seed)
         policy = _policy(config, env, file)
         album, use = Album(env), LimitUse(sim)
@@ -196,8 +196,8 @@ def run(config: Config) -> str:
                 album.watch()
             if recorder:
                 recorder.watch(env.done.bool())
-            if seen_states:
-                seen_states.sample(env.done)
+            if played:
+                played.sample(env.done)
 
         origin = {"stage": config.stage.name, "policy": _who(config), "seed": config.seed, **provenance(sim.device)}
         origin |= {"perception": config.perception and config.perception.name}
@@ -212,21 +212,30 @@ def run(config: Config) -> str:
     warn_of_errors(metrics, env)
     if config.export and config.checkpoint:
         export(load_model(env, config.checkpoint), config.checkpoint)
+    _save(config, sim, album, played, recorder)
+    return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *_lines(metrics, names, env.task.VALUES, use)])
+
+
+def _save(
+    config: Config, sim: Simulation, album: Album, played: states.Watch | None, recorder: Recorder | None
+) -> None:
+    """Write what was watched beside the metrics: images, states, sensors."""
     if config.images:
         config.images.mkdir(parents=True, exist_ok=True)
         album.save(Camera(sim.stage, config.camera), config.images)
-    if config.states and seen_states:
+    if config.states and played:
         with atomic_write(config.states) as out:
-            states.write(seen_states.states(), out)
+            states.write(played.states(), out)
     if config.recordings and recorder:
         config.recordings.mkdir(parents=True, exist_ok=True)
         recorder.save(config.recordings)
+
+
+def _lines(metrics: dict[str, Any], names: list[str], values: tuple[str, ...], use: LimitUse) -> list[str]:
+    """Return the rates, values and use of the robot's limits as text."""
     lines = [
         f"  {name:24}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name in names if (r := metrics[name])
     ]
-    lines += [
-        f"  {name:24}mean {v['mean']:.3f}, min {v['min']:.3f}" for name in env.task.VALUES if (v := metrics[name])
-    ]
+    lines += [f"  {name:24}mean {v['mean']:.3f}, min {v['min']:.3f}" for name in values if (v := metrics[name])]
     used = ", ".join(f"{name.replace('_', ' ')} {fraction:.0%}" for name, fraction in use.fractions().items())
-    lines.append(f"  of the robot's limits at most: {used}")
-    return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *lines])
+    return [*lines, f"  of the robot's limits at most: {used}"]

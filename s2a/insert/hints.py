@@ -24,6 +24,8 @@ SAME = {
     "windowsill": ("window sill", "window ledge"),
     "armchair": ("easy chair", "recliner"),
     "keyboard": ("computer keyboard",),
+    "tv": ("television", "tv set", "television set", "flat screen"),
+    "microwave": ("microwave oven",),
     "floor": ("ground",),
     "toilet": ("cistern", "toilet tank", "wc"),
     "fridge": ("refrigerator",),

@@ -5,6 +5,7 @@ Whether an object stays where it is put is up to the caller's `StabilityCheck`: 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,9 +14,11 @@ import numpy as np
 from s2a.insert import describe
 from s2a.insert.author import author, check_words, placement
 from s2a.insert.colours import colour_spread
-from s2a.insert.context import InsertContext, Inserted, ObjectRequest
+from s2a.insert.context import InsertConfig, InsertContext, Inserted, ObjectRequest
+from s2a.insert.likes import apart_from_likes
 from s2a.insert.object_file import ObjectFile, read_object, upright
 from s2a.insert.place.candidate_poses import CandidatePose, candidate_poses
+from s2a.insert.place.contact import PoseConfig, facing_first
 from s2a.insert.place.fit import NoRoom
 from s2a.insert.place.stable_pose import concavities, cross_sections, tilt_margins
 from s2a.insert.plan import FailedPlan, Plan, plan
@@ -139,7 +142,9 @@ def _place(
         raise NoRoom(f"no place for {planned.request.label!r}: {where.declined[:300]}")
     for left in reversed(range(1 if failed else context.config.plans)):
         try:
-            return where, *_pose(context, planned.file, where, planned.answer, _wish(planned, where))
+            lines = [] if planned.request.hint else context.room.lines
+            where = apart_from_likes(where, planned.request.label, lines, last=not left)
+            return where, *_pose(context, planned, where, anyhow=not left)
         except NoRoom as full:
             if not left:
                 raise
@@ -178,18 +183,26 @@ def _extents(file: ObjectFile, where: Plan) -> tuple[float, float]:
 
 
 def _pose(
-    context: InsertContext, file: ObjectFile, where: Plan, answer: Size, wish: Wish
+    context: InsertContext, planned: Planned, where: Plan, anyhow: bool
 ) -> tuple[Mesh, float, CandidatePose]:
     """Return the object upright and to scale [m], its scale (metres per unit of the file), and its candidate pose."""
-    found = fit_scale(answer, *_extents(file, where), file.unit)
+    file = planned.file
+    found = fit_scale(planned.answer, *_extents(file, where), file.unit)
     object = upright(file, where.up, where.front, found.scale, where.hangs)
     sides = np.ptp(object.bounds, axis=0)
     context.record["scale"] |= vars(found) | {"size": [round(float(side), 4) for side in sides]}
-    return object, found.scale, _stable_candidate(context, object, where, wish)
+    return object, found.scale, _stable_candidate(context, object, where, _wish(planned, where), anyhow)
 
 
-def _stable_candidate(context: InsertContext, object: Mesh, where: Plan, wish: Wish) -> CandidatePose:
+def _stable_candidate(context: InsertContext, object: Mesh, where: Plan, wish: Wish, anyhow: bool) -> CandidatePose:
     """Return the first candidate pose, in the order of the plan, at which the object stays.
+
+    Args:
+        context: of the insertion.
+        object: upright, in metres.
+        where: the plan.
+        wish: what holds.
+        anyhow: Turn a large object's side or back to the room where there is no other place.
 
     Raises:
         NoRoom: there is none.
@@ -205,12 +218,12 @@ def _stable_candidate(context: InsertContext, object: Mesh, where: Plan, wish: W
         results.append(found)
         return found
 
-    # What is only preferred is looked for first.
-    preferred = Wish((*wish.relations, *planned_place(where).relations))
-    for heeded in dict.fromkeys((preferred, wish, Wish()) if config.wish == "prefer" else (preferred, wish)):
+    for heeded, turned in _searches(object, where, wish, config, anyhow):
+        if turned is config.pose and any(result.get("unstable", False) for result in results):
+            continue  # it would fall over however it is turned
         reasons: list[str] = []
         keep = allowed(heeded, room.scene, object)
-        poses = candidate_poses(room, object, where, config.surface, config.pose, reasons, keep)
+        poses = candidate_poses(room, object, where, config.surface, turned, reasons, keep)
         with step(record, "pose") as said:
             candidate = stable_pose(
                 room, object, poses, check, partial(_unheeded, room, object, heeded), config.pose, reasons
@@ -223,6 +236,17 @@ def _stable_candidate(context: InsertContext, object: Mesh, where: Plan, wish: W
     record["surface"] = {"passed over": reasons}
     summary = f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}"
     raise NoRoom(summary, unstable=unstable, remedy="; name another place with prompt=...")
+
+
+def _searches(
+    object: Mesh, where: Plan, wish: Wish, config: InsertConfig, anyhow: bool
+) -> Iterator[tuple[Wish, PoseConfig]]:
+    """Yield what is searched for: squarely first, and first where the plan has it; other turns before giving up a wish."""
+    preferred = Wish((*wish.relations, *planned_place(where).relations))
+    for heeded in ((preferred, wish), (Wish(),)) if config.wish == "prefer" else ((preferred, wish),):
+        for turned in facing_first(object, config.pose, anyhow):
+            for one in dict.fromkeys(heeded):
+                yield one, turned
 
 
 def _unheeded(room: RoomState, object: Mesh, wish: Wish, candidate: CandidatePose) -> str:

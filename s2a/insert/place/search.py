@@ -121,7 +121,17 @@ def _prints(local: np.ndarray, cell: float, grid: OccupancyGrid, config: SearchC
     ]
     picked[1] |= picked[0]
     cells = np.floor(local[:, :2] / cell + 0.5).astype(int)
-    return [distinct_cells(cells[some]) for some in picked]
+    return [_filled(distinct_cells(cells[some])) for some in picked]
+
+
+def _filled(cells: np.ndarray) -> np.ndarray:
+    """Return cells [cell 2] with those that they enclose: a box is not put over what it would swallow."""
+    if not len(cells):
+        return cells
+    low = cells.min(axis=0)
+    solid = np.zeros(cells.max(axis=0) - low + 1, bool)
+    solid[tuple((cells - low).T)] = True
+    return np.asarray(np.argwhere(ndimage.binary_fill_holes(solid)) + low)
 
 
 def _possible(

@@ -34,6 +34,9 @@ SAME = {
 }  # fmt: skip
 """Synonyms."""
 
+BEDDING = ("blanket", "duvet", "mattress", "bedspread", "quilt")
+"""What covers a bed."""
+
 
 def is_kind_of(label: str, noun: str) -> bool:
     """Return True if a label names this kind of object: "office desk" is a desk."""

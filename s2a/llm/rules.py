@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from s2a.insert.axes import AXES, sideways
-from s2a.insert.hints import is_kind_of
+from s2a.insert.hints import BEDDING, is_kind_of
 from s2a.insert.placement import Placement
 from s2a.insert.scale import FLAT
 from s2a.insert.script import write_script
@@ -20,7 +20,7 @@ UNKNOWN_HEIGHT, UNKNOWN_LONGEST = (0.03, 0.35), (0.06, 0.4)
 FIRM = 0.08
 """Tilt margin, as a fraction of a right angle, beyond which more does not matter: a bottle has 0.1, a cube 0.5."""
 FIRMER, FIRMEST = 0.6, 0.3
-"""Weight of the tilt margin itself, and the margin beyond which more does not matter: a kettle is steadier than it is tipped over."""
+"""Weight of the tilt margin itself, and the margin beyond which more does not matter."""
 MOUTH = 0.8
 """Weight of the hollow at an end: that of a mug outweighs its handle."""
 LOW, STEADY = 0.35, 0.4
@@ -43,7 +43,6 @@ SHEET = 0.12
 """Thinnest side over the longest below which what hangs is a sheet, which faces along it."""
 SOFT = ("bed", "sofa", "armchair", "couch")
 """What carries pillows and blankets, which belong on no table."""
-BEDDING = ("blanket", "duvet", "mattress", "bedspread", "quilt")
 HAND_HELD = 0.6
 """Longest side of what may be put down anywhere [m]."""
 

@@ -101,7 +101,7 @@ def places(
 
 
 def _denser(object: Mesh, region: Region, config: PoseConfig) -> SearchConfig:
-    """Return settings with which the search misses no cell that an object covers: slower, for where the usual ones find no pose."""
+    """Return settings with which the search misses no cell that an object covers; slower."""
     cells = float(object.face_areas.sum()) / region.cell**2
     return replace(config.search, samples=int(min(DENSE * cells + config.search.samples, MOST_SAMPLES)))
 

@@ -22,7 +22,7 @@ HEIGHTS = (0.05, 0.15, 0.25)
 """Of these rays above the region [m]."""
 SPREAD = 9
 """Of these rays along a side."""
-TALLEST = 1.4
+TALLEST = 1.7
 """Height of furniture over which people hang things [m]."""
 THIN, OFF = 0.2, 0.12
 """What hangs on a wall is at most this deep, and its back at most this far from it [m]."""

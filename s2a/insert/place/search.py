@@ -19,6 +19,9 @@ from s2a.insert.place.occupied import OccupancyGrid, SearchConfig
 from s2a.insert.place.preferences import Preferences, at_the_back, closeness, hanging_score
 from s2a.scene import Mesh
 
+BACK_FIRST = 0.6
+"""Weight of the neighbour of what stands against something: its back comes first."""
+
 
 @dataclass(frozen=True)
 class GridCandidate:
@@ -78,7 +81,9 @@ def grid_candidates(
             continue
         free = _lowest(room, places, distinct_cells(np.concatenate(prints)))
         score = _scores(places, free, prints, local, grid, region, base, turn, preferences, config)
-        score = score + config.neighbour_weight * nearness[tuple(places.T)] * (0.2 if preferences.against else 1.0)
+        score = score + config.neighbour_weight * nearness[tuple(places.T)] * (
+            BACK_FIRST if preferences.against else 1.0
+        )
         best = np.argsort(-score, kind="stable")[: config.max_placements // 4]
         found += [GridCandidate(float(score[i]), float(turn), places[i] - grid.pad + 0.5, float(free[i])) for i in best]
     return sorted(found, key=lambda one: -one.score)

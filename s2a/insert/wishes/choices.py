@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from s2a.insert.hints import BEDDING, is_kind_of
 from s2a.insert.wishes.parse import Relation, parse_wish
 
 Line = dict[str, Any]
@@ -60,7 +61,7 @@ def _choices(relation: Relation, lines: dict[str, Line], hangs: bool) -> list[di
         if line is None:
             continue
         if relation.kind in DIRECT:
-            found += _places(line, relation.kind)
+            found += [one for part in (line, *_covers(line, lines)) for one in _places(part, relation.kind)]
         elif relation.kind in BESIDE:
             found += _places(_below(line, lines), "on")
         elif relation.kind == "above":
@@ -80,6 +81,12 @@ def _below(line: Line, lines: dict[str, Line]) -> Line:
     if around:
         return min(around, key=lambda other: (_apart(other, line), other["size"][0] * other["size"][1]))
     return next((other for other in lines.values() if other["label"] == "floor"), line)
+
+
+def _covers(line: Line, lines: dict[str, Line]) -> list[Line]:
+    """Return what covers a part and carries things in its stead: the blanket of a bed."""
+    on = [other for other in lines.values() if other.get("on") == line["id"] and "supports" in other]
+    return [other for other in on if is_kind_of(line["label"], "bed") and other["label"].lower() in BEDDING]
 
 
 def _holds(line: Line, thing: Line) -> bool:

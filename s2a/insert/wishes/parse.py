@@ -24,7 +24,8 @@ WORDS = {
     "top": r"on the (?:top|upper|highest|uppermost|topmost) (?:shelf|board|compartment|level)(?: of)?",
     "bottom": r"on the (?:bottom|lowest|lower|lowermost) (?:shelf|board|compartment|level)(?: of)?",
     "away": r"(?:far )?away from|far from|not (?:near|next to|beside|by)",
-    "near": r"(?:with)?in (?:easy |arm s )?reach of|reach(?:able)?(?: it| this)? from|next to|beside|near(?: to)?|close to|by|alongside|adjacent to|with|at",
+    "near": r"(?:with)?in (?:easy |arm s )?reach of|reach(?:able)?(?: it| this)? from|"
+    r"next to|beside|near(?: to)?|close to|by|alongside|adjacent to|with|at",
     "against": r"against|leaning (?:against|on|at)",
     "in": r"inside(?: of)?|within|into|in",
     "on": r"on top of|onto|upon|atop|on",

@@ -51,6 +51,8 @@ AFTER = frozenset(
     "only just one ones high up down out".split()
 )
 """Words after a name with which something else begins."""
+PEOPLE = re.compile(r"\b(?:who|whoever|whom)\b[^;]*")
+"""What people do says nothing of where the object is: "it should greet people who sit on the couch"."""
 NOT = re.compile(r"\b(?:not|never|don t put it|do not put it)(?: \w+){0,2}$")
 
 
@@ -89,6 +91,7 @@ class Wish:
 def parse_wish(text: str, labels: Mapping[str, str]) -> Wish:
     """Parse a wish for a room, given by the label of each part id."""
     words = " ".join(re.sub(r"[^a-z0-9_. ]", " ", text.lower()).replace(". ", " ; ").split()).rstrip(".")
+    words = PEOPLE.sub(" ", words)
     relations, missing, at = _heights(words), [], 0
     pattern = re.compile("|".join(f"(?P<k{n}>\\b(?:{words})\\b)" for n, words in enumerate(WORDS.values())))
     while found := pattern.search(words, at):

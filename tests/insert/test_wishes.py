@@ -58,6 +58,9 @@ LABELS = {part_id: part.label for part_id, part in room().parts.items()}
         ("on desk_2", ["on"], ["desk_2"]),
         ("somewhere nice", [], []),
         ("in the middle of the room", [], []),
+        ("beside the little bedside lamp, please", ["near"], ["lamp_3"]),
+        ("somewhere I can reach it from the desk", ["near"], ["desk_2"]),
+        ("it should greet people who sit on the desk", [], []),
     ],
 )
 def test_wishes_become_relations(said: str, kinds: list[str], things: list[str]) -> None:
@@ -70,7 +73,12 @@ def test_wishes_become_relations(said: str, kinds: list[str], things: list[str])
 
 @pytest.mark.parametrize(
     ("said", "missing"),
-    [("in the bathtub", "bathtub"), ("between the lamp and the piano", "piano"), ("next to my aquarium", "aquarium")],
+    [
+        ("in the bathtub", "bathtub"),
+        ("between the lamp and the piano", "piano"),
+        ("next to my aquarium", "aquarium"),
+        ("hidden inside the wall safe", "wall safe"),
+    ],
 )
 def test_what_is_not_there_is_missing_and_declined_by_name(said: str, missing: str) -> None:
     wish = read_wish(said, room())
@@ -79,6 +87,20 @@ def test_what_is_not_there_is_missing_and_declined_by_name(said: str, missing: s
         InputError, match=f"there is no '{missing}' in this room.*there are: floor, office desk.*wish=prefer"
     ):
         decline(wish, said, room(), understood=True)
+
+
+def test_a_screen_is_a_monitor_and_a_sheet_of_shelves_is_not_made_up() -> None:
+    assert parse_wish("close to my screen", {"m_1": "monitor"}).relations[0].part_ids == (("m_1",),)
+    assert parse_wish("on the top shelf", {"cabinet_1": "cabinet"}).missing == ("shelf",)
+
+
+def test_nothing_stands_beside_a_lamp_at_the_ceiling() -> None:
+    lamp = Part("ceiling lamp", at(block(0.3, 0.3, 0.2), 1.0, -1.0, 2.3))
+    only = replace(room(), parts={i: part for i, part in room().parts.items() if i != "lamp_3"} | {"ceiling_9": lamp})
+    assert read_wish("beside the lamp", only).missing == ("ceiling lamp",)
+    assert read_wish("under the lamp", only).missing == ()
+    both = replace(room(), parts={**room().parts, "ceiling_9": lamp})
+    assert read_wish("beside the lamp", both).relations[0].part_ids == (("lamp_3",),)
 
 
 def test_what_the_rules_do_not_understand_they_decline() -> None:

@@ -79,7 +79,7 @@ def facing_first(object: Mesh, config: PoseConfig, anyhow: bool) -> tuple[PoseCo
     """
     large = np.ptp(object.bounds, axis=0)[:2].max() > LARGE
     most = SQUARELY if large else FACING
-    turns = [turn for turn in config.search.turns if abs(turn) <= most]
+    turns = tuple(turn for turn in config.search.turns if abs(turn) <= most)
     if config.pose != "search" or not turns or len(turns) == len(config.search.turns):
         return (config,)
     facing = replace(config, search=replace(config.search, turns=turns))

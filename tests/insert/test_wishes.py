@@ -12,6 +12,7 @@ from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
 from s2a.insert.plan import Choice, Place, Plan
 from s2a.insert.wishes.check import met
+from s2a.insert.wishes.choices import parse_hint
 from s2a.insert.wishes.heed import allowed, decline, planned_place, read_wish, verdict
 from s2a.insert.wishes.parse import parse_wish
 from s2a.scene import Mesh, Part, Scene
@@ -200,3 +201,12 @@ def test_what_is_to_be_away_is_searched_for_away(said: str) -> None:
     keep = allowed(read_wish(said, room()), room(), CUP)
     assert keep is not None
     assert keep(np.array([(0.35, 0.4, 0.741), (1.2, 0.1, 0.741)])).tolist() == [False, True]
+
+
+def test_a_blanket_carries_for_its_bed() -> None:
+    def line(part_id: str, label: str, x: float) -> dict:
+        top = {"kind": "horizontal", "height": 0.5, "free": 1.0, "circle": 0.9}
+        return {"id": part_id, "label": label, "center": [x, 0, 0.3], "size": [1.4, 2.0, 0.5], "supports": [top]}
+
+    lines = [line("bed_1", "bed", 0.0), line("blanket_2", "blanket", 0.0), line("blanket_3", "blanket", 9.0)]
+    assert [one["target"] for one in parse_hint("in the corner of the bed", lines).choices] == ["bed_1", "blanket_2"]

@@ -85,8 +85,10 @@ def _below(line: Line, lines: dict[str, Line]) -> Line:
 
 def _covers(line: Line, lines: dict[str, Line]) -> list[Line]:
     """Return what covers a part and carries things in its stead: the blanket of a bed."""
-    on = [other for other in lines.values() if other.get("on") == line["id"] and "supports" in other]
-    return [other for other in on if is_kind_of(line["label"], "bed") and other["label"].lower() in BEDDING]
+    if not is_kind_of(line["label"], "bed"):
+        return []
+    bedding = [other for other in lines.values() if other["label"].lower() in BEDDING and "supports" in other]
+    return [other for other in bedding if other.get("on") == line["id"] or _apart(other, line) == 0.0]
 
 
 def _holds(line: Line, thing: Line) -> bool:

@@ -12,7 +12,7 @@ from s2a.insert.place.preferences import floor_height
 from s2a.scene import Mesh, Scene
 
 AZIMUTHS, ELEVATIONS = 24, np.radians([5.0, 15.0, 25.0, 40.0, 60.0])
-FLAT, STEEP = 0.3, np.radians(25.0)
+FLAT, STEEP = 0.15, np.radians(25.0)
 """Height over width of what lies flat, and the least elevation from which it is looked at: edge-on it is a line."""
 CLOSER = (1.0, 0.6, 0.35, 0.2)
 """Distances that are tried, as fractions of the camera's."""

@@ -20,14 +20,14 @@ from s2a.llm.usage_log import Record, step
 from s2a.scene import Mesh
 
 
-def stable_candidate(context: InsertContext, object: Mesh, where: Plan, wish: Wish, anyhow: bool) -> CandidatePose:
+def stable_candidate(context: InsertContext, object: Mesh, where: Plan, hint: Wish, anyhow: bool) -> CandidatePose:
     """Return the first candidate pose, in the order of the plan, at which the object stays.
 
     Args:
         context: of the insertion.
         object: upright, in metres.
         where: the plan.
-        wish: what holds.
+        hint: the parsed placement hint, which holds.
         anyhow: Turn a large object's side or back to the room where there is no other place.
 
     Raises:
@@ -45,7 +45,7 @@ def stable_candidate(context: InsertContext, object: Mesh, where: Plan, wish: Wi
         results.append(found)
         return found
 
-    for heeded, turned in _searches(object, where, wish, config, anyhow):
+    for heeded, turned in _searches(object, where, hint, config, anyhow):
         if (
             turned is config.pose
             and turned.pose == "search"

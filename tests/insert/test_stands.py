@@ -17,7 +17,7 @@ from s2a.insert.place.lean import has_stand, slender
 from s2a.insert.place.pose import places
 from s2a.insert.place.stable_pose import settled_axis, tilt_margin
 from s2a.insert.place.supports import target_regions
-from s2a.insert.place.visible import View
+from s2a.insert.place.visible import SupportView
 from s2a.scene import Mesh, Part, Scene
 
 VALUES = compose("insert/placement")["insert"]
@@ -85,7 +85,7 @@ def room_with_screen() -> Scene:
 def test_what_is_behind_a_screen_is_hidden_and_what_is_beside_it_is_seen() -> None:
     scene = room_with_screen()
     region = target_regions(scene, "desk_2", REGIONS, ("horizontal",))[0]
-    view, cup = View(scene, region, "desk_2"), block(0.08, 0.08, 0.1)
+    view, cup = SupportView(scene, region, "desk_2"), block(0.08, 0.08, 0.1)
     assert view.hides(at(cup, 0.0, -0.1, 0.742))
     assert not view.hides(at(cup, 0.0, 0.2, 0.742))
     assert not view.hides(at(cup, 0.6, -0.1, 0.742))
@@ -94,7 +94,7 @@ def test_what_is_behind_a_screen_is_hidden_and_what_is_beside_it_is_seen() -> No
 def test_hidden_places_come_after_seen_ones() -> None:
     scene = room_with_screen()
     region = target_regions(scene, "desk_2", REGIONS, ("horizontal",))[0]
-    view, cup = View(scene, region, "desk_2"), block(0.08, 0.08, 0.1)
+    view, cup = SupportView(scene, region, "desk_2"), block(0.08, 0.08, 0.1)
 
     def behind(points: np.ndarray) -> np.ndarray:
         return (np.abs(points[:, 0]) < 0.25) & (points[:, 1] < -0.05)

@@ -22,7 +22,7 @@ from s2a.insert.place.preferences import preferences
 from s2a.insert.place.search import GridCandidate, grid_candidates
 from s2a.insert.place.supports import facing, flat_objects
 from s2a.insert.place.swept_volumes import SweptVolume, reaching_into
-from s2a.insert.place.visible import View
+from s2a.insert.place.visible import SupportView
 from s2a.scene import Mesh, Scene
 
 DENSE, MOST_SAMPLES = 6.0, 60000
@@ -83,7 +83,7 @@ def places(
     tall = float(np.ptp(object.bounds[:, 2]))
     wanted = preferences(scene, region, target, relation == "against", near, tall, config.search.habits)
     query = ContactQuery(scene, object, region, relation, config, base, volumes)
-    view = None if region.kind == "vertical" else View(scene, region, target)
+    view = None if region.kind == "vertical" else SupportView(scene, region, target)
     conflicts: list[str] = []
     for search, spacing in ((config.search, config.min_spacing), (_denser(object, region, config), 0.0)):
         found = grid_candidates(grid, region, object, base, wanted, search, keep)
@@ -116,7 +116,7 @@ def _free(query: ContactQuery, found: Iterable[GridCandidate], conflicts: list[s
             conflicts.append(conflict)
 
 
-def _seen_first(poses: Iterable[Pose], object: Mesh, view: View | None) -> Iterator[Pose]:
+def _seen_first(poses: Iterable[Pose], object: Mesh, view: SupportView | None) -> Iterator[Pose]:
     """Yield poses in their order, but those at which an object is hidden after the others, as far as these are looked for."""
     hidden: list[Pose] = []
     for pose in poses:

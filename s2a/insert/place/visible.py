@@ -16,15 +16,15 @@ SEEN = 0.5
 """Least visible fraction of an object that is not hidden."""
 EYE, AWAY, ABOVE = 1.45, 1.0, 0.1
 """Height of the eyes above the floor, their distance, and their least height over the object's middle [m]."""
-ASIDE = np.radians([0.0, 35.0, -35.0])
+AZIMUTHS = np.radians([0.0, 35.0, -35.0])
 """Directions of the eyes from the front of the support [rad]: an object is seen from two of them."""
 POINTS = 60
 GAP = 0.004
 """Rays start this far from the surface [m]."""
 
 
-class View:
-    """What is seen on a level region of a part by who stands before it."""
+class SupportView:
+    """Visibility on a level region of a part by who stands before it."""
 
     def __init__(self, scene: Scene, region: Region, target: str) -> None:
         self._scene, self._front = scene, facing(scene, target, region)
@@ -35,7 +35,7 @@ class View:
         points = sample(object, POINTS, seed=0).astype(np.float64)
         middle = object.bounds.mean(axis=0).astype(np.float64)
         height = middle[2] + ABOVE if self._inside else max(self._floor + EYE, middle[2] + ABOVE)
-        eyes = np.array([[*(middle[:2] + AWAY * self._turned(angle)), height] for angle in ASIDE])
+        eyes = np.array([[*(middle[:2] + AWAY * self._turned(angle)), height] for angle in AZIMUTHS])
         low, high = np.minimum(points.min(axis=0), eyes.min(axis=0)), np.maximum(points.max(axis=0), eyes.max(axis=0))
         around = nearby(self._scene, low - 0.05, high + 0.05)
         if not len(around.faces):

@@ -125,8 +125,8 @@ def suits(truth: Truth, support: str) -> bool:
         return _named(below, table["hangs_on"])
     if _named(below, table["hot"]):
         return _named(label, table["cookware"])
-    # By the head noun: a tv stand is no tv.
-    if _named(below, [f"{word}$" for word in table["never"]]) or not below:
+    # By the head noun: a tv stand is no tv, a chest of drawers is no drawer.
+    if _named(below.split(" of ")[0], [f"{word}$" for word in table["never"]]) or not below:
         return False
     for kind in ("floor", "soft"):
         if _named(below, table[f"{kind}_supports"]):

@@ -68,7 +68,7 @@ def _room(name: str, wishes: list[dict], args: argparse.Namespace) -> list[dict]
             inserted, record = attempt(room, ObjectRequest(object, LABEL, entry["wish"]), model, settings)
             there = not read_wish(entry["wish"], room.scene).missing
             row = {"room": name, **entry, "possible": entry["possible"] and there, "absent": not there}
-            row |= {"written": inserted is not None, "heeded": record.get("wish", {}).get("heeded", False)}
+            row |= {"written": inserted is not None, "heeded": bool(record.get("wish", {}).get("heeded"))}
             row |= {"right": row["heeded"] if row["possible"] else inserted is None, "problem": record["problem"]}
             return row | {"seconds": round(time.perf_counter() - start - record["total"]["seconds"], 2)}
 

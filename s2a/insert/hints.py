@@ -24,12 +24,18 @@ SAME = {
     "windowsill": ("window sill", "window ledge"),
     "armchair": ("easy chair", "recliner"),
     "keyboard": ("computer keyboard",),
+    "tv": ("television", "tv set", "television set", "flat screen", "screen"),
+    "monitor": ("screen", "display", "computer screen", "computer monitor"),
+    "microwave": ("microwave oven",),
     "floor": ("ground",),
     "toilet": ("cistern", "toilet tank", "wc"),
     "fridge": ("refrigerator",),
     "wardrobe": ("closet",),
 }  # fmt: skip
 """Synonyms."""
+
+BEDDING = ("blanket", "duvet", "mattress", "bedspread", "quilt")
+"""What covers a bed."""
 
 
 def is_kind_of(label: str, noun: str) -> bool:

@@ -6,23 +6,22 @@ Whether an object stays where it is put is up to the caller's `StabilityCheck`: 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from s2a.insert import describe
 from s2a.insert.author import author, check_words, placement
+from s2a.insert.candidate import stable_candidate
 from s2a.insert.colours import colour_spread
 from s2a.insert.context import InsertContext, Inserted, ObjectRequest
+from s2a.insert.likes import apart_from_likes
 from s2a.insert.object_file import ObjectFile, read_object, upright
-from s2a.insert.place.candidate_poses import CandidatePose, candidate_poses
+from s2a.insert.place.candidate_poses import CandidatePose
 from s2a.insert.place.fit import NoRoom
 from s2a.insert.place.stable_pose import concavities, cross_sections, tilt_margins
 from s2a.insert.plan import FailedPlan, Plan, plan
-from s2a.insert.room_state import RoomState
 from s2a.insert.scale import Size, fit_scale, size
-from s2a.insert.settle import stable_pose
-from s2a.insert.wishes.heed import allowed, decline, objection, planned_place, read_wish, verdict
+from s2a.insert.wishes.heed import decline, planned_place, read_wish, verdict
 from s2a.insert.wishes.parse import Wish
 from s2a.llm.rules import write_scripts
 from s2a.llm.usage_log import Record, step, tokens
@@ -139,7 +138,9 @@ def _place(
         raise NoRoom(f"no place for {planned.request.label!r}: {where.declined[:300]}")
     for left in reversed(range(1 if failed else context.config.plans)):
         try:
-            return where, *_pose(context, planned.file, where, planned.answer, _wish(planned, where))
+            lines = [] if planned.request.hint else context.room.lines
+            where = apart_from_likes(where, planned.request.label, lines, last=not left)
+            return where, *_pose(context, planned, where, anyhow=not left)
         except NoRoom as full:
             if not left:
                 raise
@@ -177,54 +178,11 @@ def _extents(file: ObjectFile, where: Plan) -> tuple[float, float]:
     return float(sides["xyz".index(where.up[1])]), float(sides.max())
 
 
-def _pose(
-    context: InsertContext, file: ObjectFile, where: Plan, answer: Size, wish: Wish
-) -> tuple[Mesh, float, CandidatePose]:
+def _pose(context: InsertContext, planned: Planned, where: Plan, anyhow: bool) -> tuple[Mesh, float, CandidatePose]:
     """Return the object upright and to scale [m], its scale (metres per unit of the file), and its candidate pose."""
-    found = fit_scale(answer, *_extents(file, where), file.unit)
+    file = planned.file
+    found = fit_scale(planned.answer, *_extents(file, where), file.unit)
     object = upright(file, where.up, where.front, found.scale, where.hangs)
     sides = np.ptp(object.bounds, axis=0)
     context.record["scale"] |= vars(found) | {"size": [round(float(side), 4) for side in sides]}
-    return object, found.scale, _stable_candidate(context, object, where, wish)
-
-
-def _stable_candidate(context: InsertContext, object: Mesh, where: Plan, wish: Wish) -> CandidatePose:
-    """Return the first candidate pose, in the order of the plan, at which the object stays.
-
-    Raises:
-        NoRoom: there is none.
-    """
-    room, config, record = context.room, context.config, context.record
-    results: list[Record] = []
-
-    def check(candidate: CandidatePose) -> Record:
-        with step(record, "verify") as result:
-            result.pop("rest", None)  # of earlier candidates
-            found = context.check_stability(object, candidate, room.scene)
-            result |= found
-        results.append(found)
-        return found
-
-    # What is only preferred is looked for first.
-    preferred = Wish((*wish.relations, *planned_place(where).relations))
-    for heeded in dict.fromkeys((preferred, wish, Wish()) if config.wish == "prefer" else (preferred, wish)):
-        reasons: list[str] = []
-        keep = allowed(heeded, room.scene, object)
-        poses = candidate_poses(room, object, where, config.surface, config.pose, reasons, keep)
-        with step(record, "pose") as said:
-            candidate = stable_pose(
-                room, object, poses, check, partial(_unheeded, room, object, heeded), config.pose, reasons
-            )
-            if candidate is not None:
-                said |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
-                record["surface"] = {**candidate.surface, "passed over": reasons}
-                return candidate
-    unstable = any(result.get("unstable", False) for result in results)
-    record["surface"] = {"passed over": reasons}
-    summary = f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}"
-    raise NoRoom(summary, unstable=unstable, remedy="; name another place with prompt=...")
-
-
-def _unheeded(room: RoomState, object: Mesh, wish: Wish, candidate: CandidatePose) -> str:
-    """Return the relation of a wish that a candidate does not have, as a clause; empty if it has all."""
-    return objection(wish, room.scene, candidate.pose.moved(object)) if wish.relations else ""
+    return object, found.scale, stable_candidate(context, object, where, _wish(planned, where), anyhow)

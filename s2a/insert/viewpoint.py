@@ -12,6 +12,8 @@ from s2a.insert.place.preferences import floor_height
 from s2a.scene import Mesh, Scene
 
 AZIMUTHS, ELEVATIONS = 24, np.radians([5.0, 15.0, 25.0, 40.0, 60.0])
+FLAT, STEEP = 0.15, np.radians(25.0)
+"""Height over width of what lies flat, and the least elevation from which it is looked at: edge-on it is a line."""
 CLOSER = (1.0, 0.6, 0.35, 0.2)
 """Distances that are tried, as fractions of the camera's."""
 POINTS = 80
@@ -75,6 +77,10 @@ def _eyes(
     eyes = middle + distance[:, None] * away
     bounds = np.array([part.mesh.bounds for part in scene.parts.values() if len(part.mesh.vertices)])
     low, high, floor = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0), floor_height(scene)
+    sides = np.ptp(object.bounds, axis=0)
+    if sides[2] < FLAT * sides[:2].min():
+        steep = elevation >= STEEP - 1e-6
+        eyes, closer, azimuth = eyes[steep], closer[steep], azimuth[steep]
     inside = ((eyes > low + 0.05) & (eyes < high - 0.05))[:, :2].all(axis=1)
     inside &= (eyes[:, 2] > floor + LOW) & (eyes[:, 2] < floor + HIGH)
     return eyes[inside], 1.0 - closer[inside], np.cos(azimuth)[inside]

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from s2a.insert.axes import AXES, sideways
-from s2a.insert.hints import is_kind_of
+from s2a.insert.hints import BEDDING, is_kind_of
 from s2a.insert.placement import Placement
 from s2a.insert.scale import FLAT
 from s2a.insert.script import write_script
@@ -19,13 +19,17 @@ UNKNOWN_HEIGHT, UNKNOWN_LONGEST = (0.03, 0.35), (0.06, 0.4)
 """Ranges for unknown objects [m]: hand-held."""
 FIRM = 0.08
 """Tilt margin, as a fraction of a right angle, beyond which more does not matter: a bottle has 0.1, a cube 0.5."""
+FIRMER, FIRMEST = 0.6, 0.3
+"""Weight of the tilt margin itself, and the margin beyond which more does not matter."""
+MOUTH = 0.8
+"""Weight of the hollow at an end: that of a mug outweighs its handle."""
 LOW, STEADY = 0.35, 0.4
 """Height over longest side of what lies, and the tilt margin beyond which more does not matter for that."""
-SPREAD = 0.4
-"""Standard deviation of the logarithm of height over longest side, within a kind of objects."""
-MIRRORED, MOST = 2.0, 0.3
+SPREAD, UPRIGHT_SPREAD = 0.4, 0.2
+"""Standard deviation of the logarithm of height over longest side, within a kind; of one whose height is its longest side."""
+MIRRORED, MOST = 2.0, 0.2
 """Weight of what differs along an axis between its ends, and the most that counts: few objects are the same above and below."""
-ROUND, ALIKE = 0.2, 0.05
+ROUND, ALIKE = 0.5, 0.05
 """Weight of two sides that are alike, to that fraction: a cup, a plate or a tin has its axis upright."""
 ANYWHERE = tuple("on table|on desk|on counter|on shelf|inside shelf|on cabinet|on nightstand|on dresser".split("|"))
 """Places for unknown objects, and for hand-held ones none of whose places exist in the room; never the floor."""
@@ -39,7 +43,6 @@ SHEET = 0.12
 """Thinnest side over the longest below which what hangs is a sheet, which faces along it."""
 SOFT = ("bed", "sofa", "armchair", "couch")
 """What carries pillows and blankets, which belong on no table."""
-BEDDING = ("blanket", "duvet", "mattress", "bedspread", "quilt")
 HAND_HELD = 0.6
 """Longest side of what may be put down anywhere [m]."""
 
@@ -171,9 +174,10 @@ def _up(facts: Any, entry: ObjectKind | None) -> str:
 def _merit(facts: Any, entry: ObjectKind | None, axis: str) -> float:
     """Return how well an axis suits as the one that points up."""
     flat = entry is not None and _usual(entry) < LOW
-    firm = min(1.0, facts["feet"].get(axis, 0.0) / (STEADY if flat else FIRM))
+    feet = facts["feet"].get(axis, 0.0)
+    firm = min(1.0, feet / (STEADY if flat else FIRM)) + FIRMER * min(feet, FIRMEST)
     # Containers have their opening up.
-    mouth = 0.4 * (facts["hollow"].get(axis, 0.0) - facts["hollow"].get(_opposite(axis), 0.0))
+    mouth = MOUTH * (facts["hollow"].get(axis, 0.0) - facts["hollow"].get(_opposite(axis), 0.0))
     slices = facts.get("slices", {}).get(axis[1], ())
     ends = MIRRORED * min(MOST, sum(abs(one - other) for one, other in zip(slices, slices[::-1], strict=True)) / 5)
     one, other = (side for name, side in zip("xyz", facts["sides"], strict=True) if name != axis[1])
@@ -189,7 +193,8 @@ def _fit(facts: Any, entry: ObjectKind | None, axis: str) -> float:
     side, longest = facts["sides"]["xyz".index(axis[1])], max(facts["sides"])
     ratio = max(side / longest, FLAT)
     low, high = entry.height[0] / entry.longest[1], min(1.0, entry.height[1] / entry.longest[0])
-    off = math.log(ratio / _usual(entry)) / SPREAD
+    spread = UPRIGHT_SPREAD if entry.height == entry.longest else SPREAD
+    off = math.log(ratio / _usual(entry)) / spread
     return min(ratio / low, high / ratio, 1.0) ** 2 * math.exp(-(off**2) / 2)
 
 

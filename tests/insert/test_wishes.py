@@ -12,6 +12,7 @@ from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
 from s2a.insert.plan import Choice, Place, Plan
 from s2a.insert.wishes.check import met
+from s2a.insert.wishes.choices import parse_hint
 from s2a.insert.wishes.heed import allowed, decline, planned_place, read_wish, verdict
 from s2a.insert.wishes.parse import parse_wish
 from s2a.scene import Mesh, Part, Scene
@@ -58,6 +59,9 @@ LABELS = {part_id: part.label for part_id, part in room().parts.items()}
         ("on desk_2", ["on"], ["desk_2"]),
         ("somewhere nice", [], []),
         ("in the middle of the room", [], []),
+        ("beside the little bedside lamp, please", ["near"], ["lamp_3"]),
+        ("somewhere I can reach it from the desk", ["near"], ["desk_2"]),
+        ("it should greet people who sit on the desk", [], []),
     ],
 )
 def test_wishes_become_relations(said: str, kinds: list[str], things: list[str]) -> None:
@@ -70,7 +74,12 @@ def test_wishes_become_relations(said: str, kinds: list[str], things: list[str])
 
 @pytest.mark.parametrize(
     ("said", "missing"),
-    [("in the bathtub", "bathtub"), ("between the lamp and the piano", "piano"), ("next to my aquarium", "aquarium")],
+    [
+        ("in the bathtub", "bathtub"),
+        ("between the lamp and the piano", "piano"),
+        ("next to my aquarium", "aquarium"),
+        ("hidden inside the wall safe", "wall safe"),
+    ],
 )
 def test_what_is_not_there_is_missing_and_declined_by_name(said: str, missing: str) -> None:
     wish = read_wish(said, room())
@@ -79,6 +88,20 @@ def test_what_is_not_there_is_missing_and_declined_by_name(said: str, missing: s
         InputError, match=f"there is no '{missing}' in this room.*there are: floor, office desk.*wish=prefer"
     ):
         decline(wish, said, room(), understood=True)
+
+
+def test_a_screen_is_a_monitor_and_a_sheet_of_shelves_is_not_made_up() -> None:
+    assert parse_wish("close to my screen", {"m_1": "monitor"}).relations[0].part_ids == (("m_1",),)
+    assert parse_wish("on the top shelf", {"cabinet_1": "cabinet"}).missing == ("shelf",)
+
+
+def test_nothing_stands_beside_a_lamp_at_the_ceiling() -> None:
+    lamp = Part("ceiling lamp", at(block(0.3, 0.3, 0.2), 1.0, -1.0, 2.3))
+    only = replace(room(), parts={i: part for i, part in room().parts.items() if i != "lamp_3"} | {"ceiling_9": lamp})
+    assert read_wish("beside the lamp", only).missing == ("ceiling lamp",)
+    assert read_wish("under the lamp", only).missing == ()
+    both = replace(room(), parts={**room().parts, "ceiling_9": lamp})
+    assert read_wish("beside the lamp", both).relations[0].part_ids == (("lamp_3",),)
 
 
 def test_what_the_rules_do_not_understand_they_decline() -> None:
@@ -178,3 +201,12 @@ def test_what_is_to_be_away_is_searched_for_away(said: str) -> None:
     keep = allowed(read_wish(said, room()), room(), CUP)
     assert keep is not None
     assert keep(np.array([(0.35, 0.4, 0.741), (1.2, 0.1, 0.741)])).tolist() == [False, True]
+
+
+def test_a_blanket_carries_for_its_bed() -> None:
+    def line(part_id: str, label: str, x: float) -> dict:
+        top = {"kind": "horizontal", "height": 0.5, "free": 1.0, "circle": 0.9}
+        return {"id": part_id, "label": label, "center": [x, 0, 0.3], "size": [1.4, 2.0, 0.5], "supports": [top]}
+
+    lines = [line("bed_1", "bed", 0.0), line("blanket_2", "blanket", 0.0), line("blanket_3", "blanket", 9.0)]
+    assert [one["target"] for one in parse_hint("in the corner of the bed", lines).choices] == ["bed_1", "blanket_2"]

@@ -20,6 +20,12 @@ from s2a.ranges import Count, NotNegative
 from s2a.scene import Mesh, Scene
 
 Relation = Literal["on", "in", "against", "hanging"]
+SQUARELY, FACING, LARGE = 10.0, 45.0, 0.25
+"""Largest turns from the front of a support of what is longer than `LARGE` [m] and of what is not [deg]."""
+SLIDES = (1.0, 0.9, 0.8, 0.6, 0.4, 0.2)
+"""Fractions of the way back that are tried."""
+DROPPED = 0.006
+"""From so much lower than before, what slid back is over the edge of its support [m]."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,20 @@ class ContactQuery:
     volumes: list[SweptVolume]
 
 
+def facing_first(object: Mesh, config: PoseConfig, anyhow: bool) -> tuple[PoseConfig, ...]:
+    """Return settings with the turns at which an object faces as its support does, then with all.
+
+    Large ones stand squarely, and turn their side or back to the room only `anyhow`.
+    """
+    large = np.ptp(object.bounds, axis=0)[:2].max() > LARGE
+    most = SQUARELY if large else FACING
+    turns = tuple(turn for turn in config.search.turns if abs(turn) <= most)
+    if config.pose != "search" or not turns or len(turns) == len(config.search.turns):
+        return (config,)
+    facing = replace(config, search=replace(config.search, turns=turns))
+    return (facing, config) if anyhow or not large else (facing,)
+
+
 def refined(query: ContactQuery, candidate: GridCandidate, number: int) -> tuple[Pose, str | None]:
     """Return the exact pose of a candidate, and the conflict there or None; what would fall over leans if it may."""
     if query.relation == "against" and slender(query.object):
@@ -108,7 +128,10 @@ def _touching(query: ContactQuery, candidate: GridCandidate, number: int, lean: 
 
 
 def _slid_back(query: ContactQuery, pose: Pose, local: Mesh, turn: np.ndarray, gap: float) -> Pose | None:
-    """Return a standing pose moved back until it almost touches; None if there is nothing behind it."""
+    """Return a standing pose moved back until it almost touches; None if there is nothing behind it.
+
+    A wall behind a chest of drawers may be beyond the edge of that: what slides back stops before it drops.
+    """
     # Off the floor, over whose bumps it would stumble.
     up = np.array([0.0, 0.0, query.config.lowering_height])
     lifted = replace(pose, position=tuple((np.array(pose.position) + up).tolist()))
@@ -117,7 +140,13 @@ def _slid_back(query: ContactQuery, pose: Pose, local: Mesh, turn: np.ndarray, g
     if behind is None:
         return None
     down, reach = np.array([0.0, 0.0, -1.0]), 3 * query.config.lowering_height
-    return moved_into_contact(behind, query.object, local, down, reach, query.config.contact_gap)
+    for fraction in SLIDES:
+        between = (1 - fraction) * np.array(lifted.position) + fraction * np.array(behind.position)
+        back_there = replace(behind, position=tuple(between.tolist()))
+        low = moved_into_contact(back_there, query.object, local, down, reach, query.config.contact_gap)
+        if low is not None and low.position[2] > pose.position[2] - DROPPED:
+            return low
+    return None
 
 
 def _start(query: ContactQuery, candidate: GridCandidate, turn: np.ndarray, toward: np.ndarray, number: int) -> Pose:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
+from s2a.geometry.mesh_ops import sample
 from s2a.insert.place.stable_pose import tilt_margin
 from s2a.scene import Mesh
 
@@ -14,12 +16,35 @@ SHAKY = 0.11
 """Tilt margin below which a thing is leaned, as a share of a right angle: 10 deg."""
 TALL = 3.0
 """Height over depth from which a thing is leaned."""
+LOWEST, SHAFT = 0.05, (0.1, 0.3)
+"""Heights of the foot and of the shaft above it, as fractions of an object's height."""
+WIDER, SQUARE = 3.0, 0.5
+"""A stand's area over that of the shaft above it, and its width over its length: that of a lamp, not the head of a broom."""
 
 
 def slender(object: Mesh) -> bool:
     """Return True for an upright object that is tall, shallow and easily tipped: nobody stands it up on its own."""
     deep, _, high = np.ptp(object.bounds, axis=0)
-    return bool(high > TALL * deep and high > 0.4 and tilt_margin(object, np.array([0.0, 0.0, 1.0])) < SHAKY)
+    shaky = tilt_margin(object, np.array([0.0, 0.0, 1.0])) < SHAKY
+    return bool(high > TALL * deep and high > 0.4 and shaky and not has_stand(object))
+
+
+def has_stand(object: Mesh) -> bool:
+    """Return True for an upright object on a foot made to stand on: as a floor lamp's, it is wider than the shaft above."""
+    points = np.concatenate([sample(object, 4000, seed=0), object.vertices])
+    height = (points[:, 2] - points[:, 2].min()) / max(float(np.ptp(points[:, 2])), 1e-9)
+    foot = points[height < LOWEST, :2]
+    shaft = points[(height > SHAFT[0]) & (height < SHAFT[1]), :2]
+    sides = np.ptp(foot, axis=0)
+    return bool(outline(foot) > WIDER * outline(shaft) and sides.min() > SQUARE * sides.max())
+
+
+def outline(points: np.ndarray) -> float:
+    """Return the area of the convex hull of points [point 2]; 0 where they have none."""
+    try:
+        return float(ConvexHull(points).volume)
+    except (QhullError, ValueError):
+        return 0.0
 
 
 def leaned(turn: np.ndarray) -> np.ndarray:

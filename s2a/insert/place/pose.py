@@ -7,7 +7,9 @@ kept if no triangle of it cuts anything, nothing is within anything, and every d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import itertools
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,12 +17,18 @@ from s2a.errors import InputError
 from s2a.geometry.regions import Region
 from s2a.insert.place.contact import ContactQuery, PoseConfig, Relation, refined
 from s2a.insert.place.fit import NoRoom, Pose
-from s2a.insert.place.occupied import occupancy_grid
+from s2a.insert.place.occupied import SearchConfig, occupancy_grid
 from s2a.insert.place.preferences import preferences
 from s2a.insert.place.search import GridCandidate, grid_candidates
 from s2a.insert.place.supports import facing, flat_objects
 from s2a.insert.place.swept_volumes import SweptVolume, reaching_into
+from s2a.insert.place.visible import SupportView
 from s2a.scene import Mesh, Scene
+
+DENSE, MOST_SAMPLES = 6.0, 60000
+"""Points a cell of a large object's surface in the second search, and their largest number."""
+MOST_HIDDEN = 16
+"""Hidden poses after which no visible one is looked for any more."""
 
 
 def place(
@@ -74,30 +82,51 @@ def places(
     grid = occupancy_grid(region, radius, height, obstacles, volumes, config.search)
     tall = float(np.ptp(object.bounds[:, 2]))
     wanted = preferences(scene, region, target, relation == "against", near, tall, config.search.habits)
-    found = grid_candidates(grid, region, object, base, wanted, config.search, keep)
-    if not found:
-        raise NoRoom(_why(region, object))
     query = ContactQuery(scene, object, region, relation, config, base, volumes)
-    yield from _free(query, found, max(2.0, config.min_spacing * radius / region.cell), target)
-
-
-def _free(query: ContactQuery, found: list[GridCandidate], spacing: float, target: str) -> Iterator[Pose]:
-    """Yield the free poses among candidates, some cells [cell] apart, one at least."""
+    view = None if region.kind == "vertical" else SupportView(scene, region, target)
     conflicts: list[str] = []
-    good = 0
-    for number, candidate in enumerate(_spread(found, spacing, query.config.attempts), start=1):
-        pose, conflict = refined(query, candidate, number)
-        if conflict is not None:
-            conflicts.append(conflict)
-            continue
-        yield pose
-        good += 1
-        if good == query.config.alternatives:
+    for search, spacing in ((config.search, config.min_spacing), (_denser(object, region, config), 0.0)):
+        found = grid_candidates(grid, region, object, base, wanted, search, keep)
+        if not (found or conflicts):
+            raise NoRoom(_why(region, object))
+        free = _free(query, _spread(found, max(2.0, spacing * radius / region.cell), config.attempts), conflicts)
+        poses = _seen_first(free, object, view)
+        first = next(poses, None)
+        if first is not None:
+            yield first
+            yield from itertools.islice(poses, config.alternatives - 1)
             return
-    if not good:
-        worst = max(set(conflicts), key=conflicts.count)
-        height = query.region.height
-        raise NoRoom(f"none of {len(conflicts)} places on {target!r} at {height:.2f} m is free: most {worst}")
+    worst = max(set(conflicts), key=conflicts.count)
+    raise NoRoom(f"none of {len(conflicts)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
+
+
+def _denser(object: Mesh, region: Region, config: PoseConfig) -> SearchConfig:
+    """Return settings with which the search misses no cell that an object covers; slower."""
+    cells = float(object.face_areas.sum()) / region.cell**2
+    return replace(config.search, samples=int(min(DENSE * cells + config.search.samples, MOST_SAMPLES)))
+
+
+def _free(query: ContactQuery, found: Iterable[GridCandidate], conflicts: list[str]) -> Iterator[Pose]:
+    """Yield the free poses among candidates; append the conflicts of the others."""
+    for number, candidate in enumerate(found, start=1):
+        pose, conflict = refined(query, candidate, number)
+        if conflict is None:
+            yield pose
+        else:
+            conflicts.append(conflict)
+
+
+def _seen_first(poses: Iterable[Pose], object: Mesh, view: SupportView | None) -> Iterator[Pose]:
+    """Yield poses in their order, but those at which an object is hidden after the others, as far as these are looked for."""
+    hidden: list[Pose] = []
+    for pose in poses:
+        if view is None or not view.hides(pose.moved(object)):
+            yield pose
+            continue
+        hidden.append(pose)
+        if len(hidden) == MOST_HIDDEN:
+            break
+    yield from hidden
 
 
 def _frame(scene: Scene, object: Mesh, region: Region, target: str) -> tuple[np.ndarray, float, float]:

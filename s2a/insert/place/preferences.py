@@ -22,6 +22,8 @@ HEIGHTS = (0.05, 0.15, 0.25)
 """Of these rays above the region [m]."""
 SPREAD = 9
 """Of these rays along a side."""
+TALLEST = 1.7
+"""Height of furniture over which people hang things [m]."""
 THIN, OFF = 0.2, 0.12
 """What hangs on a wall is at most this deep, and its back at most this far from it [m]."""
 
@@ -199,7 +201,8 @@ def _aim(
     if level:
         middle = float(np.median(level))
         low, high = middle - 0.05, middle + 0.05
-    if near is not None and float(near[:, 2].min()) < floor + 0.7:
+    # What is to be near a wardrobe hangs beside it.
+    if near is not None and float(near[:, 2].min()) < floor + 0.7 and float(near[:, 2].max()) < floor + TALLEST:
         least = float(near[:, 2].max()) + config.above_gap + height / 2
         low, high = max(low, least), max(high, least)
     return low, high

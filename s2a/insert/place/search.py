@@ -19,6 +19,9 @@ from s2a.insert.place.occupied import OccupancyGrid, SearchConfig
 from s2a.insert.place.preferences import Preferences, at_the_back, closeness, hanging_score
 from s2a.scene import Mesh
 
+BACK_FIRST = 0.6
+"""Weight of the neighbour of what stands against something: its back comes first."""
+
 
 @dataclass(frozen=True)
 class GridCandidate:
@@ -78,7 +81,9 @@ def grid_candidates(
             continue
         free = _lowest(room, places, distinct_cells(np.concatenate(prints)))
         score = _scores(places, free, prints, local, grid, region, base, turn, preferences, config)
-        score = score + config.neighbour_weight * nearness[tuple(places.T)] * (0.2 if preferences.against else 1.0)
+        score = score + config.neighbour_weight * nearness[tuple(places.T)] * (
+            BACK_FIRST if preferences.against else 1.0
+        )
         best = np.argsort(-score, kind="stable")[: config.max_placements // 4]
         found += [GridCandidate(float(score[i]), float(turn), places[i] - grid.pad + 0.5, float(free[i])) for i in best]
     return sorted(found, key=lambda one: -one.score)
@@ -121,7 +126,17 @@ def _prints(local: np.ndarray, cell: float, grid: OccupancyGrid, config: SearchC
     ]
     picked[1] |= picked[0]
     cells = np.floor(local[:, :2] / cell + 0.5).astype(int)
-    return [distinct_cells(cells[some]) for some in picked]
+    return [_filled(distinct_cells(cells[some])) for some in picked]
+
+
+def _filled(cells: np.ndarray) -> np.ndarray:
+    """Return cells [cell 2] with those that they enclose: a box is not put over what it would swallow."""
+    if not len(cells):
+        return cells
+    low = cells.min(axis=0)
+    solid = np.zeros(cells.max(axis=0) - low + 1, bool)
+    solid[tuple((cells - low).T)] = True
+    return np.asarray(np.argwhere(ndimage.binary_fill_holes(solid)) + low)
 
 
 def _possible(

@@ -60,12 +60,16 @@ def settled_axis(mesh: Mesh, axis: np.ndarray) -> np.ndarray:
     """Return the up direction of the resting pose after release with an axis up [3], unit, shape [3].
 
     That is the face of its hull nearest to level on which it stays, not more than 15 deg off; the axis itself if there is none.
+    One on which it stands firmly is preferred: a photo frame stands on its strut, not on its bottom edge alone.
     """
     points, middle = _weighed(mesh)
     directions = [axis, *[-down for down in sorted(_near(_faces(points), axis), key=lambda down: down @ axis)]]
-    return next(
-        (direction for direction in directions if _tilt(points, middle, direction, EXACT) >= 0.5 * STEADY), axis
-    )
+    margins = [_tilt(points, middle, direction, EXACT) for direction in directions]
+    for least in (STEADY, 0.5 * STEADY):
+        for direction, margin in zip(directions, margins, strict=True):
+            if margin >= least:
+                return direction
+    return axis
 
 
 def _weighed(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:

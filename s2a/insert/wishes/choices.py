@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from s2a.insert.hints import BEDDING, is_kind_of
 from s2a.insert.wishes.parse import Relation, parse_wish
 
 Line = dict[str, Any]
@@ -60,7 +61,7 @@ def _choices(relation: Relation, lines: dict[str, Line], hangs: bool) -> list[di
         if line is None:
             continue
         if relation.kind in DIRECT:
-            found += _places(line, relation.kind)
+            found += [one for part in (line, *_covers(line, lines)) for one in _places(part, relation.kind)]
         elif relation.kind in BESIDE:
             found += _places(_below(line, lines), "on")
         elif relation.kind == "above":
@@ -78,22 +79,29 @@ def _below(line: Line, lines: dict[str, Line]) -> Line:
         return lines[line["part_of"]]
     around = [other for other in lines.values() if _holds(other, line)]
     if around:
-        return min(around, key=lambda other: other["size"][0] * other["size"][1])
+        return min(around, key=lambda other: (_apart(other, line), other["size"][0] * other["size"][1]))
     return next((other for other in lines.values() if other["label"] == "floor"), line)
 
 
+def _covers(line: Line, lines: dict[str, Line]) -> list[Line]:
+    """Return what covers a part and carries things in its stead: the blanket of a bed."""
+    if not is_kind_of(line["label"], "bed"):
+        return []
+    bedding = [other for other in lines.values() if other["label"].lower() in BEDDING and "supports" in other]
+    return [other for other in bedding if other.get("on") == line["id"] or _apart(other, line) == 0.0]
+
+
 def _holds(line: Line, thing: Line) -> bool:
-    """Return True if a thing is let into a part: a sink into its counter."""
+    """Return True if a thing is let into a part or in a row with it: a sink and its counter. Boxes may be turned."""
     if (
         line["id"] == thing["id"]
         or line["label"] == "floor"
         or not ("supports" in line and "size" in line and "size" in thing)
     ):
         return False
-    off = np.abs(np.array(line["center"]) - thing["center"])[:2]
     top = thing["center"][2] + thing["size"][2] / 2
     near = min(abs(s["height"] - top) for s in line["supports"])
-    return bool((off < np.array(line["size"])[:2] / 2).all() and near < 0.3 and top > 0.3)
+    return bool(_apart(line, thing) < 0.05 and near < 0.3 and top > 0.3)
 
 
 def _places(line: Line, kind: str) -> list[dict[str, Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,13 +20,30 @@ from s2a.scene import Mesh, Scene
 from s2a.usd.boxes import silhouette
 
 SIDED = ("left", "right", "front", "behind", "above", "back edge", "front edge", "corner", "middle")
+LEVEL, REACH = ("near", "left", "right", "front", "behind", "between"), 1.9
+"""Relations to what stands or hangs at about the same height, and the lowest underside that is out of reach [m]."""
 NAMED = 12
 """Kinds of things that are named where one is missing."""
 
 
 def read_wish(text: str, scene: Scene) -> Wish:
-    """Return the parsed wish for a room."""
-    return parse_wish(text, {i: part.label for i, part in scene.parts.items() if len(part.mesh.faces)})
+    """Return the parsed wish for a room.
+
+    Nothing stands beside what hangs from the ceiling: without another one, that lamp counts as missing.
+    """
+    wish = parse_wish(text, {i: part.label for i, part in scene.parts.items() if len(part.mesh.faces)})
+    if not wish.relations:
+        return wish
+    high = floor_height(scene) + REACH
+    low = {i for i, part in scene.parts.items() if len(part.mesh.faces) and part.mesh.bounds[0, 2] < high}
+    relations, missing = [], list(wish.missing)
+    for one in wish.relations:
+        ids = tuple(tuple(i for i in some if i in low) for some in one.part_ids)
+        if one.kind not in LEVEL or all(ids):
+            relations.append(replace(one, part_ids=ids) if one.kind in LEVEL else one)
+        elif not one.negated:
+            missing.append(scene.parts[next(some for some in one.part_ids if some)[0]].label)
+    return Wish(tuple(relations), tuple(dict.fromkeys(missing)))
 
 
 def planned_place(plan: Plan) -> Wish:
@@ -95,8 +113,10 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
     known = {i: _outline(target_mesh(scene, i)) for one in sided for ids in one.part_ids for i in ids}
     seen = {i: viewer(scene, object, i, target_mesh(scene, i)) for i in known}
 
+    standing = box(np.array([0.0, 0.0, sides[2] / 2]), np.eye(3), np.array([min(sides[:2])] * 2 + [sides[2]]))
+
     def one_place(place: np.ndarray) -> bool:
-        brick = box(np.array([0.0, 0.0, sides[2] / 2]) + place, np.eye(3), np.array([min(sides[:2])] * 2 + [sides[2]]))
+        brick = Mesh(standing.vertices + place, standing.faces)
         for one in sided:
             if one.kind == "between":
                 holds = any(

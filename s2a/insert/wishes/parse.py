@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +24,8 @@ WORDS = {
     "top": r"on the (?:top|upper|highest|uppermost|topmost) (?:shelf|board|compartment|level)(?: of)?",
     "bottom": r"on the (?:bottom|lowest|lower|lowermost) (?:shelf|board|compartment|level)(?: of)?",
     "away": r"(?:far )?away from|far from|not (?:near|next to|beside|by)",
-    "near": r"next to|beside|near(?: to)?|close to|by|alongside|adjacent to|with|at",
+    "near": r"(?:with)?in (?:easy |arm s )?reach of|reach(?:able)?(?: it| this)? from|"
+    r"next to|beside|near(?: to)?|close to|by|alongside|adjacent to|with|at",
     "against": r"against|leaning (?:against|on|at)",
     "in": r"inside(?: of)?|within|into|in",
     "on": r"on top of|onto|upon|atop|on",
@@ -43,6 +45,14 @@ NOWHERE = frozenset(
     "right top bottom front back reach sight view people person someone lid handle it them all".split()
 )
 """Words after a preposition that name no thing."""
+AFTER = frozenset(
+    "please there here today now somewhere wherever anywhere again instead too as for like when while because though so far "
+    "left right close well facing standing ok thanks thank you i we you he she they is are was will can could would should "
+    "only just one ones high up down out".split()
+)
+"""Words after a name with which something else begins."""
+PEOPLE = re.compile(r"\b(?:who|whoever|whom)\b[^;]*")
+"""What people do says nothing of where the object is: "it should greet people who sit on the couch"."""
 NOT = re.compile(r"\b(?:not|never|don t put it|do not put it)(?: \w+){0,2}$")
 
 
@@ -81,6 +91,7 @@ class Wish:
 def parse_wish(text: str, labels: Mapping[str, str]) -> Wish:
     """Parse a wish for a room, given by the label of each part id."""
     words = " ".join(re.sub(r"[^a-z0-9_. ]", " ", text.lower()).replace(". ", " ; ").split()).rstrip(".")
+    words = PEOPLE.sub(" ", words)
     relations, missing, at = _heights(words), [], 0
     pattern = re.compile("|".join(f"(?P<k{n}>\\b(?:{words})\\b)" for n, words in enumerate(WORDS.values())))
     while found := pattern.search(words, at):
@@ -94,7 +105,6 @@ def parse_wish(text: str, labels: Mapping[str, str]) -> Wish:
         if kind in ("top", "bottom") and (not names or not ids[0]):
             # "on the top shelf": of whatever has shelves
             meant = [_meant("shelf", labels)]
-            meant = meant if meant[0][0] else [_meant("cabinet", labels)]
             ids, names = [meant[0][0]], [("shelf", 0)]
             missing += [] if ids[0] else ["shelf"]
         if names and all(ids):
@@ -146,15 +156,20 @@ def _names(rest: str, two: bool) -> list[tuple[str, int]]:
 
 
 def _meant(name: str, labels: Mapping[str, str]) -> tuple[tuple[str, ...], int]:
-    """Return the ids of the parts that a name means, by its first words, and how many letters come after these."""
+    """Return the ids of the parts that a name means, and how many letters come after its last word.
+
+    Its head noun is its last word, before what does not belong to it: the wall safe is no wall, and a bedside lamp is a lamp.
+    """
     words = name.split()
-    for count in range(len(words), 0, -1):
-        said = " ".join(words[:count])
+    words = words[:1] + list(itertools.takewhile(lambda word: word not in AFTER and not word.endswith("ly"), words[1:]))
+    noun = " ".join(words)
+    for first in range(len(words)):
+        said = " ".join(words[first:])
         for forms in ((said,), _singular(said)):
             exact = tuple(i for i, label in labels.items() if i.lower() in forms or label.lower() in forms)
             alike = exact or tuple(i for i, label in labels.items() if any(_kind(label, form) for form in forms))
             if alike:
-                return alike, len(name) - len(said)
+                return alike, len(name) - len(noun)
     return (), 0
 
 

@@ -27,7 +27,7 @@ from s2a.usd.tree import tree
 from s2a.usd.visuals import Visible, visible
 
 DATASET = "meta/s2a.json"
-"""By this file a folder is a dataset of s2a collect."""
+"""By this file a folder is a dataset of s2a collect (`s2a.collect.episode.ABOUT`, which needs the extra "sim")."""
 FILE_FACES = 320_000
 """Faces that a file of 10 MB has room for, with and without their scanned colours."""
 

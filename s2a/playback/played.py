@@ -27,11 +27,6 @@ SHINY = 0.9
 """Brightness of white paint: the page's light would bleach it."""
 
 
-def is_played(path: Path) -> bool:
-    """Return whether a path is something that is played: a file of states, or a dataset."""
-    return path.suffix == ".npz" or (path / demonstrations.ABOUT).is_file()
-
-
 def read(path: Path, stage: Path, first: int, count: int) -> States:
     """Read what some worlds did in a room.
 

@@ -14,6 +14,7 @@ from s2a import cli, config
 from s2a.commands import evaluate as verb
 from s2a.errors import InputError
 from s2a.evaluate import baseline, rate
+from s2a.playback import played
 from s2a.tasks.open_part.metrics import METRICS, VERSION
 
 
@@ -38,6 +39,18 @@ def test_an_agent_that_does_nothing_opens_nothing_and_says_so(tmp_path: Path) ->
     assert metrics["invalid"] == metrics["row_overflow"] == metrics["contact_overflow"] == 0
     assert metrics["metrics_version"] == VERSION and metrics["thresholds"]["success"] == pytest.approx(0.2)
     assert "off_handle_success" in said and "0.0%" in said and "grasped_fraction" in said
+
+
+def test_states_are_those_of_each_world_and_can_be_played(tmp_path: Path) -> None:
+    stage, file = write_cabinet(tmp_path / "sim.usda"), tmp_path / "states.npz"
+    keys = (f"stage={stage}", f"out={tmp_path / 'random.json'}", "agent=random", "num_envs=3", "task.episode_steps=6")
+    verb.run(settings(*keys, "device=cpu", f"states={file}"))
+    seen = played.read(file, stage, 1, 4)
+    assert seen.names == ["world 1", "world 2"] and seen.rate == pytest.approx(60.0)
+    assert len({len(each) for each in seen.joints}) == 1 and seen.joints[0].shape[1] == 9
+    # Random actions, and starts that noise makes differ: no two worlds are alike, and each moves.
+    assert abs(seen.joints[0] - seen.joints[1]).max() > 1e-3
+    assert all(abs(each[-1] - each[0]).max() > 1e-3 for each in seen.joints)
 
 
 def test_the_baselines_are_zero_and_uniform_and_the_seed_decides() -> None:

@@ -2,40 +2,38 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
-from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from s2a import cores
-
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAMS = sorted(
-    path
-    for folder in ("tools", "experiments")
-    for path in (ROOT / folder).glob("*.py")
-    if "__main__" in path.read_text()
-)
+FOLDERS = [str(ROOT / folder) for folder in ("tools", "experiments")]
+PROGRAMS = sorted(path for folder in FOLDERS for path in Path(folder).glob("*.py") if "__main__" in path.read_text())
+START = """
+import json, runpy, sys, traceback
+sys.path[:0] = json.loads(sys.argv[1])
+failures = {}
+for program in sys.argv[2:]:
+    try:
+        runpy.run_path(program, run_name="x")
+    except BaseException:
+        failures[program] = traceback.format_exc()
+print(json.dumps(failures))
+"""
 
 
 @pytest.fixture(scope="module")
-def started() -> Iterator[dict[Path, Future[subprocess.CompletedProcess[str]]]]:
-    """Start all programs, as many at once as there are cores: imports take most of the time."""
-    with ThreadPoolExecutor(cores.count()) as pool:
-        yield {program: pool.submit(_import, program) for program in PROGRAMS}
-
-
-def _import(program: Path) -> subprocess.CompletedProcess[str]:
-    code = f"import runpy, sys; sys.path.insert(0, {str(program.parent)!r}); runpy.run_path({str(program)!r}, run_name='x')"
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False)
+def failures() -> dict[str, str]:
+    """Start all programs one after another in a process of their own, which imports torch and newton once."""
+    command = [sys.executable, "-c", START, json.dumps(FOLDERS), *map(str, PROGRAMS)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda path: path.stem)
-def test_a_program_imports_what_it_needs(
-    program: Path, started: dict[Path, Future[subprocess.CompletedProcess[str]]]
-) -> None:
-    done = started[program].result()
-    assert done.returncode == 0, done.stderr
+def test_a_program_imports_what_it_needs(program: Path, failures: dict[str, str]) -> None:
+    assert str(program) not in failures, failures[str(program)]

@@ -14,6 +14,7 @@ from s2a.errors import InputError
 from s2a.geometry.mesh_ops import GREY
 from s2a.geometry.simplify import decimate
 from s2a.insert.axes import AXES
+from s2a.insert.place.lean import leans_forward
 from s2a.insert.place.stable_pose import settled_axis
 from s2a.insert.texture_colours import textured
 from s2a.ranges import Count, Positive
@@ -91,7 +92,8 @@ def read_object(path: Path, config: ObjectConfig) -> ObjectFile:
 def upright(file: ObjectFile, up: str, front: str, scale: float, hangs: bool = False) -> Mesh:
     """Return the mesh standing on z = 0 above the origin, its front towards +x.
 
-    Where it would fall over a little, because the file's axes are not quite its own, it stands as it comes to rest.
+    Where it would fall over a little, because the file's axes are not quite its own, it stands as it comes to rest. A panel that
+    leans on something behind it looks where it leans back from, whatever `front` says.
 
     Args:
         file: what was read.
@@ -104,6 +106,7 @@ def upright(file: ObjectFile, up: str, front: str, scale: float, hangs: bool = F
     if not hangs:
         z = settled_axis(file.mesh, z)
         x = (x - x @ z * z) / np.linalg.norm(x - x @ z * z)
+        x = -x if leans_forward(file.mesh, z, x) else x
     turned = scale * file.mesh.vertices.astype(np.float64) @ np.stack([x, np.cross(z, x), z]).T
     low, high = turned.min(axis=0), turned.max(axis=0)
     return Mesh(turned - [*(low + high)[:2] / 2, low[2]], file.mesh.faces, file.mesh.colors)

@@ -13,7 +13,7 @@ from s2a.config import compose, load
 from s2a.geometry.mesh_ops import merge
 from s2a.geometry.regions import RegionConfig
 from s2a.insert.place.contact import PoseConfig, facing_first
-from s2a.insert.place.lean import has_stand, slender
+from s2a.insert.place.lean import has_stand, leans_forward, slender
 from s2a.insert.place.pose import places
 from s2a.insert.place.stable_pose import settled_axis, tilt_margin
 from s2a.insert.place.supports import target_regions
@@ -60,6 +60,17 @@ def test_a_photo_frame_stands_on_its_strut_and_not_on_its_edge() -> None:
     assert tilt_margin(photo, up) >= 0.05
     assert np.degrees(np.arccos(up @ UP)) > 2.0
     assert settled_axis(block(0.1, 0.1, 0.1), UP) == pytest.approx(UP)
+    # It leans back onto the strut, which is behind it, at -x: its picture looks along +x, whoever says what.
+    assert not leans_forward(photo, up, across(up, 1.0))
+    assert leans_forward(photo, up, across(up, -1.0))
+    assert not any(leans_forward(block(0.01, 0.16, 0.25), UP, across(UP, way)) for way in (1.0, -1.0))
+
+
+def across(up: np.ndarray, way: float) -> np.ndarray:
+    """Return the unit direction nearest to +x, or with -1 to -x, across `up`."""
+    x = np.array([way, 0.0, 0.0])
+    x -= x @ up * up
+    return x / np.linalg.norm(x)
 
 
 def test_what_slides_back_does_not_drop_behind_its_support() -> None:

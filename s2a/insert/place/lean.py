@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from s2a.geometry.mesh_ops import sample
+from s2a.geometry.mesh_ops import normals, sample
 from s2a.insert.place.stable_pose import tilt_margin
 from s2a.scene import Mesh
 
@@ -20,6 +20,10 @@ LOWEST, SHAFT = 0.05, (0.1, 0.3)
 """Heights of the foot and of the shaft above it, as fractions of an object's height."""
 WIDER, SQUARE = 3.0, 0.5
 """A stand's area over that of the shaft above it, and its width over its length: that of a lamp, not the head of a broom."""
+
+
+FACE, ALIKE, LEANS = 0.85, 0.6, 0.06
+"""A panel's face: cosine of its normal to where it looks, area over that of the other face, and sine of its least lean."""
 
 
 def slender(object: Mesh) -> bool:
@@ -45,6 +49,23 @@ def outline(points: np.ndarray) -> float:
         return float(ConvexHull(points).volume)
     except (QhullError, ValueError):
         return 0.0
+
+
+def leans_forward(mesh: Mesh, up: np.ndarray, front: np.ndarray) -> bool:
+    """Return True for a panel whose front looks down and whose back looks up: a photo on its strut that is taken for its back.
+
+    Args:
+        mesh: as it stands.
+        up: unit direction, shape [3].
+        front: unit direction of what is taken for its front, across `up`, shape [3].
+    """
+    facing, areas = normals(mesh).astype(np.float64), mesh.face_areas.astype(np.float64)
+    sides = [facing @ way > FACE for way in (front, -front)]
+    (ahead, behind), rise = [float(areas[side].sum()) for side in sides], facing @ up
+    if min(ahead, behind) < ALIKE * max(ahead, behind) or not ahead:
+        return False
+    forward, backward = (float(np.average(rise[side], weights=areas[side])) for side in sides)
+    return forward < -LEANS and backward > LEANS and abs(forward + backward) < LEANS
 
 
 def leaned(turn: np.ndarray) -> np.ndarray:

@@ -25,6 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests/support"))
 from browser import Page, browser  # type: ignore[import-not-found]
 
+from s2a.page import notes
 from s2a.page.read import read
 from s2a.page.thin import thinned
 from s2a.provenance import provenance
@@ -47,7 +48,7 @@ def main() -> None:
     args = parser.parse_args()
     rows = []
     for path in args.paths:
-        room = read(path)
+        room = read(notes.of_path(path)[0])
         faces = thinned(room, args.max_faces).faces if args.max_faces else room.faces
         rows.append({"path": str(path), "faces": faces, **opened(path, args.max_faces), **written(path)})
         print(json.dumps(rows[-1]), flush=True)

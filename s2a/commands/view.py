@@ -120,7 +120,9 @@ def _play(config: Config, stage: Path) -> str:
         played.read(config.path, stage, config.first, config.worlds), sim_stage.read(stage, visuals=False)
     )
     room = thinned(room, config.max_faces) if config.max_faces else room
-    view = player.whole(_page_view(room, config), room, len(found.worlds))
+    view = _page_view(room, config)
+    if config.part is None:  # a part is seen in the first world: others are a room away
+        view = player.whole(view, room, len(found.worlds))
     with player.served(room, found, view, config.camera.fov, config.port) as address:
         report(f"{config.path}: {len(found.worlds)} worlds, {found.frames} frames, at {address}; Ctrl-C ends it")
         with suppress(KeyboardInterrupt):

@@ -115,10 +115,16 @@ def distinct_cells(cells: np.ndarray) -> np.ndarray:
     """Return cells [cell 2] without those that are there twice, in order: a tenth of the time of sorting them."""
     if not len(cells):
         return cells
+    there, low = mask_of(cells)
+    return np.argwhere(there) + low
+
+
+def mask_of(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return which cells of the rectangle around one cell or more [cell 2] are among them, and its lowest cell, shape [2]."""
     low = cells.min(axis=0)
     there = np.zeros(cells.max(axis=0) - low + 1, bool)
     there[tuple((cells - low).T)] = True
-    return np.argwhere(there) + low
+    return there, low
 
 
 def _meets(mesh: Mesh, grid: Grid) -> bool:

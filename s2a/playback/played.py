@@ -17,6 +17,7 @@ from s2a.page.thin import clustered
 from s2a.playback import demonstrations, states
 from s2a.playback.states import States
 from s2a.robot.model import add_robot
+from s2a.robot.tool_path import matrices
 from s2a.scene import Mesh
 from s2a.usd.sim_scene import SimRoom
 from s2a.usd.stamp import layer_hash
@@ -113,10 +114,4 @@ def _poses(model: newton.Model, joints: np.ndarray) -> np.ndarray:
 def _moved(poses: np.ndarray, room: SimRoom, part: str) -> np.ndarray:
     """Return the displacements [frame 4 4] of a free object from its scanned pose, for its poses [frame 7]."""
     body = room.free[part]
-    return _matrices(poses) @ np.linalg.inv(_matrices(np.array([[*body.position, *body.orientation]])))
-
-
-def _matrices(poses: np.ndarray) -> np.ndarray:
-    found = np.tile(np.eye(4), (len(poses), 1, 1))
-    found[:, :3, :3], found[:, :3, 3] = Rotation.from_quat(poses[:, 3:]).as_matrix(), poses[:, :3]
-    return found
+    return matrices(poses) @ np.linalg.inv(matrices(np.array([[*body.position, *body.orientation]])))

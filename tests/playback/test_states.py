@@ -10,6 +10,8 @@ import pytest
 from cabinet import free_cube, write_cabinet
 
 from s2a import robot
+from s2a.collect import episode
+from s2a.commands import view
 from s2a.errors import InputError
 from s2a.playback import played, states
 from s2a.playback.states import States
@@ -45,6 +47,10 @@ def test_states_come_back_from_their_file(seen: States, stage: Path, tmp_path: P
         np.testing.assert_array_equal(back.parts["drawer_2"][k], seen.parts["drawer_2"][k])
         np.testing.assert_array_equal(back.objects["cube_9"][k], seen.objects["cube_9"][k])
     assert played.read(tmp_path / "states.npz", stage, 1, 4).names == ["world 1"]
+
+
+def test_view_knows_a_dataset_by_the_file_that_collect_writes_first() -> None:
+    assert view.DATASET == episode.ABOUT
 
 
 def test_another_room_or_world_or_file_is_one_line(seen: States, stage: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import fft, ndimage
 
 from s2a.geometry.mesh_ops import sample
-from s2a.geometry.occupancy import distinct_cells
+from s2a.geometry.occupancy import distinct_cells, mask_of
 from s2a.geometry.regions import Region
 from s2a.insert.place.occupied import OccupancyGrid, SearchConfig
 from s2a.insert.place.preferences import Preferences, at_the_back, closeness, hanging_score
@@ -126,17 +126,15 @@ def _prints(local: np.ndarray, cell: float, grid: OccupancyGrid, config: SearchC
     ]
     picked[1] |= picked[0]
     cells = np.floor(local[:, :2] / cell + 0.5).astype(int)
-    return [_filled(distinct_cells(cells[some])) for some in picked]
+    return [_filled(cells[some]) for some in picked]
 
 
 def _filled(cells: np.ndarray) -> np.ndarray:
     """Return cells [cell 2] with those that they enclose: a box is not put over what it would swallow."""
     if not len(cells):
         return cells
-    low = cells.min(axis=0)
-    solid = np.zeros(cells.max(axis=0) - low + 1, bool)
-    solid[tuple((cells - low).T)] = True
-    return np.asarray(np.argwhere(ndimage.binary_fill_holes(solid)) + low)
+    there, low = mask_of(cells)
+    return np.asarray(np.argwhere(ndimage.binary_fill_holes(there)) + low)
 
 
 def _possible(

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from rough_furniture import at, block, sheet
 from scipy.spatial.transform import Rotation
 
@@ -64,6 +65,9 @@ def test_a_photo_frame_stands_on_its_strut_and_not_on_its_edge() -> None:
     assert not leans_forward(photo, up, across(up, 1.0))
     assert leans_forward(photo, up, across(up, -1.0))
     assert not any(leans_forward(block(0.01, 0.16, 0.25), UP, across(UP, way)) for way in (1.0, -1.0))
+    round_rod = trimesh.creation.cylinder(0.02, 0.3)
+    rod = turned(Mesh(round_rod.vertices, round_rod.faces), np.radians(15.0))
+    assert not any(leans_forward(rod, UP, across(UP, way)) for way in (1.0, -1.0))
 
 
 def across(up: np.ndarray, way: float) -> np.ndarray:

@@ -22,8 +22,9 @@ WIDER, SQUARE = 3.0, 0.5
 """A stand's area over that of the shaft above it, and its width over its length: that of a lamp, not the head of a broom."""
 
 
-FACE, ALIKE, LEANS = 0.85, 0.6, 0.06
-"""A panel's face: cosine of its normal to where it looks, area over that of the other face, and sine of its least lean."""
+FACE, FLAT, ALIKE, LEANS = 0.85, 0.98, 0.6, 0.06
+"""A panel's face: cosine of its normals to where it looks, length of their mean, area over that of the other face, and sine of
+its least lean."""
 
 
 def slender(object: Mesh) -> bool:
@@ -61,10 +62,13 @@ def leans_forward(mesh: Mesh, up: np.ndarray, front: np.ndarray) -> bool:
     """
     facing, areas = normals(mesh).astype(np.float64), mesh.face_areas.astype(np.float64)
     sides = [facing @ way > FACE for way in (front, -front)]
-    (ahead, behind), rise = [float(areas[side].sum()) for side in sides], facing @ up
+    ahead, behind = (float(areas[side].sum()) for side in sides)
     if min(ahead, behind) < ALIKE * max(ahead, behind) or not ahead:
         return False
-    forward, backward = (float(np.average(rise[side], weights=areas[side])) for side in sides)
+    means = [np.average(facing[side], axis=0, weights=areas[side]) for side in sides]
+    if min(np.linalg.norm(mean) for mean in means) < FLAT:  # a leaning rod or a banana has no face
+        return False
+    forward, backward = (float(mean @ up) for mean in means)
     return forward < -LEANS and backward > LEANS and abs(forward + backward) < LEANS
 
 

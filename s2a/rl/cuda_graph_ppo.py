@@ -22,6 +22,9 @@ from s2a.rl import processes
 from s2a.rl.adapter import TEACHER
 from s2a.rl.config import BROKEN
 
+LOWEST_RATE = 1e-5
+"""Down to which the learning rate adapts, as rsl-rl has it."""
+
 
 class LazyGaussian(GaussianDistribution):
     """rsl-rl's distribution; torch.normal, which it samples with, waits for the device to see that no deviation is negative."""
@@ -96,6 +99,8 @@ class GraphPpo(PPO):
             self._imitating -= 1
             if not self._imitating:  # another arithmetic is captured from here on
                 self._updates, self._replays = 0, ()
+                if self._taught is None:
+                    self._begin_gently()
         count = self.num_learning_epochs * self.num_mini_batches
         with torch.no_grad():
             norms = torch.stack([p.norm() for p in self._parameters])
@@ -126,6 +131,17 @@ class GraphPpo(PPO):
         if with_iteration:
             self._imitating = max(0, self._imitating - 1 - loaded_dict["iter"])
         return with_iteration
+
+    def _begin_gently(self) -> None:
+        """Let a policy that waited for its critic begin to learn with Adam's first step, at the lowest rate.
+
+        In updates without a gradient Adam's moments come to nothing, and the steps after them, which it then takes for not the
+        first ones, are three to seven times the rate: the policy would be lost before its divergence is known.
+        """
+        for parameter in self._raw_actor.parameters():
+            for moment in self.optimizer.state[parameter].values():
+                moment.zero_()
+        self._rate.fill_(LOWEST_RATE)
 
     def _fill(self) -> None:
         """Lay out the stored steps where the graphs read them: most lie there always, three are new in every update."""
@@ -190,7 +206,7 @@ class GraphPpo(PPO):
         """Adapt the learning rate to the divergence, as rsl-rl does, and take a step."""
         self._packed.div_(processes.count())
         divergence, rate = self._packed[-1], self._rate
-        slower, faster = (rate / 1.5).clamp(min=1e-5), (rate * 1.5).clamp(max=1e-2)
+        slower, faster = (rate / 1.5).clamp(min=LOWEST_RATE), (rate * 1.5).clamp(max=1e-2)
         timid = (divergence < 0.5 * self.desired_kl) & (divergence > 0.0)
         if self._imitating:
             rate.fill_(self._first_rate)

@@ -214,6 +214,20 @@ def test_a_critic_that_begins_reaches_returns_beyond_what_the_clip_lets_it_move(
     assert values[0] > 4.0 * values[1]
 
 
+def test_a_policy_that_waited_for_its_critic_begins_with_small_steps() -> None:
+    torch.manual_seed(0)
+    changes = {**SMALL, "num_learning_epochs": 1, "num_mini_batches": 1, "imitation_iterations": 30}
+    runner = make_runner(RslRlEnv(NoisyEnv(), 1.0), load(PpoConfig, "ppo/default", **changes, cuda_graph=True), None)
+    actor = [parameter.detach() for parameter in runner.alg.actor.parameters()]
+    first = [parameter.clone() for parameter in actor]
+    runner.learn(30)
+    assert all(map(torch.equal, actor, first)), "the critic alone learns"
+    runner.learn(1)
+    steps = [float((now - then).abs().max()) for now, then in zip(actor, first, strict=True)]
+    # Adam's first step is the rate, whatever the gradient's size: 1e-5, which the first divergence, of 0, does not raise.
+    assert max(steps) == pytest.approx(1e-5, rel=0.01)
+
+
 @pytest.mark.parametrize(("done", "left"), [(0, 3), (2, 1), (3, 0), (9, 0)])
 def test_a_run_that_goes_on_imitates_for_the_rest_of_its_iterations(done: int, left: int, tmp_path: Path) -> None:
     first = imitating(4)

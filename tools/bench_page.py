@@ -1,10 +1,11 @@
 """Seconds until the page of a room is drawn in headless Chromium, frames a second as it turns, and the size of its file.
 
-    python tools/bench_page.py PATH [PATH ...] [--max-faces N] [--out experiments/results/bench_page.json]
+    python tools/bench_page.py PATH [PATH ...] [--max-faces N] [--before TREE] [--out experiments/results/bench_page.json]
 
 PATH is what `s2a view` takes. Seconds count from when the command was entered: until its address is printed, the controls are
-there, and a tenth of the window is not background; "processor" is what the command itself had of a core by the first. Needs
-chromium and chromedriver, and the extras view and dev. The record holds the load of the machine: without a graphics processor the
+there, and a tenth of the window is not background; "processor" is what the command itself had of a core by the first. TREE is
+an older checkout, whose page is measured right before the other's, so that ratios hold on a busy machine. Needs chromium and
+chromedriver, and the extras view and dev. The record holds the load of the machine: without a graphics processor the
 browser renders on the cores that the command needs too.
 """
 
@@ -30,12 +31,13 @@ from s2a.page.read import read
 from s2a.page.thin import thinned
 from s2a.provenance import provenance
 
+ROOT = Path(__file__).parents[1]
 SIZE, PANEL = (1280, 800), 390
 """[pixel] Of the window, and of the controls at its right."""
 BACKGROUND, DRAWN = 245, 0.1
 """Level from which a pixel is background, and the fraction of others from which the room is drawn."""
-PATIENCE, TURNING = 120.0, 6.0
-"""[s] For each wait, and for which the room is turned."""
+PATIENCE, SETTLED, TURNING = 120.0, 8.0, 6.0
+"""[s] For each wait, before the room is turned, and for which it is turned."""
 COUNT = "window.frames_drawn = 0; (function f() { window.frames_drawn++; requestAnimationFrame(f) })()"
 
 
@@ -44,25 +46,29 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="+", type=Path)
     parser.add_argument("--max-faces", type=int)
+    parser.add_argument("--before", type=Path)
     parser.add_argument("--out", type=Path, default=Path("experiments/results/bench_page.json"))
     args = parser.parse_args()
     rows = []
     for path in args.paths:
         room = read(notes.of_path(path)[0])
         faces = thinned(room, args.max_faces).faces if args.max_faces else room.faces
-        rows.append({"path": str(path), "faces": faces, **opened(path, args.max_faces), **written(path)})
+        old = {"before": opened(path, args.max_faces, args.before)} if args.before else {}
+        new = opened(path, args.max_faces, ROOT)
+        rows.append({"path": str(path), "faces": faces, **new, **written(path), **old})
         print(json.dumps(rows[-1]), flush=True)
     args.out.write_text(json.dumps({**provenance("cpu"), "window": SIZE, "rooms": rows}, indent=1) + "\n")
 
 
-def opened(path: Path, max_faces: int | None) -> dict:
-    """Open the page of a room, and turn it."""
-    command = [sys.executable, "-m", "s2a", "view", f"path={path}", "page=true"]
+def opened(path: Path, max_faces: int | None, tree: Path) -> dict:
+    """Open the page of a room as a checkout has it, and turn it."""
+    command = [sys.executable, "-m", "s2a", "view", f"path={path.absolute()}", "page=true"]
     command += [f"max_faces={max_faces}"] if max_faces else []
     with browser(*SIZE) as page:
         page.open("about:blank")
         start = time.monotonic()
-        server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        env = os.environ | {"PYTHONPATH": str(tree.absolute())}
+        server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=tree, env=env)
         try:
             row = {
                 "address": _address(server),
@@ -101,7 +107,8 @@ def _filled(image: np.ndarray) -> float:
 
 
 def _turned(page: Page) -> float:
-    """Turn the room with the mouse; return the frames a second."""
+    """Turn the room with the mouse once all of it is there; return the frames a second."""
+    time.sleep(SETTLED)
     page.driver.execute_script(COUNT)
     _mouse(page, "mousePressed", 400)
     start, step = time.monotonic(), 0

@@ -1,6 +1,6 @@
 """A mesh as binary glTF 2.0, small enough to travel: positions in 16 bits of the mesh's own box.
 
-Of a box of 10 m that is 0.15 mm. Source: glTF 2.0 specification, with the extension KHR_mesh_quantization.
+Of a box of 10 m that is 0.15 mm. Source: glTF 2.0 specification, with the extensions KHR_mesh_quantization and KHR_materials_unlit.
 """
 
 from __future__ import annotations
@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from s2a.page.light import BRIGHTEST, brightness
 from s2a.scene import Mesh
 
 UNSIGNED_SHORT, UNSIGNED_INT = 5123, 5125
 MAX_SHORT = 65535
 MIN_EXTENT = 1e-6
 """[m] A flat mesh's extent across itself is taken for this: a scale of zero has no inverse."""
+UNLIT = "KHR_materials_unlit"
 ALIGNMENT = 4
 WHITE, PLAIN = (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)
 """Linear RGB: what leaves the colours of vertices as they are, and the colour of surfaces without one."""
@@ -24,7 +26,9 @@ WHITE, PLAIN = (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)
 Color = tuple[float, float, float]
 
 
-def encode(mesh: Mesh, color: Color | None = None, opacity: float = 1.0, both_sides: bool = False) -> bytes:
+def encode(
+    mesh: Mesh, color: Color | None = None, opacity: float = 1.0, both_sides: bool = False, baked: bool = False
+) -> bytes:
     """Return a mesh as the bytes of a .glb file.
 
     Args:
@@ -32,6 +36,7 @@ def encode(mesh: Mesh, color: Color | None = None, opacity: float = 1.0, both_si
         color: linear RGB of the whole mesh, 0 to 1; None: its vertices' colours, or else PLAIN.
         opacity: 1 for opaque.
         both_sides: Show faces from behind, too.
+        baked: Hold the page's light in the colours of the vertices, so that pixels are not shaded; without `color`.
     """
     low, extent = mesh.bounds[0], np.maximum(np.ptp(mesh.bounds, axis=0), MIN_EXTENT)
     points = np.zeros((len(mesh.vertices), 4), np.uint16)  # the fourth aligns them
@@ -46,19 +51,23 @@ def encode(mesh: Mesh, color: Color | None = None, opacity: float = 1.0, both_si
         (points, {"min": points[:, :3].min(axis=0).tolist(), "max": points[:, :3].max(axis=0).tolist()}),
     ]
     attributes = {"POSITION": 1}
-    if color is None and mesh.colors is not None:
-        arrays.append((_linear(mesh.colors), {}))
+    if baked or (color is None and mesh.colors is not None):
+        arrays.append((_linear(mesh, brightness(mesh) / BRIGHTEST if baked else 1.0), {}))
         attributes["COLOR_0"] = 2
     plain = WHITE if "COLOR_0" in attributes else PLAIN
+    material = _material(color or plain, opacity, both_sides)
+    if baked:
+        material["pbrMetallicRoughness"]["baseColorFactor"] = [*3 * (BRIGHTEST,), opacity]
+        material["extensions"] = {UNLIT: {}}
     document = {
         "asset": {"version": "2.0"},
-        "extensionsUsed": ["KHR_mesh_quantization"],
+        "extensionsUsed": ["KHR_mesh_quantization", *[UNLIT] * baked],
         "extensionsRequired": ["KHR_mesh_quantization"],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "translation": low.tolist(), "scale": extent.tolist()}],
         "meshes": [{"primitives": [{"attributes": attributes, "indices": 0, "material": 0}]}],
-        "materials": [_material(color or plain, opacity, both_sides)],
+        "materials": [material],
     }
     return _packed(document, arrays)
 
@@ -69,12 +78,20 @@ def _material(color: Color, opacity: float, both_sides: bool) -> dict[str, Any]:
     return {"pbrMetallicRoughness": surface, "alphaMode": mode, "doubleSided": both_sides}
 
 
-def _linear(colors: np.ndarray) -> np.ndarray:
-    """Return sRGB colours [vertex 3] as glTF wants them: linear, 16 bits, shape [vertex 4], the fourth being opacity."""
-    levels = np.arange(256) / 255.0
-    table = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
+def _linear(mesh: Mesh, level: np.ndarray | float) -> np.ndarray:
+    """Return the sRGB colours of vertices as glTF wants them: linear, 16 bits, shape [vertex 4], the fourth being opacity.
+
+    Args:
+        mesh: PLAIN where it has no colours.
+        level: fraction of its colour that each vertex has, shape [vertex].
+    """
+    steps = np.arange(256) / 255.0
+    table = np.where(steps <= 0.04045, steps / 12.92, ((steps + 0.055) / 1.055) ** 2.4)
+    colors = np.tile(PLAIN, (len(mesh.vertices), 1)) if mesh.colors is None else table[mesh.colors]
+    # The 256 steps of sRGB again: the eye sees no more, and a file of them packs smaller.
+    colors = table[np.searchsorted((table[1:] + table[:-1]) / 2, colors * np.reshape(level, (-1, 1)))]
     linear = np.full((len(colors), 4), MAX_SHORT, np.uint16)
-    linear[:, :3] = np.rint(table * MAX_SHORT).astype(np.uint16)[colors]
+    linear[:, :3] = np.rint(MAX_SHORT * colors)
     return linear
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from s2a.articulation import open_limit, opening_sign
 from s2a.geometry.mesh_ops import merge, painted
+from s2a.page.light import vertex_normals
 from s2a.page.palette import hue
 from s2a.page.room import Extra, PageRoom
 from s2a.scene import Joint, Mesh
@@ -104,12 +105,7 @@ def arrows(room: PageRoom) -> Iterator[Arrow]:
 
 def lifted(mesh: Mesh, height: float = LIFT) -> Mesh:
     """Return a mesh whose vertices are moved along their normals [m]."""
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
-    normals, facing = np.zeros((len(mesh.vertices), 3)), np.cross(b - a, c - a)
-    for corner in mesh.faces.T:
-        np.add.at(normals, corner, facing)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return Mesh(mesh.vertices + height * normals / np.maximum(lengths, 1e-12), mesh.faces, mesh.colors)
+    return Mesh(mesh.vertices + height * vertex_normals(mesh), mesh.faces, mesh.colors)
 
 
 def _hulls(room: PageRoom) -> Iterator[tuple[Extra, Mesh]]:

@@ -10,6 +10,7 @@ import viser
 
 from s2a.articulation import open_limit
 from s2a.page import layers
+from s2a.page.detail import Detail
 from s2a.page.notes import PLACE
 from s2a.page.rays import pick
 from s2a.page.room import PageRoom, unit
@@ -30,6 +31,7 @@ div:has(> button.mantine-Button-root:not([data-variant="outline"])) { padding-bo
 """Rows of the tree are viser's buttons: flat, and to the left; the yellow one is selected."""
 PLAIN_ROW: Literal["gray"] = "gray"
 SELECTED_ROW: Literal["yellow"] = "yellow"
+FEWER = "coarse in motion"
 WIDTH = 380
 """[pixel] of the panel."""
 
@@ -37,8 +39,8 @@ WIDTH = 380
 class Panel:
     """The controls beside the scene."""
 
-    def __init__(self, server: viser.ViserServer, nodes: SceneNodes) -> None:
-        self._nodes, self._room, self._server = nodes, nodes.at.room, server
+    def __init__(self, server: viser.ViserServer, nodes: SceneNodes, detail: Detail | None = None) -> None:
+        self._detail, self._nodes, self._room, self._server = detail, nodes, nodes.at.room, server
         self._sliders: dict[str, viser.GuiSliderHandle] = {}
         self._rows: dict[str, viser.GuiButtonHandle] = {}
         self._selected: str | None = None
@@ -74,6 +76,9 @@ class Panel:
             box = self._server.gui.add_checkbox(layer, layer == first(self._room))
             box.on_update(self._showing(layer))
             self._nodes.show(layer, box.value)
+        if self._detail and self._nodes.thin:
+            box = self._server.gui.add_checkbox(FEWER, True)
+            box.on_update(self._fixing(self._detail))
 
     def _add_joints(self) -> None:
         gui = self._server.gui
@@ -116,6 +121,12 @@ class Panel:
 
     def _showing(self, layer: str) -> Callable[[viser.GuiEvent], None]:
         return lambda event: self._nodes.show(layer, event.target.value)
+
+    def _fixing(self, detail: Detail) -> Callable[[viser.GuiEvent], None]:
+        def fix(event: viser.GuiEvent) -> None:
+            detail.fixed = not event.target.value
+
+        return fix
 
     def _moving(self, part: str) -> Callable[[viser.GuiEvent], None]:
         return lambda event: self._nodes.move(part, event.target.value)

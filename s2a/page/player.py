@@ -13,6 +13,7 @@ import viser
 
 from s2a.geometry.orbit_camera import CameraPose
 from s2a.page import glb
+from s2a.page.detail import Detail, coarse
 from s2a.page.panel import STYLE, WIDTH, first, offered
 from s2a.page.played import Played, PlayedWorld
 from s2a.page.room import PageRoom, unit
@@ -65,6 +66,7 @@ class Player:
         self._worlds = [
             _World(server.scene, f"/world_{k}", room, played, world, k * step) for k, world in enumerate(played.worlds)
         ]
+        self._detail = Detail(server, [world.nodes for world in self._worlds])
         self._ended, self._playing = threading.Event(), threading.Event()
         gui = server.gui
         gui.set_panel_label(room.name)
@@ -86,6 +88,8 @@ class Player:
 
     def show(self, frame: int) -> None:
         """Put all worlds where they were in a frame."""
+        if frame != self.frame:
+            self._detail.moved()
         self.frame = frame
         with self._server.atomic():
             for world in self._worlds:
@@ -93,7 +97,8 @@ class Player:
         self._card.content = "".join(f"<div class='s2a-card'>{world.facts(frame)}</div>" for world in self._worlds)
 
     def close(self) -> None:
-        """End the thread that plays."""
+        """End the threads that play and watch."""
+        self._detail.close()
         self._ended.set()
         self._playing.set()
 
@@ -147,7 +152,8 @@ class _World:
         scene.add_frame(root, show_axes=False, position=at)
         scene.add_label(f"{root}/name", world.name, position=_above(room))
         alone = {i: replace(part, mover=i) if i in world.moved else part for i, part in room.parts.items()}
-        self.nodes = SceneNodes(scene, replace(room, parts=alone), root)
+        room = replace(room, parts=alone)
+        self.nodes = SceneNodes(scene, room, root, coarse(room, len(played.worlds)))
         self._room, self._world = room, world
         self._links = [
             scene.add_glb(

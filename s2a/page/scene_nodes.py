@@ -27,7 +27,9 @@ SHAFT, HEAD, HEAD_LENGTH = 0.008, 0.02, 0.05
 """[m] Radii of an arrow's shaft and head, and the length of its head."""
 MARKED, MARK_OPACITY = (1.0, 0.5, 0.0), 0.7
 """Linear RGB and opacity of the part that is selected."""
-SELECTED = "/selected"
+SELECTED, COARSE = "/selected", "coarse"
+THINNED = (SURFACES, BY_PART)
+"""Layers that a coarse room can stand for."""
 
 
 class SceneNodes:
@@ -37,12 +39,24 @@ class SceneNodes:
 
     Attributes:
         at: the room, and where its joints stand.
+        thin: the room with fewer faces, or None.
     """
 
-    def __init__(self, scene: viser.SceneApi, room: PageRoom, root: str = "") -> None:
-        """Show a room below a node; "": where its coordinates say."""
+    def __init__(
+        self, scene: viser.SceneApi, room: PageRoom, root: str = "", coarse: PageRoom | None = None
+    ) -> None:
+        """Show a room below a node; "": where its coordinates say.
+
+        Args:
+            scene: of the server.
+            room: what is shown.
+            root: the node.
+            coarse: the room with fewer faces, which is sent first and shown until `refine`; None: the room alone.
+        """
         self.at = Coordinates(room)
         self._scene, self._root = scene, root
+        self.thin, self._coarse = coarse, coarse is not None
+        self._shown: dict[str, bool] = {}
         self._lock = RLock()  # viser calls from several threads
         self._movers: dict[str, str | None] = {}
         self._hidden: set[str | None] = set()
@@ -52,12 +66,46 @@ class SceneNodes:
     def show(self, layer: str, visible: bool = True) -> None:
         """Show or hide one of `layers.LAYERS`."""
         with self._lock:
-            if layer not in self._layers:
-                if not visible:
-                    return
-                self._layers[layer] = self._scene.add_frame(self._path(layer), show_axes=False)
-                self._add(layer)
-            self._layers[layer].visible = visible
+            self._shown[layer] = visible
+            self._update(layer)
+
+    def coarsen(self) -> None:
+        """Show fewer faces from now on, where there is a coarse room."""
+        self._set_coarse(self.thin is not None)
+
+    def load(self) -> bool:
+        """Send what `refine` would show, hidden; return whether there was something to send."""
+        with self._lock:
+            missing = [layer for layer, shown in self._shown.items() if shown and layer not in self._layers]
+            for layer in missing:
+                self._send(layer, layer, self.at.room)
+                self._layers[layer].visible = False
+            return bool(missing)
+
+    def refine(self) -> None:
+        """Show all faces from now on."""
+        self._set_coarse(False)
+
+    def _set_coarse(self, coarse: bool) -> None:
+        with self._lock:
+            if coarse != self._coarse:
+                self._coarse = coarse
+                for layer in THINNED:
+                    self._update(layer)
+
+    def _update(self, layer: str) -> None:
+        """Show and hide the two forms of a layer as they are now asked for."""
+        coarse = self._coarse and layer in THINNED
+        for key, room, wanted in ((layer, self.at.room, not coarse), (f"{COARSE}/{layer}", self.thin, coarse)):
+            visible = wanted and self._shown.get(layer, False)
+            if visible and key not in self._layers and room:
+                self._send(key, layer, room)
+            if key in self._layers:
+                self._layers[key].visible = visible
+
+    def _send(self, key: str, layer: str, room: PageRoom) -> None:
+        self._layers[key] = self._scene.add_frame(self._path(key), show_axes=False)
+        self._add(key, layer, room)
 
     def move(self, part: str, shown: float) -> None:
         """Move a joint, and what hangs on it, to a coordinate [mm] or [deg]."""
@@ -100,16 +148,16 @@ class SceneNodes:
         mark = glb.encode(layers.lifted(chosen.surface), MARKED, MARK_OPACITY, chosen.mover is not None)
         self._mesh(self._root + SELECTED, chosen.mover, mark)
 
-    def _add(self, layer: str) -> None:
-        room = self.at.room
+    def _add(self, key: str, layer: str, room: PageRoom) -> None:
         if layer == AXES:
             for arrow in layers.arrows(room):
                 self._arrow(f"{self._path(AXES)}/{arrow.name}", arrow, room.joints[arrow.name].kind)
             return
         opacity = TRANSLUCENT if room.boxes else 1.0
+        baked = layer in THINNED and not room.boxes
         for node in MAKERS[layer](room):
-            data = glb.encode(node.mesh, opacity=opacity, both_sides=node.mover is not None)
-            self._mesh(f"{self._path(layer)}/{node.name}", node.mover, data)
+            data = glb.encode(node.mesh, opacity=opacity, both_sides=node.mover is not None, baked=baked)
+            self._mesh(f"{self._path(key)}/{node.name}", node.mover, data)
 
     def _mesh(self, name: str, mover: str | None, data: bytes) -> None:
         turned, position = _pose(self.at.pose(mover))
@@ -143,8 +191,8 @@ class SceneNodes:
             handle.remove()
             del self._movers[name]
 
-    def _path(self, layer: str) -> str:
-        return f"{self._root}/{layer}"
+    def _path(self, key: str) -> str:
+        return f"{self._root}/{key}"
 
 
 def _pose(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 import viser
 
 from s2a.geometry.orbit_camera import CameraPose
+from s2a.page.detail import Detail, coarse
+from s2a.page.light import AMBIENT, LIGHTS
 from s2a.page.panel import WIDTH, Panel
 from s2a.page.room import PageRoom
 from s2a.page.scene_nodes import SceneNodes
@@ -17,10 +19,6 @@ HOST = "127.0.0.1"
 
 NEAR = 0.05
 """[m] Nearer surfaces are cut; a smaller distance leaves far ones to flicker."""
-AMBIENT = 2.2
-"""Intensity of the light from everywhere."""
-LIGHTS = (("above", 1.3, (1.0, 2.0, 4.0)), ("aside", 0.6, (-3.0, -1.0, 1.0)))
-"""Name, intensity and place of the other lights, which are far away."""
 
 
 @contextmanager
@@ -34,8 +32,13 @@ def served(room: PageRoom, view: CameraPose, fov: float, port: int) -> Iterator[
         port: of the server; the next free one where it is taken.
     """
     with started(view, fov, port, WIDTH) as server:
-        Panel(server, SceneNodes(server.scene, room))
-        yield address(server)
+        nodes = SceneNodes(server.scene, room, coarse=coarse(room))
+        detail = Detail(server, [nodes])
+        Panel(server, nodes, detail)
+        try:
+            yield address(server)
+        finally:
+            detail.close()
 
 
 @contextmanager

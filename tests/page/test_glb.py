@@ -65,6 +65,20 @@ def test_one_colour_and_opacity_are_the_materials() -> None:
     assert material["pbrMetallicRoughness"]["baseColorFactor"] == [1.0, 0.5, 0.0, 0.25]
 
 
+def test_baked_light_is_that_of_the_page_and_pixels_are_not_shaded() -> None:
+    """Half of the light on a floor: 2.2 from everywhere, and of the lights 1.3 and 0.6 the cosines of their heights."""
+    floor = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]), np.full((3, 3), 188))
+    document, (_, _, colors) = decode(glb.encode(floor, baked=True))
+    material = document["materials"][0]
+    assert "KHR_materials_unlit" in material["extensions"] and "KHR_materials_unlit" in document["extensionsUsed"]
+    shown = colors / 65535.0 * material["pbrMetallicRoughness"]["baseColorFactor"][:3]
+    expected = 0.503 * (2.2 + 1.3 * 4 / np.sqrt(21) + 0.6 / np.sqrt(11)) / np.pi
+    np.testing.assert_allclose(shown, expected, rtol=0.01)
+    ceiling = Mesh(floor.vertices, floor.faces[:, ::-1], floor.colors)
+    _, (_, _, darker) = decode(glb.encode(ceiling, baked=True))
+    np.testing.assert_allclose(darker / colors, 2.2 / (np.pi * expected / 0.503), rtol=0.02)
+
+
 @pytest.mark.parametrize("count", [65535, 65538])
 def test_many_vertices_take_wider_indices(count: int) -> None:
     mesh = Mesh(np.random.default_rng(1).uniform(0.0, 1.0, (count, 3)), np.arange(count).reshape(-1, 3))

@@ -15,7 +15,7 @@ pytest.importorskip("viser", reason="viser is not installed")
 
 from s2a import cli  # noqa: E402
 from s2a.geometry.orbit_camera import CameraPose  # noqa: E402
-from s2a.page import read, serve  # noqa: E402
+from s2a.page import detail, read, serve  # noqa: E402
 
 pytestmark = [
     pytest.mark.browser,
@@ -106,6 +106,28 @@ def test_a_click_in_the_scene_and_one_on_a_row_select_a_part(page: browser.Page)
     page.press("cube_9")
     page.wait(lambda: "0.2 kg" in page.text(), 10.0)
     page.wait(lambda: len(changed(marked, page.image())) > 500, 10.0)
+
+
+def test_all_faces_are_there_when_the_camera_rests(
+    stage: Path, visitor: browser.Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page of a room with many faces begins with few of them, and ends as if it had sent all at once."""
+    view = CameraPose(tuple(EYE), tuple(TARGET))
+    images = []
+    for limit in (detail.COARSE_FACES, 60):
+        monkeypatch.setattr(detail, "COARSE_FACES", limit)
+        with serve.served(read.read(stage), view, FOV, 8400) as address:
+            visitor.open(address)
+            visitor.wait(lambda: _shown(visitor.image()) > 0.02, 30.0)
+            images.append(visitor.image())
+            if limit == 60:
+                assert len(changed(*images)) > 2000
+                visitor.wait(lambda: len(changed(images[0], visitor.image())) < 20, 30.0)
+                visitor.drag(np.array([300.0, 700.0]), np.array([310.0, 700.0]))  # the camera moves aside
+                time.sleep(2 * detail.REST)
+                assert len(changed(images[0], visitor.image())) > 20
+            visitor.open("about:blank")
+    assert visitor.errors() == []
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (1920, 1080)])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ import usd_room
 
 viser = pytest.importorskip("viser")
 
-from s2a.page import layers, panel, recording, scene_nodes  # noqa: E402
+from s2a.page import detail, layers, panel, recording, scene_nodes  # noqa: E402
 from s2a.page.read import of_scene  # noqa: E402
 from s2a.page.room import PageRoom  # noqa: E402
+from s2a.page.thin import thinned  # noqa: E402
 from s2a.scene import Joint, Part, Scene  # noqa: E402
 
 PORT = 8600
@@ -55,6 +57,59 @@ def test_a_hidden_layer_is_not_sent_and_a_shown_one_hides_again(server: viser.Vi
     nodes.show(layers.BY_PART)
     nodes.show(layers.BY_PART, False)
     assert server.scene.get_handle_by_name(f"/{layers.BY_PART}").visible is False
+
+
+def test_a_coarse_room_comes_first_and_while_something_moves(server: viser.ViserServer, room: PageRoom) -> None:
+    def seen(name: str) -> bool | None:
+        handle = server.scene.get_handle_by_name(name)
+        return None if handle is None else handle.visible
+
+    nodes = scene_nodes.SceneNodes(server.scene, room, coarse=thinned(room, 60))
+    nodes.show(layers.SURFACES)
+    assert (seen("/surfaces"), seen("/coarse/surfaces")) == (None, True)
+    nodes.move("drawer_7", 250.0)
+    assert nodes.load() and not nodes.load()
+    assert (seen("/surfaces"), seen("/coarse/surfaces")) == (False, True)
+    nodes.refine()
+    assert (seen("/surfaces"), seen("/coarse/surfaces")) == (True, False)
+    for name in ("/surfaces/drawer_7", "/coarse/surfaces/drawer_7"):  # both are where the joint stands
+        position = server.scene.get_handle_by_name(name).position
+        np.testing.assert_allclose(position, 0.25 * np.array(room.joints["drawer_7"].axis), atol=1e-9)
+    nodes.coarsen()
+    assert (seen("/surfaces"), seen("/coarse/surfaces")) == (False, True)
+    nodes.show(layers.SURFACES, False)
+    nodes.refine()
+    assert (seen("/surfaces"), seen("/coarse/surfaces")) == (False, False)
+
+
+def test_a_turning_camera_sees_fewer_faces_until_it_rests(server: viser.ViserServer, room: PageRoom) -> None:
+    nodes = scene_nodes.SceneNodes(server.scene, room, coarse=thinned(room, 60))
+    nodes.show(layers.SURFACES)
+    whole = lambda: getattr(server.scene.get_handle_by_name("/surfaces"), "visible", None)  # noqa: E731
+    watch = detail.Detail(server, [nodes])
+    try:
+        for _ in range(6):
+            watch.moved()
+            time.sleep(detail.REST / 3)
+            assert not whole()
+        assert wait(whole, detail.FIRST + detail.LOADING)
+        watch.moved()
+        assert wait(lambda: not whole(), detail.REST)
+        assert wait(whole, detail.REST)
+        watch.fixed = True
+        watch.moved()
+        time.sleep(detail.REST / 2)
+        assert whole()
+    finally:
+        watch.close()
+
+
+def wait(done: Callable[[], bool | None], seconds: float, busy: float = 5.0) -> bool:
+    """Wait until something is true, on a busy machine some seconds more."""
+    end = time.monotonic() + seconds + busy
+    while not done() and time.monotonic() < end:
+        time.sleep(0.01)
+    return bool(done())
 
 
 def test_one_part_is_marked_at_a_time(server: viser.ViserServer, room: PageRoom) -> None:

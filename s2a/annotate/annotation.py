@@ -28,6 +28,7 @@ class Item:
         completed: shape of a handle that was added where the mesh shows none; empty for a scanned one.
         proposed: nobody has accepted it yet.
         score: of a proposal, 0 to 1.
+        number: of the part in an existing annotation that is edited; None for a new one.
     """
 
     region: FrontRegion
@@ -37,6 +38,7 @@ class Item:
     completed: str = ""
     proposed: bool = False
     score: float = 1.0
+    number: int | None = None
 
     @property
     def name(self) -> str:

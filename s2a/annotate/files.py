@@ -12,6 +12,7 @@ import numpy as np
 
 from s2a.annotate import rest
 from s2a.annotate.annotation import Draft, Item
+from s2a.annotate.existing import Existing
 from s2a.annotate.surface import ADDED, SplitSurface
 from s2a.scan import folder, ply, predicted
 from s2a.scan.folder import BareFiles
@@ -52,7 +53,7 @@ def read(path: Path) -> BareScan:
     return BareScan(files, ply.read(files.mesh))
 
 
-def write(annotation: Draft, scan: BareScan, out: Path, **facts: Any) -> None:
+def write(annotation: Draft, scan: BareScan, out: Path, existing: Existing | None = None, **facts: Any) -> None:
     """Write the annotated scan into a new folder.
 
     Of what nobody annotated, floor, walls and connected objects become parts that do not move, unless the scan has segments.
@@ -63,31 +64,46 @@ def write(annotation: Draft, scan: BareScan, out: Path, **facts: Any) -> None:
         annotation: its parts without a joint are left out.
         scan: what was annotated.
         out: the folder, which does not exist.
+        existing: the scan's annotation that was edited: parts that were not keep their records.
         facts: what else annotate.json says.
     """
     out.mkdir()
-    surface, items = _compact(annotation)
-    if len(surface.faces) == len(scan.mesh.faces):
+    surface, items = _compact(annotation, existing)
+    same = np.array_equal(surface.faces, scan.mesh.faces)
+    origin = scan.mesh.origin if same else np.zeros(3)
+    sources = scan.files.mesh.with_name(SOURCE_FACES)
+    if same:
         shutil.copyfile(scan.mesh.path, out / folder.MESH)
         _copy_segments(scan.files, out)
+        if existing and sources.is_file():
+            shutil.copyfile(sources, out / SOURCE_FACES)
     else:
         write_ply(out / folder.MESH, surface.mesh())
-        np.save(out / SOURCE_FACES, surface.source.astype(np.int32))
+        np.save(out / SOURCE_FACES, _first_source(surface, existing).astype(np.int32))
         _write_segments(scan.files, surface, len(scan.mesh.vertices), out)
-    origin = scan.mesh.origin if len(surface.faces) == len(scan.mesh.faces) else np.zeros(3)
-    fixed = [] if scan.files.segments else rest.divide(surface, _free(surface, items))
-    predicted.write(out, scan.files.name, [_prediction(item, origin) for item in items], fixed)
+    if existing:
+        existing.write(out, surface, items, origin, same)
+    else:
+        fixed = [] if scan.files.segments else rest.divide(surface, _free(surface, items))
+        predicted.write(out, scan.files.name, [_prediction(item, origin) for item in items], fixed)
     record = {**facts, "faces": len(surface.faces), "scan_faces": len(scan.mesh.faces)}
     record |= {"scan_minus_written_m": (scan.mesh.origin - origin).tolist()}
     record |= {"parts": [_record(item) for item in items]}
     (out / RECORD).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
-def _compact(annotation: Draft) -> tuple[SplitSurface, list[Item]]:
+def _first_source(surface: SplitSurface, existing: Existing | None) -> np.ndarray:
+    """Return for each face the face of the first scan that it is a piece of, or ADDED, shape [face]."""
+    if existing is None:
+        return surface.source
+    return np.where(surface.source == ADDED, ADDED, existing.source[surface.source])
+
+
+def _compact(annotation: Draft, existing: Existing | None) -> tuple[SplitSurface, list[Item]]:
     """Return the surface without shapes of handles that were given up, and the parts with joints, renumbered."""
     items = [item for item in annotation.items if item.joint is not None and len(item.front)]
     surface = annotation.surface
-    keep = surface.source != ADDED
+    keep = existing.kept(surface) if existing else surface.source != ADDED
     for item in items:
         keep[item.handle] = True
     number = np.cumsum(keep) - 1

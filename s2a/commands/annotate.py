@@ -10,7 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
-from s2a.annotate import checks, files
+from s2a.annotate import checks, existing, files
 from s2a.annotate.annotation import Draft
 from s2a.annotate.editor import Editor
 from s2a.annotate.propose import ProposeConfig, cut, propose
@@ -32,9 +32,10 @@ class Config:
     """Keys of `s2a annotate`.
 
     Attributes:
-        scan: folder of the scan; its annotation, if it has one, is not read.
+        scan: folder of the scan; its annotation, if it has one, is read for `edit` alone.
         out: folder that is written: the mesh, Articulate3D's two files, and annotate.json.
         auto: Propose fronts, joints and handles by geometry alone.
+        edit: Begin with the scan's annotation by Articulate3D; what is not edited is written as it was.
         page: Serve the page, until Ctrl-C; without it, proposals are written as they are.
         port: of the page's server; the next free one where it is taken.
         max_faces: of the scan on the page; beyond, neighbouring vertices are merged.
@@ -47,6 +48,7 @@ class Config:
     scan: Path
     out: Path
     auto: bool
+    edit: bool
     page: bool
     port: Annotated[int, AtLeast(1, 65535)]
     max_faces: Count
@@ -62,18 +64,21 @@ def run(config: Config) -> str:
     Raises:
         InputError: no scan, keys that do nothing, or `out` is a file or a folder of something else.
     """
-    if not config.page and not config.auto:
+    if not (config.page or config.auto or config.edit):
         raise InputError("keys 'page' and 'auto' are both false, so that nothing would be annotated; give auto=true")
+    if config.auto and config.edit:
+        raise InputError("keys 'auto' and 'edit' are both true; give edit=true alone, or propose without the annotation")
     scan = files.read(config.scan)
     refuse_loss(config.out, files.RECORD, [scan.files.mesh])
     surface = scan.surface
+    known = existing.read(config.scan, scan.mesh, surface) if config.edit else None
     items = propose(surface, config.propose, config.grow) if config.auto else ()
-    start = cut(surface, items, config.grow)
+    start = known.start(surface) if known else cut(surface, items, config.grow)
     editor = Editor(start, config.grow)
 
     def save(annotation: Draft) -> str:
         with atomic_write(config.out, earlier=files.RECORD) as out:
-            files.write(annotation, scan, out, annotated=str(config.scan), auto=config.auto)
+            files.write(annotation, scan, out, known, annotated=str(config.scan), auto=config.auto, edit=config.edit)
         return _summary(annotation, config)
 
     if not config.page:

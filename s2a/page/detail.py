@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Sequence
 
+import numpy as np
 import viser
 
 from s2a.page.room import PageRoom
@@ -14,8 +15,11 @@ from s2a.page.thin import thinned
 
 COARSE_FACES = 30_000
 """So many the scene has at most while the camera turns: what two cores without a graphics processor draw."""
-REST = 0.3
-"""[s] without a move, after which the camera is at rest."""
+REST, LONGEST = 0.5, 2.0
+"""[s] Without a move after which a camera is at rest: at first, and at most, where a browser takes as long for an image of
+all faces. That is noticed by a move just after all faces were shown, and the time doubled."""
+AGAIN = 2.0
+"""[s] Such a move comes within this time."""
 FIRST = 1.5
 """[s] Such a rest of the first visitor's camera before all faces are sent: the coarse room is drawn by then."""
 LOADING = 1.5
@@ -37,7 +41,8 @@ class Detail:
     def __init__(self, server: viser.ViserServer, nodes: Sequence[SceneNodes]) -> None:
         """Begin to watch; `nodes` begin with their coarse rooms."""
         self.fixed = False
-        self._nodes, self._last, self._rest = nodes, 0.0, FIRST
+        self._nodes, self._last, self._refined = nodes, 0.0, -np.inf
+        self._first, self._rest = True, REST
         self._moved, self._ended = threading.Event(), threading.Event()
         server.on_client_connect(self._connected)
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -63,13 +68,16 @@ class Detail:
             self._moved.clear()
             if not self.fixed:
                 self._all("coarsen")
-            if self._rests(self._rest) and (not self._load() or self._rests(LOADING)):
+            if time.monotonic() - self._refined < AGAIN:
+                self._rest = min(2 * self._rest, LONGEST)
+            if self._rests(FIRST if self._first else self._rest) and (not self._load() or self._rests(LOADING)):
                 self._moved.clear()  # its moves have been waited for
                 self._all("refine")
+                self._refined = time.monotonic()
 
     def _load(self) -> bool:
         """Send all faces, once they are wanted; return whether there was something to send."""
-        self._rest = REST
+        self._first = False
         return any([nodes.load() for nodes in self._nodes])
 
     def _rests(self, seconds: float) -> bool:

@@ -36,7 +36,7 @@ SIZE, PANEL = (1280, 800), 390
 """[pixel] Of the window, and of the controls at its right."""
 BACKGROUND, DRAWN = 245, 0.1
 """Level from which a pixel is background, and the fraction of others from which the room is drawn."""
-PATIENCE, SETTLED, TURNING = 120.0, 8.0, 6.0
+PATIENCE, SETTLED, TURNING = 120.0, 10.0, 10.0
 """[s] For each wait, before the room is turned, and for which it is turned."""
 COUNT = "window.frames_drawn = 0; (function f() { window.frames_drawn++; requestAnimationFrame(f) })()"
 
@@ -80,7 +80,7 @@ def opened(path: Path, max_faces: int | None, tree: Path) -> dict:
             row["controls"] = round(time.monotonic() - start, 1)
             page.wait(lambda: _filled(page.image()) > DRAWN, PATIENCE)
             row["drawn"] = round(time.monotonic() - start, 1)
-            return row | {"frames_per_second": _turned(page), "load": round(os.getloadavg()[0], 1)}
+            return row | _turned(page) | {"load": round(os.getloadavg()[0], 1)}
         finally:
             server.send_signal(signal.SIGINT)
             server.wait(20)
@@ -106,17 +106,20 @@ def _filled(image: np.ndarray) -> float:
     return float((image[:, : SIZE[0] - PANEL] < BACKGROUND).any(axis=-1).mean())
 
 
-def _turned(page: Page) -> float:
-    """Turn the room with the mouse once all of it is there; return the frames a second."""
+def _turned(page: Page) -> dict:
+    """Turn the room with the mouse once all of it is there; return the frames a second, and those of the second half."""
     time.sleep(SETTLED)
     page.driver.execute_script(COUNT)
     _mouse(page, "mousePressed", 400)
-    start, step = time.monotonic(), 0
-    while time.monotonic() - start < TURNING:
+    start, step, half = time.monotonic(), 0, (0.0, 0)
+    while (now := time.monotonic() - start) < TURNING:
         step += 1
         _mouse(page, "mouseMoved", 400 + step * 3 % 300)
-    count = page.driver.execute_script("return window.frames_drawn")
-    return round(count / (time.monotonic() - start), 1)
+        if now > TURNING / 2 and not half[0]:
+            half = (time.monotonic() - start, page.driver.execute_script("return window.frames_drawn"))
+    count, now = page.driver.execute_script("return window.frames_drawn"), time.monotonic() - start
+    later = (count - half[1]) / (now - half[0])
+    return {"frames_per_second": round(count / now, 1), "frames_per_second_later": round(later, 1)}
 
 
 def _mouse(page: Page, kind: str, x: int) -> None:

@@ -15,9 +15,10 @@ from s2a.page.thin import thinned
 
 COARSE_FACES = 30_000
 """So many the scene has at most while the camera turns: what two cores without a graphics processor draw."""
-REST, LONGEST = 0.5, 2.0
-"""[s] Without a move after which a camera is at rest: at first, and at most, where a browser takes as long for an image of
-all faces. That is noticed by a move just after all faces were shown, and the time doubled."""
+REST, LONGEST, DRAWN = 0.5, 3.0, 400_000.0
+"""[s] Without a move after which a camera is at rest, at least and at most, and faces that a slow browser draws in a second:
+it does not move again before an image of all faces is done. Should that take longer, a move comes just after all
+faces were shown, and the time is doubled."""
 AGAIN = 2.0
 """[s] Such a move comes within this time."""
 FIRST = 1.5
@@ -42,7 +43,8 @@ class Detail:
         """Begin to watch; `nodes` begin with their coarse rooms."""
         self.fixed = False
         self._nodes, self._last, self._refined = nodes, 0.0, -np.inf
-        self._first, self._rest = True, REST
+        faces = sum(each.at.room.faces for each in nodes)
+        self._first, self._rest = True, min(max(REST, faces / DRAWN), LONGEST)
         self._moved, self._ended = threading.Event(), threading.Event()
         server.on_client_connect(self._connected)
         self._thread = threading.Thread(target=self._run, daemon=True)

@@ -138,9 +138,7 @@ def _carried(number: int, parent_of: Mapping[int, int | None], joints: Mapping[i
 class _Writer:
     """Makes the records of an edited annotation."""
 
-    def __init__(
-        self, old: Existing, surface: SplitSurface, items: list[Item], origin: np.ndarray, same: bool
-    ) -> None:
+    def __init__(self, old: Existing, surface: SplitSurface, items: list[Item], origin: np.ndarray, same: bool) -> None:
         self._old, self._surface, self._origin, self._same = old, surface, origin, same
         self._items = {item.number: item for item in items if item.number is not None}
         self._new = [item for item in items if item.number is None]

@@ -67,7 +67,9 @@ def run(config: Config) -> str:
     if not (config.page or config.auto or config.edit):
         raise InputError("keys 'page' and 'auto' are both false, so that nothing would be annotated; give auto=true")
     if config.auto and config.edit:
-        raise InputError("keys 'auto' and 'edit' are both true; give edit=true alone, or propose without the annotation")
+        raise InputError(
+            "keys 'auto' and 'edit' are both true; give edit=true alone, or propose without the annotation"
+        )
     scan = files.read(config.scan)
     refuse_loss(config.out, files.RECORD, [scan.files.mesh])
     surface = scan.surface

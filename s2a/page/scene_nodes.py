@@ -42,9 +42,7 @@ class SceneNodes:
         thin: the room with fewer faces, or None.
     """
 
-    def __init__(
-        self, scene: viser.SceneApi, room: PageRoom, root: str = "", coarse: PageRoom | None = None
-    ) -> None:
+    def __init__(self, scene: viser.SceneApi, room: PageRoom, root: str = "", coarse: PageRoom | None = None) -> None:
         """Show a room below a node; "": where its coordinates say.
 
         Args:

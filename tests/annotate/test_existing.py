@@ -133,7 +133,9 @@ def test_a_scan_that_lies_far_from_its_origin_keeps_its_joints(annotated: Path, 
     bare = files.read(annotated)
     far = np.array([1000.0, 2000.0, 0.0])
     mesh = bare.mesh
-    write_ply(annotated / "mesh_aligned_0.05.ply", type(bare.surface.mesh())(mesh.vertices + far, mesh.faces, mesh.colors))
+    write_ply(
+        annotated / "mesh_aligned_0.05.ply", type(bare.surface.mesh())(mesh.vertices + far, mesh.faces, mesh.colors)
+    )
     artic = annotated / "scan_artic.json"
     moved = json.loads(artic.read_text())
     for record in moved["data"]["articulations"]:
@@ -145,7 +147,10 @@ def test_a_scan_that_lies_far_from_its_origin_keeps_its_joints(annotated: Path, 
     editor.handle(np.array(known.items[3].region.center), "bar")
     files.write(editor.annotation, bare, tmp_path / "out", known)
     after = scan.read(tmp_path / "out")
-    middle = [np.mean(scene.parts["drawer_1"].mesh.bounds, axis=0) - scene.joint("drawer_1").origin for scene in (before, after)]
+    middle = [
+        np.mean(scene.parts["drawer_1"].mesh.bounds, axis=0) - scene.joint("drawer_1").origin
+        for scene in (before, after)
+    ]
     np.testing.assert_allclose(*middle, atol=2e-4)
 
 

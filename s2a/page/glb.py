@@ -1,6 +1,6 @@
 """A mesh as binary glTF 2.0, small enough to travel: positions in 16 bits of the mesh's own box.
 
-Of a box of 10 m that is 0.15 mm. Source: glTF 2.0 specification, with the extensions KHR_mesh_quantization and KHR_materials_unlit.
+Of a box of 10 m that is 0.15 mm. Source: glTF 2.0, with the extensions KHR_mesh_quantization and KHR_materials_unlit.
 """
 
 from __future__ import annotations

@@ -20,15 +20,15 @@ from s2a.insert.place.fit import NoRoom, Pose
 from s2a.insert.place.occupied import SearchConfig, occupancy_grid
 from s2a.insert.place.preferences import preferences
 from s2a.insert.place.search import GridCandidate, grid_candidates
+from s2a.insert.place.serves import Fault, PlaceServes
 from s2a.insert.place.supports import facing, flat_objects
 from s2a.insert.place.swept_volumes import SweptVolume, reaching_into
-from s2a.insert.place.visible import SupportView
 from s2a.scene import Mesh, Scene
 
 DENSE, MOST_SAMPLES = 6.0, 60000
 """Points a cell of a large object's surface in the second search, and their largest number."""
-MOST_HIDDEN = 16
-"""Hidden poses after which no visible one is looked for any more."""
+MOST_FAULTY = 16
+"""Faulty poses after which none without fault is looked for any more."""
 
 
 def place(
@@ -83,14 +83,14 @@ def places(
     tall = float(np.ptp(object.bounds[:, 2]))
     wanted = preferences(scene, region, target, relation == "against", near, tall, config.search.habits)
     query = ContactQuery(scene, object, region, relation, config, base, volumes)
-    view = None if region.kind == "vertical" else SupportView(scene, region, target)
+    serves = None if region.kind == "vertical" else PlaceServes(scene, region, target)
     conflicts: list[str] = []
     for search, spacing in ((config.search, config.min_spacing), (_denser(object, region, config), 0.0)):
         found = grid_candidates(grid, region, object, base, wanted, search, keep)
         if not (found or conflicts):
             raise NoRoom(_why(region, object))
         free = _free(query, _spread(found, max(2.0, spacing * radius / region.cell), config.attempts), conflicts)
-        poses = _seen_first(free, object, view)
+        poses = _serving_first(free, object, serves)
         first = next(poses, None)
         if first is not None:
             yield first
@@ -116,17 +116,18 @@ def _free(query: ContactQuery, found: Iterable[GridCandidate], conflicts: list[s
             conflicts.append(conflict)
 
 
-def _seen_first(poses: Iterable[Pose], object: Mesh, view: SupportView | None) -> Iterator[Pose]:
-    """Yield poses in their order, but those at which an object is hidden after the others, as far as these are looked for."""
-    hidden: list[Pose] = []
+def _serving_first(poses: Iterable[Pose], object: Mesh, serves: PlaceServes | None) -> Iterator[Pose]:
+    """Yield poses in their order, but those with a fault after the others, as far as these are looked for."""
+    faulty: list[tuple[Fault, Pose]] = []
     for pose in poses:
-        if view is None or not view.hides(pose.moved(object)):
+        fault = Fault.NONE if serves is None else serves.fault(pose.moved(object))
+        if fault is Fault.NONE:
             yield pose
             continue
-        hidden.append(pose)
-        if len(hidden) == MOST_HIDDEN:
+        faulty.append((fault, pose))
+        if len(faulty) == MOST_FAULTY:
             break
-    yield from hidden
+    yield from (pose for _, pose in sorted(faulty, key=lambda one: one[0]))
 
 
 def _frame(scene: Scene, object: Mesh, region: Region, target: str) -> tuple[np.ndarray, float, float]:

@@ -20,7 +20,7 @@ from s2a.insert.place.pose import places
 from s2a.insert.place.serves import Fault, PlaceServes
 from s2a.insert.place.stable_pose import settled_axis, tilt_margin
 from s2a.insert.place.supports import target_regions
-from s2a.scene import Mesh, Part, Scene
+from s2a.scene import Joint, Mesh, Part, Scene
 
 VALUES = compose("insert/placement")["insert"]
 REGIONS: RegionConfig = load(RegionConfig, VALUES["regions"])
@@ -110,7 +110,9 @@ def test_what_is_behind_a_screen_is_hidden_and_what_is_beside_it_is_seen() -> No
 
 def test_what_hides_a_vase_is_faulty_and_what_stands_beside_or_behind_it_is_not() -> None:
     vase, screen = at(block(0.1, 0.1, 0.25), 0.0, -0.05, 0.742), block(0.6, 0.05, 0.4)
-    parts = {i: part for i, part in room_with_screen().parts.items() if i != "screen_3"} | {"vase_3": Part("vase", vase)}
+    parts = {i: part for i, part in room_with_screen().parts.items() if i != "screen_3"} | {
+        "vase_3": Part("vase", vase)
+    }
     scene = Scene("room", parts)
     region = target_regions(scene, "desk_2", REGIONS, ("horizontal",))[0]
     serves = PlaceServes(scene, region, "desk_2")
@@ -132,7 +134,31 @@ def bathroom() -> Scene:
 
 def test_a_toilet_faces_away_from_the_wall_behind_it_though_one_is_beside_it() -> None:
     scene = bathroom()
-    assert front(scene, {"toilet_2"}, scene.parts["toilet_2"].mesh) == pytest.approx([1.0, 0.0], abs=1e-6)
+    assert front(scene, "toilet_2") == pytest.approx([1.0, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.6, 2.5])
+def test_a_chair_in_the_open_faces_away_from_its_back_and_a_chest_to_where_its_drawer_slides(yaw: float) -> None:
+    chair = merge([at(block(0.45, 0.45, 0.45), 0, 0, 0), at(block(0.06, 0.45, 0.9), -0.2, 0, 0)])
+    chest, panel = block(0.4, 0.8, 0.7), at(block(0.02, 0.8, 0.2), 0.21, 0, 0.3)
+    turn = Rotation.from_euler("z", yaw)
+
+    def turned(mesh: Mesh) -> Mesh:
+        return Mesh(turn.apply(mesh.vertices) + [1.0, 0.5, 0.0], mesh.faces)
+
+    axis = tuple(turn.apply([1.0, 0.0, 0.0]).tolist())
+    slides = Joint("prismatic", axis, (1.0, 0.5, 0.4), (0.0, 0.3))
+    # The middle of the room lies behind both.
+    beyond = at(block(0.5, 0.5, 0.5), *(np.array([1.0, 0.5]) - 4.0 * np.array(axis[:2])), 0.0)
+    for parts in (
+        {"thing_1": Part("chair", turned(chair))},
+        {
+            "thing_1": Part("chest", turned(chest)),
+            "drawer_2": Part("drawer", turned(panel), parent="thing_1", motion=slides),
+        },
+    ):
+        scene = Scene("room", parts | {"box_3": Part("box", beyond)})
+        assert front(scene, "thing_1") == pytest.approx(axis[:2], abs=1e-5)
 
 
 def test_nothing_but_a_mat_stands_before_a_toilet() -> None:

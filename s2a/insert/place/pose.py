@@ -8,7 +8,7 @@ kept if no triangle of it cuts anything, nothing is within anything, and every d
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -19,9 +19,9 @@ from s2a.insert.place.contact import ContactQuery, PoseConfig, Relation, refined
 from s2a.insert.place.fit import NoRoom, Pose
 from s2a.insert.place.occupied import SearchConfig, occupancy_grid
 from s2a.insert.place.preferences import preferences
-from s2a.insert.place.search import GridCandidate, grid_candidates
+from s2a.insert.place.search import GridCandidate, Keep, grid_candidates
 from s2a.insert.place.serves import Fault, PlaceServes
-from s2a.insert.place.supports import facing, flat_objects
+from s2a.insert.place.supports import facing, flat_objects, is_floor
 from s2a.insert.place.swept_volumes import SweptVolume, reaching_into
 from s2a.scene import Mesh, Scene
 
@@ -54,7 +54,7 @@ def places(
     target: str,
     volumes: list[SweptVolume],
     near: str | None = None,
-    keep: Callable[[np.ndarray], np.ndarray] | None = None,
+    keep: Keep | None = None,
 ) -> Iterator[Pose]:
     """Yield free poses of an object on a region, the best first, one at least.
 
@@ -81,13 +81,19 @@ def places(
     obstacles = [*(part.mesh for part in scene.parts.values()), *flat_objects(scene, target)]
     grid = occupancy_grid(region, radius, height, obstacles, volumes, config.search)
     tall = float(np.ptp(object.bounds[:, 2]))
-    wanted = preferences(scene, region, target, relation == "against", near, tall, config.search.habits)
+    against = relation == "against"
+    if against and is_floor(scene, target):
+        config = replace(config, search=replace(config.search, turns=_to_all_walls(config.search.turns)))
+    wanted = preferences(scene, region, target, against, near, tall, config.search.habits)
     query = ContactQuery(scene, object, region, relation, config, base, volumes)
     serves = None if region.kind == "vertical" else PlaceServes(scene, region, target)
     conflicts: list[str] = []
-    for search, spacing in ((config.search, config.min_spacing), (_denser(object, region, config), 0.0)):
-        found = grid_candidates(grid, region, object, base, wanted, search, keep)
-        if not (found or conflicts):
+    searches = [(config.search, config.min_spacing, keep), (_denser(object, region, config), 0.0, keep)]
+    if serves and serves.fixtures:
+        searches.insert(0, (config.search, config.min_spacing, serves.out_of_the_way(object, keep)))
+    for search, spacing, kept in searches:
+        found = grid_candidates(grid, region, object, base, wanted, search, kept)
+        if not (found or conflicts) and kept is keep:
             raise NoRoom(_why(region, object))
         free = _free(query, _spread(found, max(2.0, spacing * radius / region.cell), config.attempts), conflicts)
         poses = _serving_first(free, object, serves)
@@ -98,6 +104,12 @@ def places(
             return
     worst = max(set(conflicts), key=conflicts.count)
     raise NoRoom(f"none of {len(conflicts)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
+
+
+def _to_all_walls(turns: tuple[float, ...]) -> tuple[float, ...]:
+    """Return turns [degree] from each of the four sides of a floor: furniture faces the room from a wall on any."""
+    found = {(turn + side + 180.0) % 360.0 - 180.0 for turn in turns for side in (0.0, 90.0, 180.0, 270.0)}
+    return tuple(sorted(found, key=abs))
 
 
 def _denser(object: Mesh, region: Region, config: PoseConfig) -> SearchConfig:

@@ -13,7 +13,8 @@ from s2a.geometry.regions import Region
 from s2a.insert.hints import is_kind_of
 from s2a.insert.place.front import front
 from s2a.insert.place.preferences import floor_height
-from s2a.insert.place.supports import facing, nearby, target_mesh
+from s2a.insert.place.search import Keep
+from s2a.insert.place.supports import facing, is_floor, nearby, target_mesh
 from s2a.scene import Mesh, Scene
 from s2a.usd.boxes import silhouette
 
@@ -28,8 +29,8 @@ GAP = 0.004
 """Rays start this far from the surface [m]."""
 STANDS, LONGEST = 0.03, 0.7
 """What others may hide stands on the same region up to this error, and is no longer than this: furniture is not hidden [m]."""
-USED_STANDING = ("toilet", "washbasin", "bathtub", "shower", "stove", "refrigerator", "washing machine", "dishwasher")
-"""Kinds before which people stand or sit to use them."""
+USED_STANDING = ("toilet", "washbasin", "shower", "stove", "refrigerator", "washing machine", "dishwasher")
+"""Kinds before which people need all the room to use them; a bathtub is long."""
 ROOM_BEFORE, LOW = 0.55, 0.08
 """Free depth before these, about that of a standing person, and height of what one steps over, such as a mat [m]."""
 
@@ -42,27 +43,52 @@ class Fault(IntEnum):
     MOSTLY = 2
 
 
+Rectangle = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Its two level axes [axis 2], and its least and largest places on them [m]."""
+
+
 class PlaceServes:
-    """The faults of places on a level region of a part."""
+    """The faults of places on a level region of a part.
+
+    Attributes:
+        fixtures: on a floor, the rectangles in which people stand to use fixtures.
+    """
 
     def __init__(self, scene: Scene, region: Region, target: str) -> None:
         self._scene, self._front = scene, facing(scene, target, region)
         self._inside, self._floor = region.kind == "inside", floor_height(scene)
-        on_floor = scene.parts[target].label.lower() == "floor"
-        self._things = [] if on_floor else _standing_on(scene, region, target)
-        self._kept = [_room_before(scene, i) for i in scene.parts if _is_used(scene, i)] if on_floor else []
+        self._on_floor = is_floor(scene, target)
+        self._things = [] if self._on_floor else _standing_on(scene, region, target)
+        self.fixtures = [_room_before(scene, i) for i in scene.parts if _is_used(scene, i)] if self._on_floor else []
 
     def fault(self, object: Mesh) -> Fault:
         """Return what is wrong with an object in its place [m].
 
-        It is `MOSTLY` hidden, or stands where people stand to use a fixture; it is `PARTLY` hidden, or hides something itself.
+        It is `MOSTLY` hidden, or stands where people stand to use a fixture. On furniture it is `PARTLY` hidden, or hides
+        something itself; a floor is seen from many sides.
         """
-        if any(_stands_in(object, kept, self._floor) for kept in self._kept):
+        if any(_stands_in(object, kept, self._floor) for kept in self.fixtures):
             return Fault.MOSTLY
         visible = self._visible(object)
         if visible < SEEN:
             return Fault.MOSTLY
+        if self._on_floor:
+            return Fault.NONE
         return Fault.PARTLY if visible < CLEAR or any(self._covers(object, one) for one in self._things) else Fault.NONE
+
+    def out_of_the_way(self, object: Mesh, keep: Keep | None) -> Keep:
+        """Return a filter of places [m] that an object [m] leaves fixtures free from, roughly; those of another filter alone."""
+        half = float(np.ptp(object.bounds, axis=0)[:2].min()) / 2
+        low = np.ptp(object.bounds[:, 2]) <= LOW
+
+        def kept(places: np.ndarray) -> np.ndarray:
+            stays = np.ones(len(places), bool) if keep is None else keep(places)
+            for axes, least, most in [] if low else self.fixtures:
+                on_axes = places[:, :2] @ axes.T
+                stays = stays & ~((on_axes > least - half) & (on_axes < most + half)).all(axis=1)
+            return stays
+
+        return kept
 
     def _visible(self, object: Mesh) -> float:
         """Return the fraction of an object that the room leaves visible to who stands before its support."""
@@ -72,8 +98,8 @@ class PlaceServes:
         return _seen(nearby(self._scene, low - 0.05, high + 0.05), points, eyes)
 
     def _covers(self, object: Mesh, thing: Mesh) -> bool:
-        """Return True if an object hides most of a thing that stands behind it."""
-        return _seen(object, sample(thing, POINTS, seed=0).astype(np.float64), self._eyes(thing)) < SEEN
+        """Return True if an object hides most of a thing that stands behind it from who stands straight before that."""
+        return _seen(object, sample(thing, POINTS, seed=0).astype(np.float64), self._eyes(thing)[:1]) < SEEN
 
     def _eyes(self, object: Mesh) -> np.ndarray:
         """Return the places of the eyes that look at an object [m], shape [azimuth 3]."""
@@ -128,20 +154,22 @@ def _standing_on(scene: Scene, region: Region, target: str) -> list[Mesh]:
 
 def _is_used(scene: Scene, part_id: str) -> bool:
     part = scene.parts[part_id]
-    return part.parent is None and len(part.mesh.faces) > 0 and any(is_kind_of(part.label, one) for one in USED_STANDING)
+    return (
+        part.parent is None and len(part.mesh.faces) > 0 and any(is_kind_of(part.label, one) for one in USED_STANDING)
+    )
 
 
-def _room_before(scene: Scene, part_id: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the level rectangle before a fixture: its two axes [axis 2], and its least and largest places on them [m]."""
+def _room_before(scene: Scene, part_id: str) -> Rectangle:
+    """Return the rectangle before a fixture."""
     mesh = target_mesh(scene, part_id)
-    toward = front(scene, {part_id, *scene.descendants(part_id)}, mesh)
+    toward = front(scene, part_id)
     axes = np.array([toward, (-toward[1], toward[0])])
     on_axes = silhouette(mesh.vertices)[:, :2] @ axes.T
     low, high = on_axes.min(axis=0), on_axes.max(axis=0)
     return axes, np.array([high[0], low[1]]), np.array([high[0] + ROOM_BEFORE, high[1]])
 
 
-def _stands_in(object: Mesh, kept: tuple[np.ndarray, np.ndarray, np.ndarray], floor: float) -> bool:
+def _stands_in(object: Mesh, kept: Rectangle, floor: float) -> bool:
     """Return True if an object reaches into a rectangle and is too high to step over."""
     axes, low, high = kept
     on_axes = object.vertices[:, :2] @ axes.T

@@ -71,8 +71,7 @@ def _holds(scene: Scene, object: Mesh, kind: str, ids: list[str]) -> bool:
 
 def viewer(scene: Scene, part_id: str) -> np.ndarray:
     """Return the horizontal direction from a thing to who stands before it, unit, shape [2]: the front of what carries it."""
-    below = _carrier(scene, part_id)
-    return front(scene, {below, *scene.descendants(below)}, target_mesh(scene, below))
+    return front(scene, _carrier(scene, part_id))
 
 
 def placed(bounds: np.ndarray, toward: np.ndarray, object: Mesh, mesh: Mesh, kind: str) -> bool:

@@ -18,8 +18,8 @@ from s2a.insert.place.supports import facing, is_floor, nearby, target_mesh
 from s2a.scene import Mesh, Scene
 from s2a.usd.boxes import silhouette
 
-SEEN, CLEAR = 0.5, 0.9
-"""Least visible fractions of an object that is not hidden, and of one of which nothing that matters is hidden."""
+SEEN, CLEAR = 0.5, 0.75
+"""Least visible fractions of an object that is not hidden, and of one of which little is."""
 EYE, AWAY, ABOVE = 1.45, 1.0, 0.1
 """Height of the eyes above the floor, their distance, and their least height over the object's middle [m]."""
 AZIMUTHS = np.radians([0.0, 35.0, -35.0])
@@ -98,8 +98,8 @@ class PlaceServes:
         return _seen(nearby(self._scene, low - 0.05, high + 0.05), points, eyes)
 
     def _covers(self, object: Mesh, thing: Mesh) -> bool:
-        """Return True if an object hides most of a thing that stands behind it from who stands straight before that."""
-        return _seen(object, sample(thing, POINTS, seed=0).astype(np.float64), self._eyes(thing)[:1]) < SEEN
+        """Return True if an object hides much of a thing that stands behind it from who stands straight before that."""
+        return _seen(object, sample(thing, POINTS, seed=0).astype(np.float64), self._eyes(thing)[:1]) < CLEAR
 
     def _eyes(self, object: Mesh) -> np.ndarray:
         """Return the places of the eyes that look at an object [m], shape [azimuth 3]."""

@@ -7,14 +7,12 @@ import math
 import numpy as np
 import torch
 
-from s2a.planner.knots import between
+from s2a.planner.knots import Added
 from s2a.planner.trajectory import Aligned, Trajectory, eased
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
 from s2a.sim.simulation import Simulation
 
-STEPS = 8
-"""Control steps between poses for which inverse kinematics are solved; between them, what is added changes evenly."""
 ITERATIONS, DAMPING = 12, 1e-3
 """Of the inverse kinematics: starts are within FARTHEST and STEEPEST of their targets."""
 FARTHEST, STEEPEST = 0.05, math.radians(40.0)
@@ -41,19 +39,15 @@ class HeldObject:
             aligned: when and what.
         """
         self._sim, self._aligned, self._kin = sim, aligned, kinematics(sim.robot)
-        arm = len(sim.robot.arm_joints)
-        self._at = np.append(np.arange(aligned.ready, aligned.released, STEPS), aligned.released)
-        self._arm = trajectory.targets[self._at, :arm]
+        self._added = Added(sim, aligned.ready, aligned.released, _weights(aligned, len(trajectory.targets)))
+        self._arm = trajectory.targets[self._added.at, : len(sim.robot.arm_joints)]
         self._tool = self._kin.tool(self._arm)
-        self._weight = torch.tensor(_weights(aligned, len(trajectory.targets)), dtype=torch.float32, device=sim.device)
-        shape = (sim.num_envs, len(self._at), arm)
-        self._moved = torch.zeros(shape, dtype=torch.float32, device=sim.device)
 
     def see(self, step: torch.Tensor) -> None:
         """See the object in the gripper in worlds that have come to that step of the trajectory, shape [world]."""
         worlds = step == self._aligned.seen
         if bool(worlds.any()):
-            self._moved[worlds] = torch.tensor(self._correction(worlds.cpu().numpy()), device=self._moved.device)
+            self._added.found(worlds, self._correction(worlds.cpu().numpy()))
 
     def _correction(self, worlds: np.ndarray) -> np.ndarray:
         """Return what to add to the arm's joints in some worlds, shape [some pose arm].
@@ -72,15 +66,14 @@ class HeldObject:
         targets = (self._tool[None] @ change[:, None])[held]
         start = np.tile(self._arm, (len(targets), 1))
         arm, left = self._kin.solve(targets.reshape(-1, 4, 4), start, ITERATIONS, DAMPING)
-        reached = (left.reshape(-1, len(self._at)) <= REACHED).all(axis=1)
+        reached = (left.reshape(-1, len(self._arm)) <= REACHED).all(axis=1)
         found = np.zeros((len(seen), *self._arm.shape), np.float32)
         found[np.flatnonzero(held)[reached]] = (arm - start).reshape(-1, *self._arm.shape)[reached]
         return found
 
     def __call__(self, step: torch.Tensor) -> torch.Tensor:
         """Return what to add to the arm's targets, shape [world arm], at these steps of the trajectory, shape [world]."""
-        moved = between(self._moved, (step - self._aligned.ready) / STEPS)
-        return self._weight[step.clamp(0, len(self._weight) - 1)][:, None] * moved
+        return self._added(step)
 
 
 def _weights(aligned: Aligned, steps: int) -> np.ndarray:

@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
 import numpy as np
 import torch
 from scipy.interpolate import CubicSpline
 
-from s2a.sim.simulation import Simulation
+from s2a.robot.spec import RobotSpec
 
 STEPS = 8
 """Control steps between poses for which inverse kinematics are solved."""
+
+
+class Worlds(Protocol):
+    """What this needs to know of a simulation."""
+
+    @property
+    def num_envs(self) -> int:
+        """How many worlds there are."""
+
+    @property
+    def device(self) -> Any:
+        """Where the targets are computed."""
+
+    @property
+    def robot(self) -> RobotSpec:
+        """The robot in each."""
 
 
 class Added:
@@ -19,7 +37,7 @@ class Added:
     the robot's limits.
     """
 
-    def __init__(self, sim: Simulation, first: int, last: int, weight: np.ndarray) -> None:
+    def __init__(self, sim: Worlds, first: int, last: int, weight: np.ndarray) -> None:
         """Begin with nothing to be added.
 
         Args:

@@ -8,8 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 
 from s2a.planner.gripper_shape import gripper_boxes
+from s2a.planner.held_object import HeldObject
 from s2a.planner.motion import PlannerConfig
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import RoomHulls
@@ -70,7 +72,7 @@ def plan_trial(
 
 
 def trajectory(trial: SoftTrial, config: PlannerConfig) -> Trajectory:
-    """Return the joint targets of a trial. How the body slips in the gripper is not made up for."""
+    """Return the joint targets of a trial."""
     robot = trial.robot
     found = Segments(trial.plan.reach[0], robot, robot.limits, RATE, config.close_time)
     pick(found, trial.plan, config)
@@ -103,9 +105,13 @@ def run_trial(
     hulls = hulls_near(trial.room, trial.body, [trial.start, trial.goal])
     sim = SoftSimulation(trial.body, trial.start, robot, plan.base, first, hulls, trial.config, device)
     built = time.perf_counter()
-    targets = _targets(first, trajectory(trial, planner))
+    planned = trajectory(trial, planner)
+    targets, slip = _targets(first, planned), _slip(sim, planned)
     center, forces, joints, gap = [], [], [], []
     for step, target in enumerate(targets):
+        index = torch.tensor([max(0, step - planned.reach_steps)])
+        slip.see(index)
+        target[:arm] += slip(index)[0].cpu().numpy()
         sim.step(target)
         q, particles = sim.joints, sim.particles
         center.append(sim.center)
@@ -120,6 +126,14 @@ def run_trial(
     found = outcome(episode, trial.goal[:3], metrics)
     seconds = {"simulated": len(targets) / RATE, "built_in": built - begun, "stepped_in": ended - built}
     return found | {name: round(value, 3) for name, value in seconds.items()}
+
+
+def _slip(sim: SoftSimulation, planned: Trajectory) -> HeldObject:
+    """Return what makes up for how the body has slipped in the gripper above its place."""
+    assert planned.aligned is not None  # as in every plan to pick and place
+    return HeldObject(
+        sim, planned, planned.aligned, lambda _: (np.linalg.inv(_tool_frame(sim.tool, sim.robot)) @ sim.pose)[None]
+    )
 
 
 def _targets(first: np.ndarray, planned: Trajectory) -> np.ndarray:

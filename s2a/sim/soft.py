@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import newton
@@ -14,55 +14,14 @@ from newton.solvers.experimental.coupled import SolverCoupledProxy
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
-from s2a.ranges import Count, NotNegative, Positive
 from s2a.robot.model import add_robot
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh
-from s2a.sim.soft_body import SoftBody, SoftShape
+from s2a.sim.soft_body import SoftBody
+from s2a.sim.soft_config import SoftConfig
 
 RATE = 60
 """[1/s] Control steps."""
-
-
-@dataclass(frozen=True)
-class SoftConfig:
-    """A soft body and how it is simulated.
-
-    Attributes:
-        shape: of the body.
-        density: [kg/m^3].
-        shear: the material's modulus mu [Pa].
-        bulk: its modulus lambda [Pa].
-        damping: of its deformation [Pa s].
-        particle_radius: by which the vertices stand off what they touch [m].
-        contact_stiffness: of a vertex on what it touches [N/m].
-        contact_damping: likewise [N s/m].
-        friction: coefficient between the body and everything.
-        friction_speed: below which friction is viscous [m/s]: a grip creeps by this times the fraction of friction it uses.
-        contact_gap: up to which vertices are looked at for contact [m].
-        substeps: of a control step; even.
-        iterations: of VBD in a substep.
-        arm_iterations: of MuJoCo's solver and of its line search.
-        grip_stiffness: position gain of the finger joints [N/m].
-        grip_force: with which each finger presses at most [N].
-    """
-
-    shape: SoftShape
-    density: Positive
-    shear: Positive
-    bulk: Positive
-    damping: NotNegative
-    particle_radius: Positive
-    contact_stiffness: Positive
-    contact_damping: NotNegative
-    friction: NotNegative
-    friction_speed: Positive
-    contact_gap: Positive
-    substeps: Count
-    iterations: Count
-    arm_iterations: Count
-    grip_stiffness: Positive
-    grip_force: Positive
 
 
 class SoftSimulation:
@@ -120,7 +79,7 @@ class SoftSimulation:
             for each in (self.state, self._other):
                 newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, each)
             self._control = self.model.control()
-            self._solver = _solver(self.model, [self._tool, *self._fingers], config)
+            self._solver, self._arm = _solver(self.model, [self._tool, *self._fingers], config)
             self._pressed = wp.zeros(len(self._fingers), dtype=wp.vec3)
             self._finger_bodies = wp.array(self._fingers, dtype=int)
             self._substeps()  # compiles and loads every kernel, which capture forbids; the arm stands meanwhile
@@ -160,6 +119,11 @@ class SoftSimulation:
     def joints(self) -> np.ndarray:
         """Joints of the robot [rad, m], shape [robot joint]."""
         return self.state.joint_q.numpy()[: len(self.robot.joints)]
+
+    @property
+    def torques(self) -> np.ndarray:
+        """Torques of the arm's motors in the last substep [N m], shape [arm]."""
+        return self._arm.mjw_data.qfrc_actuator.numpy()[0, : len(self.robot.arm_joints)]
 
     @property
     def particles(self) -> np.ndarray:
@@ -236,14 +200,17 @@ def _world(
     return builder
 
 
-def _solver(model: newton.Model, proxies: Sequence[int], config: SoftConfig) -> Any:
-    """Return the coupled solver; bodies of which VBD has a proxy are touched by the soft one."""
+def _solver(model: newton.Model, proxies: Sequence[int], config: SoftConfig) -> tuple[Any, SolverMuJoCo]:
+    """Return the coupled solver and that of the arm in it; bodies of which VBD has a proxy are touched by the soft one."""
+    arms: list[SolverMuJoCo] = []
 
     def arm(view: Any) -> SolverMuJoCo:
-        return SolverMuJoCo(
+        found = SolverMuJoCo(
             view, solver="newton", integrator="implicitfast", iterations=config.arm_iterations,
             ls_iterations=config.arm_iterations, njmax=40, nconmax=10, disable_contacts=True,
         )  # fmt: skip
+        arms.append(found)
+        return found
 
     def soft(view: Any) -> SolverVBD:
         return SolverVBD(
@@ -259,7 +226,7 @@ def _solver(model: newton.Model, proxies: Sequence[int], config: SoftConfig) -> 
     coupled = proxy(
         source="arm", destination="soft", bodies=proxies, mode="lagged", collision_pipeline=contacts, collide_interval=1
     )
-    return SolverCoupledProxy(
+    whole = SolverCoupledProxy(
         model=model,
         entries=[
             entry(name="arm", solver=arm, bodies=list(bodies), joints=list(joints)),
@@ -267,3 +234,4 @@ def _solver(model: newton.Model, proxies: Sequence[int], config: SoftConfig) -> 
         ],
         coupling=SolverCoupledProxy.Config(proxies=[coupled]),
     )
+    return whole, arms[0]

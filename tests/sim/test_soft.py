@@ -11,8 +11,9 @@ from soft_cube import cube_asset
 from s2a import config, robot
 from s2a.errors import InputError
 from s2a.robot.kinematics import kinematics
-from s2a.sim.soft import RATE, SoftConfig, SoftSimulation, _world
-from s2a.sim.soft_body import SoftBody, SoftShape, _box, soft_body
+from s2a.sim.soft import RATE, SoftSimulation, _world
+from s2a.sim.soft_body import SoftBody, _box, soft_body
+from s2a.sim.soft_config import SoftConfig, SoftShape
 
 PANDA = robot.load("panda")
 CONFIG = config.load(SoftConfig, config.compose("soft/bear")["soft"])

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,8 +23,10 @@ from s2a.planner.segments import Segments
 from s2a.planner.trajectory import Trajectory, eased
 from s2a.robot.collision import robot_shape
 from s2a.robot.spec import GripperSpec, RobotSpec
-from s2a.sim.soft import RATE, SoftConfig, SoftSimulation
+from s2a.robot.urdf import position_limits
+from s2a.sim.soft import RATE, SoftSimulation
 from s2a.sim.soft_body import SoftBody
+from s2a.sim.soft_config import SoftConfig
 from s2a.tasks.pick_place.skill import pick
 from s2a.tasks.pick_place.soft_metrics import SoftEpisode, SoftMetrics, outcome
 from s2a.tasks.pick_place.soft_stage import NAME, hulls_near, with_body
@@ -83,11 +86,14 @@ def run_trial(
     trial: SoftTrial,
     planner: PlannerConfig,
     metrics: SoftMetrics,
-    seed: int,
+    seed: int | Sequence[int],
     device: str = "cpu",
     watch: Watch | None = None,
-) -> dict[str, float | bool]:
-    """Simulate a trial from a noisy start of the arm; return its outcome, with the seconds that it took.
+) -> dict[str, Any]:
+    """Simulate a trial from a noisy start of the arm; return its outcome.
+
+    That is the columns of `soft_metrics`, the seconds that it took, and as `limit_use` the largest fraction of each limit of the
+    robot, as `s2a.sim.limit_use` has them.
 
     Args:
         trial: what is done.
@@ -107,7 +113,7 @@ def run_trial(
     built = time.perf_counter()
     planned = trajectory(trial, planner)
     targets, slip = _targets(first, planned), _slip(sim, planned)
-    center, forces, joints, gap = [], [], [], []
+    center, forces, joints, gap, torques = [], [], [], [], []
     for step, target in enumerate(targets):
         index = torch.tensor([max(0, step - planned.reach_steps)])
         slip.see(index)
@@ -117,6 +123,7 @@ def run_trial(
         center.append(sim.center)
         forces.append(sim.finger_forces)
         joints.append(q)
+        torques.append(sim.torques)
         gap.append(gripper_gap(particles, _tool_frame(sim.tool, robot), q[arm:], robot.gripper))
         if watch is not None:
             watch(step, sim)
@@ -125,7 +132,8 @@ def run_trial(
     episode = SoftEpisode(np.array(center), np.array(forces), np.array(gap), depth, RATE)
     found = outcome(episode, trial.goal[:3], metrics)
     seconds = {"simulated": len(targets) / RATE, "built_in": built - begun, "stepped_in": ended - built}
-    return found | {name: round(value, 3) for name, value in seconds.items()}
+    used = _limit_use(robot, np.concatenate([first[None], targets]), np.array(joints), np.array(torques))
+    return found | {name: round(value, 3) for name, value in seconds.items()} | {"limit_use": used}
 
 
 def _slip(sim: SoftSimulation, planned: Trajectory) -> HeldObject:
@@ -142,6 +150,24 @@ def _targets(first: np.ndarray, planned: Trajectory) -> np.ndarray:
     reach = first + ahead * (planned.targets[0] - first)
     still = np.repeat(planned.targets[-1:], math.ceil(AFTER * RATE), axis=0)
     return np.concatenate([reach, planned.targets, still])
+
+
+def _limit_use(robot: RobotSpec, targets: np.ndarray, joints: np.ndarray, torques: np.ndarray) -> dict[str, float]:
+    """Return the largest fraction of each limit, of targets and joints [step joint] and torques [step arm]."""
+    arm, limits, finger = len(robot.arm_joints), robot.limits, robot.gripper.finger_speed
+    lower, upper = (each[:arm] for each in position_limits(robot))
+    command, speed = np.diff(targets, axis=0) * RATE, np.diff(joints, axis=0) * RATE
+    used = {
+        "commanded_velocity": command[:, :arm] / limits.velocity,
+        "commanded_acceleration": np.diff(command[:, :arm], axis=0) * RATE / limits.acceleration,
+        "commanded_finger_speed": command[:, arm:] / finger,
+        "position": (2.0 * joints[:, :arm] - lower - upper) / (upper - lower),
+        "velocity": speed[:, :arm] / limits.velocity,
+        "acceleration": np.diff(speed[:, :arm], axis=0) * RATE / limits.acceleration,
+        "torque": torques / limits.torque,
+        "finger_speed": speed[:, arm:] / finger,
+    }
+    return {name: float(np.abs(fraction).max()) for name, fraction in used.items()}
 
 
 def _tool_frame(body: np.ndarray, robot: RobotSpec) -> np.ndarray:

@@ -48,5 +48,5 @@ def run_soft(config: Config) -> tuple[dict[str, Any], tuple[str, ...], tuple[str
             out.write_text(json.dumps(metrics, indent=1))
         if config.states:
             with atomic_write(config.states) as out, out.open("wb") as file:
-                np.savez_compressed(file, **states.arrays())
+                np.savez_compressed(file, **states.arrays())  # type: ignore[arg-type]
     return metrics, COLUMNS, VALUES

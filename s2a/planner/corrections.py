@@ -23,8 +23,8 @@ class Corrections:
         """
         aligned, picked, shutting = trajectory.aligned, trajectory.picked, trajectory.shutting
         self._shifted = ShiftedObject(sim, trajectory, picked) if picked else None
-        self._later = [HeldObject(sim, trajectory, aligned)] if aligned else []
-        self._later += [MovedPart(sim, trajectory, shutting)] if shutting else []
+        self._held = HeldObject(sim, trajectory, aligned) if aligned else None
+        self._moved = MovedPart(sim, trajectory, shutting) if shutting else None
 
     def begin(self, worlds: torch.Tensor) -> None:
         """See where the object stands in worlds whose episode begins, shape [world], bool."""
@@ -32,11 +32,16 @@ class Corrections:
             self._shifted.see(worlds)
 
     def see(self, step: torch.Tensor) -> None:
-        """See the object in the gripper, and the part, in worlds that have come so far; steps of the trajectory, shape [world]."""
-        for each in self._later:
-            each.see(step)
+        """See the object in the gripper, and the part, in worlds that have come so far; steps, shape [world]."""
+        if self._held:
+            self._held.see(step)
+        if self._moved:
+            self._moved.see(step)
 
     def __call__(self, step: torch.Tensor) -> torch.Tensor | float:
         """Return what to add to the arm's targets, shape [world arm], at these steps of the trajectory, shape [world]."""
-        every = [*self._later, *([self._shifted] if self._shifted else [])]
-        return sum((each(step) for each in every), 0.0)
+        added: torch.Tensor | float = 0.0
+        for each in (self._shifted, self._held, self._moved):
+            if each is not None:
+                added = added + each(step)
+        return added

@@ -121,7 +121,9 @@ def nearby_placements(room: SimRoom, name: str, other: np.ndarray, level: float 
     away = {i: _distance(near, i, other) for i in dict.fromkeys(near.names) if i != own and i not in room.free}
     found = 0
     for support in [own, *sorted(away, key=lambda i: away[i])]:
-        spots = (pose for pose in _placements(room, name, support, other, near, level) if abs(pose[2] - other[2]) <= HIGH)
+        spots = (
+            pose for pose in _placements(room, name, support, other, near, level) if abs(pose[2] - other[2]) <= HIGH
+        )
         for pose in itertools.islice(spots, OF_ONE):
             found += 1
             yield pose

@@ -118,17 +118,17 @@ class SoftSimulation:
     @property
     def joints(self) -> np.ndarray:
         """Joints of the robot [rad, m], shape [robot joint]."""
-        return self.state.joint_q.numpy()[: len(self.robot.joints)]
+        return self.state.joint_q.numpy()[: len(self.robot.joints)].copy()  # on a CPU it is the buffer itself
 
     @property
     def torques(self) -> np.ndarray:
         """Torques of the arm's motors in the last substep [N m], shape [arm]."""
-        return self._arm.mjw_data.qfrc_actuator.numpy()[0, : len(self.robot.arm_joints)]
+        return self._arm.mjw_data.qfrc_actuator.numpy()[0, : len(self.robot.arm_joints)].copy()
 
     @property
     def particles(self) -> np.ndarray:
         """Positions of the body's vertices [m], shape [vertex 3]."""
-        return self.state.particle_q.numpy()
+        return self.state.particle_q.numpy().copy()
 
     @property
     def center(self) -> np.ndarray:

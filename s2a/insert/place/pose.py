@@ -90,7 +90,7 @@ def places(
     conflicts: list[str] = []
     searches = [(config.search, config.min_spacing, keep), (_denser(object, region, config), 0.0, keep)]
     if serves and serves.fixtures:
-        searches.insert(0, (config.search, config.min_spacing, serves.out_of_the_way(object, keep)))
+        searches.insert(0, (config.search, config.min_spacing, serves.clear_of_fixtures(object, keep)))
     for search, spacing, kept in searches:
         found = grid_candidates(grid, region, object, base, wanted, search, kept)
         if not (found or conflicts) and kept is keep:

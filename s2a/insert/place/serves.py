@@ -76,7 +76,7 @@ class PlaceServes:
             return Fault.NONE
         return Fault.PARTLY if visible < CLEAR or any(self._covers(object, one) for one in self._things) else Fault.NONE
 
-    def out_of_the_way(self, object: Mesh, keep: Keep | None) -> Keep:
+    def clear_of_fixtures(self, object: Mesh, keep: Keep | None) -> Keep:
         """Return a filter of places [m] that an object [m] leaves fixtures free from, roughly; those of another filter alone."""
         half = float(np.ptp(object.bounds, axis=0)[:2].min()) / 2
         low = np.ptp(object.bounds[:, 2]) <= LOW

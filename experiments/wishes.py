@@ -5,7 +5,8 @@
 
 Scans the rooms and makes the zoo unless they are there (`insertion_study.py`; RUNS belongs to one seed). Prints a table by
 relation, and writes it with a line a wish to experiments/results/wishes_NAME.json. Heeded is what the check of the result says
-(`s2a.insert.wishes.check`). A wish whose thing the room of this seed happens not to have counts as impossible: the row says so.
+(`s2a.insert.wishes.check`). A wish whose thing the room of this seed happens not to have counts as impossible (`absent`), and so
+does one that is not heeded and for which any_place.py finds no place in this room (`nowhere`); as_written counts it as possible.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Lock
 
+import numpy as np
 import yaml
+from any_place import any_place
 from insertion_study import RESULTS, _in_turn, _insert_settings, _stage, _zoo  # the same rooms, objects and settings
 
 from s2a.insert.attempt import attempt
@@ -25,6 +28,7 @@ from s2a.insert.batch import open_room
 from s2a.insert.context import ObjectRequest
 from s2a.insert.wishes.heed import read_wish
 from s2a.llm.client import choose
+from s2a.mesh import Mesh
 from s2a.provenance import provenance
 
 WISHES = Path(__file__).parent / "wishes.yaml"
@@ -58,6 +62,7 @@ def main() -> None:
 
 def _room(name: str, wishes: list[dict], args: argparse.Namespace) -> list[dict]:
     """Return a row for every wish of one room."""
+    placed: list[Mesh] = []
     settings, turn = _insert_settings(_stage(name, args.seed, args), name, [], args), Lock()
     room, model = open_room(settings), _in_turn(choose(settings.llm, settings.record), turn)
     object = next((_zoo(args) / "objects").glob(OBJECT))
@@ -69,11 +74,27 @@ def _room(name: str, wishes: list[dict], args: argparse.Namespace) -> list[dict]
             there = not read_wish(entry["wish"], room.scene).missing
             row = {"room": name, **entry, "possible": entry["possible"] and there, "absent": not there}
             row |= {"written": inserted is not None, "heeded": bool(record.get("wish", {}).get("heeded"))}
-            row |= {"right": row["heeded"] if row["possible"] else inserted is None, "problem": record["problem"]}
-            return row | {"seconds": round(time.perf_counter() - start - record["total"]["seconds"], 2)}
+            row |= {"problem": record["problem"]}
+            row |= {"seconds": round(time.perf_counter() - start - record["total"]["seconds"], 2)}
+            if inserted is not None:
+                placed.append(inserted.part.mesh)
+            return row
 
     with ThreadPoolExecutor(args.at_once) as pool:
-        return list(pool.map(inserted_row, wishes))
+        rows = list(pool.map(inserted_row, wishes))
+    for row in rows:
+        missed = row["possible"] and not row["heeded"]
+        relations = read_wish(row["wish"], room.scene).relations
+        row["nowhere"] = missed and bool(relations) and any_place(room.scene, _at_origin(placed[0]), relations) is None
+        row["right"] = row["heeded"] if row["possible"] and not row["nowhere"] else not row["written"]
+    return rows
+
+
+def _at_origin(mesh: Mesh) -> Mesh:
+    """Return an upright mesh with the middle of its foot at the origin."""
+    low, high = mesh.bounds
+    foot = np.array([*(low[:2] + high[:2]) / 2, low[2]], np.float32)
+    return Mesh(mesh.vertices - foot, mesh.faces)
 
 
 def summary(rows: list[dict]) -> list[dict]:
@@ -81,8 +102,10 @@ def summary(rows: list[dict]) -> list[dict]:
     found = []
     for relation in [*sorted({row["relation"] for row in rows}), "all"]:
         own = [row for row in rows if relation in (row["relation"], "all")]
-        can, cannot = [row for row in own if row["possible"]], [row for row in own if not row["possible"]]
-        counts = {"possible": len(can), "heeded": sum(row["right"] for row in can)}
+        written = [row for row in own if row["possible"]]
+        can = [row for row in written if not row["nowhere"]]
+        cannot = [row for row in own if row not in can]
+        counts = {"as_written": len(written), "possible": len(can), "heeded": sum(row["right"] for row in can)}
         counts |= {"impossible": len(cannot), "declined": sum(row["right"] for row in cannot)}
         found.append({"relation": relation, **counts})
     return found

@@ -1,4 +1,4 @@
-"""Render a trial of experiments/soft_bear.py: `python tools/soft_images.py room.usd states/00.npz out.png`.
+"""Render a trial of `s2a evaluate physics=soft states=FILE.npz`: `python tools/soft_images.py room.usd FILE.npz out.png`.
 
 Shows the soft body's fine surface, which follows the simulated cells, the arm and the room, at the moments of --at.
 """
@@ -15,8 +15,8 @@ from PIL import Image
 
 from s2a import config
 from s2a.sim.camera import Camera, CameraConfig
-from s2a.sim.soft import SoftConfig
 from s2a.sim.soft_body import soft_body
+from s2a.sim.soft_config import SoftConfig
 from s2a.sim.world import SimStage, read_stage
 
 
@@ -26,6 +26,7 @@ def main() -> None:
     parser.add_argument("room", type=Path)
     parser.add_argument("states", type=Path)
     parser.add_argument("out", type=Path)
+    parser.add_argument("--trial", type=int, default=0, help="of those that were simulated")
     parser.add_argument(
         "--at", type=float, nargs="*", default=[0.0, 0.3, 0.45, 0.6, 0.8, 1.0], help="fractions of the episode"
     )
@@ -33,7 +34,7 @@ def main() -> None:
     parser.add_argument("--distance", type=float, default=1.0)
     args = parser.parse_args()
     with np.load(args.states) as file:
-        states = dict(file)
+        states = trial_of(dict(file), args.trial)
     settings = config.load(SoftConfig, config.compose("soft/bear")["soft"])
     body = soft_body(settings.shape)
     camera = config.load(CameraConfig, config.compose("camera/default")["camera"])
@@ -48,6 +49,14 @@ def main() -> None:
         images.append(shot.image(q))
     rows = [np.concatenate(images[i : i + 3], axis=1) for i in range(0, len(images), 3)]
     Image.fromarray(np.concatenate([row for row in rows if row.shape == rows[0].shape], axis=0)).save(args.out)
+
+
+def trial_of(states: dict[str, np.ndarray], trial: int) -> dict[str, np.ndarray]:
+    """Return the arrays of one trial: its frames, its poses and its pedestal."""
+    ends = np.cumsum(states["frames"])
+    frames = slice(ends[trial] - states["frames"][trial], ends[trial])
+    found = {name: states[name][frames] for name in ("joints", "particles")}
+    return found | {name: states[name][trial] for name in ("start", "goal", "base", "pedestal")}
 
 
 def _stage(room: Path, states: dict[str, np.ndarray]) -> SimStage:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from PIL import Image
@@ -35,8 +36,10 @@ from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse
 from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import Simulation, device_of
+from s2a.sim.soft_config import SoftConfig
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env
+from s2a.tasks.pick_place.soft_metrics import SoftMetrics
 
 
 @dataclass(frozen=True)
@@ -58,8 +61,12 @@ class Config(WorldsConfig):
         images: folder for before.png and after.png (world 0 where its part moved farthest), or null.
         search_base: Enable the search for another base where the prepared one does not serve for all of the planner's motion.
         recordings: folder for what the robot's sensors tell, a CSV file for each world, which `s2a identify` reads, or null.
-        states: npz file for where everything was after every control step, which `s2a view` plays, or null.
+        states: npz file for where everything was after every control step, which `s2a view` plays, or null; with physics=soft one
+            for tools/soft_images.py.
         camera: how they are taken.
+        physics: rigid, or soft: the planner picks and places a teddy bear, in worlds that are simulated one after the other.
+        soft: the bear.
+        soft_metrics: what is reported of it.
     """
 
     out: Path
@@ -75,6 +82,9 @@ class Config(WorldsConfig):
     recordings: Path | None
     states: Path | None
     camera: CameraConfig
+    physics: Literal["rigid", "soft"]
+    soft: SoftConfig
+    soft_metrics: SoftMetrics
 
 
 class Album:
@@ -168,6 +178,8 @@ def _refuse_of_a_pool(config: Config) -> None:
 def run(config: Config) -> str:
     """Run one episode in every world, write the metrics, and return the rates."""
     _refuse_contradictions(config)
+    if config.physics == "soft":
+        return _run_soft(config)
     file = PolicyFile(config.policy) if config.policy else None
     world = file.world if file else read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
@@ -213,7 +225,7 @@ def run(config: Config) -> str:
     if config.export and config.checkpoint:
         export(load_model(env, config.checkpoint), config.checkpoint)
     _save(config, sim, album, played, recorder)
-    return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *_lines(metrics, names, env.task.VALUES, use)])
+    return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *_lines(metrics, names, env.task.VALUES)])
 
 
 def _save(
@@ -231,11 +243,19 @@ def _save(
         recorder.save(config.recordings)
 
 
-def _lines(metrics: dict[str, Any], names: list[str], values: tuple[str, ...], use: LimitUse) -> list[str]:
+def _lines(metrics: dict[str, Any], names: Sequence[str], values: Sequence[str]) -> list[str]:
     """Return the rates, values and use of the robot's limits as text."""
     lines = [
         f"  {name:24}{r['rate']:6.1%}  [{r['low']:.1%}, {r['high']:.1%}]" for name in names if (r := metrics[name])
     ]
-    lines += [f"  {name:24}mean {v['mean']:.3f}, min {v['min']:.3f}" for name in values if (v := metrics[name])]
-    used = ", ".join(f"{name.replace('_', ' ')} {fraction:.0%}" for name, fraction in use.fractions().items())
+    lines += [f"  {name:24}mean {v['mean']:.3f}, min {v['min']:.3f}" for name in values if (v := metrics.get(name))]
+    used = ", ".join(f"{name.replace('_', ' ')} {fraction:.0%}" for name, fraction in metrics["limit_use"].items())
     return [*lines, f"  of the robot's limits at most: {used}"]
+
+
+def _run_soft(config: Config) -> str:
+    """Do what `run` does with a soft body."""
+    from s2a.commands.evaluate_soft import run_soft  # a second to import
+
+    metrics, names, values = run_soft(config)
+    return "\n".join([f"{config.out}: {metrics['episodes']} trials", *_lines(metrics, names, values)])

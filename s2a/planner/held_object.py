@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import torch
 
-from s2a.planner.knots import between
+from s2a.planner.knots import Added, Worlds
 from s2a.planner.trajectory import Aligned, Trajectory, eased
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
 from s2a.sim.simulation import Simulation
 
-STEPS = 8
-"""Control steps between poses for which inverse kinematics are solved; between them, what is added changes evenly."""
 ITERATIONS, DAMPING = 12, 1e-3
 """Of the inverse kinematics: starts are within FARTHEST and STEEPEST of their targets."""
 FARTHEST, STEEPEST = 0.05, math.radians(40.0)
@@ -25,6 +25,17 @@ REACHED = 5e-3
 """Root of the squared errors [m and rad] up to which the arm reaches what makes up for a slip; else it goes as planned."""
 
 
+Seen = Callable[[np.ndarray], np.ndarray]
+
+
+def target_in_tool(sim: Simulation, worlds: np.ndarray) -> np.ndarray:
+    """Return the poses of the target in the tool frame in some worlds [world], bool; shape [some 4 4]."""
+    poses = sim.state.body_q.numpy().reshape(sim.num_envs, -1, 7)[worlds]
+    tool = matrices(poses[:, sim.layout.tool_body])
+    tool[:, :3, 3] += tool[:, :3, :3] @ np.array(sim.robot.tool_offset)
+    return np.linalg.inv(tool) @ matrices(poses[:, sim.layout.part_body])
+
+
 class HeldObject:
     """What is added to the arm's targets from where it sees the object in the gripper until it has let go.
 
@@ -32,39 +43,33 @@ class HeldObject:
     where it was planned to.
     """
 
-    def __init__(self, sim: Simulation, trajectory: Trajectory, aligned: Aligned) -> None:
+    def __init__(self, sim: Worlds, trajectory: Trajectory, aligned: Aligned, seen: Seen | None = None) -> None:
         """Find the poses of the tool between seeing it and the release.
 
         Args:
-            sim: whose worlds hold one object each, the target.
+            sim: whose worlds hold one object each.
             trajectory: all of it.
             aligned: when and what.
+            seen: worlds [some] -> poses of their objects in the tool frame, shape [some 4 4]; None: those of the target.
         """
-        self._sim, self._aligned, self._kin = sim, aligned, kinematics(sim.robot)
-        arm = len(sim.robot.arm_joints)
-        self._at = np.append(np.arange(aligned.ready, aligned.released, STEPS), aligned.released)
-        self._arm = trajectory.targets[self._at, :arm]
+        self._seen = seen or partial(target_in_tool, sim)  # type: ignore[arg-type]
+        self._aligned, self._kin = aligned, kinematics(sim.robot)
+        self._added = Added(sim, aligned.ready, aligned.released, _weights(aligned, len(trajectory.targets)))
+        self._arm = trajectory.targets[self._added.at, : len(sim.robot.arm_joints)]
         self._tool = self._kin.tool(self._arm)
-        self._weight = torch.tensor(_weights(aligned, len(trajectory.targets)), dtype=torch.float32, device=sim.device)
-        shape = (sim.num_envs, len(self._at), arm)
-        self._moved = torch.zeros(shape, dtype=torch.float32, device=sim.device)
 
     def see(self, step: torch.Tensor) -> None:
         """See the object in the gripper in worlds that have come to that step of the trajectory, shape [world]."""
         worlds = step == self._aligned.seen
         if bool(worlds.any()):
-            self._moved[worlds] = torch.tensor(self._correction(worlds.cpu().numpy()), device=self._moved.device)
+            self._added.found(worlds, self._correction(worlds.cpu().numpy()))
 
     def _correction(self, worlds: np.ndarray) -> np.ndarray:
         """Return what to add to the arm's joints in some worlds, shape [some pose arm].
 
         It is 0 where the object is not held, or where the arm does not reach all of it.
         """
-        sim = self._sim
-        poses = sim.state.body_q.numpy().reshape(sim.num_envs, -1, 7)[worlds]
-        tool = matrices(poses[:, sim.layout.tool_body])
-        tool[:, :3, 3] += tool[:, :3, :3] @ np.array(sim.robot.tool_offset)
-        seen = np.linalg.inv(tool) @ matrices(poses[:, sim.layout.part_body])
+        seen = self._seen(worlds)
         change = self._aligned.held @ np.linalg.inv(seen)
         turn = np.arccos(np.clip((np.trace(change[:, :3, :3], axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
         off = np.linalg.norm(seen[:, :3, 3] - self._aligned.held[:3, 3], axis=1)
@@ -72,15 +77,14 @@ class HeldObject:
         targets = (self._tool[None] @ change[:, None])[held]
         start = np.tile(self._arm, (len(targets), 1))
         arm, left = self._kin.solve(targets.reshape(-1, 4, 4), start, ITERATIONS, DAMPING)
-        reached = (left.reshape(-1, len(self._at)) <= REACHED).all(axis=1)
+        reached = (left.reshape(-1, len(self._arm)) <= REACHED).all(axis=1)
         found = np.zeros((len(seen), *self._arm.shape), np.float32)
         found[np.flatnonzero(held)[reached]] = (arm - start).reshape(-1, *self._arm.shape)[reached]
         return found
 
     def __call__(self, step: torch.Tensor) -> torch.Tensor:
         """Return what to add to the arm's targets, shape [world arm], at these steps of the trajectory, shape [world]."""
-        moved = between(self._moved, (step - self._aligned.ready) / STEPS)
-        return self._weight[step.clamp(0, len(self._weight) - 1)][:, None] * moved
+        return self._added(step)
 
 
 def _weights(aligned: Aligned, steps: int) -> np.ndarray:

@@ -20,10 +20,9 @@ from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.planner import pull_law
 from s2a.planner.collision import most_clear
-from s2a.planner.held_object import HeldObject
+from s2a.planner.corrections import Corrections
 from s2a.planner.part_reach import detour, preceded
 from s2a.planner.seen_grasp import SeenGrasp
-from s2a.planner.shifted_object import ShiftedObject
 from s2a.planner.trajectory import Progress, Trajectory, closing, eased, reach_steps, sampled, timed
 from s2a.ranges import Count, CountFromZero, NotNegative, Positive
 from s2a.robot.joint_path import follow
@@ -135,10 +134,7 @@ class Planner:
         self._seen = (
             None if knows_grasp or env.task.seen_grasp() is None else SeenGrasp(sim, self.trajectories, self._stage)
         )
-        aligned = self.trajectories[0].aligned
-        self._held = HeldObject(sim, self.trajectories[0], aligned) if aligned else None
-        picked = self.trajectories[0].picked
-        self._shifted = ShiftedObject(sim, self.trajectories[0], picked) if picked and not motions else None
+        self._corrections = None if motions else Corrections(sim, self.trajectories[0])
         self._start = self._last = sim.joint_target_q[:, : self._targets.shape[2]].clone()
         self._clock = torch.zeros(env.num_envs, dtype=torch.long, device=sim.device)
 
@@ -163,13 +159,13 @@ class Planner:
         step = self._clock = torch.where(began, first, self._clock)
         if self._seen and bool(began.any()) and (seen := self._env.task.seen_grasp()) is not None:
             self._seen.see(began, seen)
-        if self._shifted and bool(began.any()):
-            self._shifted.see(began)
+        if self._corrections:
+            self._corrections.begin(began)
         fraction = self._ramps[self._stage, step.clamp(max=self._ramps.shape[1] - 1)][:, None]
         reaching = self._start + fraction * (self._target(torch.zeros_like(step)) - self._start)
         index = (step - reach + 1).clamp(0, self._targets.shape[1] - 1)
-        if self._held:
-            self._held.see(index)
+        if self._corrections:
+            self._corrections.see(index)
         following = self._target(index)
         following = torch.where((step < reach)[:, None], reaching, following)
         self._last = torch.where(began[:, None], now, self._last)
@@ -185,10 +181,8 @@ class Planner:
         targets = self._targets[self._stage, step]
         if self._seen:
             targets[:, : self._arm] += self._seen(step)
-        if self._held:
-            targets[:, : self._arm] += self._held(step)
-        if self._shifted:
-            targets[:, : self._arm] += self._shifted(step)
+        if self._corrections:
+            targets[:, : self._arm] += self._corrections(step)
         return targets
 
 

@@ -62,7 +62,9 @@ def scanned(room: SimRoom, name: str) -> np.ndarray:
     return np.array([*body.position, *body.orientation], float)
 
 
-def place_poses(room: SimRoom, name: str, said: str | None, other: np.ndarray) -> Iterator[np.ndarray]:
+def place_poses(
+    room: SimRoom, name: str, said: str | None, other: np.ndarray, level: float = LEVEL
+) -> Iterator[np.ndarray]:
     """Yield the poses of an object's body frame that a key says, 7-vectors, scene frame: one, or several of a support.
 
     Args:
@@ -71,6 +73,7 @@ def place_poses(room: SimRoom, name: str, said: str | None, other: np.ndarray) -
         said: None: as it stands; "x y z [yaw in degrees]"; an insert.json; the id of a support: free spots near `other`; NEAR:
             those of what is near.
         other: the other end of the motion, 7-vector.
+        level: up to which a support's height may differ below the object [m].
 
     Raises:
         InputError: none of these; no free spot; an insertion of another object.
@@ -82,12 +85,12 @@ def place_poses(room: SimRoom, name: str, said: str | None, other: np.ndarray) -
         yield _inserted(room, name, Path(said))
         return
     if said == NEAR:
-        yield from itertools.islice(nearby_placements(room, name, other), CANDIDATES)
+        yield from itertools.islice(nearby_placements(room, name, other, level), CANDIDATES)
         return
     try:
         numbers = [float(x) for x in said.replace(",", " ").split()]
     except ValueError:
-        yield from itertools.islice(free_placements(room, name, said, other), CANDIDATES)
+        yield from itertools.islice(free_placements(room, name, said, other, level), CANDIDATES)
         return
     if len(numbers) not in (3, 4):
         raise InputError(f"{said!r} is no pose; expected 'x y z' or 'x y z yaw', metres and degrees")
@@ -107,7 +110,7 @@ def _inserted(room: SimRoom, name: str, record: Path) -> np.ndarray:
     return scanned(room, name)
 
 
-def nearby_placements(room: SimRoom, name: str, other: np.ndarray) -> Iterator[np.ndarray]:
+def nearby_placements(room: SimRoom, name: str, other: np.ndarray, level: float = LEVEL) -> Iterator[np.ndarray]:
     """Yield free placements near a place (7-vector): on what carries the object there, then on what is near, the floor too.
 
     Raises:
@@ -118,7 +121,9 @@ def nearby_placements(room: SimRoom, name: str, other: np.ndarray) -> Iterator[n
     away = {i: _distance(near, i, other) for i in dict.fromkeys(near.names) if i != own and i not in room.free}
     found = 0
     for support in [own, *sorted(away, key=lambda i: away[i])]:
-        spots = (pose for pose in _placements(room, name, support, other, near) if abs(pose[2] - other[2]) <= HIGH)
+        spots = (
+            pose for pose in _placements(room, name, support, other, near, level) if abs(pose[2] - other[2]) <= HIGH
+        )
         for pose in itertools.islice(spots, OF_ONE):
             found += 1
             yield pose
@@ -132,7 +137,9 @@ def _distance(near: RoomHulls, support: str, other: np.ndarray) -> float:
     return float(np.linalg.norm(np.clip(other[:3], points.min(axis=0), points.max(axis=0)) - other[:3]))
 
 
-def free_placements(room: SimRoom, name: str, support: str, other: np.ndarray) -> Iterator[np.ndarray]:
+def free_placements(
+    room: SimRoom, name: str, support: str, other: np.ndarray, level: float = LEVEL
+) -> Iterator[np.ndarray]:
     """Yield poses at which an object stands on a support, level and clear of all else, turned as it is in the file.
 
     They are APART from each other and from `other` (7-vector), and up to FAR from that. First come those NEARBY with the largest
@@ -145,7 +152,7 @@ def free_placements(room: SimRoom, name: str, support: str, other: np.ndarray) -
     if support not in near.names:
         known = ", ".join(dict.fromkeys(near.names))
         raise InputError(f"{support!r} supports nothing within 2 m of {name!r}; near are: {known}")
-    found = _placements(room, name, support, other, near)
+    found = _placements(room, name, support, other, near, level)
     first = next(found, None)
     if first is None:
         raise InputError(
@@ -155,7 +162,9 @@ def free_placements(room: SimRoom, name: str, support: str, other: np.ndarray) -
     yield from found
 
 
-def _placements(room: SimRoom, name: str, support: str, other: np.ndarray, near: RoomHulls) -> Iterator[np.ndarray]:
+def _placements(
+    room: SimRoom, name: str, support: str, other: np.ndarray, near: RoomHulls, level: float
+) -> Iterator[np.ndarray]:
     """Yield the poses of `free_placements`, if there are any, in a room without the object."""
     hulls = near.hulls_of(support)
     bounds = np.concatenate([h.vertices for h in hulls])
@@ -164,7 +173,7 @@ def _placements(room: SimRoom, name: str, support: str, other: np.ndarray, near:
     points = surface_points([c.mesh for c in body.colliders], 200) @ turn.T
     corners = np.concatenate([c.mesh.vertices for c in body.colliders]) @ turn.T
     feet = corners[corners[:, 2] < corners[:, 2].min() + FOOT]
-    spots = _level_spots(near, support, footprint(feet), bounds, other)
+    spots = _level_spots(near, support, footprint(feet), bounds, other, level)
     taken = [np.array(other[:2])]
     for margin, spot in _in_order(spots, other):
         if min(np.linalg.norm(spot[:2] - each) for each in taken) < APART:
@@ -172,13 +181,15 @@ def _placements(room: SimRoom, name: str, support: str, other: np.ndarray, near:
         at = spot + [0.0, 0.0, GAP - float(feet[:, 2].min())]
         beside = points + at
         # Spheres about what is low would reach into the support.
-        beside[:, 2] = np.maximum(beside[:, 2], spot[2] + margin + LEVEL)
+        beside[:, 2] = np.maximum(beside[:, 2], spot[2] + margin + level)
         if near.depth(beside, np.full(len(beside), margin)) <= 0.0:
             taken.append(spot[:2])
             yield np.array([*at, *body.orientation])
 
 
-def _level_spots(near: RoomHulls, support: str, foot: np.ndarray, bounds: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _level_spots(
+    near: RoomHulls, support: str, foot: np.ndarray, bounds: np.ndarray, other: np.ndarray, level: float
+) -> np.ndarray:
     """Return places of a grid [spot 3] at which a foot [point 2] stands on a support of these points [point 3], level."""
     low, high = np.maximum(bounds.min(axis=0)[:2], other[:2] - FAR), np.minimum(bounds.max(axis=0)[:2], other[:2] + FAR)
     grid = [np.arange(low[k], high[k], GRID) for k in range(2)]
@@ -191,7 +202,7 @@ def _level_spots(near: RoomHulls, support: str, foot: np.ndarray, bounds: np.nda
     height, names = near.below(above.reshape(-1, 3))
     height, own = height.reshape(len(spots), -1), np.array([n == support for n in names]).reshape(len(spots), -1)
     with np.errstate(invalid="ignore"):  # what is above nothing is at -inf
-        good = own.all(axis=1) & np.isfinite(height).all(axis=1) & (np.ptp(height, axis=1) <= LEVEL)
+        good = own.all(axis=1) & np.isfinite(height).all(axis=1) & (np.ptp(height, axis=1) <= level)
     return np.c_[spots, height.max(axis=1)][good]
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from s2a.planner.part_reach import SPEED
-from s2a.planner.trajectory import USED, Aligned, Picked, Trajectory, closing, reach_steps, timed
+from s2a.planner.trajectory import USED, Aligned, Picked, Shutting, Trajectory, closing, reach_steps, sampled, timed
 from s2a.robot.spec import JointLimits, RobotSpec
 
 SETTLE = 0.7
@@ -23,6 +23,7 @@ class Segments:
     Attributes:
         closed: index of the first target with the gripper closed for the first time; 0: it has not.
         picked: where an object is picked, if it is.
+        shutting: where a part is shut, if it is.
     """
 
     def __init__(self, first: np.ndarray, spec: RobotSpec, limits: JointLimits, rate: float, close_time: float) -> None:
@@ -38,17 +39,25 @@ class Segments:
         self._spec, self._limits, self._rate = spec, limits, rate
         self._shut = closing(spec.gripper, close_time, rate)
         self._wide = self._fingers = spec.gripper.finger_joint_open
-        self._arm, self._finger = [first[None]], [np.full(1, self._wide)]
+        self._arm, self._finger, self._part = [first[None]], [np.full(1, self._wide)], [np.zeros(1)]
         self.closed = 0
         self.picked: Picked | None = None
+        self.shutting: Shutting | None = None
         self._aligned: Aligned | None = None
 
-    def go(self, path: np.ndarray, seconds: float) -> None:
-        """Follow a path [pose arm] in `seconds` or more, and wait for the arm."""
+    def go(self, path: np.ndarray, seconds: float, part: np.ndarray | None = None) -> None:
+        """Follow a path [pose arm] in `seconds` or more, and wait for the arm.
+
+        Args:
+            path: of the arm.
+            seconds: at least.
+            part: coordinates of a part that the arm moves along [m or rad], shape [pose]; None: it moves none.
+        """
         moved = timed(path, seconds, self._limits, self._rate)
-        still = np.tile(moved[-1], (math.ceil(SETTLE * self._rate), 1))
-        self._arm.append(np.concatenate([moved, still]))
-        self._finger.append(np.full(len(self._arm[-1]), self._fingers))
+        self._add(moved, np.full(len(moved), self._fingers))
+        if part is not None:
+            self._part[-1] = sampled(part[:, None], len(moved))[:, 0]
+        self._stand(math.ceil(SETTLE * self._rate))
 
     def between(self, path: np.ndarray, seconds: float) -> None:
         """Follow a path [pose arm] between straight ones, at SPEED or slower."""
@@ -85,15 +94,19 @@ class Segments:
     def _count(self) -> int:
         return sum(map(len, self._arm))
 
+    def _add(self, arm: np.ndarray, fingers: np.ndarray) -> None:
+        """Add targets [step arm] and [step]; the part stays where it is."""
+        self._arm.append(arm)
+        self._finger.append(fingers)
+        self._part.append(np.full(len(arm), self._part[-1][-1]))
+
     def _stand(self, steps: int) -> None:
-        self._arm.append(np.tile(self._arm[-1][-1], (steps, 1)))
-        self._finger.append(np.full(len(self._arm[-1]), self._fingers))
+        self._add(np.tile(self._arm[-1][-1], (steps, 1)), np.full(steps, self._fingers))
 
     def _grip(self, goal: float) -> None:
         """Move the fingers to a joint position, in the time that they need for all of their way."""
         values = goal + (self._fingers - goal) * self._shut / self._wide
-        self._arm.append(np.tile(self._arm[-1][-1], (len(values), 1)))
-        self._finger.append(values)
+        self._add(np.tile(self._arm[-1][-1], (len(values), 1)), values)
         self._fingers = float(values[-1])
 
     def trajectory(self, noise: float, reach_time: float) -> Trajectory:
@@ -104,4 +117,5 @@ class Segments:
         home = np.array(self._spec.home)
         reach = reach_steps(home, arms[0], noise, max(0.5 * reach_time, opening), self._limits, self._rate)
         targets = np.concatenate([arms, fingers, fingers], axis=1)
-        return Trajectory(targets, np.zeros(len(arms)), reach, self.closed, self._aligned, self.picked)
+        part = np.concatenate(self._part)
+        return Trajectory(targets, part, reach, self.closed, self._aligned, self.picked, self.shutting)

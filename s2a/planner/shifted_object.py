@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from s2a.planner.held_object import DAMPING, ITERATIONS, STEPS
-from s2a.planner.knots import between
+from s2a.planner.held_object import DAMPING, ITERATIONS
+from s2a.planner.knots import Added
 from s2a.planner.trajectory import Picked, Trajectory, eased
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
@@ -28,14 +28,11 @@ class ShiftedObject:
             trajectory: all of it.
             picked: when.
         """
-        self._sim, self._kin, self._near = sim, kinematics(sim.robot), picked.near
-        at = np.append(np.arange(picked.near, picked.lifted, STEPS), picked.lifted)
-        self._arm = trajectory.targets[at, : len(sim.robot.arm_joints)]
+        self._sim, self._kin = sim, kinematics(sim.robot)
+        self._added = Added(sim, picked.near, picked.lifted, _weights(picked, len(trajectory.targets)))
+        self._arm = trajectory.targets[self._added.at, : len(sim.robot.arm_joints)]
         self._tool, self._base = self._kin.tool(self._arm), matrices(sim.stage.base[None])[0]
         self._planned = matrices(sim.stage.grasp[None])[0]
-        weight = _weights(picked, len(trajectory.targets))
-        self._weight = torch.tensor(weight, dtype=torch.float32, device=sim.device)
-        self._moved = torch.zeros((sim.num_envs, *self._arm.shape), dtype=torch.float32, device=sim.device)
 
     def see(self, worlds: torch.Tensor) -> None:
         """See where the object stands in worlds whose episode begins, shape [world], bool."""
@@ -44,13 +41,11 @@ class ShiftedObject:
         change = np.linalg.inv(self._base) @ pose @ np.linalg.inv(self._planned) @ self._base
         start = np.tile(self._arm, (len(pose), 1))
         arm, _ = self._kin.solve((change[:, None] @ self._tool).reshape(-1, 4, 4), start, ITERATIONS, DAMPING)
-        moved = (arm - start).reshape(len(pose), *self._arm.shape)
-        self._moved[worlds] = torch.tensor(moved, dtype=torch.float32, device=self._moved.device)
+        self._added.found(worlds, (arm - start).reshape(len(pose), *self._arm.shape))
 
     def __call__(self, step: torch.Tensor) -> torch.Tensor:
         """Return what to add to the arm's targets, shape [world arm], at these steps of the trajectory, shape [world]."""
-        moved = between(self._moved, (step - self._near) / STEPS)
-        return self._weight[step.clamp(0, len(self._weight) - 1)][:, None] * moved
+        return self._added(step)
 
 
 def _weights(picked: Picked, steps: int) -> np.ndarray:

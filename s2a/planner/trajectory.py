@@ -58,6 +58,23 @@ class Picked:
 
 
 @dataclass(frozen=True)
+class Shutting:
+    """Where a trajectory comes back to a part that it has opened, and shuts it; indices of its targets.
+
+    Attributes:
+        part: its id.
+        begin: the arm sets off for it.
+        near: it is at the point of approach to the handle.
+        shut: the part is shut.
+    """
+
+    part: str
+    begin: int
+    near: int
+    shut: int
+
+
+@dataclass(frozen=True)
 class Trajectory:
     """Joint targets, one a control step.
 
@@ -68,6 +85,7 @@ class Trajectory:
         closed: index of the first target with the gripper closed.
         aligned: where it makes up for how an object has slipped in the gripper; None: nowhere.
         picked: where it picks an object; None: nowhere.
+        shutting: where it shuts a part that it has opened; None: nowhere.
     """
 
     targets: np.ndarray
@@ -76,6 +94,7 @@ class Trajectory:
     closed: int
     aligned: Aligned | None = None
     picked: Picked | None = None
+    shutting: Shutting | None = None
 
 
 def eased(time: np.ndarray) -> np.ndarray:

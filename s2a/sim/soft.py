@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import newton
@@ -11,57 +11,17 @@ import numpy as np
 import warp as wp
 from newton.solvers import SolverMuJoCo, SolverVBD
 from newton.solvers.experimental.coupled import SolverCoupledProxy
+from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
-from s2a.ranges import Count, NotNegative, Positive
 from s2a.robot.model import add_robot
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh
-from s2a.sim.soft_body import SoftBody, SoftShape
+from s2a.sim.soft_body import SoftBody
+from s2a.sim.soft_config import SoftConfig
 
 RATE = 60
 """[1/s] Control steps."""
-
-
-@dataclass(frozen=True)
-class SoftConfig:
-    """A soft body and how it is simulated.
-
-    Attributes:
-        shape: of the body.
-        density: [kg/m^3].
-        shear: the material's modulus mu [Pa].
-        bulk: its modulus lambda [Pa].
-        damping: of its deformation [Pa s].
-        particle_radius: by which the vertices stand off what they touch [m].
-        contact_stiffness: of a vertex on what it touches [N/m].
-        contact_damping: likewise [N s/m].
-        friction: coefficient between the body and everything.
-        friction_speed: below which friction is viscous [m/s]: a grip creeps by this times the fraction of friction it uses.
-        contact_gap: up to which vertices are looked at for contact [m].
-        substeps: of a control step; even.
-        iterations: of VBD in a substep.
-        arm_iterations: of MuJoCo's solver and of its line search.
-        grip_stiffness: position gain of the finger joints [N/m].
-        grip_force: with which each finger presses at most [N].
-    """
-
-    shape: SoftShape
-    density: Positive
-    shear: Positive
-    bulk: Positive
-    damping: NotNegative
-    particle_radius: Positive
-    contact_stiffness: Positive
-    contact_damping: NotNegative
-    friction: NotNegative
-    friction_speed: Positive
-    contact_gap: Positive
-    substeps: Count
-    iterations: Count
-    arm_iterations: Count
-    grip_stiffness: Positive
-    grip_force: Positive
 
 
 class SoftSimulation:
@@ -72,6 +32,9 @@ class SoftSimulation:
 
     Attributes:
         body: what is soft.
+        robot: the arm.
+        device: of Warp.
+        num_envs: 1.
         model: the Newton model.
         state: before and after every step (always this same buffer).
     """
@@ -104,7 +67,7 @@ class SoftSimulation:
         """
         if config.substeps % 2:
             raise InputError(f"key 'soft.substeps' is {config.substeps}; a captured step needs an even number")
-        self.body, self._robot, self._config, self.device = body, robot, config, device
+        self.body, self.robot, self._config, self.device, self.num_envs = body, robot, config, device, 1
         with wp.ScopedDevice(device):
             builder = _world(body, pose, robot, base, joints, hulls, config)
             names = [label.split("/")[-1] for label in builder.body_label]
@@ -116,7 +79,9 @@ class SoftSimulation:
             for each in (self.state, self._other):
                 newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, each)
             self._control = self.model.control()
-            self._solver = _solver(self.model, [self._tool, *self._fingers], config)
+            self._solver, self._arm = _solver(self.model, [self._tool, *self._fingers], config)
+            self._pressed = wp.zeros(len(self._fingers), dtype=wp.vec3)
+            self._finger_bodies = wp.array(self._fingers, dtype=int)
             self._substeps()  # compiles and loads every kernel, which capture forbids; the arm stands meanwhile
             with wp.ScopedCapture() as capture:
                 self._substeps()
@@ -134,9 +99,14 @@ class SoftSimulation:
         model.shape_material_mu.fill_(config.friction)
 
     def _substeps(self) -> None:
+        # What the coupling hands on to MuJoCo; the solver has no public name for it.
+        (mapping,) = self._solver._proxy_mappings
+        self._pressed.zero_()
         for _ in range(self._config.substeps):
             self.state.clear_forces()
             self._solver.step(self.state, self._other, self._control, None, 1.0 / (RATE * self._config.substeps))
+            # Contacts chatter: a single substep may be one without force.
+            wp.launch(_add_forces, dim=2, inputs=[mapping.coupling_forces, self._finger_bodies, self._pressed])
             self.state, self._other = self._other, self.state
 
     def step(self, targets: np.ndarray) -> None:
@@ -148,17 +118,32 @@ class SoftSimulation:
     @property
     def joints(self) -> np.ndarray:
         """Joints of the robot [rad, m], shape [robot joint]."""
-        return self.state.joint_q.numpy()[: len(self._robot.joints)]
+        return self.state.joint_q.numpy()[: len(self.robot.joints)].copy()  # on a CPU it is the buffer itself
+
+    @property
+    def torques(self) -> np.ndarray:
+        """Torques of the arm's motors in the last substep [N m], shape [arm]."""
+        return self._arm.mjw_data.qfrc_actuator.numpy()[0, : len(self.robot.arm_joints)].copy()
 
     @property
     def particles(self) -> np.ndarray:
         """Positions of the body's vertices [m], shape [vertex 3]."""
-        return self.state.particle_q.numpy()
+        return self.state.particle_q.numpy().copy()
 
     @property
     def center(self) -> np.ndarray:
         """Centre of mass of the body [m], shape [3]."""
         return self._masses @ self.particles / self._masses.sum()
+
+    @property
+    def pose(self) -> np.ndarray:
+        """Pose of the body's frame that fits its vertices best, by their masses, shape [4 4]."""
+        rest, now, pose = self.body.vertices, self.particles, np.eye(4)
+        middle, center = self._masses @ rest / self._masses.sum(), self.center
+        turn, _ = Rotation.align_vectors(now - center, rest - middle, self._masses)
+        pose[:3, :3] = turn.as_matrix()
+        pose[:3, 3] = center - pose[:3, :3] @ middle
+        return pose
 
     @property
     def mass(self) -> float:
@@ -172,10 +157,14 @@ class SoftSimulation:
 
     @property
     def finger_forces(self) -> np.ndarray:
-        """Forces that the body exerts on the left and the right finger [N], shape [2 3], in the last substep."""
-        # What the coupling hands on to MuJoCo; the solver has no public name for it.
-        (mapping,) = self._solver._proxy_mappings
-        return mapping.coupling_forces.numpy()[self._fingers, :3]
+        """Mean forces that the body exerts on the left and the right finger in the last control step [N], shape [2 3]."""
+        return self._pressed.numpy() / self._config.substeps
+
+
+@wp.kernel
+def _add_forces(forces: wp.array[wp.spatial_vector], bodies: wp.array[int], total: wp.array[wp.vec3]):  # noqa: ANN202
+    i = wp.tid()
+    total[i] = total[i] + wp.spatial_top(forces[bodies[i]])
 
 
 def _world(
@@ -193,7 +182,8 @@ def _world(
     SolverVBD.register_custom_attributes(builder)
     builder.rigid_gap = 0.01
     gains = replace(robot.gains, finger_stiffness=config.grip_stiffness, finger_effort=config.grip_force)
-    add_robot(builder, robot, wp.transform(*base), gains=gains)
+    # Two drives that press with all their force yield to any push from one side, and shift sideways together.
+    add_robot(builder, robot, wp.transform(*base), gains=gains, coupled_fingers=True)
     moving = [i for i in range(builder.joint_count) if builder.joint_type[i] != newton.JointType.FIXED]
     for i, value in zip(moving, joints, strict=True):
         at = builder.joint_q_start[i]
@@ -210,14 +200,17 @@ def _world(
     return builder
 
 
-def _solver(model: newton.Model, proxies: Sequence[int], config: SoftConfig) -> Any:
-    """Return the coupled solver; bodies of which VBD has a proxy are touched by the soft one."""
+def _solver(model: newton.Model, proxies: Sequence[int], config: SoftConfig) -> tuple[Any, SolverMuJoCo]:
+    """Return the coupled solver and that of the arm in it; bodies of which VBD has a proxy are touched by the soft one."""
+    arms: list[SolverMuJoCo] = []
 
     def arm(view: Any) -> SolverMuJoCo:
-        return SolverMuJoCo(
+        found = SolverMuJoCo(
             view, solver="newton", integrator="implicitfast", iterations=config.arm_iterations,
             ls_iterations=config.arm_iterations, njmax=40, nconmax=10, disable_contacts=True,
         )  # fmt: skip
+        arms.append(found)
+        return found
 
     def soft(view: Any) -> SolverVBD:
         return SolverVBD(
@@ -233,7 +226,7 @@ def _solver(model: newton.Model, proxies: Sequence[int], config: SoftConfig) -> 
     coupled = proxy(
         source="arm", destination="soft", bodies=proxies, mode="lagged", collision_pipeline=contacts, collide_interval=1
     )
-    return SolverCoupledProxy(
+    whole = SolverCoupledProxy(
         model=model,
         entries=[
             entry(name="arm", solver=arm, bodies=list(bodies), joints=list(joints)),
@@ -241,3 +234,4 @@ def _solver(model: newton.Model, proxies: Sequence[int], config: SoftConfig) -> 
         ],
         coupling=SolverCoupledProxy.Config(proxies=[coupled]),
     )
+    return whole, arms[0]

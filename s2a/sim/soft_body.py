@@ -11,29 +11,14 @@ import numpy as np
 from pxr import Usd
 
 from s2a.errors import InputError
-from s2a.ranges import Count, Fraction, Positive
 from s2a.scene import Mesh, Vec3
+from s2a.sim.soft_config import SoftShape
 
 BEAR = Path(newton.__file__).parent / "examples/assets/bear.usd"
 """Newton's teddy bear: tetrahedra that fill a grid of cubes."""
 FUR = (150, 95, 45)
 SAMPLES = 500
 """Points in each tetrahedron of an asset that tell which cells it fills."""
-
-
-@dataclass(frozen=True)
-class SoftShape:
-    """How an asset is made a soft body.
-
-    Attributes:
-        length: of its longest extent [m].
-        cells: of the simulated grid along that.
-        fill: least fraction of a cell that the asset fills for the cell to be simulated.
-    """
-
-    length: Positive
-    cells: Count
-    fill: Fraction
 
 
 @dataclass(frozen=True)

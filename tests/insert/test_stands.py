@@ -14,12 +14,13 @@ from s2a.config import compose, load
 from s2a.geometry.mesh_ops import merge
 from s2a.geometry.regions import RegionConfig
 from s2a.insert.place.contact import PoseConfig, facing_first
+from s2a.insert.place.front import front
 from s2a.insert.place.lean import has_stand, leans_forward, slender
 from s2a.insert.place.pose import places
+from s2a.insert.place.serves import Fault, PlaceServes
 from s2a.insert.place.stable_pose import settled_axis, tilt_margin
 from s2a.insert.place.supports import target_regions
-from s2a.insert.place.visible import SupportView
-from s2a.scene import Mesh, Part, Scene
+from s2a.scene import Joint, Mesh, Part, Scene
 
 VALUES = compose("insert/placement")["insert"]
 REGIONS: RegionConfig = load(RegionConfig, VALUES["regions"])
@@ -100,21 +101,85 @@ def room_with_screen() -> Scene:
 def test_what_is_behind_a_screen_is_hidden_and_what_is_beside_it_is_seen() -> None:
     scene = room_with_screen()
     region = target_regions(scene, "desk_2", REGIONS, ("horizontal",))[0]
-    view, cup = SupportView(scene, region, "desk_2"), block(0.08, 0.08, 0.1)
-    assert view.hides(at(cup, 0.0, -0.1, 0.742))
-    assert not view.hides(at(cup, 0.0, 0.2, 0.742))
-    assert not view.hides(at(cup, 0.6, -0.1, 0.742))
+    serves, cup = PlaceServes(scene, region, "desk_2"), block(0.08, 0.08, 0.1)
+    assert serves.fault(at(cup, 0.0, -0.1, 0.742)) is Fault.MOSTLY
+    assert serves.fault(at(block(0.3, 0.08, 0.1), 0.4, -0.1, 0.742)) is Fault.PARTLY
+    assert serves.fault(at(cup, 0.0, 0.2, 0.742)) is Fault.NONE
+    assert serves.fault(at(cup, 0.6, -0.1, 0.742)) is Fault.NONE
+
+
+def test_what_hides_a_vase_is_faulty_and_what_stands_beside_or_behind_it_is_not() -> None:
+    vase, screen = at(block(0.1, 0.1, 0.25), 0.0, -0.05, 0.742), block(0.6, 0.05, 0.4)
+    parts = {i: part for i, part in room_with_screen().parts.items() if i != "screen_3"} | {
+        "vase_3": Part("vase", vase)
+    }
+    scene = Scene("room", parts)
+    region = target_regions(scene, "desk_2", REGIONS, ("horizontal",))[0]
+    serves = PlaceServes(scene, region, "desk_2")
+    assert serves.fault(at(screen, 0.0, 0.2, 0.742)) is Fault.PARTLY
+    assert serves.fault(at(screen, 0.45, 0.2, 0.742)) is Fault.NONE
+    assert serves.fault(at(screen, 0.0, -0.3, 0.742)) is Fault.NONE
+
+
+def bathroom() -> Scene:
+    """A toilet with its back at a wall at x = -1; the side at y = -0.2 is 4 cm off another wall; it is used from +x."""
+    bowl = merge([at(block(0.4, 0.38, 0.4), -0.55, 0, 0), at(block(0.25, 0.38, 0.8), -0.86, 0, 0)])
+    walls = [at(block(0.1, 4.0, 2.4), -1.06, 1.5, 0.0), at(block(4.0, 0.1, 2.4), 1.0, -0.28, 0.0)]
+    floor = sheet((-1, 1), (-0.2, 2.5), 0.0, 0.02)
+    return Scene("room", {
+        "floor_1": Part("floor", floor), "toilet_2": Part("toilet", bowl),
+        "wall_3": Part("wall", walls[0]), "wall_4": Part("wall", walls[1]),
+    })  # fmt: skip
+
+
+def test_a_toilet_faces_away_from_the_wall_behind_it_though_one_is_beside_it() -> None:
+    scene = bathroom()
+    assert front(scene, "toilet_2") == pytest.approx([1.0, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.6, 2.5])
+def test_a_chair_in_the_open_faces_away_from_its_back_and_a_chest_to_where_its_drawer_slides(yaw: float) -> None:
+    chair = merge([at(block(0.45, 0.45, 0.45), 0, 0, 0), at(block(0.06, 0.45, 0.9), -0.2, 0, 0)])
+    chest, panel = block(0.4, 0.8, 0.7), at(block(0.02, 0.8, 0.2), 0.21, 0, 0.3)
+    turn = Rotation.from_euler("z", yaw)
+
+    def turned(mesh: Mesh) -> Mesh:
+        return Mesh(turn.apply(mesh.vertices) + [1.0, 0.5, 0.0], mesh.faces)
+
+    axis = tuple(turn.apply([1.0, 0.0, 0.0]).tolist())
+    slides = Joint("prismatic", axis, (1.0, 0.5, 0.4), (0.0, 0.3))
+    # The middle of the room lies behind both.
+    beyond = at(block(0.5, 0.5, 0.5), *(np.array([1.0, 0.5]) - 4.0 * np.array(axis[:2])), 0.0)
+    for parts in (
+        {"thing_1": Part("chair", turned(chair))},
+        {
+            "thing_1": Part("chest", turned(chest)),
+            "drawer_2": Part("drawer", turned(panel), parent="thing_1", motion=slides),
+        },
+    ):
+        scene = Scene("room", parts | {"box_3": Part("box", beyond)})
+        assert front(scene, "thing_1") == pytest.approx(axis[:2], abs=1e-5)
+
+
+def test_nothing_but_a_mat_stands_before_a_toilet() -> None:
+    scene = bathroom()
+    region = target_regions(scene, "floor_1", REGIONS, ("horizontal",))[0]
+    serves, basket, mat = PlaceServes(scene, region, "floor_1"), block(0.35, 0.35, 0.5), block(0.4, 0.4, 0.02)
+    assert serves.fault(at(basket, -0.1, 0.0, 0.0)) is Fault.MOSTLY
+    assert serves.fault(at(mat, -0.1, 0.0, 0.0)) is Fault.NONE
+    assert serves.fault(at(basket, -0.1, 0.9, 0.0)) is Fault.NONE
+    assert serves.fault(at(basket, -0.75, 0.6, 0.0)) is Fault.NONE  # beside it
 
 
 def test_hidden_places_come_after_seen_ones() -> None:
     scene = room_with_screen()
     region = target_regions(scene, "desk_2", REGIONS, ("horizontal",))[0]
-    view, cup = SupportView(scene, region, "desk_2"), block(0.08, 0.08, 0.1)
+    serves, cup = PlaceServes(scene, region, "desk_2"), block(0.08, 0.08, 0.1)
 
     def behind(points: np.ndarray) -> np.ndarray:
         return (np.abs(points[:, 0]) < 0.25) & (points[:, 1] < -0.05)
 
-    found = [view.hides(pose.moved(cup)) for pose in places(scene, cup, region, "on", POSE, "desk_2", [])]
+    found = [serves.fault(pose.moved(cup)) for pose in places(scene, cup, region, "on", POSE, "desk_2", [])]
     assert found == sorted(found)
     only = list(places(scene, cup, region, "on", POSE, "desk_2", [], keep=behind))
     assert only  # where there is no other place, a hidden one is offered

@@ -61,7 +61,10 @@ LABELS = {part_id: part.label for part_id, part in room().parts.items()}
         ("in the middle of the room", [], []),
         ("beside the little bedside lamp, please", ["near"], ["lamp_3"]),
         ("somewhere I can reach it from the desk", ["near"], ["desk_2"]),
-        ("it should greet people who sit on the desk", [], []),
+        ("it should greet people who sit on the desk", ["seen from"], ["desk_2"]),
+        ("visible from the desk", ["seen from"], ["desk_2"]),
+        ("in sight of the desk, on the shelf", ["seen from", "on"], ["desk_2", "shelf_6"]),
+        ("for people who like to sit on the desk", [], []),
     ],
 )
 def test_wishes_become_relations(said: str, kinds: list[str], things: list[str]) -> None:
@@ -159,6 +162,18 @@ def test_what_the_rules_do_not_understand_they_decline() -> None:
 def test_a_relation_is_told_from_where_the_object_is(said: str, place: tuple[float, float, float], holds: bool) -> None:
     (relation,) = parse_wish(said, LABELS).relations
     assert met(room(), at(CUP, *place), relation) == holds
+
+
+def test_what_is_seen_from_a_sofa_is_before_it_and_not_behind_a_wall() -> None:
+    sofa = merge([at(block(1.8, 0.8, 0.42), 0, 0, 0), at(block(1.8, 0.2, 0.8), 0, -0.3, 0)])
+    back, screen = at(block(3.0, 0.1, 2.4), 0, -0.46, 0), at(block(3.0, 0.1, 2.4), 0, 3.0, 0)
+    scene = Scene("room", {
+        "floor_1": Part("floor", sheet((-2, 2), (-0.4, 5), 0.0, 0.05)), "sofa_2": Part("sofa", sofa),
+        "wall_3": Part("wall", back), "wall_4": Part("wall", screen),
+    })  # fmt: skip
+    wish = parse_wish("visible from the couch", {i: part.label for i, part in scene.parts.items()})
+    assert met(scene, at(CUP, 0.0, 1.2, 0.4), wish.relations[0])
+    assert not met(scene, at(CUP, 0.0, 3.5, 0.4), wish.relations[0])
 
 
 def test_the_verdict_says_what_holds_and_what_does_not() -> None:

@@ -11,8 +11,9 @@ from soft_cube import cube_asset
 from s2a import config, robot
 from s2a.errors import InputError
 from s2a.robot.kinematics import kinematics
-from s2a.sim.soft import RATE, SoftConfig, SoftSimulation, _world
-from s2a.sim.soft_body import SoftBody, SoftShape, _box, soft_body
+from s2a.sim.soft import RATE, SoftSimulation, _world
+from s2a.sim.soft_body import SoftBody, _box, soft_body
+from s2a.sim.soft_config import SoftConfig, SoftShape
 
 PANDA = robot.load("panda")
 CONFIG = config.load(SoftConfig, config.compose("soft/bear")["soft"])
@@ -57,7 +58,9 @@ def test_a_gripper_lifts_a_cube_by_friction_alone(cube: SoftBody, friction: floa
     path = [_above(z, down) for z in np.linspace(0.12, 0.03, 10)]
     first = np.array([*down, 0.04, 0.04])
     sim = SoftSimulation(cube, AT, PANDA, BASE, first, [FLOOR], replace(CONFIG, friction=friction))
+    before = sim.joints, sim.particles, sim.torques
     _go(sim, path, 0.04, 60)
+    assert all((now != then).any() for now, then in zip((sim.joints, sim.particles, sim.torques), before, strict=True))
     _go(sim, path[-1:], 0.04, 40)
     _go(sim, path[-1:], 0.0, 60)
     left, right = sim.finger_forces

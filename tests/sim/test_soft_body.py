@@ -12,7 +12,8 @@ from soft_cube import cube_asset
 
 from s2a import config
 from s2a.errors import InputError
-from s2a.sim.soft_body import BEAR, KUHN, SoftBody, SoftShape, read_asset, soft_body, volumes
+from s2a.sim.soft_body import BEAR, KUHN, SoftBody, read_asset, soft_body, volumes
+from s2a.sim.soft_config import SoftShape
 
 SHAPE = SoftShape(length=0.14, cells=15, fill=0.4)
 

@@ -37,7 +37,7 @@ def failed(episode: SoftEpisode) -> set[str]:
 def test_an_honest_episode_succeeds() -> None:
     found = outcome(honest(), GOAL, METRICS)
     assert found["success"]
-    assert found["carried_path"] == 1.0
+    assert found["carried_fraction"] == 1.0
     assert found["grip_force"] == 20.0
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +15,12 @@ from s2a.insert.place.baseline import place_paper
 from s2a.insert.place.contact import PoseConfig
 from s2a.insert.place.fit import NoRoom, Pose
 from s2a.insert.place.pose import places
+from s2a.insert.place.search import Keep
 from s2a.insert.place.supports import SurfaceConfig, is_basin, target_plane, target_regions
 from s2a.insert.plan import Choice, Plan
 from s2a.insert.room_state import RoomState
 from s2a.scene import Mesh, Scene
 
-Keep = Callable[[np.ndarray], np.ndarray]
 TRIED = 4
 """Regions tested per target."""
 MEANT = 0.04

@@ -8,7 +8,7 @@ kept if no triangle of it cuts anything, nothing is within anything, and every d
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -19,16 +19,16 @@ from s2a.insert.place.contact import ContactQuery, PoseConfig, Relation, refined
 from s2a.insert.place.fit import NoRoom, Pose
 from s2a.insert.place.occupied import SearchConfig, occupancy_grid
 from s2a.insert.place.preferences import preferences
-from s2a.insert.place.search import GridCandidate, grid_candidates
-from s2a.insert.place.supports import facing, flat_objects
+from s2a.insert.place.search import GridCandidate, Keep, grid_candidates
+from s2a.insert.place.serves import Fault, PlaceServes
+from s2a.insert.place.supports import facing, flat_objects, is_floor
 from s2a.insert.place.swept_volumes import SweptVolume, reaching_into
-from s2a.insert.place.visible import SupportView
 from s2a.scene import Mesh, Scene
 
 DENSE, MOST_SAMPLES = 6.0, 60000
 """Points a cell of a large object's surface in the second search, and their largest number."""
-MOST_HIDDEN = 16
-"""Hidden poses after which no visible one is looked for any more."""
+MOST_FAULTY = 16
+"""Faulty poses after which none without fault is looked for any more."""
 
 
 def place(
@@ -54,7 +54,7 @@ def places(
     target: str,
     volumes: list[SweptVolume],
     near: str | None = None,
-    keep: Callable[[np.ndarray], np.ndarray] | None = None,
+    keep: Keep | None = None,
 ) -> Iterator[Pose]:
     """Yield free poses of an object on a region, the best first, one at least.
 
@@ -81,16 +81,22 @@ def places(
     obstacles = [*(part.mesh for part in scene.parts.values()), *flat_objects(scene, target)]
     grid = occupancy_grid(region, radius, height, obstacles, volumes, config.search)
     tall = float(np.ptp(object.bounds[:, 2]))
-    wanted = preferences(scene, region, target, relation == "against", near, tall, config.search.habits)
+    against = relation == "against"
+    if against and is_floor(scene, target):
+        config = replace(config, search=replace(config.search, turns=_to_all_walls(config.search.turns)))
+    wanted = preferences(scene, region, target, against, near, tall, config.search.habits)
     query = ContactQuery(scene, object, region, relation, config, base, volumes)
-    view = None if region.kind == "vertical" else SupportView(scene, region, target)
+    serves = None if region.kind == "vertical" else PlaceServes(scene, region, target)
     conflicts: list[str] = []
-    for search, spacing in ((config.search, config.min_spacing), (_denser(object, region, config), 0.0)):
-        found = grid_candidates(grid, region, object, base, wanted, search, keep)
-        if not (found or conflicts):
+    searches = [(config.search, config.min_spacing, keep), (_denser(object, region, config), 0.0, keep)]
+    if serves and serves.fixtures:
+        searches.insert(0, (config.search, config.min_spacing, serves.clear_of_fixtures(object, keep)))
+    for search, spacing, kept in searches:
+        found = grid_candidates(grid, region, object, base, wanted, search, kept)
+        if not (found or conflicts) and kept is keep:
             raise NoRoom(_why(region, object))
         free = _free(query, _spread(found, max(2.0, spacing * radius / region.cell), config.attempts), conflicts)
-        poses = _seen_first(free, object, view)
+        poses = _serving_first(free, object, serves)
         first = next(poses, None)
         if first is not None:
             yield first
@@ -98,6 +104,12 @@ def places(
             return
     worst = max(set(conflicts), key=conflicts.count)
     raise NoRoom(f"none of {len(conflicts)} places on {target!r} at {region.height:.2f} m is free: most {worst}")
+
+
+def _to_all_walls(turns: tuple[float, ...]) -> tuple[float, ...]:
+    """Return turns [degree] from each of the four sides of a floor: furniture faces the room from a wall on any."""
+    found = {(turn + side + 180.0) % 360.0 - 180.0 for turn in turns for side in (0.0, 90.0, 180.0, 270.0)}
+    return tuple(sorted(found, key=abs))
 
 
 def _denser(object: Mesh, region: Region, config: PoseConfig) -> SearchConfig:
@@ -116,17 +128,18 @@ def _free(query: ContactQuery, found: Iterable[GridCandidate], conflicts: list[s
             conflicts.append(conflict)
 
 
-def _seen_first(poses: Iterable[Pose], object: Mesh, view: SupportView | None) -> Iterator[Pose]:
-    """Yield poses in their order, but those at which an object is hidden after the others, as far as these are looked for."""
-    hidden: list[Pose] = []
+def _serving_first(poses: Iterable[Pose], object: Mesh, serves: PlaceServes | None) -> Iterator[Pose]:
+    """Yield poses in their order, but those with a fault after the others, as far as these are looked for."""
+    faulty: list[tuple[Fault, Pose]] = []
     for pose in poses:
-        if view is None or not view.hides(pose.moved(object)):
+        fault = Fault.NONE if serves is None else serves.fault(pose.moved(object))
+        if fault is Fault.NONE:
             yield pose
             continue
-        hidden.append(pose)
-        if len(hidden) == MOST_HIDDEN:
+        faulty.append((fault, pose))
+        if len(faulty) == MOST_FAULTY:
             break
-    yield from hidden
+    yield from (pose for _, pose in sorted(faulty, key=lambda one: one[0]))
 
 
 def _frame(scene: Scene, object: Mesh, region: Region, target: str) -> tuple[np.ndarray, float, float]:

@@ -19,6 +19,8 @@ from s2a.insert.place.occupied import OccupancyGrid, SearchConfig
 from s2a.insert.place.preferences import Preferences, at_the_back, closeness, hanging_score
 from s2a.scene import Mesh
 
+Keep = Callable[[np.ndarray], np.ndarray]
+"""A filter of places [m], shape [place 3] -> shape [place]."""
 BACK_FIRST = 0.6
 """Weight of the neighbour of what stands against something: its back comes first."""
 
@@ -47,7 +49,7 @@ def grid_candidates(
     base: np.ndarray,
     preferences: Preferences,
     config: SearchConfig,
-    keep: Callable[[np.ndarray], np.ndarray] | None = None,
+    keep: Keep | None = None,
 ) -> list[GridCandidate]:
     """Return possible places, best first.
 

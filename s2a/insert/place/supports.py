@@ -71,6 +71,11 @@ def _standing(scene: Scene, target: str) -> list[str]:
     return [target, *(i for i in below if i not in moving)]
 
 
+def is_floor(scene: Scene, target: str) -> bool:
+    """Return True for the part that is the room's floor."""
+    return scene.parts[target].label.lower() == "floor"
+
+
 def is_basin(region: Region) -> bool:
     """Return True for a level region that is surrounded by a rim: a sink, a tub, a tray."""
     return region.kind == "horizontal" and region.rim_fraction > BASIN and min(region.size) < WIDEST_BASIN
@@ -158,12 +163,12 @@ def facing(scene: Scene, target: str, region: Region) -> np.ndarray:
     sees = np.full(4, FAR)
     if len(mesh.faces):
         sees, _ = visible_distance(ray_mesh(mesh.vertices, mesh.faces), np.tile(start, (4, 1)), directions, FAR)
-    inward = _middle(scene) - region.center
+    inward = middle_of(scene) - region.center
     inward /= max(float(np.linalg.norm(inward[:2])), 1e-9)
     return directions[np.argmax(2.0 * (sees >= sees.max() - 0.05) + directions @ (inward * (1.0, 1.0, 0.0)))]
 
 
-def _middle(scene: Scene) -> np.ndarray:
+def middle_of(scene: Scene) -> np.ndarray:
     """Return the middle of the box around a scene [m], shape [3]."""
     bounds = np.array([part.mesh.bounds for part in scene.parts.values() if len(part.mesh.vertices)])
     return (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2

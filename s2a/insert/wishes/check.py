@@ -12,11 +12,12 @@ from scipy.spatial import cKDTree
 
 from s2a.geometry.line_of_sight import visible_distance
 from s2a.geometry.mesh_query import ray_mesh
+from s2a.insert.place.front import front
 from s2a.insert.place.preferences import floor_height
+from s2a.insert.place.serves import seen_from
 from s2a.insert.place.supports import target_mesh
 from s2a.insert.wishes.parse import Relation
 from s2a.scene import Mesh, Scene
-from s2a.usd.boxes import silhouette, upright_box
 
 BESIDE, FAR = 0.45, 0.8
 """Largest gap to what a thing is near, and least gap to what it is away from [m]."""
@@ -24,6 +25,10 @@ CONTACT = 0.03
 """Largest gap to what carries a thing [m]: the noise of a scan."""
 OFF_HEIGHT = 0.1
 """Largest error of a height on a wall [m]."""
+SEEN = 0.5
+"""Least visible fraction of what is seen from somewhere."""
+SITTING, STANDING, BEFORE = 1.15, 1.55, 0.4
+"""Heights of the eyes of who sits or lies somewhere and of who stands before it, and how far before it [m]."""
 AROUND = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(8) * np.pi / 4])
 
 
@@ -57,23 +62,16 @@ def _holds(scene: Scene, object: Mesh, kind: str, ids: list[str]) -> bool:
         return _gap(object, meshes[0]) <= 2 * CONTACT and object.bounds[0, 2] > floor_height(scene) + 0.2
     if kind == "against":
         return _gap(object, meshes[0]) <= 2 * CONTACT
+    if kind == "seen from":
+        return seen_from(scene, object, _eyes(scene, ids[0], meshes[0])) >= SEEN
     if kind in ("top", "bottom"):
         return _carried(object, meshes[0]) and _extreme(object, meshes[0], kind == "top")
-    return placed(object.bounds, viewer(scene, object, ids[0], meshes[0]), object, meshes[0], kind)
+    return placed(object.bounds, viewer(scene, ids[0]), object, meshes[0], kind)
 
 
-def viewer(scene: Scene, object: Mesh, part_id: str, mesh: Mesh) -> np.ndarray:
-    """Return the horizontal direction from a thing to who stands before it, unit, shape [2].
-
-    Of the four sides of what carries it, or its own, that is the one before which the room is.
-    """
-    bounds = np.array([part.mesh.bounds for part in scene.parts.values() if len(part.mesh.vertices)])
-    middle = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0))[:2] / 2
-    below = _carrier(scene, part_id, mesh)
-    box = upright_box(silhouette(below.vertices))
-    sides = np.array([(np.cos(box.yaw + a), np.sin(box.yaw + a)) for a in np.arange(4) * np.pi / 2])
-    inward = middle - np.array(box.center[:2])
-    return np.asarray(sides[np.argmax(sides @ inward)])
+def viewer(scene: Scene, part_id: str) -> np.ndarray:
+    """Return the horizontal direction from a thing to who stands before it, unit, shape [2]: the front of what carries it."""
+    return front(scene, _carrier(scene, part_id))
 
 
 def placed(bounds: np.ndarray, toward: np.ndarray, object: Mesh, mesh: Mesh, kind: str) -> bool:
@@ -125,17 +123,31 @@ def between(object: Mesh, one: Mesh, other: Mesh) -> bool:
     return bool(0.1 * length < along < 0.9 * length and aside <= max(half, 0.15))
 
 
-def _carrier(scene: Scene, part_id: str, mesh: Mesh) -> Mesh:
-    """Return what a small thing stands on, for that has a front; else the thing itself."""
+def _eyes(scene: Scene, part_id: str, mesh: Mesh) -> np.ndarray:
+    """Return where the eyes of who uses a thing are [m], shape [3 3]: over a seat or a bed, before what is higher."""
+    toward, floor = viewer(scene, part_id), floor_height(scene)
+    across = np.array([-toward[1], toward[0]])
+    sits = mesh.bounds[1, 2] < floor + SITTING
+    on_axes = mesh.vertices[:, :2] @ np.array([toward, across]).T
+    low, high = on_axes.min(axis=0), on_axes.max(axis=0)
+    along = (low[0] + high[0]) / 2 if sits else high[0] + BEFORE
+    height = floor + (SITTING if sits else STANDING)
+    aside = low[1] + np.array([0.25, 0.5, 0.75]) * (high[1] - low[1])
+    return np.array([[*(along * toward + a * across), height] for a in aside])
+
+
+def _carrier(scene: Scene, part_id: str) -> str:
+    """Return the id of what a small thing stands on, for that has a front; else its own."""
+    mesh = target_mesh(scene, part_id)
     if np.ptp(mesh.bounds, axis=0)[:2].max() > 0.7:
-        return mesh
+        return part_id
     for other, part in scene.parts.items():
         big = len(part.mesh.vertices) and part.parent is None and "floor" not in part.label.lower()
         if not big or other == part_id or np.ptp(part.mesh.bounds, axis=0)[:2].max() < 0.5:
             continue
         if _carried(mesh, part.mesh):
-            return part.mesh
-    return mesh
+            return other
+    return part_id
 
 
 def _gap(object: Mesh, mesh: Mesh) -> float:

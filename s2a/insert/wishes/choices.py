@@ -64,11 +64,19 @@ def _choices(relation: Relation, lines: dict[str, Line], hangs: bool) -> list[di
             found += [one for part in (line, *_covers(line, lines)) for one in _places(part, relation.kind)]
         elif relation.kind in BESIDE:
             found += _places(_below(line, lines), "on")
+        elif relation.kind == "seen from":
+            found += [one for other in _around(line, lines) for one in _places(other, "on")[:1]]
         elif relation.kind == "above":
             found += [one for other in lines.values() if _over(other, line) for one in _places(other, "on")]
         elif relation.kind == "below":
             found += _places(_below(line, lines), "on")
     return found
+
+
+def _around(line: Line, lines: dict[str, Line]) -> list[Line]:
+    """Return what carries things near a thing, the nearest first; not the floor."""
+    others = [o for o in lines.values() if "supports" in o and o["id"] != line["id"] and o["label"] != "floor"]
+    return sorted(others, key=lambda other: _apart(other, line))
 
 
 def _below(line: Line, lines: dict[str, Line]) -> Line:

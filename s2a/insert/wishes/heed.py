@@ -111,7 +111,7 @@ def allowed(wish: Wish, scene: Scene, object: Mesh) -> Callable[[np.ndarray], np
     # Sides are told from outlines: the points of a scan would be gone through for every place.
     floor = floor_height(scene)
     known = {i: _outline(target_mesh(scene, i)) for one in sided for ids in one.part_ids for i in ids}
-    seen = {i: viewer(scene, object, i, target_mesh(scene, i)) for i in known}
+    seen = {i: viewer(scene, i) for i in known}
 
     standing = box(np.array([0.0, 0.0, sides[2] / 2]), np.eye(3), np.array([min(sides[:2])] * 2 + [sides[2]]))
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from s2a.insert.hints import SAME
 
 WORDS = {
+    "seen from": r"seen from",
     "left": r"(?:to the |on the )?left(?: hand)?(?: side)? of",
     "right": r"(?:to the |on the )?right(?: hand)?(?: side)? of",
     "between": r"(?:in )?between",
@@ -51,6 +52,14 @@ AFTER = frozenset(
     "only just one ones high up down out".split()
 )
 """Words after a name with which something else begins."""
+SEEN = re.compile(
+    r"\b(?:(?:be )?(?:seen|watched) (?:by|from)|visible (?:to|for|from)|in (?:full |plain )?(?:sight|view) (?:of|from)|"
+    r"greets?|welcomes?|look(?:ing|s)? at)"
+    r"(?: (?:people|those|persons?|guests|visitors|whoever|who|anybody|anyone|everybody|everyone|somebody|someone|me|us))?"
+    r"(?: (?:who|that))?(?: (?:is|are|am))?(?: (?:sit|sits|sitting|lie|lies|lying|stand|stands|standing|sleep|sleeps|sleeping))?"
+    r"(?: (?:on|in|at|by|from|before))?(?= (?:the|a|an|my|your|our) )"
+)
+"""Of what is seen from somewhere, in other words, up to the name of that."""
 PEOPLE = re.compile(r"\b(?:who|whoever|whom)\b[^;]*")
 """What people do says nothing of where the object is: "it should greet people who sit on the couch"."""
 NOT = re.compile(r"\b(?:not|never|don t put it|do not put it)(?: \w+){0,2}$")
@@ -91,7 +100,7 @@ class Wish:
 def parse_wish(text: str, labels: Mapping[str, str]) -> Wish:
     """Parse a wish for a room, given by the label of each part id."""
     words = " ".join(re.sub(r"[^a-z0-9_. ]", " ", text.lower()).replace(". ", " ; ").split()).rstrip(".")
-    words = PEOPLE.sub(" ", words)
+    words = PEOPLE.sub(" ", SEEN.sub("seen from", words))
     relations, missing, at = _heights(words), [], 0
     pattern = re.compile("|".join(f"(?P<k{n}>\\b(?:{words})\\b)" for n, words in enumerate(WORDS.values())))
     while found := pattern.search(words, at):

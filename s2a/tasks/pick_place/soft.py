@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import torch
 
 from s2a.planner.gripper_shape import gripper_boxes
+from s2a.planner.held_object import HeldObject
 from s2a.planner.motion import PlannerConfig
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import RoomHulls
@@ -20,8 +23,10 @@ from s2a.planner.segments import Segments
 from s2a.planner.trajectory import Trajectory, eased
 from s2a.robot.collision import robot_shape
 from s2a.robot.spec import GripperSpec, RobotSpec
-from s2a.sim.soft import RATE, SoftConfig, SoftSimulation
+from s2a.robot.urdf import position_limits
+from s2a.sim.soft import RATE, SoftSimulation
 from s2a.sim.soft_body import SoftBody
+from s2a.sim.soft_config import SoftConfig
 from s2a.tasks.pick_place.skill import pick
 from s2a.tasks.pick_place.soft_metrics import SoftEpisode, SoftMetrics, outcome
 from s2a.tasks.pick_place.soft_stage import NAME, hulls_near, with_body
@@ -70,7 +75,7 @@ def plan_trial(
 
 
 def trajectory(trial: SoftTrial, config: PlannerConfig) -> Trajectory:
-    """Return the joint targets of a trial. How the body slips in the gripper is not made up for."""
+    """Return the joint targets of a trial."""
     robot = trial.robot
     found = Segments(trial.plan.reach[0], robot, robot.limits, RATE, config.close_time)
     pick(found, trial.plan, config)
@@ -81,11 +86,14 @@ def run_trial(
     trial: SoftTrial,
     planner: PlannerConfig,
     metrics: SoftMetrics,
-    seed: int,
+    seed: int | Sequence[int],
     device: str = "cpu",
     watch: Watch | None = None,
-) -> dict[str, float | bool]:
-    """Simulate a trial from a noisy start of the arm; return its outcome, with the seconds that it took.
+) -> dict[str, Any]:
+    """Simulate a trial from a noisy start of the arm; return its outcome.
+
+    That is the columns of `soft_metrics`, the seconds that it took, and as `limit_use` the largest fraction of each limit of the
+    robot, as `s2a.sim.limit_use` has them.
 
     Args:
         trial: what is done.
@@ -103,14 +111,19 @@ def run_trial(
     hulls = hulls_near(trial.room, trial.body, [trial.start, trial.goal])
     sim = SoftSimulation(trial.body, trial.start, robot, plan.base, first, hulls, trial.config, device)
     built = time.perf_counter()
-    targets = _targets(first, trajectory(trial, planner))
-    center, forces, joints, gap = [], [], [], []
+    planned = trajectory(trial, planner)
+    targets, slip = _targets(first, planned), _slip(sim, planned)
+    center, forces, joints, gap, torques = [], [], [], [], []
     for step, target in enumerate(targets):
+        index = torch.tensor([max(0, step - planned.reach_steps)])
+        slip.see(index)
+        target[:arm] += slip(index)[0].cpu().numpy()
         sim.step(target)
         q, particles = sim.joints, sim.particles
         center.append(sim.center)
         forces.append(sim.finger_forces)
         joints.append(q)
+        torques.append(sim.torques)
         gap.append(gripper_gap(particles, _tool_frame(sim.tool, robot), q[arm:], robot.gripper))
         if watch is not None:
             watch(step, sim)
@@ -119,7 +132,16 @@ def run_trial(
     episode = SoftEpisode(np.array(center), np.array(forces), np.array(gap), depth, RATE)
     found = outcome(episode, trial.goal[:3], metrics)
     seconds = {"simulated": len(targets) / RATE, "built_in": built - begun, "stepped_in": ended - built}
-    return found | {name: round(value, 3) for name, value in seconds.items()}
+    used = _limit_use(robot, np.concatenate([first[None], targets]), np.array(joints), np.array(torques))
+    return found | {name: round(value, 3) for name, value in seconds.items()} | {"limit_use": used}
+
+
+def _slip(sim: SoftSimulation, planned: Trajectory) -> HeldObject:
+    """Return what makes up for how the body has slipped in the gripper above its place."""
+    assert planned.aligned is not None  # as in every plan to pick and place
+    return HeldObject(
+        sim, planned, planned.aligned, lambda _: (np.linalg.inv(_tool_frame(sim.tool, sim.robot)) @ sim.pose)[None]
+    )
 
 
 def _targets(first: np.ndarray, planned: Trajectory) -> np.ndarray:
@@ -128,6 +150,24 @@ def _targets(first: np.ndarray, planned: Trajectory) -> np.ndarray:
     reach = first + ahead * (planned.targets[0] - first)
     still = np.repeat(planned.targets[-1:], math.ceil(AFTER * RATE), axis=0)
     return np.concatenate([reach, planned.targets, still])
+
+
+def _limit_use(robot: RobotSpec, targets: np.ndarray, joints: np.ndarray, torques: np.ndarray) -> dict[str, float]:
+    """Return the largest fraction of each limit, of targets and joints [step joint] and torques [step arm]."""
+    arm, limits, finger = len(robot.arm_joints), robot.limits, robot.gripper.finger_speed
+    lower, upper = (each[:arm] for each in position_limits(robot))
+    command, speed = np.diff(targets, axis=0) * RATE, np.diff(joints, axis=0) * RATE
+    used = {
+        "commanded_velocity": command[:, :arm] / limits.velocity,
+        "commanded_acceleration": np.diff(command[:, :arm], axis=0) * RATE / limits.acceleration,
+        "commanded_finger_speed": command[:, arm:] / finger,
+        "position": (2.0 * joints[:, :arm] - lower - upper) / (upper - lower),
+        "velocity": speed[:, :arm] / limits.velocity,
+        "acceleration": np.diff(speed[:, :arm], axis=0) * RATE / limits.acceleration,
+        "torque": torques / limits.torque,
+        "finger_speed": speed[:, arm:] / finger,
+    }
+    return {name: float(np.abs(fraction).max()) for name, fraction in used.items()}
 
 
 def _tool_frame(body: np.ndarray, robot: RobotSpec) -> np.ndarray:

@@ -8,6 +8,10 @@ import numpy as np
 
 from s2a.ranges import Fraction, NotNegative, Positive
 
+COLUMNS = ("success", "placed", "at_rest", "gripper_gone", "carried", "released_at_rest", "arm_clear", "finite")
+"""Of an outcome, what holds or not; success: all of the others."""
+VALUES = ("position_error", "carried_fraction", "drift", "arm_depth", "grip_force")
+"""The others: metres, a fraction, metres, metres, newtons."""
 MOVED = 2e-4
 """[m] In a control step, from which the body moves: what is held trembles by less."""
 
@@ -80,7 +84,7 @@ def outcome(episode: SoftEpisode, goal: np.ndarray, metrics: SoftMetrics) -> dic
         "arm_clear": bool(episode.depth.max() <= metrics.max_depth),
         "finite": bool(np.isfinite(episode.center).all()),
     }
-    values = {"position_error": float(error[-1]), "carried_path": carried, "drift": float(drift)}
+    values = {"position_error": float(error[-1]), "carried_fraction": carried, "drift": float(drift)}
     values |= {"arm_depth": float(episode.depth.max()), "grip_force": float(size.min(axis=1).max())}
     return {"success": all(found.values()), **found, **values}
 

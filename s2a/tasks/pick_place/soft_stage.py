@@ -11,8 +11,8 @@ from s2a.errors import InputError
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import RoomHulls
 from s2a.scene import Mesh
-from s2a.sim.soft import SoftConfig
 from s2a.sim.soft_body import SoftBody
+from s2a.sim.soft_config import SoftConfig
 from s2a.usd.sim_scene import Collider, Mass, SimBody, SimRoom, in_scene
 
 NAME = "teddy_bear"

@@ -86,7 +86,7 @@ class PutInTask(PickPlaceTask):
 
     def trajectory(self, settings: Any) -> Trajectory:
         """Return the planned trajectory."""
-        return skill.trajectory(self.sim, self.stage.put, settings)
+        return skill.trajectory(self.sim, self.stage, settings)
 
     def after_substep(self, state: State) -> None:
         """Read the contacts, and attribute the object's path to what held it."""

@@ -14,7 +14,7 @@ from s2a.geometry.mesh_ops import merge
 from s2a.planner.motion import PlannerConfig
 from s2a.planner.places import first_planned, free_object, place_poses
 from s2a.planner.put_in import PutPlan, PutTask, plan_put
-from s2a.planner.trajectory import Trajectory
+from s2a.planner.trajectory import Shutting, Trajectory
 from s2a.robot.tool_path import opening_coordinate
 from s2a.scene import Joint, Mesh
 from s2a.sim.nearby import Workspace
@@ -99,25 +99,29 @@ def read_stage(path: Path, part: str | None, robot: str | None, also: Sequence[s
     )
 
 
-def trajectory(sim: Simulation, put: PutPlan, config: PlannerConfig) -> Trajectory:
-    """Return the joint targets that do a plan, from home on."""
-    first, last = put.held
+def trajectory(sim: Simulation, stage: PutStage, config: PlannerConfig) -> Trajectory:
+    """Return the joint targets that do a stage's plan, from home on."""
+    put, (first, last) = stage.put, stage.put.held
+    opening = np.linspace(0.0, stage.opened, last - first + 1)
     found = skill.segments(sim, put.to_shut[0], config)
     found.between(put.to_shut, config.reach_time)
     found.go(put.handle[: first + 1], config.approach_time)
     found.close()
-    found.go(put.handle[first : last + 1], config.pull_time)
+    found.go(put.handle[first : last + 1], config.pull_time, opening)
     found.open()
     found.go(put.handle[last:], config.approach_time)
     found.between(put.leave, config.reach_time)
     skill.pick(found, put.pick, config)
     found.between(put.home, config.reach_time)
+    begin = found.last
     found.between(put.to_open, config.reach_time)
+    near = found.last
     back = put.handle[::-1]
     first, last = len(back) - 1 - last, len(back) - 1 - first
     found.go(back[: first + 1], config.approach_time)
     found.close()
-    found.go(back[first : last + 1], config.pull_time)
+    found.go(back[first : last + 1], config.pull_time, opening[::-1])
+    found.shutting = Shutting(stage.part, begin, near, found.last)
     found.open()
     found.go(back[last:], config.approach_time)
     return found.trajectory(config.start_noise, config.reach_time)

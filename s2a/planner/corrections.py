@@ -1,0 +1,47 @@
+"""What a planner changes of its trajectory as it sees the room: all that a task's motion asks for."""
+
+from __future__ import annotations
+
+import torch
+
+from s2a.planner.held_object import HeldObject
+from s2a.planner.moved_part import MovedPart
+from s2a.planner.shifted_object import ShiftedObject
+from s2a.planner.trajectory import Trajectory
+from s2a.sim.simulation import Simulation
+
+
+class Corrections:
+    """What is added to the arm's targets of a trajectory that is the same in all worlds."""
+
+    def __init__(self, sim: Simulation, trajectory: Trajectory) -> None:
+        """Find where the trajectory picks, places and shuts; each may be missing.
+
+        Args:
+            sim: whose worlds.
+            trajectory: all of it.
+        """
+        aligned, picked, shutting = trajectory.aligned, trajectory.picked, trajectory.shutting
+        self._shifted = ShiftedObject(sim, trajectory, picked) if picked else None
+        self._held = HeldObject(sim, trajectory, aligned) if aligned else None
+        self._moved = MovedPart(sim, trajectory, shutting) if shutting else None
+
+    def begin(self, worlds: torch.Tensor) -> None:
+        """See where the object stands in worlds whose episode begins, shape [world], bool."""
+        if self._shifted and bool(worlds.any()):
+            self._shifted.see(worlds)
+
+    def see(self, step: torch.Tensor) -> None:
+        """See the object in the gripper, and the part, in worlds that have come so far; steps, shape [world]."""
+        if self._held:
+            self._held.see(step)
+        if self._moved:
+            self._moved.see(step)
+
+    def __call__(self, step: torch.Tensor) -> torch.Tensor | float:
+        """Return what to add to the arm's targets, shape [world arm], at these steps of the trajectory, shape [world]."""
+        added: torch.Tensor | float = 0.0
+        for each in (self._shifted, self._held, self._moved):
+            if each is not None:
+                added = added + each(step)
+        return added

@@ -1,0 +1,74 @@
+"""Shutting a part that does not stand where it was left: the arm moves its grasp of the handle along."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from s2a.articulation import lever_arm, transform
+from s2a.planner.held_object import DAMPING, ITERATIONS, REACHED
+from s2a.planner.knots import Added
+from s2a.planner.trajectory import Shutting, Trajectory, eased
+from s2a.robot.kinematics import kinematics
+from s2a.robot.tool_path import matrices
+from s2a.sim.simulation import Simulation
+from s2a.sim.world import axis_of
+
+FARTHEST = 0.15
+"""[m] By which the handle may be off. What is farther off would need another plan."""
+
+
+class MovedPart:
+    """What is added to the arm's targets so that it takes the handle where the part stands as the arm comes back to it.
+
+    With q the planned coordinate of the part, M(q) its motion, and s the share of the planned opening that it is open, the tool's
+    pose T becomes M(s q) M(q)^-1 T: at the handle, and with it until the part is shut.
+    """
+
+    def __init__(self, sim: Simulation, trajectory: Trajectory, shutting: Shutting) -> None:
+        """Find the poses of the tool from the point of approach on.
+
+        Args:
+            sim: whose worlds have the part.
+            trajectory: all of it.
+            shutting: when and what.
+        """
+        self._sim, self._kin, self._begin = sim, kinematics(sim.robot), shutting.begin
+        first, last, step = shutting.near, shutting.shut, np.arange(len(trajectory.targets))
+        rising = eased((step - shutting.begin) / max(first - shutting.begin, 1))
+        self._added = Added(sim, first, last, np.where(step <= last, rising, 0.0))
+        at = self._added.at
+        self._arm, self._q = trajectory.targets[at, : len(sim.robot.arm_joints)], trajectory.part[at]
+        self._tool, self._base = self._kin.tool(self._arm), matrices(sim.stage.base[None])[0]
+        part = sim.stage.room.articulations[shutting.part]
+        self._joint, self._lever = part.joint, lever_arm(part.joint, np.array(part.grasp.point))
+        self._coord = axis_of(sim.world, shutting.part, part.joint.kind)[0]
+
+    def see(self, step: torch.Tensor) -> None:
+        """See where the part stands in worlds that have come to the beginning of the way back to it, shape [world]."""
+        worlds = step == self._begin
+        if bool(worlds.any()):
+            opened = self._sim.joint_q[:, self._coord][worlds].cpu().numpy().astype(float)
+            self._added.found(worlds, self._correction(opened))
+
+    def _correction(self, opened: np.ndarray) -> np.ndarray:
+        """Return what to add to the arm's joints in worlds whose part stands at coordinates [some], shape [some pose arm].
+
+        It is 0 where the handle is too far off, or where the arm does not reach all of it.
+        """
+        moved = np.zeros((len(opened), *self._arm.shape))
+        for k, coordinate in enumerate(opened):
+            if abs(coordinate - self._q[0]) * self._lever > FARTHEST:
+                continue
+            share = coordinate / self._q[0]
+            change = [transform(self._joint, share * q) @ np.linalg.inv(transform(self._joint, q)) for q in self._q]
+            tool = np.linalg.inv(self._base) @ np.array(change) @ self._base @ self._tool
+            arm, left = self._kin.solve(tool, self._arm, ITERATIONS, DAMPING)
+            if (left <= REACHED).all():
+                moved[k] = arm - self._arm
+        moved[:, -1] = 0.0  # shut, it is where it was planned to be
+        return moved
+
+    def __call__(self, step: torch.Tensor) -> torch.Tensor:
+        """Return what to add to the arm's targets, shape [world arm], at these steps of the trajectory, shape [world]."""
+        return self._added(step)

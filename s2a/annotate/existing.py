@@ -207,7 +207,7 @@ class _Writer:
     def _articulations(self, new: Mapping[int, Item]) -> list[Document]:
         """Return the records of all joints; where one has to be written again in radians, all are: a file has one unit."""
         records = [r for r in self._old.articulations["data"]["articulations"] if r["pid"] not in self._dropped]
-        joints = self._old.joints | {n: item.joint for n, item in self._items.items() if item.joint}
+        joints = {**self._old.joints, **{n: item.joint for n, item in self._items.items() if item.joint}}
         changed = [n for n, joint in joints.items() if joint != self._old.joints[n]]
         every = bool(new) or bool(changed) and any(self._in_degrees(record) for record in records)
         moves = not np.allclose(self._origin, self._old_origin(records), atol=1e-12)

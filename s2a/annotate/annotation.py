@@ -10,6 +10,7 @@ from s2a.annotate import handle as handles
 from s2a.annotate.handle import Shape
 from s2a.annotate.region import FrontRegion, GrowConfig, cut_out
 from s2a.annotate.surface import SplitSurface
+from s2a.scan.joint_records import TYPES
 from s2a.scan.predictions import USUAL_LABEL
 from s2a.scene import Joint
 
@@ -43,8 +44,7 @@ class Item:
     @property
     def name(self) -> str:
         """Its label, or the usual one."""
-        kind = "translation" if self.joint is None or self.joint.kind == "prismatic" else "rotation"
-        return self.label or USUAL_LABEL[kind]
+        return self.label or USUAL_LABEL[TYPES["prismatic" if self.joint is None else self.joint.kind]]
 
     @property
     def front(self) -> np.ndarray:

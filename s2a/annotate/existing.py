@@ -26,7 +26,6 @@ NOBODY, NEW = -1, -2
 """In place of the number of a part."""
 FULL = 0.97
 """Fraction of the rectangle around its corners that a front fills which was cut out as one; its handle is not the front's."""
-TYPES = {"prismatic": "translation", "revolute": "rotation"}
 
 
 @dataclass(frozen=True)
@@ -221,7 +220,7 @@ class _Writer:
 
     def _joint(self, joint: Joint) -> Document:
         return {
-            "type": TYPES[joint.kind],
+            "type": joint_records.TYPES[joint.kind],
             "axis": list(joint.axis),
             "origin": (np.array(joint.origin) + self._origin).tolist(),
             "rangeMin": joint.limits[0],

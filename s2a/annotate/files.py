@@ -14,7 +14,7 @@ from s2a.annotate import rest
 from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.existing import Existing
 from s2a.annotate.surface import ADDED, SplitSurface
-from s2a.scan import folder, ply, predicted
+from s2a.scan import folder, joint_records, ply, predicted
 from s2a.scan.folder import BareFiles
 from s2a.scan.imported import SOURCE_FACES
 from s2a.scan.ply import ScanMesh
@@ -126,7 +126,7 @@ def _prediction(item: Item, origin: np.ndarray) -> Prediction:
     """Return a part with a joint as what `predicted.write` takes, in the coordinates of the written mesh."""
     joint = item.joint
     assert joint is not None
-    kind = "rotation" if joint.kind == "revolute" else "translation"
+    kind = joint_records.TYPES[joint.kind]
     place = np.array(joint.origin) + origin
     return Prediction(
         item.name, kind, np.array(joint.axis), place, joint.limits, item.score, item.region.faces, item.handle

@@ -65,7 +65,9 @@ def run(config: Config) -> str:
         InputError: no scan, keys that do nothing, or `out` is a file or a folder of something else.
     """
     if not (config.page or config.auto or config.edit):
-        raise InputError("keys 'page' and 'auto' are both false, so that nothing would be annotated; give auto=true")
+        raise InputError(
+            "keys 'page', 'auto' and 'edit' are all false, so that nothing would be annotated; give auto=true"
+        )
     if config.auto and config.edit:
         raise InputError(
             "keys 'auto' and 'edit' are both true; give edit=true alone, or propose without the annotation"

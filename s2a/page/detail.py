@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import viser
@@ -69,12 +69,12 @@ class Detail:
             self._moved.wait()
             self._moved.clear()
             if not self.fixed:
-                self._all("coarsen")
+                self._each(SceneNodes.coarsen)
             if time.monotonic() - self._refined < AGAIN:
                 self._rest = min(2 * self._rest, LONGEST)
             if self._rests(FIRST if self._first else self._rest) and (not self._load() or self._rests(LOADING)):
                 self._moved.clear()  # its moves have been waited for
-                self._all("refine")
+                self._each(SceneNodes.refine)
                 self._refined = time.monotonic()
 
     def _load(self) -> bool:
@@ -90,6 +90,6 @@ class Detail:
                 return False
         return True
 
-    def _all(self, step: str) -> None:
+    def _each(self, step: Callable[[SceneNodes], None]) -> None:
         for nodes in self._nodes:
-            getattr(nodes, step)()
+            step(nodes)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import torch
 
-from s2a.planner.held_object import HeldObject
+from s2a.planner.held_object import HeldObject, target_in_tool
 from s2a.planner.moved_part import MovedPart
 from s2a.planner.shifted_object import ShiftedObject
 from s2a.planner.trajectory import Trajectory
@@ -23,7 +25,7 @@ class Corrections:
         """
         aligned, picked, shutting = trajectory.aligned, trajectory.picked, trajectory.shutting
         self._shifted = ShiftedObject(sim, trajectory, picked) if picked else None
-        self._held = HeldObject(sim, trajectory, aligned) if aligned else None
+        self._held = HeldObject(sim, trajectory, aligned, partial(target_in_tool, sim)) if aligned else None
         self._moved = MovedPart(sim, trajectory, shutting) if shutting else None
 
     def begin(self, worlds: torch.Tensor) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 import torch
@@ -43,17 +42,16 @@ class HeldObject:
     where it was planned to.
     """
 
-    def __init__(self, sim: Worlds, trajectory: Trajectory, aligned: Aligned, seen: Seen | None = None) -> None:
+    def __init__(self, sim: Worlds, trajectory: Trajectory, aligned: Aligned, seen: Seen) -> None:
         """Find the poses of the tool between seeing it and the release.
 
         Args:
             sim: whose worlds hold one object each.
             trajectory: all of it.
             aligned: when and what.
-            seen: worlds [some] -> poses of their objects in the tool frame, shape [some 4 4]; None: those of the target.
+            seen: worlds [world], bool -> poses of the objects of these in the tool frame, shape [some 4 4].
         """
-        self._seen = seen or partial(target_in_tool, sim)  # type: ignore[arg-type]
-        self._aligned, self._kin = aligned, kinematics(sim.robot)
+        self._seen, self._aligned, self._kin = seen, aligned, kinematics(sim.robot)
         self._added = Added(sim, aligned.ready, aligned.released, _weights(aligned, len(trajectory.targets)))
         self._arm = trajectory.targets[self._added.at, : len(sim.robot.arm_joints)]
         self._tool = self._kin.tool(self._arm)

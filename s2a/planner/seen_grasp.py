@@ -8,7 +8,6 @@ import numpy as np
 import torch
 
 from s2a.articulation import pose_at
-from s2a.planner.knots import between
 from s2a.planner.trajectory import Trajectory
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.tool_path import matrices
@@ -63,7 +62,7 @@ class SeenGrasp:
 
     def __call__(self, step: torch.Tensor) -> torch.Tensor:
         """Return what to add to the arm's targets, shape [world arm], at these steps of the trajectories, shape [world]."""
-        return between(self._moved, self._place[self._stage, step.clamp(0, self._place.shape[1] - 1)])
+        return _between(self._moved, self._place[self._stage, step.clamp(0, self._place.shape[1] - 1)])
 
 
 def _knots(
@@ -84,3 +83,17 @@ def _knots(
     place = np.interp(turned, knots, np.arange(KNOTS))
     place = np.concatenate([place, np.full(longest - len(place), KNOTS - 1.0)])
     return joints, kin.tool(joints), np.linalg.inv(matrices(stage.base[None])) @ grasp, place
+
+
+def _between(moved: torch.Tensor, place: torch.Tensor) -> torch.Tensor:
+    """Return what is added to each world's arm, shape [world arm]; between two poses it changes evenly.
+
+    Args:
+        moved: what is added at each pose, shape [world pose arm].
+        place: where each world is among the poses, 0 or more; beyond the last one is on it; shape [world].
+    """
+    last = moved.shape[1] - 1
+    place = place.clamp(0, last)
+    low = place.floor().long().clamp(max=max(last - 1, 0))
+    world, rest = torch.arange(len(place), device=place.device), (place - low)[:, None]
+    return (1.0 - rest) * moved[world, low] + rest * moved[world, (low + 1).clamp(max=last)]

@@ -19,6 +19,8 @@ from s2a.scene import Joint
 _log = logging.getLogger(__name__)
 
 _KINDS = {"rotation": "revolute", "translation": "prismatic"}
+TYPES = {kind: name for name, kind in _KINDS.items()}
+"""Names in the files of the kinds of joints."""
 _FULL_TURN = 2 * math.pi + 0.01  # [rad]; the slack lets a rounded 6.28319 pass
 _MIN_TURN = math.radians(5.0)  # [rad]; what opens turns by more, which tells 1.57 degrees from 1.57 radians
 _SHORTEST_AXIS = 1e-6  # below this length an axis has no direction worth trusting

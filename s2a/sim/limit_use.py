@@ -5,11 +5,57 @@ from __future__ import annotations
 import torch
 import warp as wp
 
+from s2a.robot.spec import RobotSpec
 from s2a.robot.urdf import position_limits
 from s2a.sim.simulation import Simulation
 
 COMMANDED = ("commanded_velocity", "commanded_acceleration", "commanded_finger_speed")
 MEASURED = ("position", "velocity", "acceleration", "torque", "finger_speed")
+
+
+class Limits:
+    """A robot's limits as tensors."""
+
+    def __init__(self, spec: RobotSpec, device: str) -> None:
+        """Read them; the fingers have one of speed alone."""
+        self._arm, self._finger = len(spec.arm_joints), spec.gripper.finger_speed
+        lower, upper = torch.tensor(position_limits(spec), dtype=torch.float32, device=device)
+        self._middle, self._range = (lower + upper) / 2, (upper - lower) / 2
+        limits = (spec.limits.velocity, spec.limits.acceleration, spec.limits.torque)
+        self._velocity, self._acceleration, self._torque = (
+            torch.tensor(x, dtype=torch.float32, device=device) for x in limits
+        )
+
+    def shares(
+        self,
+        command: torch.Tensor,
+        command_change: torch.Tensor,
+        joints: torch.Tensor,
+        speed: torch.Tensor,
+        speed_change: torch.Tensor,
+        torque: torch.Tensor,
+    ) -> dict[str, torch.Tensor]:
+        """Return the share of each limit that is used, with its sign, by name of COMMANDED and MEASURED; shape [row joint].
+
+        Args:
+            command: speed of the targets of all joints, shape [row joint].
+            command_change: its change a second.
+            joints: positions.
+            speed: of the joints.
+            speed_change: its change a second.
+            torque: of the arm's motors first, shape [row motor].
+        """
+        arm = self._arm
+        return {
+            "commanded_velocity": command[:, :arm] / self._velocity,
+            "commanded_acceleration": command_change[:, :arm] / self._acceleration,
+            "commanded_finger_speed": command[:, arm:] / self._finger,
+            "position": ((joints - self._middle) / self._range)[:, :arm],
+            "velocity": speed[:, :arm] / self._velocity,
+            "acceleration": speed_change[:, :arm] / self._acceleration,
+            "torque": torque[:, :arm] / self._torque,
+            "finger_speed": speed[:, arm:] / self._finger,
+        }
 
 
 class LimitUse:
@@ -24,34 +70,20 @@ class LimitUse:
     def __init__(self, sim: Simulation) -> None:
         """Begin with what the worlds are doing; they count as freshly reset."""
         self._sim, spec = sim, sim.robot
-        self._arm, self._joints = len(spec.arm_joints), len(spec.joints)
+        self._limits, self._joints = Limits(spec, sim.device), len(spec.joints)
         self._rate = 1.0 / (sim.config.dt * sim.config.substeps)
-        lower, upper = torch.tensor(position_limits(spec), dtype=torch.float32, device=sim.device)
-        self._middle, self._range = (lower + upper) / 2, (upper - lower) / 2
-        limits = (spec.limits.velocity, spec.limits.acceleration, spec.limits.torque)
-        self._velocity, self._acceleration, self._torque = (torch.tensor(x, device=sim.device) for x in limits)
-        sizes = {name: 2 if "finger" in name else self._arm for name in (*COMMANDED, *MEASURED)}
+        sizes = {name: 2 if "finger" in name else len(spec.arm_joints) for name in (*COMMANDED, *MEASURED)}
         self.peaks = {name: torch.zeros(size, device=sim.device) for name, size in sizes.items()}
         self._remember()
         self._last_command = torch.zeros_like(self._last_target)
 
     def watch(self, reset: torch.Tensor) -> None:
         """Look at the worlds after a control step; those that were reset in it ([world], bool) only begin again."""
-        arm, finger = self._arm, self._sim.robot.gripper.finger_speed
         target, speed = self._sim.joint_target_q[:, : self._joints], self._sim.joint_qd[:, : self._joints]
         command = torch.where(reset[:, None], 0.0, (target - self._last_target) * self._rate)
         change, gained = (command - self._last_command) * self._rate, (speed - self._last_speed) * self._rate
-        position = (self._sim.joint_q[:, : self._joints] - self._middle) / self._range
-        used = {
-            "commanded_velocity": command[:, :arm] / self._velocity,
-            "commanded_acceleration": change[:, :arm] / self._acceleration,
-            "commanded_finger_speed": command[:, arm:] / finger,
-            "position": position[:, :arm],
-            "velocity": speed[:, :arm] / self._velocity,
-            "acceleration": gained[:, :arm] / self._acceleration,
-            "torque": self._motors()[:, :arm] / self._torque,
-            "finger_speed": speed[:, arm:] / finger,
-        }
+        joints = self._sim.joint_q[:, : self._joints]
+        used = self._limits.shares(command, change, joints, speed, gained, self._motors())
         for name, fraction in used.items():
             seen = torch.where(reset[:, None], 0.0, fraction.abs()).amax(dim=0)
             self.peaks[name] = torch.maximum(self.peaks[name], seen)

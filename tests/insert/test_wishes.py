@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from any_place import any_place
 from rough_furniture import at, block, sheet
 
 from s2a.errors import InputError
@@ -174,6 +175,15 @@ def test_what_is_seen_from_a_sofa_is_before_it_and_not_behind_a_wall() -> None:
     wish = parse_wish("visible from the couch", {i: part.label for i, part in scene.parts.items()})
     assert met(scene, at(CUP, 0.0, 1.2, 0.4), wish.relations[0])
     assert not met(scene, at(CUP, 0.0, 3.5, 0.4), wish.relations[0])
+    # In the line of the eyes, but behind the head: on top of the back.
+    assert not met(scene, at(CUP, 0.0, -0.3, 0.9), wish.relations[0])
+
+
+def test_a_place_is_found_by_trying_all_where_there_is_one_and_nowhere_else() -> None:
+    relations = parse_wish("on the desk, right of the crate", LABELS).relations  # 10 cm are left there
+    found = any_place(room(), CUP, relations)
+    assert found is not None and found == pytest.approx([1.55, 0.4, 0.74], abs=0.2)
+    assert any_place(room(), block(0.3, 0.3, 0.1), relations) is None
 
 
 def test_the_verdict_says_what_holds_and_what_does_not() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from s2a import robot as robots
-from s2a.planner.held_object import HeldObject
+from s2a.planner.held_object import HeldObject, target_in_tool
 from s2a.planner.trajectory import Aligned, Trajectory
 from s2a.robot.kinematics import kinematics
 
@@ -59,7 +60,8 @@ def corrected(slips: list[np.ndarray], looked: bool = True, wrist: float = 0.0) 
     arm = lowering() + [0, 0, 0, 0, 0, 0, wrist]
     targets = np.concatenate([arm, np.zeros((len(arm), 2))], axis=1)
     trajectory = Trajectory(targets, np.zeros(len(arm)), 1, 0)
-    held = HeldObject(holding(slips), trajectory, Aligned(SEEN, READY, RELEASED, BACK, HELD))
+    sim = holding(slips)
+    held = HeldObject(sim, trajectory, Aligned(SEEN, READY, RELEASED, BACK, HELD), partial(target_in_tool, sim))
     if looked:
         held.see(torch.full((len(slips),), SEEN))
     moved = [held(torch.full((len(slips),), step)).numpy() for step in range(len(arm))]

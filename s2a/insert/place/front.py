@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from s2a.geometry.line_of_sight import visible_distance
-from s2a.geometry.mesh_ops import merge, normals
+from s2a.geometry.mesh_ops import normals
 from s2a.geometry.mesh_query import ray_mesh
-from s2a.insert.place.supports import middle_of, nearby
+from s2a.insert.place.supports import middle_of, nearby, target_mesh
 from s2a.scene import Joint, Mesh, Scene
 from s2a.usd.boxes import Box, silhouette, upright_box
 
@@ -36,7 +36,7 @@ def front(scene: Scene, part_id: str) -> np.ndarray:
         part_id: the thing; its descendants belong to it.
     """
     own = [part_id, *scene.descendants(part_id)]
-    mesh = merge([scene.parts[i].mesh for i in own])
+    mesh = target_mesh(scene, part_id)
     box = upright_box(silhouette(mesh.vertices))
     sides = np.array([(np.cos(box.yaw + a), np.sin(box.yaw + a)) for a in np.arange(4) * np.pi / 2])
     closeness = _closeness(scene, own, mesh, box, sides)

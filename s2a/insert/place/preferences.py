@@ -10,7 +10,7 @@ from scipy import ndimage
 from s2a.geometry.line_of_sight import visible_distance
 from s2a.geometry.mesh_query import ray_mesh
 from s2a.geometry.regions import Region
-from s2a.insert.place.supports import nearby, target_mesh
+from s2a.insert.place.supports import is_floor, nearby, target_mesh
 from s2a.ranges import NotNegative, Positive
 from s2a.scene import Joint, Scene
 
@@ -85,9 +85,9 @@ def preferences(
 def floor_height(scene: Scene) -> float:
     """Return the height of the floor [m]: of the part of that name, else of the lowest point."""
     parts = [part for part in scene.parts.values() if len(part.mesh.vertices)]
-    floors = [part for part in parts if part.label.lower() == "floor"]
+    floors = [part.mesh for i, part in scene.parts.items() if is_floor(scene, i) and len(part.mesh.vertices)]
     if floors:
-        return float(np.median(np.concatenate([part.mesh.vertices[:, 2] for part in floors])))
+        return float(np.median(np.concatenate([mesh.vertices[:, 2] for mesh in floors])))
     return min((float(part.mesh.bounds[0, 2]) for part in parts), default=0.0)
 
 

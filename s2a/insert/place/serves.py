@@ -92,14 +92,11 @@ class PlaceServes:
 
     def _visible(self, object: Mesh) -> float:
         """Return the fraction of an object that the room leaves visible to who stands before its support."""
-        points = sample(object, POINTS, seed=0).astype(np.float64)
-        eyes = self._eyes(object)
-        low, high = np.minimum(points.min(axis=0), eyes.min(axis=0)), np.maximum(points.max(axis=0), eyes.max(axis=0))
-        return _seen(nearby(self._scene, low - 0.05, high + 0.05), points, eyes)
+        return float(np.median(visible_from(self._scene, object, self._eyes(object))))
 
     def _covers(self, object: Mesh, thing: Mesh) -> bool:
         """Return True if an object hides much of a thing that stands behind it from who stands straight before that."""
-        return _seen(object, sample(thing, POINTS, seed=0).astype(np.float64), self._eyes(thing)[:1]) < CLEAR
+        return _seen(object, sample(thing, POINTS, seed=0).astype(np.float64), self._eyes(thing)[:1])[0] < CLEAR
 
     def _eyes(self, object: Mesh) -> np.ndarray:
         """Return the places of the eyes that look at an object [m], shape [azimuth 3]."""
@@ -112,20 +109,19 @@ class PlaceServes:
         return np.array([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y])
 
 
-def seen_from(scene: Scene, object: Mesh, eyes: np.ndarray) -> float:
-    """Return the largest fraction of an object in its place that a room leaves visible to one of some eyes [m], [eye 3]."""
+def visible_from(scene: Scene, object: Mesh, eyes: np.ndarray) -> np.ndarray:
+    """Return the fraction of an object in its place that a room leaves visible to each of some eyes [m], [eye 3]; shape [eye]."""
     points = sample(object, POINTS, seed=0).astype(np.float64)
     low, high = np.minimum(points.min(axis=0), eyes.min(axis=0)), np.maximum(points.max(axis=0), eyes.max(axis=0))
-    around = nearby(scene, low - 0.05, high + 0.05)
-    return max(_seen(around, points, eye[None]) for eye in eyes)
+    return _seen(nearby(scene, low - 0.05, high + 0.05), points, eyes)
 
 
-def _seen(obstacles: Mesh, points: np.ndarray, eyes: np.ndarray) -> float:
-    """Return the fraction of points [point 3] that obstacles leave visible, the median over eyes [eye 3]."""
+def _seen(obstacles: Mesh, points: np.ndarray, eyes: np.ndarray) -> np.ndarray:
+    """Return the fraction of points [point 3] that obstacles leave visible to each of some eyes [eye 3], shape [eye]."""
     if not len(obstacles.faces):
-        return 1.0
+        return np.ones(len(eyes))
     rays = ray_mesh(obstacles.vertices, obstacles.faces)
-    return float(np.median([_visible(rays, points, eye) for eye in eyes]))
+    return np.array([_visible(rays, points, eye) for eye in eyes])
 
 
 def _visible(rays: RayMesh, points: np.ndarray, eye: np.ndarray) -> float:

@@ -12,9 +12,10 @@ from scipy.spatial import cKDTree
 
 from s2a.geometry.line_of_sight import visible_distance
 from s2a.geometry.mesh_query import ray_mesh
+from s2a.insert.hints import is_kind_of
 from s2a.insert.place.front import front
 from s2a.insert.place.preferences import floor_height
-from s2a.insert.place.serves import seen_from
+from s2a.insert.place.serves import visible_from
 from s2a.insert.place.supports import target_mesh
 from s2a.insert.wishes.parse import Relation
 from s2a.scene import Mesh, Scene
@@ -27,8 +28,10 @@ OFF_HEIGHT = 0.1
 """Largest error of a height on a wall [m]."""
 SEEN = 0.5
 """Least visible fraction of what is seen from somewhere."""
+SEATS = ("sofa", "armchair", "chair", "bed", "bench", "toilet")
+"""On which one sits, and looks ahead; before all else one sits or stands, and looks around."""
 SITTING, STANDING, BEFORE = 1.15, 1.55, 0.4
-"""Heights of the eyes of who sits or lies somewhere and of who stands before it, and how far before it [m]."""
+"""Heights of the eyes of who sits and of who stands, and how far before a thing [m]."""
 AROUND = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(8) * np.pi / 4])
 
 
@@ -63,7 +66,7 @@ def _holds(scene: Scene, object: Mesh, kind: str, ids: list[str]) -> bool:
     if kind == "against":
         return _gap(object, meshes[0]) <= 2 * CONTACT
     if kind == "seen from":
-        return seen_from(scene, object, _eyes(scene, ids[0], meshes[0])) >= SEEN
+        return _seen_from(scene, object, ids[0], meshes[0])
     if kind in ("top", "bottom"):
         return _carried(object, meshes[0]) and _extreme(object, meshes[0], kind == "top")
     return placed(object.bounds, viewer(scene, ids[0]), object, meshes[0], kind)
@@ -123,17 +126,18 @@ def between(object: Mesh, one: Mesh, other: Mesh) -> bool:
     return bool(0.1 * length < along < 0.9 * length and aside <= max(half, 0.15))
 
 
-def _eyes(scene: Scene, part_id: str, mesh: Mesh) -> np.ndarray:
-    """Return where the eyes of who uses a thing are [m], shape [3 3]: over a seat or a bed, before what is higher."""
+def _seen_from(scene: Scene, object: Mesh, part_id: str, mesh: Mesh) -> bool:
+    """Return True if who uses a thing sees most of an object: over a seat, and ahead of it; else before the thing."""
     toward, floor = viewer(scene, part_id), floor_height(scene)
-    across = np.array([-toward[1], toward[0]])
-    sits = mesh.bounds[1, 2] < floor + SITTING
-    on_axes = mesh.vertices[:, :2] @ np.array([toward, across]).T
-    low, high = on_axes.min(axis=0), on_axes.max(axis=0)
-    along = (low[0] + high[0]) / 2 if sits else high[0] + BEFORE
-    height = floor + (SITTING if sits else STANDING)
+    axes = np.array([toward, (-toward[1], toward[0])])
+    seat = any(is_kind_of(scene.parts[part_id].label, one) for one in SEATS)
+    low, high = (mesh.vertices[:, :2] @ axes.T).min(axis=0), (mesh.vertices[:, :2] @ axes.T).max(axis=0)
+    along = (low[0] + high[0]) / 2 if seat else high[0] + BEFORE
+    height = floor + (SITTING if mesh.bounds[1, 2] < floor + SITTING else STANDING)
     aside = low[1] + np.array([0.25, 0.5, 0.75]) * (high[1] - low[1])
-    return np.array([[*(along * toward + a * across), height] for a in aside])
+    eyes = np.array([[*(axes.T @ (along, a)), height] for a in aside])
+    ahead = float(object.bounds.mean(axis=0)[:2] @ toward) > along
+    return bool((ahead or not seat) and visible_from(scene, object, eyes).max() >= SEEN)
 
 
 def _carrier(scene: Scene, part_id: str) -> str:

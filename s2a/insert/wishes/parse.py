@@ -61,7 +61,7 @@ SEEN = re.compile(
 )
 """Of what is seen from somewhere, in other words, up to the name of that."""
 PEOPLE = re.compile(r"\b(?:who|whoever|whom)\b[^;]*")
-"""What people do says nothing of where the object is: "it should greet people who sit on the couch"."""
+"""What people do else says nothing of where the object is: "for those who like to sit on the couch"."""
 NOT = re.compile(r"\b(?:not|never|don t put it|do not put it)(?: \w+){0,2}$")
 
 

@@ -23,7 +23,7 @@ from s2a.planner.segments import Segments
 from s2a.planner.trajectory import Trajectory, eased
 from s2a.robot.collision import robot_shape
 from s2a.robot.spec import GripperSpec, RobotSpec
-from s2a.robot.urdf import position_limits
+from s2a.sim.limit_use import Limits
 from s2a.sim.soft import RATE, SoftSimulation
 from s2a.sim.soft_body import SoftBody
 from s2a.sim.soft_config import SoftConfig
@@ -132,7 +132,7 @@ def run_trial(
     episode = SoftEpisode(np.array(center), np.array(forces), np.array(gap), depth, RATE)
     found = outcome(episode, trial.goal[:3], metrics)
     seconds = {"simulated": len(targets) / RATE, "built_in": built - begun, "stepped_in": ended - built}
-    used = _limit_use(robot, np.concatenate([first[None], targets]), np.array(joints), np.array(torques))
+    used = _limit_use(robot, first, targets, np.array(joints), np.array(torques))
     return found | {name: round(value, 3) for name, value in seconds.items()} | {"limit_use": used}
 
 
@@ -152,22 +152,21 @@ def _targets(first: np.ndarray, planned: Trajectory) -> np.ndarray:
     return np.concatenate([reach, planned.targets, still])
 
 
-def _limit_use(robot: RobotSpec, targets: np.ndarray, joints: np.ndarray, torques: np.ndarray) -> dict[str, float]:
-    """Return the largest fraction of each limit, of targets and joints [step joint] and torques [step arm]."""
-    arm, limits, finger = len(robot.arm_joints), robot.limits, robot.gripper.finger_speed
-    lower, upper = (each[:arm] for each in position_limits(robot))
-    command, speed = np.diff(targets, axis=0) * RATE, np.diff(joints, axis=0) * RATE
-    used = {
-        "commanded_velocity": command[:, :arm] / limits.velocity,
-        "commanded_acceleration": np.diff(command[:, :arm], axis=0) * RATE / limits.acceleration,
-        "commanded_finger_speed": command[:, arm:] / finger,
-        "position": (2.0 * joints[:, :arm] - lower - upper) / (upper - lower),
-        "velocity": speed[:, :arm] / limits.velocity,
-        "acceleration": np.diff(speed[:, :arm], axis=0) * RATE / limits.acceleration,
-        "torque": torques / limits.torque,
-        "finger_speed": speed[:, arm:] / finger,
-    }
-    return {name: float(np.abs(fraction).max()) for name, fraction in used.items()}
+def _limit_use(
+    robot: RobotSpec, first: np.ndarray, targets: np.ndarray, joints: np.ndarray, torques: np.ndarray
+) -> dict[str, float]:
+    """Return the largest fraction of each limit, of targets and joints [step joint] and torques [step arm].
+
+    Before the first step the robot stands at `first`, shape [joint].
+    """
+
+    def change(values: np.ndarray, before: np.ndarray) -> np.ndarray:
+        return np.diff(values, axis=0, prepend=before[None]) * RATE
+
+    command, speed, rest = change(targets, first), change(joints, first), np.zeros_like(first)
+    rows = (command, change(command, rest), joints, speed, change(speed, rest), torques)
+    shares = Limits(robot, "cpu").shares(*(torch.tensor(each, dtype=torch.float32) for each in rows))
+    return {name: float(share.abs().max()) for name, share in shares.items()}
 
 
 def _tool_frame(body: np.ndarray, robot: RobotSpec) -> np.ndarray:

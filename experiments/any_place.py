@@ -22,8 +22,8 @@ LEVEL = 0.8
 """Least upward component of the normal of what may carry."""
 BOARDS = 10
 """Surfaces below each other that are looked at."""
-ABOVE = 0.003
-"""Gap to what carries [m]."""
+ABOVE = 0.008
+"""Gap to what carries [m]: over the noise of a scan, and below what still counts as carried."""
 
 
 def any_place(scene: Scene, object: Mesh, relations: Sequence[Relation]) -> list[float] | None:

@@ -182,7 +182,8 @@ def test_what_is_seen_from_a_sofa_is_before_it_and_not_behind_a_wall() -> None:
 def test_a_place_is_found_by_trying_all_where_there_is_one_and_nowhere_else() -> None:
     relations = parse_wish("on the desk, right of the crate", LABELS).relations  # 10 cm are left there
     found = any_place(room(), CUP, relations)
-    assert found is not None and found == pytest.approx([1.55, 0.4, 0.74], abs=0.2)
+    assert found is not None
+    assert 1.48 < found[0] < 1.6 and found[2] == pytest.approx(0.74, abs=0.01)
     assert any_place(room(), block(0.3, 0.3, 0.1), relations) is None
 
 

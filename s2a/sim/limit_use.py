@@ -26,7 +26,7 @@ class Limits:
             torch.tensor(x, dtype=torch.float32, device=device) for x in limits
         )
 
-    def shares(
+    def fractions(
         self,
         command: torch.Tensor,
         command_change: torch.Tensor,
@@ -35,7 +35,7 @@ class Limits:
         speed_change: torch.Tensor,
         torque: torch.Tensor,
     ) -> dict[str, torch.Tensor]:
-        """Return the share of each limit that is used, with its sign, by name of COMMANDED and MEASURED; shape [row joint].
+        """Return the fraction of each limit that is used, with its sign, by name of COMMANDED and MEASURED; shape [row joint].
 
         Args:
             command: speed of the targets of all joints, shape [row joint].
@@ -83,7 +83,7 @@ class LimitUse:
         command = torch.where(reset[:, None], 0.0, (target - self._last_target) * self._rate)
         change, gained = (command - self._last_command) * self._rate, (speed - self._last_speed) * self._rate
         joints = self._sim.joint_q[:, : self._joints]
-        used = self._limits.shares(command, change, joints, speed, gained, self._motors())
+        used = self._limits.fractions(command, change, joints, speed, gained, self._motors())
         for name, fraction in used.items():
             seen = torch.where(reset[:, None], 0.0, fraction.abs()).amax(dim=0)
             self.peaks[name] = torch.maximum(self.peaks[name], seen)

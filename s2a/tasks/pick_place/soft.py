@@ -165,8 +165,8 @@ def _limit_use(
 
     command, speed, rest = change(targets, first), change(joints, first), np.zeros_like(first)
     rows = (command, change(command, rest), joints, speed, change(speed, rest), torques)
-    shares = Limits(robot, "cpu").shares(*(torch.tensor(each, dtype=torch.float32) for each in rows))
-    return {name: float(share.abs().max()) for name, share in shares.items()}
+    used = Limits(robot, "cpu").fractions(*(torch.tensor(each, dtype=torch.float32) for each in rows))
+    return {name: float(fraction.abs().max()) for name, fraction in used.items()}
 
 
 def _tool_frame(body: np.ndarray, robot: RobotSpec) -> np.ndarray:

@@ -16,7 +16,7 @@ from s2a.geometry.mesh_ops import merge
 from s2a.geometry.orbit_camera import CameraPose, OrbitCamera
 from s2a.geometry.render import render
 from s2a.insert.context import Inserted
-from s2a.insert.review import image_pose
+from s2a.insert.review import wide_and_close
 from s2a.insert.room_state import RoomState
 from s2a.scene import Scene
 
@@ -57,13 +57,9 @@ def rater_image(scene: Scene, inserted: Inserted, name: str, method: str, folder
     after = Scene(scene.name, {**scene.parts, inserted.placement.part_id: inserted.part}, scene.origin)
     camera = config.load(OrbitCamera, config.compose("view", ["camera=near"])["camera"])
     camera = replace(camera, width=440, height=330, samples=1, backface_culling=False)
-    wide = image_pose(inserted, after, replace(camera, margin=9.0))
-    away = np.subtract(wide.eye, wide.target)
-    size = float(np.linalg.norm(np.ptp(inserted.part.mesh.bounds, axis=0)))
-    nearer = min(1.0, 1.8 * size / float(np.linalg.norm(away)))
-    close = CameraPose(tuple((wide.target + nearer * away).tolist()), wide.target)
+    views = wide_and_close(inserted, after, replace(camera, margin=9.0))
     room = merge([part.mesh for part in after.parts.values()])
-    Image.fromarray(np.concatenate([render([room], view, camera) for view in (wide, close)], axis=1)).save(
+    Image.fromarray(np.concatenate([render([room], view, camera) for view in views], axis=1)).save(
         folder / f"{image}.png"
     )
     key_file = folder / f"key_{method}.json"

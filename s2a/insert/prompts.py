@@ -106,10 +106,11 @@ Example. {"label":"Swingline 747","sides":[7.4,1.5,2.2],"height":2.2,"longest":7
 Answer with the JSON object alone."""
 
 REVIEW = """\
-An object was put into a scanned room by a program. You are given an image of it in its place, in the middle of the image, its
-label, its longest side in metres, and what carries it. Say whether it looks right: is it the right way up, does its front face
-where it should, is its size plausible beside its neighbours, and would a person have put such a thing there? Scans are coarse
-and have holes; judge the object alone, and not how the room was scanned. Small liberties of taste are right.
+An object was put into a scanned room by a program. You are given two images of it in its place, from afar and from near, with
+the object in the middle, its label, its longest side in metres, and what carries it. Say whether it looks right: is it the right
+way up, does its front face where it should, is its size plausible beside its neighbours, and would a person have put such a thing
+there? Scans are coarse and have holes; judge the object alone, and not how the room was scanned. Small liberties of taste are
+right: it is wrong if most people would move or turn it.
 
 Answer with one JSON object:
 - right: true or false;

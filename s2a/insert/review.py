@@ -22,6 +22,9 @@ from s2a.llm.ask import Request, ask, parse
 from s2a.llm.usage_log import Record, step
 from s2a.scene import Scene
 
+CLOSE = 1.8
+"""Distance of the near image, as a multiple of the object's diagonal."""
+
 
 @dataclass(frozen=True)
 class ReviewVerdict:
@@ -67,13 +70,23 @@ def image_pose(inserted: Inserted, scene: Scene, camera: OrbitCamera) -> CameraP
     return viewpoint(scene, inserted.part.mesh, front, camera)
 
 
+def wide_and_close(inserted: Inserted, scene: Scene, camera: OrbitCamera) -> tuple[CameraPose, CameraPose]:
+    """Return two camera poses on an object in its place: one that shows the room about it, and a near one along the same line."""
+    wide = image_pose(inserted, scene, camera)
+    away = np.subtract(wide.eye, wide.target)
+    size = float(np.linalg.norm(np.ptp(inserted.part.mesh.bounds, axis=0)))
+    nearer = min(1.0, CLOSE * size / float(np.linalg.norm(away)))
+    return wide, CameraPose(tuple((wide.target + nearer * away).tolist()), wide.target)
+
+
 def _verdict(context: InsertContext, inserted: Inserted, camera: OrbitCamera) -> ReviewVerdict:
     parts = {**context.room.scene.parts, inserted.placement.part_id: inserted.part}
     scene = Scene(context.room.scene.name, parts, context.room.scene.origin)
-    pixels = render([part.mesh for part in parts.values()], image_pose(inserted, scene, camera), camera)
+    meshes = [part.mesh for part in parts.values()]
+    images = tuple(_png(render(meshes, pose, camera)) for pose in wide_and_close(inserted, scene, camera))
     question = _question(inserted, scene)
     text = prompts.review_question(question)
-    request = Request("review", prompts.REVIEW, (("user", text),), prompts.REVIEW_SCHEMA, question, (_png(pixels),))
+    request = Request("review", prompts.REVIEW, (("user", text),), prompts.REVIEW_SCHEMA, question, images)
     return ask(context.model, request, lambda text: parse(text, ReviewVerdict), context.config.retries, context.usage)
 
 

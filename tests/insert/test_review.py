@@ -7,6 +7,7 @@ import io
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fake_llm import Said, endpoint, message
 from PIL import Image
@@ -32,7 +33,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     }
     geometric.write(Scene("room", parts), folder / "geometric.usd")
     mesh = block(8.0, 8.0, 9.5)
-    lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices] + [f"f {a} {b} {c}" for a, b, c in mesh.faces + 1]
+    lines = [f"v {x} {y} {z} 1 0 0" for x, y, z in mesh.vertices] + [f"f {a} {b} {c}" for a, b, c in mesh.faces + 1]
     (folder / "mug.obj").write_text("\n".join(lines) + "\n")
     return folder
 
@@ -62,17 +63,24 @@ def reviewed(folder: Path, out: Path, monkeypatch: pytest.MonkeyPatch, *answers:
         return json.loads((out / "insert.json").read_text())["objects"][0], there.asked
 
 
-def test_what_looks_right_stays_after_one_look_at_an_image(folder, tmp_path, monkeypatch):
+def mug_pixels(url: str) -> int:
+    """Return the number of red pixels in an image of a message."""
+    png = base64.b64decode(url.removeprefix("data:image/png;base64,"))
+    red, green, blue = np.moveaxis(np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int), -1, 0)
+    return int(((red > 2 * green) & (red > 2 * blue)).sum())
+
+
+def test_what_looks_right_stays_after_one_look_from_afar_and_near(folder, tmp_path, monkeypatch):
     record, requests = reviewed(
         folder, tmp_path / "out", monkeypatch, planned("desk_2"), SIZE, {"right": True, "problem": ""}
     )
     assert record["surface"]["target"] == "desk_2"
     assert record["review"]["right"]
     assert sorted(entry["step"] for entry in record["answers"]) == ["plan", "review", "scale", "script"]
-    text, image = requests[-1]["messages"][1]["content"]
+    text, *images = requests[-1]["messages"][1]["content"]
     assert "mug" in text["text"]
-    png = base64.b64decode(image["image_url"]["url"].removeprefix("data:image/png;base64,"))
-    assert Image.open(io.BytesIO(png)).size[0] > 300
+    wide, close = (mug_pixels(image["image_url"]["url"]) for image in images)
+    assert close > 4 * wide > 0
 
 
 def test_what_does_not_look_right_is_placed_by_one_more_plan(folder, tmp_path, monkeypatch):

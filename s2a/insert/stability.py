@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from s2a.certify.drop_test import DropTestConfig, drop_test
 from s2a.geometry.convex import hull
@@ -28,6 +29,12 @@ SAMPLES = 4000
 """Points sampled on the surface, besides the vertices."""
 QUERY_RADIUS = 0.05
 """Triangles of the room within this distance of the object take part in its drop test [m]."""
+
+ASLANT = float(np.cos(np.radians(25.0)))
+"""Least cosine between the vertical and one of an object's axes, below which it lies on no side."""
+
+LYING = (("on its back", "on its front"), ("on its side", "on its side"), ("the way up it was put", "upside down"))
+"""How an object lies, by its own axis that is vertical, front first, and whether that points down."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +71,21 @@ def drop_check(hulls: HullsConfig, config: DropTestConfig) -> StabilityCheck:
         rest = values.pop("rest")
         if rest is not None and rests_upright(found.tilt, found.drift):
             values["rest"] = rest
+        elif rest is not None and found.tilt > config.tilt:
+            turned = Rotation.from_quat(rest["turn"]) * Rotation.from_quat(candidate.pose.quaternion)
+            values["problem"] = f"{found.problem} and comes to rest {lying(turned)}"
         return {**values, "unstable": bool(unstable)}
 
     return check
+
+
+def lying(turned: Rotation) -> str:
+    """Return in words how an object lies that was upright with its front along +x and has been turned since."""
+    up = turned.inv().apply([0.0, 0.0, 1.0])
+    axis = int(np.abs(up).argmax())
+    if abs(up[axis]) < ASLANT:
+        return "aslant"
+    return LYING[axis][int(up[axis] < 0)]
 
 
 def _hulls(object: Mesh, config: HullsConfig) -> list[Mesh]:

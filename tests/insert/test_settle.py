@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,15 @@ def test_the_next_place_is_taken_where_the_first_one_fails() -> None:
     nothing, reasons = found(falls, candidate(3.5, 0.742))
     assert nothing is None
     assert reasons == ["on table_2: it falls: nothing supports it at all 2 places"]
+
+
+def test_what_falls_over_is_refused_with_the_side_on_which_it_rests() -> None:
+    board = block(0.03, 0.2, 0.3)  # on its long edge, front along x
+    leaning = candidate(0.7, 0.76, tilt=0.0)
+    for angle, side in ((40.0, "on its front"), (-40.0, "on its back")):
+        turn = tuple(Rotation.from_euler("y", angle, degrees=True).as_quat().tolist())
+        _, reasons = found(replace(leaning, pose=replace(leaning.pose, quaternion=turn)), thing=board)
+        assert f"comes to rest {side}" in reasons[0]
 
 
 def test_the_pose_in_which_an_object_rests_is_taken_and_touches_nothing() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -94,9 +94,12 @@ class PageRoom:
 
     def with_inserted(self, ids: tuple[str, ...]) -> PageRoom:
         """Return the room with objects that an insertion put there, which can be hidden: each moves with itself."""
-        known = tuple(i for i in ids if i in self.parts)
-        alone = {i: replace(self.parts[i], mover=i) for i in known if self.parts[i].mover is None}
-        return replace(self, parts=self.parts | alone, inserted=known)
+        return replace(self.with_movers(ids), inserted=tuple(i for i in ids if i in self.parts))
+
+    def with_movers(self, ids: Iterable[str]) -> PageRoom:
+        """Return the room with some parts that stand still, or free objects, each as something that moves with itself."""
+        still = [i for i in ids if i in self.parts and self.parts[i].mover is None]
+        return replace(self, parts=self.parts | {i: replace(self.parts[i], mover=i) for i in still})
 
     def poses(self, q: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Return the displacement [4 4] of every jointed part: scene pose = displacement @ scanned pose.

@@ -224,7 +224,7 @@ def run(config: Config) -> str:
     warn_of_errors(metrics, env)
     if config.export and config.checkpoint:
         export(load_model(env, config.checkpoint), config.checkpoint)
-    _save(config, sim, album, played and played.states(columns.get("success")), recorder)
+    _save(config, sim, album, played.states(columns.get("success")) if played else None, recorder)
     return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *_lines(metrics, names, env.task.VALUES)])
 
 

@@ -75,9 +75,7 @@ def films(path: Path, stage: Path) -> list[Film]:
 
 
 def _film(room: PageRoom, shown: Played, world: PlayedWorld, found: States, k: int) -> Film:
-    speed = max(1.0, world.frames / shown.rate / SECONDS)
-    steps = np.arange(0.0, world.frames, shown.rate * speed / RATE).astype(int)
-    chosen = [*steps, *[world.frames - 1] * round(HELD * RATE)]
+    speed, chosen = timed(world.frames, shown.rate)
     data = encoded(_images(room, shown, world, chosen), RATE)
     ended = {None: "outcome not kept", True: "success", False: "failure"}[found.success[k] if found.success else None]
     opened = [
@@ -86,6 +84,14 @@ def _film(room: PageRoom, shown: Played, world: PlayedWorld, found: States, k: i
     ]
     faster = f"shown {speed:.1f} times as fast" if speed > 1.0 else "in real time"
     return Film(", ".join([f"{world.name}: {ended}", *opened, f"{world.frames / shown.rate:.1f} s", faster]), data)
+
+
+def timed(frames: int, rate: float) -> tuple[float, list[int]]:
+    """Return how many times as fast a video shows some frames, `rate` a second, and which frame each of its images shows."""
+    speed = max(1.0, frames / rate / SECONDS)
+    count = max(1, round(frames / rate / speed * RATE))
+    chosen = (np.arange(count) * rate * speed / RATE).astype(int)
+    return speed, [*np.minimum(chosen, frames - 1).tolist(), *[frames - 1] * round(HELD * RATE)]
 
 
 def _images(room: PageRoom, shown: Played, world: PlayedWorld, frames: list[int]) -> list[np.ndarray]:

@@ -84,6 +84,15 @@ def test_one_video_where_there_is_no_other_outcome_and_a_long_one_is_faster(
     assert len(film.films(write(replace(seen, success=[True] * 3), tmp_path), stage)) == 1
 
 
+@pytest.mark.parametrize("rate", [10.0, 60.0, 62.5])
+def test_the_images_of_a_video_are_frames_in_their_order_up_to_the_last(rate: float) -> None:
+    for frames in (1, 2, 7, 359, 360, 361, 1499, 1500):
+        speed, chosen = film.timed(frames, rate)
+        assert chosen[0] == 0 and chosen[-1] == frames - 1 and (np.diff(chosen) >= 0).all()
+        lasting = len(chosen) / film.RATE - film.HELD
+        assert lasting <= film.SECONDS + 1 / film.RATE and abs(speed * lasting - frames / rate) <= speed / film.RATE
+
+
 def test_noise_is_compressed_until_it_is_small_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     noise = list(np.random.default_rng(0).integers(0, 256, (4, 64, 64, 3), dtype=np.uint8))
     fine = film.encoded(noise, 8)

@@ -148,7 +148,7 @@ def _mp4(images: list[np.ndarray], rate: int, quality: int) -> bytes:
     file = io.BytesIO()
     with av.open(file, "w", format="mp4") as container:
         stream = container.add_stream(
-            "libx264", rate=rate, options={"crf": str(quality), "preset": "slow", "threads": "1"}
+            "libx264", rate=rate, options={"crf": str(quality), "preset": "slow", "g": str(2 * RATE), "threads": "1"}
         )
         stream.height, stream.width = images[0].shape[:2]
         stream.pix_fmt = "yuv420p"

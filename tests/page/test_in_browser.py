@@ -90,7 +90,7 @@ def test_layers_come_and_go(page: browser.Page) -> None:
     page.wait(lambda: len(changed(start, page.image())) == 0, 10.0)
     page.tick("surfaces")
     page.wait(lambda: _shown(page.image()) < 0.03, 10.0)
-    for layer in ("colliders", "grasp regions", "colours by part"):
+    for layer in ("colliders", "grasp regions", "supports", "reach", "colours by part"):
         empty = page.image()
         page.tick(layer)
         page.wait(lambda empty=empty: len(changed(empty, page.image())) > 50, 10.0)

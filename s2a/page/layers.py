@@ -122,7 +122,7 @@ def reach(room: PageRoom) -> Iterator[Node]:
     for part in room.parts.values():
         if len(part.surface.faces):
             near = keep(part.surface, within_reach(room, centroids(part.surface)))
-            pieces.append((part.mover, painted(lifted(near), REACH_COLOR)))
+            pieces.append((part.mover, painted(lifted(near, 2 * LIFT), REACH_COLOR)))  # above supports
     yield from _merged(REACH, pieces)
 
 

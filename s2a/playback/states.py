@@ -32,7 +32,7 @@ class States:
         joints: coordinates of the robot's joints [rad, m], for each world of shape [frame joint].
         parts: coordinates of articulated parts by id [m or rad], for each world of shape [frame].
         objects: poses of free objects by id, for each world of shape [frame 7].
-        success: whether the episode of each world succeeded; None: the file does not say.
+        success: The episode of each world succeeded; None: the file does not say.
     """
 
     rate: float

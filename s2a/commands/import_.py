@@ -135,7 +135,7 @@ def _predictions(config: Config, path: Path, surface: ply.ScanMesh, scene: str) 
         raise InputError(
             f"key 'box' is {list(config.box)}; give a centre, three extents above 0 [m] and an angle [rad]"
         )
-    found = urdf_object.read(path, surface, urdf_object.Box(numbers[:3], numbers[3:6], float(numbers[6])))
+    found = urdf_object.read(path, surface, urdf_object.ObjectBox(numbers[:3], numbers[3:6], float(numbers[6])))
     if not found:
         raise InputError(
             f"{path}: no face of the scan lies near a moving link in the box {list(config.box)}; give the object's box"

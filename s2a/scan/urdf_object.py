@@ -49,7 +49,7 @@ SIDES = np.array(
 
 
 @dataclass(frozen=True)
-class Box:
+class ObjectBox:
     """Where an object stands in a scan.
 
     Attributes:
@@ -80,7 +80,7 @@ class _Joint:
     limits: tuple[float, float] | None
 
 
-def read(path: Path, surface: ScanMesh, box: Box) -> list[Prediction]:
+def read(path: Path, surface: ScanMesh, box: ObjectBox) -> list[Prediction]:
     """Return the moving links of a URDF at its zero pose as predicted parts of a scan; those without a face are left out.
 
     Args:
@@ -212,7 +212,7 @@ def _mesh_file(path: Path, name: str) -> Path:
     return file
 
 
-def _nearest(triangles: Mapping[str, np.ndarray], surface: ScanMesh, box: Box) -> dict[str, np.ndarray]:
+def _nearest(triangles: Mapping[str, np.ndarray], surface: ScanMesh, box: ObjectBox) -> dict[str, np.ndarray]:
     """Return the faces of the scan in a box by the link that is nearest, at most MARGIN away."""
     middle = surface.vertices[surface.faces].mean(axis=1) + surface.origin
     inside = (np.abs((middle - box.center) @ box.axes) <= box.size / 2 + MARGIN).all(axis=1)

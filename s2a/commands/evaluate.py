@@ -224,12 +224,12 @@ def run(config: Config) -> str:
     warn_of_errors(metrics, env)
     if config.export and config.checkpoint:
         export(load_model(env, config.checkpoint), config.checkpoint)
-    _save(config, sim, album, played, recorder)
+    _save(config, sim, album, played.states(columns.get("success")) if played else None, recorder)
     return "\n".join([f"{config.out}: {metrics['episodes']} episodes", *_lines(metrics, names, env.task.VALUES)])
 
 
 def _save(
-    config: Config, sim: Simulation, album: Album, played: states.Watch | None, recorder: Recorder | None
+    config: Config, sim: Simulation, album: Album, played: states.States | None, recorder: Recorder | None
 ) -> None:
     """Write what was watched beside the metrics: images, states, sensors."""
     if config.images:
@@ -237,7 +237,7 @@ def _save(
         album.save(Camera(sim.stage, config.camera), config.images)
     if config.states and played:
         with atomic_write(config.states) as out:
-            states.write(played.states(), out)
+            states.write(played, out)
     if config.recordings and recorder:
         config.recordings.mkdir(parents=True, exist_ok=True)
         recorder.save(config.recordings)

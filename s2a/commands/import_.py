@@ -9,10 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
+
 from s2a.errors import InputError
 from s2a.outputs import atomic_write, refuse_loss
 from s2a.ranges import Above, AtLeast
-from s2a.scan import folder, imported, ply, predicted
+from s2a.scan import folder, imported, ply, predicted, urdf_object
 from s2a.scan import predictions as reader
 
 _log = logging.getLogger(__name__)
@@ -34,7 +36,9 @@ class Config:
         unit: the file's unit; auto: as the file states, or as the room's height tells.
         floor: Move the floor to z 0.
         scan: folder of the scan that predictions belong to.
-        predictions: JSON or pickle file with masks and joints.
+        predictions: JSON or pickle file with masks and joints, or the URDF of one object, which needs box.
+        box: that the object of a URDF fills: centre and extents [m], in the coordinates of the scan's file, and the angle of its
+            x axis about z [rad]; null for other predictions.
         min_score: predictions with a lower score are left out.
         out: folder that is written.
     """
@@ -46,6 +50,7 @@ class Config:
     floor: bool
     scan: Path | None
     predictions: Path | None
+    box: tuple[float, float, float, float, float, float, float] | None
     min_score: Annotated[float, AtLeast(0.0, 1.0)]
     out: Path
 
@@ -95,7 +100,7 @@ def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
     files = folder.find_bare(scan)
     refuse_loss(config.out, PREDICTED, [files.mesh, predictions])
     surface = ply.read(files.mesh)
-    found = reader.read(predictions, surface, files.name)
+    found = _predictions(config, predictions, surface, files.name)
     kept = predicted.choose(found, config.min_score, OVERLAP)
     if not kept:
         scores = f"; the best score is {max(one.score for one in found):.3g}: give min_score=" if found else ""
@@ -115,6 +120,27 @@ def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
     handles = sum(len(one.handle) > 0 for one in kept)
     counts = f"{len(kept)} of {len(found)} predictions ({kinds}), {handles} with a handle"
     return f"{config.out}: {counts}; next: s2a check scan={config.out}"
+
+
+def _predictions(config: Config, path: Path, surface: ply.ScanMesh, scene: str) -> list[reader.Prediction]:
+    """Return what a file predicts; a URDF is fitted into its box."""
+    is_urdf = path.suffix.lower() == urdf_object.SUFFIX
+    if is_urdf != (config.box is not None):
+        problem = "is a URDF, and key 'box' is null" if is_urdf else "is no URDF, and key 'box' is given"
+        raise InputError(f"{path} {problem}; a URDF needs box=[x,y,z,sx,sy,sz,yaw], other predictions none")
+    if config.box is None:
+        return reader.read(path, surface, scene)
+    numbers = np.array(config.box)
+    if not np.isfinite(numbers).all() or (numbers[3:6] <= 0.0).any():
+        raise InputError(
+            f"key 'box' is {list(config.box)}; give a centre, three extents above 0 [m] and an angle [rad]"
+        )
+    found = urdf_object.read(path, surface, urdf_object.ObjectBox(numbers[:3], numbers[3:6], float(numbers[6])))
+    if not found:
+        raise InputError(
+            f"{path}: no face of the scan lies near a moving link in the box {list(config.box)}; give the object's box"
+        )
+    return found
 
 
 def _segments(files: folder.BareFiles) -> list[tuple[Path, str]]:

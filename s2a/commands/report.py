@@ -7,7 +7,7 @@ from pathlib import Path
 
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
-from s2a.report.document import images
+from s2a.report.document import images, videos
 from s2a.report.read import read
 
 
@@ -19,11 +19,15 @@ class Config:
         path: a run's folder, a folder of runs, a result file, or a validation report.
         out: the HTML file to write.
         images: further images to show, PNG, JPEG, WebP or GIF.
+        states: of s2a evaluate, or a dataset of s2a collect, of which one success and one failure are shown as videos; or null.
+        stage: the room of the states, or null.
     """
 
     path: Path
     out: Path
     images: tuple[Path, ...]
+    states: Path | None
+    stage: Path | None
 
 
 def run(config: Config) -> str:
@@ -37,9 +41,20 @@ def run(config: Config) -> str:
     if missing := [file for file in config.images if not file.is_file()]:
         raise InputError(f"key 'images': {missing[0]} is not a file; give images=[FILE.png,...]")
     document = read(config.path)
-    if config.images:
-        document = replace(document, sections=(*document.sections, ("Images", images(config.images))))
+    further = [("Videos", _videos(config.states, config.stage))] if config.states or config.stage else []
+    further += [("Images", images(config.images))] if config.images else []
+    document = replace(document, sections=(*document.sections, *further))
     with atomic_write(config.out) as file:
         file.write_text(document.html())
         size = file.stat().st_size
     return f"{config.out}: {document.title}; {size / 1000:.0f} kB"
+
+
+def _videos(states: Path | None, stage: Path | None) -> str:
+    """Return the videos of a file of states as HTML; InputError where it or its room is missing, or damaged."""
+    if not states or not stage:
+        given, missing = ("states", "stage=ROOM.usd") if states else ("stage", "states=FILE.npz")
+        raise InputError(f"key {given!r} is given alone; a video needs both: give {missing}, too")
+    from s2a.playback.film import films  # of the extras "sim" and "collect"
+
+    return videos((film.caption, film.data) for film in films(states, stage))

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from s2a import config
 from s2a.articulation import open_limit, opening_sign
-from s2a.geometry.mesh_ops import merge, painted
+from s2a.geometry.convex import column
+from s2a.geometry.mesh_ops import centroids, keep, merge, painted
+from s2a.geometry.support_planes import PlaneConfig, horizontal_planes
 from s2a.page.light import vertex_normals
 from s2a.page.palette import hue
 from s2a.page.room import Extra, PageRoom
@@ -16,8 +19,11 @@ from s2a.scene import Joint, Mesh
 
 SURFACES, BY_PART, GRASPS, AXES = "surfaces", "colours by part", "grasp regions", "joint axes"
 COLLIDERS, WALLS = "colliders", "colliders of walls"
-LAYERS = (SURFACES, BY_PART, COLLIDERS, WALLS, GRASPS, AXES)
+SUPPORTS, REACH = "supports", "reach"
+LAYERS = (SURFACES, BY_PART, COLLIDERS, WALLS, GRASPS, AXES, SUPPORTS, REACH)
 """What can be shown and hidden, by its caption."""
+LARGE = (SUPPORTS, REACH)
+"""Layers that repeat much of the surfaces: a file does without them."""
 LIFT = 0.003
 """[m] A region is drawn so far above the surface that it lies on, lest both flicker."""
 MARGIN = 0.08
@@ -25,6 +31,11 @@ MARGIN = 0.08
 MIN_ARROW = 0.1
 """[m] An arrow is so long at least."""
 REGION_COLOR = (255, 96, 32)
+SUPPORT_COLOR = (40, 150, 220)
+REACH_COLOR, FREE_COLOR, NOT_FREE_COLOR = (250, 190, 40), (40, 160, 70), (190, 40, 40)
+"""Of what is within reach, and of a base from which the arm reaches along the part's whole path, or does not."""
+PLANES = "insert/placement"
+"""The file of the configuration that says what of a surface is level, and how large."""
 STILL = "room"
 """Name of what moves with no joint."""
 
@@ -88,6 +99,48 @@ def grasps(room: PageRoom) -> Iterator[Node]:
     """Yield the grasp regions, a little above their surface."""
     regions = [(region.mover, painted(lifted(region.mesh), REGION_COLOR)) for region in room.grasps]
     yield from _merged(GRASPS, regions)
+
+
+def supports(room: PageRoom) -> Iterator[Node]:
+    """Yield the level surfaces of what stands still that look up: those on which `s2a insert` puts objects, occupied or not."""
+    values = config.file(PLANES)["regions"]
+    planes = config.load(PlaneConfig, values["plane"])
+    found = [_level(part.surface, planes, values["min_area"]) for part in room.parts.values() if part.mover is None]
+    yield from _merged(SUPPORTS, [(None, painted(lifted(mesh), SUPPORT_COLOR)) for mesh in found])
+
+
+def reach(room: PageRoom) -> Iterator[Node]:
+    """Yield a column where each robot stands, up to its shoulder, and all surfaces, at the scanned pose, within an arm's length.
+
+    A surface counts if the middle of its face is no farther from a shoulder than the stretched arm; what is in between is not
+    asked for.
+    """
+    pieces: list[tuple[str | None, Mesh]] = []
+    for stand in room.stands:
+        post = column(stand.position, stand.radius, float(stand.shoulder[2] - stand.position[2]))
+        pieces.append((None, painted(post, FREE_COLOR if stand.free else NOT_FREE_COLOR)))
+    for part in room.parts.values():
+        if len(part.surface.faces):
+            near = keep(part.surface, within_reach(room, centroids(part.surface)))
+            pieces.append((part.mover, painted(lifted(near, 2 * LIFT), REACH_COLOR)))  # above supports
+    yield from _merged(REACH, pieces)
+
+
+def within_reach(room: PageRoom, points: np.ndarray) -> np.ndarray:
+    """Return which points [point 3] [m] the stretched arm of any robot comes to, shape [point]."""
+    found = np.zeros(len(points), bool)
+    for stand in room.stands:
+        found |= np.linalg.norm(points - stand.shoulder, axis=1) <= stand.reach
+    return found
+
+
+def _level(mesh: Mesh, planes: PlaneConfig, min_area: float) -> Mesh:
+    """Return the level patches of a surface that look up and have an area [m^2]."""
+    if not len(mesh.faces):
+        return mesh
+    patches = [plane.faces for plane in horizontal_planes(mesh, planes)]
+    large = [faces for faces in patches if mesh.face_areas[faces].sum() >= min_area]
+    return keep(mesh, np.concatenate([np.zeros(0, int), *large]))
 
 
 def arrows(room: PageRoom) -> Iterator[Arrow]:

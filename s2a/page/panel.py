@@ -151,6 +151,8 @@ def offered(room: PageRoom) -> list[str]:
         layers.WALLS: not any(hull.structure for hull in room.colliders),
         layers.GRASPS: not room.grasps,
         layers.AXES: not room.joints,
+        layers.SUPPORTS: room.boxes,
+        layers.REACH: not room.stands,
     }
     return [layer for layer in layers.LAYERS if not empty.get(layer, False)]
 

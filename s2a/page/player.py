@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 import viser
@@ -151,8 +150,7 @@ class _World:
     ) -> None:
         scene.add_frame(root, show_axes=False, position=at)
         scene.add_label(f"{root}/name", world.name, position=_above(room))
-        alone = {i: replace(part, mover=i) if i in world.moved else part for i, part in room.parts.items()}
-        room = replace(room, parts=alone)
+        room = room.with_movers(world.moved)
         self.nodes = SceneNodes(scene, room, root, coarse(room, len(played.worlds)))
         self._room, self._world = room, world
         self._links = [

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
+from s2a import config
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import keep
-from s2a.page.room import Extra, PagePart, PageRoom
+from s2a.page.room import Extra, PagePart, PageRoom, Stand
 from s2a.scene import Mesh, Scene
 from s2a.usd import any_room
 from s2a.usd.descriptive import DescribedPart
@@ -74,6 +75,7 @@ def of_sim_room(room: SimRoom) -> PageRoom:
             + [Extra(collider.part, None, collider.mesh, collider.structure) for collider in room.static_colliders]
         ),
         tuple(Extra(i, i, part.grasp.region) for i, part in room.articulations.items()),
+        stands=tuple(_stands(room)),
     )
 
 
@@ -129,6 +131,17 @@ def _static(room: SimRoom) -> dict[str, Mesh]:
     ends = np.searchsorted(owners[order], np.arange(len(room.static_parts) + 1))
     faces = {part: order[ends[i] : ends[i + 1]] for i, part in enumerate(room.static_parts)}
     return {part: keep(visual, those) for part, those in faces.items() if len(those)}
+
+
+def _stands(room: SimRoom) -> Iterator[Stand]:
+    """Yield where robots stand whose sizes a file of conf/robot tells."""
+    for part, articulation in room.articulations.items():
+        for robot, base in articulation.bases.items():
+            if (config.folder() / "robot" / f"{robot}.yaml").is_file():
+                size = config.file(f"robot/{robot}")["base"]
+                foot = np.array(base.position)
+                shoulder = foot + [0.0, 0.0, size["shoulder_height"]]
+                yield Stand(part, foot, shoulder, size["reach"], size["radius"], base.free)
 
 
 def _described_mover(parts: Mapping[str, DescribedPart], part: str | None) -> str | None:

@@ -10,6 +10,7 @@ import viser
 
 from s2a.articulation import open_limit
 from s2a.geometry.orbit_camera import CameraPose
+from s2a.page.layers import LARGE
 from s2a.page.panel import first, offered
 from s2a.page.room import PageRoom, unit
 from s2a.page.scene_nodes import SceneNodes
@@ -37,7 +38,7 @@ def write(room: PageRoom, view: CameraPose, fov: float, path: Path) -> None:
     try:
         set_up(server, view, fov)
         nodes = SceneNodes(server.scene, room)
-        for layer in offered(room):
+        for layer in (each for each in offered(room) if each not in LARGE):
             nodes.show(layer)
             nodes.show(layer, layer == first(room))
         names = {part: server.scene.add_label(f"/names/{part}", part, visible=False) for part in room.joints}

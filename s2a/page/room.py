@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -51,6 +51,27 @@ class Extra:
 
 
 @dataclass(frozen=True)
+class Stand:
+    """Where a robot stands to open a part.
+
+    Attributes:
+        part: id of the part.
+        position: of its base [m], scene coordinates, shape [3].
+        shoulder: of the axis about which the arm lifts first [m], scene coordinates, shape [3].
+        reach: of the stretched arm, from the shoulder to the gripper body [m].
+        radius: of the column that base and shoulder fill [m].
+        free: The arm reaches along the part's whole path, and collides with nothing.
+    """
+
+    part: str
+    position: np.ndarray
+    shoulder: np.ndarray
+    reach: float
+    radius: float
+    free: bool
+
+
+@dataclass(frozen=True)
 class PageRoom:
     """Everything that a page shows.
 
@@ -60,6 +81,7 @@ class PageRoom:
         carriers: for each jointed part, the id of the jointed part that it hangs on, or None.
         colliders: convex hulls; none but in a simulation-ready stage.
         grasps: where a gripper grasps each jointed part.
+        stands: where a robot stands to open the jointed parts; none but in a simulation-ready stage.
         boxes: The surfaces are the boxes of a description, which are shown translucent.
         notes: what a validation report or an insertion says of parts, by their ids: names and values.
         inserted: ids of the objects that an insertion put there, in its order; their notes are its steps.
@@ -73,6 +95,7 @@ class PageRoom:
     boxes: bool = False
     notes: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     inserted: tuple[str, ...] = ()
+    stands: tuple[Stand, ...] = ()
 
     @cached_property
     def joints(self) -> dict[str, Joint]:
@@ -94,9 +117,12 @@ class PageRoom:
 
     def with_inserted(self, ids: tuple[str, ...]) -> PageRoom:
         """Return the room with objects that an insertion put there, which can be hidden: each moves with itself."""
-        known = tuple(i for i in ids if i in self.parts)
-        alone = {i: replace(self.parts[i], mover=i) for i in known if self.parts[i].mover is None}
-        return replace(self, parts=self.parts | alone, inserted=known)
+        return replace(self.with_movers(ids), inserted=tuple(i for i in ids if i in self.parts))
+
+    def with_movers(self, ids: Iterable[str]) -> PageRoom:
+        """Return the room with some parts that stand still, or free objects, each as something that moves with itself."""
+        still = [i for i in ids if i in self.parts and self.parts[i].mover is None]
+        return replace(self, parts=self.parts | {i: replace(self.parts[i], mover=i) for i in still})
 
     def poses(self, q: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Return the displacement [4 4] of every jointed part: scene pose = displacement @ scanned pose.

@@ -19,6 +19,8 @@ MAKERS = {
     COLLIDERS: layers.colliders,
     WALLS: layers.walls,
     GRASPS: layers.grasps,
+    layers.SUPPORTS: layers.supports,
+    layers.REACH: layers.reach,
 }
 TRANSLUCENT = 0.3
 """Opacity of a description's boxes."""

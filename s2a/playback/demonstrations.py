@@ -58,6 +58,7 @@ def read(root: Path, first: int, count: int) -> States:
                 part: [each["observation.objects"][:, POSE * i : POSE * (i + 1)] for each in episodes]
                 for i, part in enumerate(objects)
             },
+            [True] * len(chosen),  # others are not kept
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{root}: no LeRobotDataset of s2a collect that can be played ({error!r})") from error

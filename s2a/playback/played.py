@@ -41,13 +41,44 @@ def read(path: Path, stage: Path, first: int, count: int) -> States:
         InputError: another file, no such world, or another room.
     """
     found = demonstrations.read(path, first, count) if path.is_dir() else _some(states.read(path), path, first, count)
-    if found.sha256 != layer_hash(stage):
-        raise InputError(f"{stage} is not the room that {path} is of, or was prepared again")
+    _check_room(found, path, stage)
     return found
 
 
+def one_of_each(path: Path, stage: Path) -> States:
+    """Read the first world that succeeded and the first that did not; the first one where a file does not say which did.
+
+    Args:
+        path: a file of states, or a dataset.
+        stage: the room's file.
+
+    Raises:
+        InputError: another file, or another room.
+    """
+    every = demonstrations.read(path, 0, 1) if path.is_dir() else states.read(path)
+    _check_room(every, path, stage)
+    outcomes = every.success or [True]
+    return every.of_worlds([outcomes.index(value) for value in (True, False) if value in outcomes])
+
+
+def _check_room(found: States, path: Path, stage: Path) -> None:
+    """Raise an InputError unless states are of a room."""
+    if found.sha256 != layer_hash(stage):
+        raise InputError(f"{stage} is not the room that {path} is of, or was prepared again")
+
+
 def of_states(found: States, room: SimRoom) -> Played:
-    """Return what a page plays of states in a room."""
+    """Return what a page plays of states in a room.
+
+    Raises:
+        InputError: coordinates of another robot, or parts that the room does not have.
+    """
+    if other := {*found.parts} - {*room.articulations} | {*found.objects} - {*room.free}:
+        raise InputError(f"{room.name} has no part {min(other)!r} that moves; give the room that the states are of")
+    if (count := len(robot.load(found.robot).joints)) != found.joints[0].shape[-1]:
+        raise InputError(
+            f"the states have {found.joints[0].shape[-1]} joints, and {found.robot} has {count}; evaluate again"
+        )
     with wp.ScopedDevice("cpu"):
         builder = newton.ModelBuilder()
         newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
@@ -72,16 +103,7 @@ def _some(every: States, path: Path, first: int, count: int) -> States:
         raise InputError(
             f"{path} has {len(every.names)} worlds; there is none with index {first}: give a smaller 'first'"
         )
-    return States(
-        every.rate,
-        every.robot,
-        every.base,
-        every.sha256,
-        every.names[chosen],
-        every.joints[chosen],
-        {part: each[chosen] for part, each in every.parts.items()},
-        {part: each[chosen] for part, each in every.objects.items()},
-    )
+    return every.of_worlds(range(len(every.names))[chosen])
 
 
 def _links(builder: newton.ModelBuilder) -> tuple[list[int], list[Mesh]]:

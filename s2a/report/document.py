@@ -32,7 +32,7 @@ table.dense { font-size: 12px }
 .info, .skipped { color: #6e7781 }
 .grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(26rem, 100%), 1fr)); gap: 1rem 2rem }
 figure { margin: 0 }
-figure img, figure svg { width: 100%; max-width: 44rem; height: auto }
+figure img, figure video, figure svg { width: 100%; max-width: 44rem; height: auto }
 figcaption { color: #57606a; font-size: .9em }
 .legend { display: flex; flex-wrap: wrap; gap: .1rem 1.2rem; font-size: .9em }
 .legend i { display: inline-block; width: 1.4em; height: 3px; margin-right: .4em; vertical-align: middle }
@@ -120,6 +120,24 @@ def images(files: Iterable[Path]) -> str:
     return f"<div class='grid'>{''.join(figures)}</div>"
 
 
+def videos(films: Iterable[tuple[str, bytes]]) -> str:
+    """Return videos, embedded, with their captions below.
+
+    Args:
+        films: caption in plain text, and the bytes of an mp4 file, of each.
+    """
+    figures = (
+        f"<figure><video controls muted playsinline preload='auto' src='{_data('video/mp4', data)}'></video>"
+        f"<figcaption>{text(caption)}</figcaption></figure>"
+        for caption, data in films
+    )
+    return f"<div class='grid'>{''.join(figures)}</div>"
+
+
+def _data(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
 def _embedded(file: Path) -> str:
     if (size := file.stat().st_size) > MAX_IMAGE:
         raise InputError(
@@ -129,4 +147,4 @@ def _embedded(file: Path) -> str:
     kind = next((kind for magic, kind in MAGIC.items() if data.startswith(magic)), None)
     if kind is None:
         raise InputError(f"{file}: not an image; give PNG, JPEG, WebP or GIF files")
-    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+    return _data(kind, data)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -38,15 +38,20 @@ def viewpoint(stage: SimStage, distance: float, azimuth: float, elevation: float
     back = base - grasp
     shoulder = base + [0.0, 0.0, robot.load(stage.robot).base.shoulder_height]
     seen = np.stack([grasp, grasp + 0.15 * back / np.linalg.norm(back), shoulder])
-    room = _obstacles(stage)
-    best, most = middle, -1
-    for place in _places(middle, float(np.arctan2(back[1], back[0])), distance, azimuth, elevation):
+    places = places_around(middle, float(np.arctan2(back[1], back[0])), distance, azimuth, elevation)
+    return first_free(places, seen, _obstacles(stage)), middle
+
+
+def first_free(places: Iterable[np.ndarray], seen: np.ndarray, room: np.ndarray) -> np.ndarray:
+    """Return the first place [3] from which all points [point 3] are seen past triangles [face 3 3], else the best."""
+    best, most = np.zeros(3), -1
+    for place in places:
         free = sum(not blocked(place, point, room) for point in seen)
         if free > most:
             best, most = place, free
         if most == len(seen):
             break
-    return best, middle
+    return best
 
 
 def blocked(start: np.ndarray, end: np.ndarray, triangles: np.ndarray) -> bool:
@@ -71,10 +76,18 @@ def blocked(start: np.ndarray, end: np.ndarray, triangles: np.ndarray) -> bool:
         return bool(((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < 1)).any())
 
 
-def _places(
+def places_around(
     middle: np.ndarray, heading: float, distance: float, azimuth: float, elevation: float
 ) -> Iterator[np.ndarray]:
-    """Yield places around a point, the asked one first."""
+    """Yield places around a point [m], shape [3] each, the requested one first; they come nearer and go to other sides.
+
+    Args:
+        middle: the point [m], shape [3].
+        heading: angle about z of the direction from the point to a camera without azimuth [rad].
+        distance: of the first ones [m].
+        azimuth: to the side of the heading [rad].
+        elevation: above the horizon [rad].
+    """
     for near, high, around in itertools.product(NEARER, HIGHER, AZIMUTHS):
         turn, up = heading + around * azimuth, min(high * elevation, 1.4)
         level = np.array([np.cos(turn), np.sin(turn), 0.0]) * np.cos(up)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ pytest.importorskip("viser", reason="viser is not installed")
 
 from s2a import cli  # noqa: E402
 from s2a.geometry.orbit_camera import CameraPose  # noqa: E402
-from s2a.page import detail, read, serve  # noqa: E402
+from s2a.page import detail, notes, read, serve  # noqa: E402
 
 pytestmark = [
     pytest.mark.browser,
@@ -90,7 +92,7 @@ def test_layers_come_and_go(page: browser.Page) -> None:
     page.wait(lambda: len(changed(start, page.image())) == 0, 10.0)
     page.tick("surfaces")
     page.wait(lambda: _shown(page.image()) < 0.03, 10.0)
-    for layer in ("colliders", "grasp regions", "colours by part"):
+    for layer in ("colliders", "grasp regions", "supports", "reach", "colours by part"):
         empty = page.image()
         page.tick(layer)
         page.wait(lambda empty=empty: len(changed(empty, page.image())) > 50, 10.0)
@@ -127,6 +129,64 @@ def test_all_faces_are_there_when_the_camera_rests(
                 time.sleep(2 * detail.REST)
                 assert len(changed(images[0], visitor.image())) > 20
             visitor.open("about:blank")
+    assert visitor.errors() == []
+
+
+@pytest.fixture
+def insertion(tmp_path: Path) -> Path:
+    """Write what an insertion of two objects leaves, one of which comes after the other, and one that found no place."""
+    cubes = [free_cube(name, (0.0, y, 0.852), 0.1, 0.2) for name, y in (("mug_9", 0.2), ("book_10", -0.2))]
+    write_cabinet(tmp_path / "insert.usda", free=cubes)
+    steps = [
+        {
+            "id": name,
+            "problem": "",
+            "hint": hint,
+            "pose": {"position": [0.0, y, 0.8]},
+            "verify": {"drift": 0.001, "tilt": 0.0},
+        }
+        for name, y, hint in (("mug_9", 0.2, "left"), ("book_10", -0.2, "right"))
+    ]
+    (tmp_path / "insert.json").write_text(json.dumps({"objects": [*steps, {"id": "", "problem": "no place"}]}))
+    return tmp_path
+
+
+def test_the_slider_of_an_insertion_brings_its_objects_one_after_the_other(
+    insertion: Path, visitor: browser.Page
+) -> None:
+    stage, noted = notes.of_path(insertion)
+    room = replace(read.read(stage), notes=noted).with_inserted(notes.inserted(insertion, noted))
+    places = {name: pixel(np.array([0.0, y, 0.852])) for name, y in (("mug_9", 0.2), ("book_10", -0.2))}
+
+    def seen(before: np.ndarray) -> list[str]:
+        """Return which objects are not as they were at first, by the middle of each in the image."""
+        differs = {tuple(place) for place in changed(before, visitor.image())}
+        return [name for name, place in places.items() if tuple(np.rint(place).astype(int)) in differs]
+
+    with serve.served(room, CameraPose(tuple(EYE), tuple(TARGET)), FOV, 8400) as address:
+        visitor.open(address)
+        visitor.wait(lambda: "Notes (2)" in visitor.text(), 30.0)
+        visitor.wait(lambda: _shown(visitor.image()) > 0.1, 30.0)
+        visitor.press("Notes")
+        visitor.type("step", 0)
+        visitor.wait(lambda: "nothing is inserted yet" in visitor.text(), 10.0)
+        time.sleep(1.0)
+        empty = visitor.image()
+        # Each object has the steps hint, place and rest: it is there from its second step on.
+        for step, there in (
+            (1, []),
+            (2, ["mug_9"]),
+            (3, ["mug_9"]),
+            (4, ["mug_9"]),
+            (5, ["mug_9", "book_10"]),
+            (0, []),
+        ):
+            visitor.type("step", step)
+            visitor.wait(lambda there=there: seen(empty) == there, 10.0)
+        visitor.type("step", 6)
+        visitor.wait(lambda: seen(empty) == ["mug_9", "book_10"], 10.0)
+        browser.assert_readable(visitor, WIDTH)
+        visitor.open("about:blank")
     assert visitor.errors() == []
 
 

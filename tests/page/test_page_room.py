@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from cabinet import free_cube, write_cabinet
 
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
-from s2a.page import layers, rows
+from s2a.page import layers, panel, rows
 from s2a.page.rays import pick
 from s2a.page.read import of_scene, of_sim_room, read
 from s2a.page.room import Coordinates, PageRoom, unit
@@ -207,3 +208,36 @@ def test_static_faces_go_back_to_their_parts() -> None:
     assert page.parts["wall_2"].surface.bounds.tolist() == wall.bounds.tolist()
     assert page.parts["wall_2"].label == "wall"
     assert of_sim_room(SimRoom("one", {}, {}, both, ())).parts["static"].surface == both
+
+
+def test_supports_are_what_looks_up_and_is_level_of_what_stands_still() -> None:
+    slope = Mesh(np.array([(0.0, 0, 3), (1, 0, 3), (1, 1, 4), (0, 1, 4)]), np.array([(0, 1, 2), (0, 2, 3)]))
+    joint = Joint("prismatic", (0.0, 1.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.3))
+    shelf, speck = usd_room.box((0.0, 0.0, 1.0), (0.8, 0.4, 0.02)), usd_room.box((2.0, 0.0, 1.0), (0.02, 0.02, 0.02))
+    parts = {"shelf_1": Part("shelf", shelf), "slope_2": Part("slope", slope), "speck_3": Part("speck", speck)}
+    parts["drawer_4"] = Part("drawer", usd_room.box((0.0, 2.0, 1.0), (0.8, 0.4, 0.02)), "shelf_1", joint)
+    (node,) = layers.supports(of_scene(Scene("room", parts)))
+    assert node.mover is None and node.mesh.face_areas.sum() == pytest.approx(0.8 * 0.4, rel=0.02)
+    np.testing.assert_allclose(node.mesh.vertices[:, 2], 1.01 + layers.LIFT, atol=layers.LIFT + 1e-6)
+
+
+def test_reach_is_what_the_stretched_arm_comes_to_and_moves_with_its_part(tmp_path: Path) -> None:
+    page = read(write_cabinet(tmp_path / "sim.usd"))
+    (stand,) = page.stands
+    assert stand.part == "drawer_2" and stand.free and stand.reach == 0.855
+    away = np.array([stand.shoulder + [x, 0.0, 0.0] for x in (-0.85, 0.85, -0.86, 0.86)])
+    np.testing.assert_array_equal(layers.within_reach(page, away), [True, True, False, False])
+    nodes = {node.mover: node.mesh for node in layers.reach(page)}
+    assert set(nodes) == {None, "drawer_2"}
+    middle = nodes["drawer_2"].vertices[nodes["drawer_2"].faces].mean(axis=1)
+    assert (np.linalg.norm(middle - stand.shoulder, axis=1) <= stand.reach + 4 * layers.LIFT).all()
+    posts = nodes[None].vertices[(nodes[None].colors == layers.FREE_COLOR).all(axis=1)]
+    np.testing.assert_allclose(
+        (posts[:, 2].min(), posts[:, 2].max()), (stand.position[2], stand.shoulder[2]), atol=1e-6
+    )
+
+
+def test_a_scan_has_supports_and_no_reach_and_a_description_neither(room: PageRoom, tmp_path: Path) -> None:
+    assert layers.SUPPORTS in panel.offered(room) and layers.REACH not in panel.offered(room)
+    boxes = replace(room, boxes=True)
+    assert not {layers.SUPPORTS, layers.REACH} & set(panel.offered(boxes))

@@ -135,7 +135,7 @@ def test_controls_take_every_range(server: viser.ViserServer, limits: tuple[floa
 def test_a_room_without_joints_or_surfaces_has_a_page(server: viser.ViserServer) -> None:
     still = of_scene(Scene("still", {"wall_1": Part("wall", usd_room.box((0, 0, 0), (1, 1, 1)))}))
     panel.Panel(server, scene_nodes.SceneNodes(server.scene, still))
-    assert panel.offered(still) == [layers.SURFACES, layers.BY_PART]
+    assert panel.offered(still) == [layers.SURFACES, layers.BY_PART, layers.SUPPORTS]
 
 
 def test_the_recording_opens_every_joint_once_and_closes_it(room: PageRoom) -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 browser = pytest.importorskip("browser", reason="selenium is not installed", exc_type=ImportError)
 
+from s2a.report import document  # noqa: E402
 from s2a.report.read import read  # noqa: E402
 
 pytestmark = [
@@ -19,7 +21,7 @@ RESULTS = Path(__file__).parents[2] / "experiments/results"
 NAMES = ("planner_room_office", "bench_pretrained", "reward_ablation", "many_parts_training", "insertion_rules")
 CUT = """
 const cut = [], width = document.documentElement.clientWidth;
-for (const e of document.querySelectorAll('h1, h2, p, td, th, table, figure, img, .legend')) {
+for (const e of document.querySelectorAll('h1, h2, p, td, th, table, figure, img, video, .legend')) {
   const r = e.getBoundingClientRect();
   if (r.right > width || r.left < 0 || e.scrollWidth > e.clientWidth + 1) cut.push(e.tagName + ' ' + e.textContent.slice(0, 40));
 }
@@ -42,5 +44,23 @@ def test_a_report_fits_its_window(name: str, visitor: browser.Page, tmp_path: Pa
     file = tmp_path / "report.html"
     file.write_text(read(RESULTS / f"{name}.json").html())
     visitor.open(file.as_uri())
+    assert visitor.driver.execute_script(CUT) == []
+    assert visitor.errors() == []
+
+
+def test_a_video_is_ready_to_play_and_as_long_as_it_is(visitor: browser.Page, tmp_path: Path) -> None:
+    film = pytest.importorskip("s2a.playback.film", reason="av or newton is not installed", exc_type=ImportError)
+    level = np.linspace(0, 255, 16).astype(np.uint8)
+    images = [np.full((64, 96, 3), value, np.uint8) for value in level]
+    section = document.videos([("world 0: success", film.encoded(images, film.RATE))])
+    file = tmp_path / "report.html"
+    file.write_text(document.Document("title", "about", (("Videos", section),)).html())
+    visitor.open(file.as_uri())
+    state = "const v = document.querySelector('video'); return [v.readyState, v.duration, v.videoWidth, v.error]"
+    visitor.wait(lambda: visitor.driver.execute_script(state)[0] == 4, 20.0)  # HAVE_ENOUGH_DATA
+    _, duration, width, error = visitor.driver.execute_script(state)
+    assert duration == pytest.approx(len(images) / film.RATE, abs=1 / film.RATE) and width == 96 and error is None
+    visitor.driver.execute_script("document.querySelector('video').play()")
+    visitor.wait(lambda: visitor.driver.execute_script("return document.querySelector('video').ended"), 20.0)
     assert visitor.driver.execute_script(CUT) == []
     assert visitor.errors() == []

@@ -56,11 +56,18 @@ class HeldObject:
         self._arm = trajectory.targets[self._added.at, : len(sim.robot.arm_joints)]
         self._tool = self._kin.tool(self._arm)
 
-    def see(self, step: torch.Tensor) -> None:
-        """See the object in the gripper in worlds that have come to that step of the trajectory, shape [world]."""
+    @property
+    def window(self) -> tuple[int, int]:
+        """First and last step at which something is added."""
+        return self._aligned.seen, self._aligned.back
+
+    def see(self, step: torch.Tensor) -> torch.Tensor | None:
+        """See the object in the gripper in worlds that have come to that step of the trajectory, shape [world]; return which."""
         worlds = step == self._aligned.seen
-        if bool(worlds.any()):
-            self._added.found(worlds, self._correction(worlds.cpu().numpy()))
+        if not bool(worlds.any()):
+            return None
+        self._added.found(worlds, self._correction(worlds.cpu().numpy()))
+        return worlds
 
     def _correction(self, worlds: np.ndarray) -> np.ndarray:
         """Return what to add to the arm's joints in some worlds, shape [some pose arm].

@@ -32,8 +32,11 @@ class MovedPart:
             sim: whose worlds have the part.
             trajectory: all of it.
             shutting: when and what.
+
+        Attributes:
+            window: first and last step at which something is added.
         """
-        self._sim, self._kin, self._begin = sim, kinematics(sim.robot), shutting.begin
+        self._sim, self._kin, self.window = sim, kinematics(sim.robot), (shutting.begin, shutting.shut)
         first, last, step = shutting.near, shutting.shut, np.arange(len(trajectory.targets))
         rising = eased((step - shutting.begin) / max(first - shutting.begin, 1))
         self._added = Added(sim, first, last, np.where(step <= last, rising, 0.0))
@@ -44,12 +47,14 @@ class MovedPart:
         self._joint, self._lever = part.joint, lever_arm(part.joint, np.array(part.grasp.point))
         self._coord = axis_of(sim.world, shutting.part, part.joint.kind)[0]
 
-    def see(self, step: torch.Tensor) -> None:
-        """See where the part stands in worlds that have come to the beginning of the way back to it, shape [world]."""
-        worlds = step == self._begin
-        if bool(worlds.any()):
-            opened = self._sim.joint_q[:, self._coord][worlds].cpu().numpy().astype(float)
-            self._added.found(worlds, self._correction(opened))
+    def see(self, step: torch.Tensor) -> torch.Tensor | None:
+        """See where the part stands in worlds whose way back to it has begun, shape [world]; return which."""
+        worlds = step == self.window[0]
+        if not bool(worlds.any()):
+            return None
+        opened = self._sim.joint_q[:, self._coord][worlds].cpu().numpy().astype(float)
+        self._added.found(worlds, self._correction(opened))
+        return worlds
 
     def _correction(self, opened: np.ndarray) -> np.ndarray:
         """Return what to add to the arm's joints in worlds whose part stands at coordinates [some], shape [some pose arm].

@@ -7,7 +7,7 @@ from functools import partial
 import torch
 
 from s2a.planner.held_object import HeldObject, target_in_tool
-from s2a.planner.moved_part import MovedPart
+from s2a.planner.moved_part import MovedPart, OpenPart
 from s2a.planner.pace import Pace
 from s2a.planner.shifted_object import ShiftedObject
 from s2a.planner.trajectory import Trajectory
@@ -27,7 +27,10 @@ class Corrections:
         """
         aligned, picked, shutting = trajectory.aligned, trajectory.picked, trajectory.shutting
         self._shifted = ShiftedObject(sim, trajectory, picked) if picked else None
-        self._held = HeldObject(sim, trajectory, aligned, partial(target_in_tool, sim)) if aligned else None
+        off = None
+        if aligned and shutting:
+            off = partial(OpenPart(sim, shutting.part).off, float(trajectory.part[aligned.seen]))
+        self._held = HeldObject(sim, trajectory, aligned, partial(target_in_tool, sim), off) if aligned else None
         self._moved = MovedPart(sim, trajectory, shutting) if shutting else None
         self._pace = Pace(sim, trajectory, sim.plan_limits, rate)
 

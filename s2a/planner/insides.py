@@ -67,9 +67,7 @@ def inside_placements(room: SimRoom, name: str, part: str, q: float) -> list[tup
     near = RoomHulls(opened, {name}, displace(np.array([room.articulations[part].grasp.point]), joint, q)[0])
     others = RoomHulls(room, {name, part}, np.array(room.articulations[part].grasp.point))
     own = displace(merge([c.mesh for c in room.bodies[part].colliders]).vertices, joint, q)
-    points = (
-        surface_points([c.mesh for c in body.colliders], 200) @ matrix(np.array([0, 0, 0, *body.orientation]))[:3, :3].T
-    )
+    points = surface_points([c.mesh for c in body.colliders]) @ matrix(np.array([0, 0, 0, *body.orientation]))[:3, :3].T
     low, high, foot = own.min(axis=0), own.max(axis=0), footprint(points)
     # What is below the floor is near its lowest points.
     upper = points[points[:, 2] > points[:, 2].min() + 2 * ABOVE]

@@ -15,12 +15,13 @@ from cabinet import box, free_cube, write_cabinet
 
 from s2a import robot
 from s2a.errors import InputError
+from s2a.geometry import convex
 from s2a.planner.free_motion import free_motion
 from s2a.planner.graspable import Ungraspable
 from s2a.planner.gripper_shape import gripper_boxes
 from s2a.planner.misses import Misses
 from s2a.planner.object_grasps import matrix, object_grasps
-from s2a.planner.obstacles import RoomHulls
+from s2a.planner.obstacles import RoomHulls, surface_points
 from s2a.planner.pick_base import arm_depth, bases, reached
 from s2a.planner.pick_place import Unreachable, plan_pick
 from s2a.planner.pick_plan import PickPlan
@@ -319,3 +320,18 @@ def test_a_plan_passes_home_and_both_ends(plan: PickPlan) -> None:
         assert np.linalg.norm(swept - end[:3], axis=1).min() < 0.005
     home = matrix(plan.base) @ kinematics(PANDA).tool(np.array([PANDA.home]))[0]
     assert np.linalg.norm(swept - home[:3, 3], axis=1).min() < 0.1
+
+
+def test_the_corners_and_edges_of_what_is_held_are_tested_too() -> None:
+    """A frame's corner met a headboard between the points that stood for the frame."""
+    plate = convex.box(np.zeros(3), np.eye(3), np.array([0.19, 0.02, 0.22]))
+    foot = convex.box(np.array([0.0, 0.05, -0.1]), np.eye(3), np.array([0.02, 0.12, 0.02]))
+    points = surface_points([plate, foot])
+    for hull in (plate, foot):
+        corners = hull.vertices[~convex.contains(plate, hull.vertices, -1e-3)]
+        a, b = (hull.vertices[hull.faces[:, k]].astype(float) for k in (0, 1))
+        edges = np.concatenate([a + t * (b - a) for t in np.linspace(0.0, 1.0, 30)])
+        edges = edges[~convex.contains(plate, edges, -1e-3)]
+        assert np.linalg.norm(corners[:, None] - points, axis=2).min(axis=1).max() < 1e-6
+        assert np.linalg.norm(edges[:, None] - points, axis=2).min(axis=1).max() < 0.02
+    assert len(points) < 600

@@ -77,7 +77,9 @@ class _Search:
         """Return the first base that serves; None: the prepared one."""
         prepared = (matrices(self._stage.base[None])[0], self._stage.pedestal[0])
         bent: list[tuple[Based, np.ndarray]] = []
-        for some in itertools.chain([[prepared]], chunks(self._standing(), AT_ONCE)):
+        for some in itertools.chain(
+            [[prepared] if self._is_beside(*prepared) else []], chunks(self._standing(), AT_ONCE)
+        ):
             for based, path in self._followed(some):
                 if self._is_straight(path[0], based[0]):
                     return None if based is prepared else based
@@ -90,6 +92,8 @@ class _Search:
     def _followed(self, some: list[Based]) -> Iterator[tuple[Based, np.ndarray]]:
         """Yield of bases those from which the arm follows the path clear of all, each with its joint path [pose arm]."""
         kin = self._shape.kin
+        if not some:
+            return
         found = follow(kin, self._path.poses, np.stack([base for base, _ in some]), IK_SEEDS, self._seed)
         if not any(map(len, found)):
             self._misses.note(0, 1.0, "handle: the arm cannot follow the handle's path from any base")
@@ -101,13 +105,20 @@ class _Search:
 
     def _standing(self) -> Iterator[Based]:
         """Yield bases at which the robot stands clear of the room and of the part, however far it is open."""
-        turns = [transform(self._stage.joint, q) for q in np.linspace(self._path.q[0], self._path.q[-1], STOPS)]
         for base, pedestal in bases(self._shape, self._start, self._path.poses[0], self._path.poses[-1], PEDESTALS):
-            column = np.arange(0.05 - pedestal, self._spec.base.shoulder_height, self._spec.base.radius)
-            stand = base[:3, 3] + column[:, None] * [0.0, 0.0, 1.0]
-            swept = np.stack([_moved(stand, turn) for turn in turns])
-            if self._part.depth(swept, np.full(len(stand), self._spec.base.radius)).max() <= 0.0:
+            if self._is_beside(base, pedestal):
                 yield base, pedestal
+
+    def _is_beside(self, base: np.ndarray, pedestal: float) -> bool:
+        """Return whether a base, what it stands on and the shoulder are beside the part's way."""
+        column = np.arange(0.05 - pedestal, self._spec.base.shoulder_height, self._spec.base.radius)
+        stand = base[:3, 3] + column[:, None] * [0.0, 0.0, 1.0]
+        turns = [transform(self._stage.joint, q) for q in np.linspace(self._path.q[0], self._path.q[-1], STOPS)]
+        swept = np.stack([_moved(stand, turn) for turn in turns])
+        if self._part.depth(swept, np.full(len(stand), self._spec.base.radius)).max() <= 0.0:
+            return True
+        self._misses.note(0, 1.0, "base: the part would move into the robot")
+        return False
 
     def _is_clear(self, path: np.ndarray, base: np.ndarray) -> bool:
         """Return whether the arm is clear of all on a joint path [pose arm]."""

@@ -236,7 +236,7 @@ def planned_path(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> tu
     """Return a task's tool path in a simulation's stage and a joint path [pose arm] that follows it; InputError: out of reach."""
     path = tool_path(sim.stage, config)
     paths = joint_paths(kinematics(sim.robot), sim.stage, path, config)
-    return path, paths[most_clear(sim, paths, float(path.q[0]))]
+    return path, paths[most_clear(sim, paths, path.q)]
 
 
 def _rate(sim: Simulation) -> float:

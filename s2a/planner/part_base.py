@@ -15,7 +15,7 @@ from s2a.planner.free_motion import free_motion
 from s2a.planner.insides import moved_room
 from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.obstacles import RoomHulls
-from s2a.planner.part_reach import SEARCH, all_free, is_free, lines, noisy_starts
+from s2a.planner.part_reach import SEARCH, all_free, arm_in_part, is_free, lines, noisy_starts, part_hulls
 from s2a.planner.pick_base import arm_depth, bases, chunks
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.joint_path import follow
@@ -70,8 +70,7 @@ class _Search:
         riders = {i for i in room.articulations if target in room.carriers(i)}
         self._around = RoomHulls(room, {target, *riders}, about)
         self._start = RoomHulls(moved_room(room, target, float(path.q[0]), {}), (), about)
-        alone = replace(room, bodies={target: room.bodies[target]}, articulations={}, free={}, static_colliders=())
-        self._part = RoomHulls(alone, (), stage.grasp[:3])
+        self._part = part_hulls(stage)
 
     def first(self) -> Based | None:
         """Return the first base that serves; None: the prepared one."""
@@ -124,7 +123,7 @@ class _Search:
         """Return whether the arm is clear of all on a joint path [pose arm]."""
         depths = {
             "the room": float(arm_depth(self._shape, self._around, path, base, fingers=False).max()),
-            "the part": self._part_depth(path, base),
+            "the part": arm_in_part(self._shape, self._part, self._stage.joint, self._path.q, path, base),
             "itself": self._shape.self_penetration(path)[0],
         }
         worst = max(depths, key=lambda name: depths[name])
@@ -132,13 +131,6 @@ class _Search:
             text = f"handle: the arm reaches {1000 * depths[worst]:.0f} mm into {worst} as it moves the part"
             self._misses.note(1, depths[worst], text)
         return depths[worst] <= SLACK
-
-    def _part_depth(self, path: np.ndarray, base: np.ndarray) -> float:
-        """Return how deep the arm without its gripper reaches into the part that it moves [m]."""
-        chosen = self._shape.moving & ~self._shape.held
-        back = np.stack([np.linalg.inv(transform(self._stage.joint, q)) @ base for q in self._path.q])
-        centers = self._shape.centers(path)[:, chosen] @ np.swapaxes(back[:, :3, :3], 1, 2) + back[:, None, :3, 3]
-        return float(self._part.depth(centers, self._shape.radii[chosen]).max())
 
     def _is_straight(self, goal: np.ndarray, base: np.ndarray) -> bool:
         """Return whether the straight lines from all starts to joints [arm] are free."""

@@ -106,7 +106,9 @@ def _settings(stage: Any, task: str, keys: dict[str, float], args: argparse.Name
     from s2a.commands.evaluate import Config
 
     said = [f"{key}={value}" for key, value in keys.items()]
-    said += [f"stage={stage.path}", f"part={stage.target}", "out=-", f"task={task}", "sim.joint.stiffness=0", *args.set]
+    # One motor drives both fingers; as two springs of their own they let a lid of 6 kg sag by 2 cm.
+    fixed = ["sim.joint.stiffness=0", "sim.coupled_fingers=true"]
+    said += [f"stage={stage.path}", f"part={stage.target}", "out=-", f"task={task}", *fixed, *args.set]
     return config.load(Config, config.compose("evaluate", said))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from s2a.planner.part_reach import arm_in_part, part_hulls
 from s2a.robot.collision import SLACK, RobotShape, Surfaces, robot_shape
 from s2a.robot.joint_path import straight
 from s2a.robot.tool_path import matrices
@@ -15,26 +16,32 @@ TRIED = 16
 """Number of joint paths that are checked."""
 
 
-def most_clear(sim: Simulation, paths: np.ndarray, start: float = 0.0) -> int:
+def most_clear(sim: Simulation, paths: np.ndarray, coordinates: np.ndarray | None = None) -> int:
     """Return the index of the first joint path [path pose arm] that collides with nothing, else of the one that does least.
 
     What it meets itself weighs more than what is on the way to it, which may be led around.
 
-    The arm turns all joints evenly from home to a path's first pose, where nothing may touch; from there on the fingers and
-    the part move together.
+    The arm turns all joints evenly from home to a path's first pose, where nothing may touch; from there on the gripper and
+    the part move together, and the rest of the arm may not touch that either.
 
     Args:
         sim: the world.
         paths: the joint paths.
-        start: coordinate of the part when it is grasped [m or rad].
+        coordinates: of the part at each pose [m or rad], shape [pose]; None: it stands at zero.
     """
     shape, base = robot_shape(sim.robot), matrices(sim.stage.base[None])[0]
+    coordinates = np.zeros(paths.shape[1]) if coordinates is None else coordinates
+    part, start = part_hulls(sim.stage), float(coordinates[0])
     static, all_hulls = _hulls(sim, start, moving=False), _hulls(sim, start, moving=True)
     home = np.array(sim.robot.home)
     best = (np.inf, np.inf, 0)
     for k, path in enumerate(paths[:TRIED]):
         reach = straight(home, path[0])
-        own = max(_penetration(shape, base, static, path, fingers=False), shape.self_penetration(path)[0])
+        own = max(
+            _penetration(shape, base, static, path, fingers=False),
+            arm_in_part(shape, part, sim.stage.joint, coordinates, path, base),
+            shape.self_penetration(path)[0],
+        )
         on_the_way = max(_penetration(shape, base, all_hulls, reach, fingers=True), shape.self_penetration(reach)[0])
         if max(own, on_the_way) <= SLACK:
             return k

@@ -25,6 +25,7 @@ REACHED = 5e-3
 
 
 Seen = Callable[[np.ndarray], np.ndarray]
+"""Worlds [world], bool -> poses or motions in some of them, shape [some 4 4]."""
 
 
 def target_in_tool(sim: Simulation, worlds: np.ndarray) -> np.ndarray:
@@ -39,28 +40,39 @@ class HeldObject:
     """What is added to the arm's targets from where it sees the object in the gripper until it has let go.
 
     With T the pose of the tool, H that of the object in it as planned and S as seen, T becomes T H S^-1: the object then passes
-    where it was planned to.
+    where it was planned to; or M T H S^-1 where its place is in a part that is off its planned coordinate by a motion M.
     """
 
-    def __init__(self, sim: Worlds, trajectory: Trajectory, aligned: Aligned, seen: Seen) -> None:
+    def __init__(
+        self, sim: Worlds, trajectory: Trajectory, aligned: Aligned, seen: Seen, place_off: Seen | None = None
+    ) -> None:
         """Find the poses of the tool between seeing it and the release.
 
         Args:
             sim: whose worlds hold one object each.
             trajectory: all of it.
             aligned: when and what.
-            seen: worlds [world], bool -> poses of the objects of these in the tool frame, shape [some 4 4].
+            seen: poses of the objects in the tool frame.
+            place_off: motions in the base frame by which their places are off; None: they stay.
         """
+        self._place_off = place_off
         self._seen, self._aligned, self._kin = seen, aligned, kinematics(sim.robot)
         self._added = Added(sim, aligned.ready, aligned.released, _weights(aligned, len(trajectory.targets)))
         self._arm = trajectory.targets[self._added.at, : len(sim.robot.arm_joints)]
         self._tool = self._kin.tool(self._arm)
 
-    def see(self, step: torch.Tensor) -> None:
-        """See the object in the gripper in worlds that have come to that step of the trajectory, shape [world]."""
+    @property
+    def window(self) -> tuple[int, int]:
+        """First and last step at which something is added."""
+        return self._aligned.seen, self._aligned.back
+
+    def see(self, step: torch.Tensor) -> torch.Tensor | None:
+        """See the object in the gripper in worlds that have come to that step of the trajectory, shape [world]; return which."""
         worlds = step == self._aligned.seen
-        if bool(worlds.any()):
-            self._added.found(worlds, self._correction(worlds.cpu().numpy()))
+        if not bool(worlds.any()):
+            return None
+        self._added.found(worlds, self._correction(worlds.cpu().numpy()))
+        return worlds
 
     def _correction(self, worlds: np.ndarray) -> np.ndarray:
         """Return what to add to the arm's joints in some worlds, shape [some pose arm].
@@ -72,7 +84,8 @@ class HeldObject:
         turn = np.arccos(np.clip((np.trace(change[:, :3, :3], axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
         off = np.linalg.norm(seen[:, :3, 3] - self._aligned.held[:3, 3], axis=1)
         held = (off <= FARTHEST) & (turn <= STEEPEST)
-        targets = (self._tool[None] @ change[:, None])[held]
+        tool = self._tool[None] if self._place_off is None else self._place_off(worlds)[:, None] @ self._tool
+        targets = (tool @ change[:, None])[held]
         start = np.tile(self._arm, (len(targets), 1))
         arm, left = self._kin.solve(targets.reshape(-1, 4, 4), start, ITERATIONS, DAMPING)
         reached = (left.reshape(-1, len(self._arm)) <= REACHED).all(axis=1)

@@ -20,8 +20,10 @@ from s2a.usd.sim_scene import SimRoom
 
 BESIDE = 0.03
 """[m] Between an object in a part and the part's walls: an open finger with its clearance, and the arm's error."""
-ABOVE = 0.005
-"""[m] Between an object in a part and what the part passes as it is shut."""
+ABOVE = 0.002
+"""[m] Between an object in a part, its corners too, and what the part passes as it is shut."""
+NEAR_FLOOR = 0.01
+"""[m] Above an object's lowest point: so far down, what is below the part's floor is near."""
 LOW = 0.01
 """[m] Above the floor, at which the walls are looked for."""
 STOPS = 15
@@ -67,12 +69,9 @@ def inside_placements(room: SimRoom, name: str, part: str, q: float) -> list[tup
     near = RoomHulls(opened, {name}, displace(np.array([room.articulations[part].grasp.point]), joint, q)[0])
     others = RoomHulls(room, {name, part}, np.array(room.articulations[part].grasp.point))
     own = displace(merge([c.mesh for c in room.bodies[part].colliders]).vertices, joint, q)
-    points = (
-        surface_points([c.mesh for c in body.colliders], 200) @ matrix(np.array([0, 0, 0, *body.orientation]))[:3, :3].T
-    )
+    points = surface_points([c.mesh for c in body.colliders]) @ matrix(np.array([0, 0, 0, *body.orientation]))[:3, :3].T
     low, high, foot = own.min(axis=0), own.max(axis=0), footprint(points)
-    # What is below the floor is near its lowest points.
-    upper = points[points[:, 2] > points[:, 2].min() + 2 * ABOVE]
+    upper = points[points[:, 2] > points[:, 2].min() + NEAR_FLOOR]
     found, low_by = [], math.inf
     for x, y in itertools.product(np.arange(low[0], high[0], GRID / 2), np.arange(low[1], high[1], GRID / 2)):
         height, names = near.below(np.c_[foot + [x, y], np.full(len(foot), high[2] + 0.3)])

@@ -134,9 +134,9 @@ class Planner:
         self._seen = (
             None if knows_grasp or env.task.seen_grasp() is None else SeenGrasp(sim, self.trajectories, self._stage)
         )
-        self._corrections = None if motions else Corrections(sim, self.trajectories[0])
+        self._corrections = None if motions else Corrections(sim, self.trajectories[0], _rate(sim))
         self._start = self._last = sim.joint_target_q[:, : self._targets.shape[2]].clone()
-        self._clock = torch.zeros(env.num_envs, dtype=torch.long, device=sim.device)
+        self._clock = torch.zeros(env.num_envs, dtype=torch.float64, device=sim.device)
 
     def state_dict(self) -> dict[str, torch.Tensor]:
         """Return copies of what differs between control steps: where on its trajectory each world is, and where it began."""
@@ -156,7 +156,8 @@ class Planner:
         now = self._sim.joint_target_q[:, : self._targets.shape[2]]
         self._start = torch.where(began[:, None], now, self._start)
         first = torch.where(begun < 0, 0, reach + begun)
-        step = self._clock = torch.where(began, first, self._clock)
+        self._clock = torch.where(began, first.double(), self._clock)
+        step = self._clock.floor().long()
         if self._seen and bool(began.any()) and (seen := self._env.task.seen_grasp()) is not None:
             self._seen.see(began, seen)
         if self._corrections:
@@ -167,14 +168,24 @@ class Planner:
         if self._corrections:
             self._corrections.see(index)
         following = self._target(index)
+        if self._corrections:
+            past = (self._clock - step)[:, None].float()
+            following = torch.lerp(following, self._target((index + 1).clamp(max=self._targets.shape[1] - 1)), past)
         following = torch.where((step < reach)[:, None], reaching, following)
         self._last = torch.where(began[:, None], now, self._last)
         action = (following - now - (1.0 - self._gain) * (self._last - now)) / self._env.action_step
         behind = (following - now)[:, : self._arm] / self._env.action_step[: self._arm]
         goes_on = behind.abs().amax(dim=1) <= self._behind
-        self._clock = step + goes_on
+        self._clock = torch.where(goes_on, self._after(self._clock), self._clock)
         self._last = torch.where(goes_on[:, None], following, self._last)
         return action
+
+    def _after(self, clock: torch.Tensor) -> torch.Tensor:
+        """Return the clocks [world] of a control step later."""
+        if not self._corrections:
+            return clock + 1.0
+        beginning = self._reach - 1.0
+        return self._corrections.after(clock - beginning) + beginning
 
     def _target(self, step: torch.Tensor) -> torch.Tensor:
         """Return the targets of each world's trajectory [world joint] at these of its steps [world]."""
@@ -225,7 +236,7 @@ def planned_path(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> tu
     """Return a task's tool path in a simulation's stage and a joint path [pose arm] that follows it; InputError: out of reach."""
     path = tool_path(sim.stage, config)
     paths = joint_paths(kinematics(sim.robot), sim.stage, path, config)
-    return path, paths[most_clear(sim, paths, float(path.q[0]))]
+    return path, paths[most_clear(sim, paths, path.q)]
 
 
 def _rate(sim: Simulation) -> float:

@@ -25,10 +25,12 @@ PAD = 0.9
 """Fraction of the pads over which the surface is looked for; they touch what is flat there and as far as they are wide."""
 ROWS = 5
 """Points of the pads in either direction."""
+RIM = 0.002
+"""[m] Beyond the pads' edges, where nothing should stand out: the arm's error."""
 NEAR = 0.005
 """[m] Up to which the surface may lie off the pads to be between them at all."""
 TURNING, FULL = 0.1, 0.15
-"""[m] Of lever arm that weigh as much as a metre of width, and as contact of the whole pads."""
+"""[m] Of lever arm that weigh as much as a metre of width, and as contact of the whole pads, or a ledge at their edge."""
 SURFACE = 300
 """Points on the surface that must stay out of the gripper."""
 
@@ -114,12 +116,13 @@ def object_grasps(
     surface = np.asarray(trimesh.sample.sample_surface(mesh, SURFACE, seed=seed)[0])
     free = ~inside_gripper(tool, opening(width, gripper), surface, gripper)
     tool, width = tool[free], width[free]
-    held, off = _held(tool, width, planes, gripper, contact.flat)
+    held, off, stops = _held(tool, width, planes, gripper, contact.flat)
     good = (held >= contact.held) & (off <= contact.centered)
     tool, width, held = tool[good], width[good], held[good]
+    ledges = _ledges(tool, width, stops[:, good], planes, gripper, contact.flat)
     # A long lever arm lets the object turn between the pads; wide grasps leave no room for the arm's error.
     away = np.linalg.norm(tool[:, :3, 3] - center, axis=1)
-    score = away + TURNING * width + FULL * (1.0 - held)
+    score = away + TURNING * width + FULL * (1.0 - held + ledges)
     order = np.argsort(score, kind="stable")
     return ObjectGrasps(tool, width, opening(width, gripper), score)[order]
 
@@ -198,7 +201,7 @@ def _chords(
 
 def _held(
     tool: np.ndarray, width: np.ndarray, planes: Sequence[np.ndarray], gripper: GripperSpec, flat: float
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the fraction of the pads' points at which both hold, and how far their middle is from that of the surface there [m].
 
     The surface may end within the pads, where they hold by what there is of it; where it recedes from them, they do not.
@@ -209,6 +212,9 @@ def _held(
         planes: of the hulls.
         flat: up to which the surface may lie off the pads [m].
         gripper: whose pads; they end as far behind the tool frame's origin as its fingertips' boxes do.
+
+    Returns:
+        Besides, how far from where they were taken to be the pads stop [m], shape [pad grasp].
     """
     x, _, z = gripper.finger_box
     offsets = [
@@ -216,19 +222,56 @@ def _held(
         for across in PAD * x / 2 * np.linspace(-1.0, 1.0, ROWS)
         for along in gripper.tip_ahead - z / 2 + PAD * z / 2 * np.linspace(-1.0, 1.0, ROWS)
     ]
-    y, far = tool[:, :3, 1], 1.0
-    before, behind = np.zeros((2, len(tool), len(offsets)))
-    for k, (across, along) in enumerate(offsets):
-        points = tool[:, :3, 3] + across * tool[:, :3, 0] + along * tool[:, :3, 2] - far * y
-        start, end, _ = _chords(points, y, planes)
-        before[:, k], behind[:, k] = start.min(axis=1) - far + width / 2, far + width / 2 - end.max(axis=1)
+    before, behind = _gaps(tool, width, planes, offsets)
     there = (before <= NEAR) & (behind <= NEAR)
     # The pads stop at what stands out most, on either side.
-    rest = [off - np.where(there, off, np.inf).min(axis=1, keepdims=True, initial=NEAR) for off in (before, behind)]
+    stops = np.stack([np.where(there, off, np.inf).min(axis=1, initial=NEAR) for off in (before, behind)])
+    rest = [off - stop[:, None] for off, stop in zip((before, behind), stops, strict=True)]
     holds = there & (rest[0] <= flat) & (rest[1] <= flat)
     at = np.array(offsets)
     middle, whole = (found @ at / np.maximum(found.sum(axis=1), 1)[:, None] for found in (holds, there))
-    return holds.mean(axis=1), np.linalg.norm(middle - whole, axis=1)
+    return holds.mean(axis=1), np.linalg.norm(middle - whole, axis=1), stops
+
+
+def _ledges(
+    tool: np.ndarray,
+    width: np.ndarray,
+    stops: np.ndarray,
+    planes: Sequence[np.ndarray],
+    gripper: GripperSpec,
+    flat: float,
+) -> np.ndarray:
+    """Return at which grasps something just beyond the pads' edges stands out over where they stop, shape [grasp], bool.
+
+    A pad that is a little off, or slips, then presses on a ledge from below or from the side, which wedges the object out.
+    """
+    x, _, z = gripper.finger_box
+    sides, middle = (x / 2 + RIM) * np.array([-1.0, 1.0]), gripper.tip_ahead - z / 2
+    ends = middle + (z / 2 + RIM) * np.array([-1.0, 1.0])
+    offsets = [(across, end) for across in x / 2 * np.linspace(-1.0, 1.0, ROWS) for end in ends]
+    offsets += [(side, middle + along) for side in sides for along in z / 2 * np.linspace(-1.0, 1.0, ROWS)]
+    gaps = _gaps(tool, width, planes, offsets)
+    return np.any([gap.min(axis=1) < stop - flat for gap, stop in zip(gaps, stops, strict=True)], axis=0)
+
+
+def _gaps(
+    tool: np.ndarray, width: np.ndarray, planes: Sequence[np.ndarray], offsets: Sequence[tuple[float, float]]
+) -> np.ndarray:
+    """Return how far the surface lies off both pads [m], below 0 where it stands out, shape [pad grasp point].
+
+    Args:
+        tool: poses of the tool frame [grasp 4 4].
+        width: distance of the pads [m], shape [grasp].
+        planes: of the hulls.
+        offsets: points of the pads along the tool frame's x and z axes [m].
+    """
+    y, far = tool[:, :3, 1], 1.0
+    gaps = np.zeros((2, len(tool), len(offsets)))
+    for k, (across, along) in enumerate(offsets):
+        points = tool[:, :3, 3] + across * tool[:, :3, 0] + along * tool[:, :3, 2] - far * y
+        start, end, _ = _chords(points, y, planes)
+        gaps[0, :, k], gaps[1, :, k] = start.min(axis=1) - far + width / 2, far + width / 2 - end.max(axis=1)
+    return gaps
 
 
 def _poses(middle: np.ndarray, axis: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import trimesh
 
+from s2a.geometry.convex import contains
 from s2a.geometry.mesh_query import first_hits, nearest_faces, nearest_faces_of_solids, ray_mesh
 from s2a.scene import Mesh
 from s2a.usd.sim_scene import SimRoom, in_scene
@@ -17,6 +18,11 @@ INSIDE = 0.3
 """[m] Up to which depth a center within a hull is noticed."""
 HELD_RADIUS = 0.005
 """[m] Clearance of the held object's surface."""
+
+FINEST, MOST = 0.015, 120
+"""[m] Between points on the held object's surface at least, and how many there are, about, on a large one."""
+COVERED = 1e-3
+"""[m] Deeper within one of its hulls no point is needed."""
 
 
 class RoomHulls:
@@ -85,7 +91,16 @@ class RoomHulls:
         return np.where(hit, points[:, 2] - drop, -np.inf), [self.names[k] for k in self._owner[face]]
 
 
-def surface_points(hulls: Sequence[Mesh], count: int = 80) -> np.ndarray:
-    """Return points on hulls [point 3], for a body that is tested as small spheres."""
-    mesh = trimesh.util.concatenate([trimesh.Trimesh(h.vertices, h.faces, process=False) for h in hulls])
-    return np.asarray(trimesh.sample.sample_surface(mesh, count, seed=0)[0])
+def surface_points(hulls: Sequence[Mesh]) -> np.ndarray:
+    """Return points all over the union of hulls [point 3], its corners and edges too, for a body that is tested as small spheres.
+
+    Random points left out the corners, by which a wide object was torn from the gripper as it passed a headboard.
+    """
+    meshes = [trimesh.convex.convex_hull(np.asarray(h.vertices, float)) for h in hulls]
+    apart = max(FINEST, float(np.sqrt(sum(mesh.area for mesh in meshes) / MOST)))
+    finer = [trimesh.remesh.subdivide_to_size(m.vertices, m.faces, apart, max_iter=20)[0] for m in meshes]
+    points = np.concatenate([*(mesh.vertices for mesh in meshes), *finer])
+    # Of those that lie in the same cell, one; corners come first.
+    _, first = np.unique(np.floor(points / (apart / 2)).astype(int), axis=0, return_index=True)
+    points = points[np.sort(first)]
+    return points[~np.any([contains(hull, points, -COVERED) for hull in hulls], axis=0)]

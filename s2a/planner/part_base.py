@@ -15,7 +15,7 @@ from s2a.planner.free_motion import free_motion
 from s2a.planner.insides import moved_room
 from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.obstacles import RoomHulls
-from s2a.planner.part_reach import SEARCH, all_free, is_free, lines, noisy_starts
+from s2a.planner.part_reach import SEARCH, all_free, arm_in_part, is_free, lines, noisy_starts, part_hulls
 from s2a.planner.pick_base import arm_depth, bases, chunks
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.joint_path import follow
@@ -70,14 +70,15 @@ class _Search:
         riders = {i for i in room.articulations if target in room.carriers(i)}
         self._around = RoomHulls(room, {target, *riders}, about)
         self._start = RoomHulls(moved_room(room, target, float(path.q[0]), {}), (), about)
-        alone = replace(room, bodies={target: room.bodies[target]}, articulations={}, free={}, static_colliders=())
-        self._part = RoomHulls(alone, (), stage.grasp[:3])
+        self._part = part_hulls(stage)
 
     def first(self) -> Based | None:
         """Return the first base that serves; None: the prepared one."""
         prepared = (matrices(self._stage.base[None])[0], self._stage.pedestal[0])
         bent: list[tuple[Based, np.ndarray]] = []
-        for some in itertools.chain([[prepared]], chunks(self._standing(), AT_ONCE)):
+        for some in itertools.chain(
+            [[prepared] if self._is_beside(*prepared) else []], chunks(self._standing(), AT_ONCE)
+        ):
             for based, path in self._followed(some):
                 if self._is_straight(path[0], based[0]):
                     return None if based is prepared else based
@@ -90,6 +91,8 @@ class _Search:
     def _followed(self, some: list[Based]) -> Iterator[tuple[Based, np.ndarray]]:
         """Yield of bases those from which the arm follows the path clear of all, each with its joint path [pose arm]."""
         kin = self._shape.kin
+        if not some:
+            return
         found = follow(kin, self._path.poses, np.stack([base for base, _ in some]), IK_SEEDS, self._seed)
         if not any(map(len, found)):
             self._misses.note(0, 1.0, "handle: the arm cannot follow the handle's path from any base")
@@ -101,19 +104,26 @@ class _Search:
 
     def _standing(self) -> Iterator[Based]:
         """Yield bases at which the robot stands clear of the room and of the part, however far it is open."""
-        turns = [transform(self._stage.joint, q) for q in np.linspace(self._path.q[0], self._path.q[-1], STOPS)]
         for base, pedestal in bases(self._shape, self._start, self._path.poses[0], self._path.poses[-1], PEDESTALS):
-            column = np.arange(0.05 - pedestal, self._spec.base.shoulder_height, self._spec.base.radius)
-            stand = base[:3, 3] + column[:, None] * [0.0, 0.0, 1.0]
-            swept = np.stack([_moved(stand, turn) for turn in turns])
-            if self._part.depth(swept, np.full(len(stand), self._spec.base.radius)).max() <= 0.0:
+            if self._is_beside(base, pedestal):
                 yield base, pedestal
+
+    def _is_beside(self, base: np.ndarray, pedestal: float) -> bool:
+        """Return whether a base, what it stands on and the shoulder are beside the part's way."""
+        column = np.arange(0.05 - pedestal, self._spec.base.shoulder_height, self._spec.base.radius)
+        stand = base[:3, 3] + column[:, None] * [0.0, 0.0, 1.0]
+        turns = [transform(self._stage.joint, q) for q in np.linspace(self._path.q[0], self._path.q[-1], STOPS)]
+        swept = np.stack([_moved(stand, turn) for turn in turns])
+        if self._part.depth(swept, np.full(len(stand), self._spec.base.radius)).max() <= 0.0:
+            return True
+        self._misses.note(0, 1.0, "base: the part would move into the robot")
+        return False
 
     def _is_clear(self, path: np.ndarray, base: np.ndarray) -> bool:
         """Return whether the arm is clear of all on a joint path [pose arm]."""
         depths = {
             "the room": float(arm_depth(self._shape, self._around, path, base, fingers=False).max()),
-            "the part": self._part_depth(path, base),
+            "the part": arm_in_part(self._shape, self._part, self._stage.joint, self._path.q, path, base),
             "itself": self._shape.self_penetration(path)[0],
         }
         worst = max(depths, key=lambda name: depths[name])
@@ -121,13 +131,6 @@ class _Search:
             text = f"handle: the arm reaches {1000 * depths[worst]:.0f} mm into {worst} as it moves the part"
             self._misses.note(1, depths[worst], text)
         return depths[worst] <= SLACK
-
-    def _part_depth(self, path: np.ndarray, base: np.ndarray) -> float:
-        """Return how deep the arm without its gripper reaches into the part that it moves [m]."""
-        chosen = self._shape.moving & ~self._shape.held
-        back = np.stack([np.linalg.inv(transform(self._stage.joint, q)) @ base for q in self._path.q])
-        centers = self._shape.centers(path)[:, chosen] @ np.swapaxes(back[:, :3, :3], 1, 2) + back[:, None, :3, 3]
-        return float(self._part.depth(centers, self._shape.radii[chosen]).max())
 
     def _is_straight(self, goal: np.ndarray, base: np.ndarray) -> bool:
         """Return whether the straight lines from all starts to joints [arm] are free."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from s2a.articulation import transform
 from s2a.planner.free_motion import Free, free_motion
 from s2a.planner.insides import moved_room
 from s2a.planner.obstacles import RoomHulls
@@ -15,6 +16,7 @@ from s2a.robot.collision import SLACK, RobotShape, robot_shape
 from s2a.robot.joint_path import straight
 from s2a.robot.spec import JointLimits, RobotSpec
 from s2a.robot.tool_path import matrices
+from s2a.scene import Joint
 from s2a.sim.room import pedestal
 from s2a.sim.world import SimStage
 
@@ -32,6 +34,32 @@ def room_hulls(stage: SimStage, q: float) -> RoomHulls:
     """Return the hulls around a stage's part, which stands at a coordinate, and the robot's pedestal."""
     room = moved_room(stage.room, stage.target, q, {})
     return RoomHulls(room, (), stage.grasp[:3], pedestal(stage.base, *stage.pedestal))
+
+
+def part_hulls(stage: SimStage) -> RoomHulls:
+    """Return the hulls of a stage's part alone, as scanned."""
+    room, target = stage.room, stage.target
+    alone = replace(room, bodies={target: room.bodies[target]}, articulations={}, free={}, static_colliders=())
+    return RoomHulls(alone, (), stage.grasp[:3])
+
+
+def arm_in_part(
+    shape: RobotShape, part: RoomHulls, joint: Joint, coordinates: np.ndarray, path: np.ndarray, base: np.ndarray
+) -> float:
+    """Return how deep an arm without its gripper reaches into the part that it moves [m].
+
+    Args:
+        shape: the robot.
+        part: `part_hulls`.
+        joint: of the part.
+        coordinates: of the part at each pose, shape [pose].
+        path: joints [pose arm].
+        base: pose of the base [4 4].
+    """
+    chosen = shape.moving & ~shape.held
+    back = np.stack([np.linalg.inv(transform(joint, q)) @ base for q in coordinates])
+    centers = shape.centers(path)[:, chosen] @ np.swapaxes(back[:, :3, :3], 1, 2) + back[:, None, :3, 3]
+    return float(part.depth(centers, shape.radii[chosen]).max())
 
 
 def is_free(shape: RobotShape, near: RoomHulls, base: np.ndarray) -> Free:

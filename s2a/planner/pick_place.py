@@ -37,6 +37,10 @@ IK_SEEDS = 12
 """Starts of the inverse kinematics."""
 Fits = Callable[[list[tuple[np.ndarray, float]]], list[tuple[np.ndarray, float]]]
 """Poses [4 4] and pedestals of bases [m] -> those of them that will do."""
+Depth = Callable[[np.ndarray], np.ndarray]
+"""Joints [pose arm] -> how deep something reaches into something there [m], shape [pose]."""
+WIDE = 0.025, 0.015
+"""[m] From the room by which the held object is carried, where that can be done; else by HELD_RADIUS."""
 BRANCHES = 3
 """Branches of the inverse kinematics that are tried for each straight path."""
 AT_ONCE = 8
@@ -186,8 +190,8 @@ class _Search:
         lowers = follow(kin, np.stack(downs), np.stack([base for base, *_ in todo]), IK_SEEDS, self._seed)
         for (base, pedestal, path, held, opened), down, paths in zip(todo, downs, lowers, strict=True):
             for lower in self._free_paths(unflipped(kin, paths, base, down), base, path[-1], "lowering and retreat", 2):
-                reach = self._move(home, path[0], base, opened, None, "reach", 3)
-                carry = self._move(path[-1], lower[0], base, opened, held, "carry", 4) if reach is not None else None
+                reach = self._move(home, path[0], self._empty_depth(base, opened), "reach", 3)
+                carry = self._carried(path[-1], lower[0], base, opened, held) if reach is not None else None
                 if reach is not None and carry is not None:
                     pose = np.array([*base[:3, 3], *Rotation.from_matrix(base[:3, :3]).as_quat()])
                     yield PickPlan(
@@ -217,34 +221,59 @@ class _Search:
             if not left:
                 return
 
-    def _move(
-        self,
-        start: np.ndarray,
-        goal: np.ndarray,
-        base: np.ndarray,
-        opened: float,
-        held: np.ndarray | None,
-        name: str,
-        stage: int,
+    def _carried(
+        self, start: np.ndarray, goal: np.ndarray, base: np.ndarray, opened: float, held: np.ndarray
     ) -> np.ndarray | None:
-        """Return a collision-free motion [pose arm]; with an object of pose `held` [4 4] in the tool frame, or past it."""
-        kin = self._shape.kin
-        body = np.linalg.inv(base) @ self._start
-        room_frame = self._points @ body[:3, :3].T + body[:3, 3]
+        """Return a free motion [pose arm] with the object at `held` [4 4] in the tool frame, well clear if there is one."""
+        found = self._move(start, goal, self._held_depth(base, opened, held, HELD_RADIUS), "carry", 4)
+        if found is None:
+            return None
+        # An object that has slipped by a few millimetres in the gripper met what its path was to pass by so much.
+        for radius in WIDE:
+            better = self._searched(start, goal, self._held_depth(base, opened, held, radius))
+            if better is not None:
+                return better
+        return found
+
+    def _held_depth(self, base: np.ndarray, opened: float, held: np.ndarray, radius: float) -> Depth:
+        """Return how deep the arm, or what it holds at `held` [4 4], grown by a radius [m], reaches into the room."""
 
         def depth(q: np.ndarray) -> np.ndarray:
             found = arm_depth(self._shape, self._near, q, base, opened=opened)
-            if held is not None:
-                carried = base @ kin.tool(q) @ held
-                points = self._points @ carried[:, :3, :3].transpose(0, 2, 1) + carried[:, None, :3, 3]
-                near = self._near.depth(points, np.full(len(self._points), HELD_RADIUS))
-                return np.maximum(found, np.where(near > 0.0, near + SLACK, 0.0))
-            chosen = self._shape.moving
-            gaps = np.linalg.norm(self._shape.centers(q)[:, chosen][:, :, None] - room_frame, axis=3).min(axis=2)
+            carried = base @ self._shape.kin.tool(q) @ held
+            points = self._points @ carried[:, :3, :3].transpose(0, 2, 1) + carried[:, None, :3, 3]
+            near = self._near.depth(points, np.full(len(self._points), radius))
+            return np.maximum(found, np.where(near > 0.0, near + SLACK, 0.0))
+
+        return depth
+
+    def _empty_depth(self, base: np.ndarray, opened: float) -> Depth:
+        """Return how deep the arm reaches into the room, or into the object at its start."""
+        body = np.linalg.inv(base) @ self._start
+        points = self._points @ body[:3, :3].T + body[:3, 3]
+        chosen = self._shape.moving
+
+        def depth(q: np.ndarray) -> np.ndarray:
+            found = arm_depth(self._shape, self._near, q, base, opened=opened)
+            gaps = np.linalg.norm(self._shape.centers(q)[:, chosen][:, :, None] - points, axis=3).min(axis=2)
             return np.maximum(found, (self._shape.radii[chosen] - gaps).max(axis=1))
 
-        ends = np.stack([start, goal])
-        worst = float(depth(ends).max())
+        return depth
+
+    def _move(self, start: np.ndarray, goal: np.ndarray, depth: Depth, name: str, stage: int) -> np.ndarray | None:
+        """Return a collision-free motion [pose arm]; None where there is none, which is noted."""
+        worst = float(depth(np.stack([start, goal])).max())
+        path = self._searched(start, goal, depth)
+        if path is None and worst > SLACK:
+            self._misses.note(
+                stage, worst, f"{name}: an end of the motion reaches {1000 * worst:.0f} mm into something"
+            )
+        elif path is None:
+            self._misses.note(stage, 0.0, f"{name}: no collision-free motion was found in {SEARCH:.0f} s")
+        return path
+
+    def _searched(self, start: np.ndarray, goal: np.ndarray, depth: Depth) -> np.ndarray | None:
+        """Return a motion [pose arm] that meets nothing, the arm itself included, by more than SLACK; None: none found."""
 
         def free(q: np.ndarray) -> np.ndarray:
             ok = depth(q) <= SLACK
@@ -252,15 +281,10 @@ class _Search:
                 [o and self._shape.self_penetration(each[None])[0] <= SLACK for o, each in zip(ok, q, strict=True)]
             )
 
-        if worst > SLACK:
-            self._misses.note(
-                stage, worst, f"{name}: an end of the motion reaches {1000 * worst:.0f} mm into something"
-            )
+        if not free(np.stack([start, goal])).all():
             return None
-        path = free_motion(start, goal, kin.lower, kin.upper, free, SEARCH, self._seed)
-        if path is None:
-            self._misses.note(stage, 0.0, f"{name}: no collision-free motion was found in {SEARCH:.0f} s")
-        return path
+        kin = self._shape.kin
+        return free_motion(start, goal, kin.lower, kin.upper, free, SEARCH, self._seed)
 
 
 def _is_near(pose: np.ndarray, others: np.ndarray) -> bool:

@@ -170,7 +170,7 @@ def _placements(
     bounds = np.concatenate([h.vertices for h in hulls])
     body = room.free[name]
     turn = matrix(scanned(room, name))[:3, :3]
-    points = surface_points([c.mesh for c in body.colliders], 200) @ turn.T
+    points = surface_points([c.mesh for c in body.colliders]) @ turn.T
     corners = np.concatenate([c.mesh.vertices for c in body.colliders]) @ turn.T
     feet = corners[corners[:, 2] < corners[:, 2].min() + FOOT]
     spots = _level_spots(near, support, footprint(feet), bounds, other, level)

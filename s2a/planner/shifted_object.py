@@ -27,8 +27,11 @@ class ShiftedObject:
             sim: whose worlds have one object each, the target.
             trajectory: all of it.
             picked: when.
+
+        Attributes:
+            window: first and last step at which something is added.
         """
-        self._sim, self._kin = sim, kinematics(sim.robot)
+        self._sim, self._kin, self.window = sim, kinematics(sim.robot), (picked.begin, picked.above)
         self._added = Added(sim, picked.near, picked.lifted, _weights(picked, len(trajectory.targets)))
         self._arm = trajectory.targets[self._added.at, : len(sim.robot.arm_joints)]
         self._tool, self._base = self._kin.tool(self._arm), matrices(sim.stage.base[None])[0]

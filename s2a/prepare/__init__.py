@@ -32,6 +32,8 @@ from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, Grasp
 
 __all__ = ["ALL", "PrepareConfig", "prepare"]
 
+ROBOTS = ""
+"""Stands for the owner of the places where robots stand, beside ids of objects."""
 UNEVEN = 0.01
 """[m] A scanned floor may rise by so much under a robot's base."""
 GRAVITY = 9.81
@@ -141,13 +143,13 @@ def _obstacles(
 ) -> dict[str, list[Mesh]]:
     """Return the convex hulls that colliders must leave free, by the object that they are of.
 
-    Of each object with articulated parts: where these move; of the robot (""): where it stands; of each free object its place.
+    Of each object with articulated parts: where these move; of ROBOTS: where they stand; of each free object its place.
     """
-    found: dict[str, list[Mesh]] = {"": []}
+    found: dict[str, list[Mesh]] = {ROBOTS: []}
     for part, result in results.items():
         found.setdefault(scene.root(part), []).extend(result.swept)
         foot, room = np.array(result.base.position) + [0.0, 0.0, UNEVEN], config.room
-        found[""].append(column(foot, room.base_radius, room.base_height - UNEVEN))
+        found[ROBOTS].append(column(foot, room.base_radius, room.base_height - UNEVEN))
     for item in extracted:
         found.setdefault(item.body.id, []).extend(item.space)
     return found
@@ -159,11 +161,16 @@ def _supports(
     obstacles: Mapping[str, Sequence[Mesh]],
     config: RoomConfig,
 ) -> list[Collider]:
-    """Return what free objects stand on: level tops where nothing else moves and no robot stands, and tops of their own."""
+    """Return what free objects stand on: level tops where nothing else moves and no robot stands, and tops of their own.
+
+    The front of a drawer may reach a millimetre into the top above it, which would lock it. No robot's place is cut out of an
+    object's own top: it would fall.
+    """
     ids = {item.body.id for item in extracted}
-    around = [hull for owner, hulls in obstacles.items() if owner not in ids for hull in hulls]
+    moving = [hull for owner, hulls in obstacles.items() if owner not in {*ids, ROBOTS} for hull in hulls]
     boxes = [Collider(top.part, each) for top in tops for each in top.boxes]
-    return [*(item.support for item in extracted if item.support), *cut_out(boxes, around, config)[0]]
+    own = [item.support for item in extracted if item.support]
+    return [*cut_out(own, moving, config)[0], *cut_out(boxes, [*moving, *obstacles[ROBOTS]], config)[0]]
 
 
 def _fixed_bodies(

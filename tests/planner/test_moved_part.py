@@ -8,8 +8,9 @@ import torch
 from drawer_room import drawer_room
 from settings import load
 
+from s2a.planner.held_object import HeldObject
 from s2a.planner.motion import PlannerConfig
-from s2a.planner.moved_part import MovedPart
+from s2a.planner.moved_part import MovedPart, OpenPart
 from s2a.planner.trajectory import Trajectory
 from s2a.robot.kinematics import kinematics
 from s2a.sim.simulation import SimConfig, Simulation
@@ -31,7 +32,7 @@ def moved(tmp_path_factory: pytest.TempPathFactory) -> Moved:
     trajectory = skill.trajectory(sim, stage, load(PlannerConfig, "planner/default"))
     assert trajectory.shutting is not None
     part = MovedPart(sim, trajectory, trajectory.shutting)
-    sim.joint_q[:, part._coord] = torch.tensor(STANDS)
+    sim.joint_q[:, part._part._coord] = torch.tensor(STANDS)
     part.see(torch.full((len(STANDS),), trajectory.shutting.begin))
     steps = range(len(trajectory.targets))
     return sim, trajectory, np.stack([part(torch.full((len(STANDS),), step)).numpy() for step in steps])
@@ -67,3 +68,23 @@ def test_what_is_added_keeps_the_robot_s_limits(moved: Moved) -> None:
     acceleration = np.diff(velocity, axis=0) * 60.0
     assert (np.abs(velocity) / sim.plan_limits.velocity).max() < 1.0
     assert (np.abs(acceleration) / sim.plan_limits.acceleration).max() < 1.0
+
+
+def test_an_object_is_put_where_its_place_in_the_part_has_moved_to(moved: Moved) -> None:
+    sim, trajectory, _ = moved
+    aligned, part = trajectory.aligned, OpenPart(sim, trajectory.shutting.part)
+    worlds = np.ones(len(STANDS), dtype=bool)
+    sim.joint_q[:, part._coord] = torch.tensor(STANDS)
+    planned = float(trajectory.part[aligned.seen])
+    seen = [lambda worlds: np.tile(aligned.held, (len(STANDS), 1, 1)), lambda worlds: part.off(planned, worlds)]
+    held = HeldObject(sim, trajectory, aligned, *seen)
+    held.see(torch.full((len(STANDS),), aligned.seen))
+    for step in (aligned.ready, aligned.released):
+        added = held(torch.full((len(STANDS),), step)).numpy()
+        asked, *tools = kinematics(sim.robot).tool(
+            np.concatenate([[0.0 * added[0]], added]) + trajectory.targets[step, :7]
+        )
+        for tool, motion, stands in zip(tools, part.off(planned, worlds), STANDS, strict=True):
+            assert tool[:3, 3] == pytest.approx((motion @ asked)[:3, 3], abs=1e-3)
+            off = stands - STANDS[0] if stands != STANDS[-1] else 0.0
+            assert np.linalg.norm(motion[:3, 3]) == pytest.approx(abs(off), abs=1e-4)

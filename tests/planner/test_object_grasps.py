@@ -144,3 +144,26 @@ def test_pads_do_not_hold_by_an_edge() -> None:
     found = grasps(body, box((0, 0, 0.065), (0.03, 0.03, 0.015)))
     assert len(found.tool)
     assert (found.tool[:, 2, 3] > 0.05).all()
+
+
+def wedged(found: ObjectGrasps, hulls: list[Mesh]) -> np.ndarray:
+    """Return at which grasps the surface within 1 mm of the pads' edges stands out by 1 mm over what is between the pads."""
+    surface = np.concatenate([trimesh.convex.convex_hull(h.vertices).sample(5000, seed=1) for h in hulls])
+    x, _, z = GRIPPER.finger_box
+    low, high = np.array([-x / 2, GRIPPER.tip_ahead - z]), np.array([x / 2, GRIPPER.tip_ahead])
+    wrong = []
+    for tool in found.tool:
+        local = (surface - tool[:3, 3]) @ tool[:3, :3]
+        plane, out = local[:, [0, 2]], np.abs(local[:, 1])
+        within, near = (((plane > low - by) & (plane < high + by)).all(axis=1) for by in (0.0, 1e-3))
+        wrong.append(out[near].max() > out[within].max(initial=0.0) + 1e-3)
+    return np.array(wrong)
+
+
+def test_the_pads_end_before_a_ledge_rather_than_at_it() -> None:
+    """A cube's upper layer stood out by a millimetre over the pads' upper edge, which pressed on it from below."""
+    hulls = [box((0, 0, 0), (0.025, 0.025, 0.03)), box((0, 0, 0.04), (0.0265, 0.0265, 0.01))]
+    found = object_grasps(hulls, np.array([0.0, 0.0, 0.021]), GRIPPER, samples=1000)
+    bad = wedged(found, hulls)
+    assert bad.any(), "there are such grasps"
+    assert not bad[:50].any()

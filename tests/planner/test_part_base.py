@@ -11,6 +11,7 @@ from cabinet import HANDLE, box, write_cabinet
 from settings import load
 
 from s2a import robot
+from s2a.geometry import convex
 from s2a.planner.misses import Unreachable
 from s2a.planner.motion import PlannerConfig, joint_paths, plan
 from s2a.planner.part_base import with_base
@@ -22,6 +23,7 @@ from s2a.robot.tool_path import ToolPath, matrices
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.open_part.skill import tool_path
+from s2a.usd.sim_scene import Collider
 
 PANDA = robot.load("panda")
 
@@ -52,6 +54,17 @@ def test_where_the_prepared_base_does_not_reach_another_one_is_found(tmp_path: P
     assert len(paths)
     # The drawer comes out by 0.3 m: the robot does not stand where it comes.
     assert found.base[0] > HANDLE[0] + 0.3 or abs(found.base[1]) > 0.3
+
+
+def test_a_prepared_base_into_which_the_part_moves_is_not_kept(tmp_path: Path) -> None:
+    """A robot that was placed for a shorter way stood where a door came, and stopped it."""
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
+    body = stage.room.bodies[stage.target]
+    rider = convex.box(stage.base[:3] + [-0.3, 0.0, 0.1], np.eye(3), np.array([0.05, 0.05, 0.05]))
+    wide = replace(body, colliders=(*body.colliders, Collider(stage.target, rider)))
+    room = replace(stage.room, bodies={**stage.room.bodies, stage.target: wide})
+    found = with_base(replace(stage, room=room), path_of(stage), PANDA, 0.125)
+    assert np.linalg.norm(found.base[:3] - stage.base[:3]) > 0.1
 
 
 def test_what_no_base_reaches_is_said_with_its_segment(tmp_path: Path) -> None:

@@ -15,14 +15,15 @@ from cabinet import box, free_cube, write_cabinet
 
 from s2a import robot
 from s2a.errors import InputError
+from s2a.geometry import convex
 from s2a.planner.free_motion import free_motion
 from s2a.planner.graspable import Ungraspable
 from s2a.planner.gripper_shape import gripper_boxes
 from s2a.planner.misses import Misses
 from s2a.planner.object_grasps import matrix, object_grasps
-from s2a.planner.obstacles import RoomHulls
+from s2a.planner.obstacles import RoomHulls, surface_points
 from s2a.planner.pick_base import arm_depth, bases, reached
-from s2a.planner.pick_place import Unreachable, plan_pick
+from s2a.planner.pick_place import WIDE, Unreachable, plan_pick
 from s2a.planner.pick_plan import PickPlan
 from s2a.planner.places import (
     APART,
@@ -319,3 +320,38 @@ def test_a_plan_passes_home_and_both_ends(plan: PickPlan) -> None:
         assert np.linalg.norm(swept - end[:3], axis=1).min() < 0.005
     home = matrix(plan.base) @ kinematics(PANDA).tool(np.array([PANDA.home]))[0]
     assert np.linalg.norm(swept - home[:3, 3], axis=1).min() < 0.1
+
+
+def test_the_corners_and_edges_of_what_is_held_are_tested_too() -> None:
+    """A frame's corner met a headboard between the points that stood for the frame."""
+    plate = convex.box(np.zeros(3), np.eye(3), np.array([0.19, 0.02, 0.22]))
+    foot = convex.box(np.array([0.0, 0.05, -0.1]), np.eye(3), np.array([0.02, 0.12, 0.02]))
+    points = surface_points([plate, foot])
+    for hull in (plate, foot):
+        corners = hull.vertices[~convex.contains(plate, hull.vertices, -1e-3)]
+        a, b = (hull.vertices[hull.faces[:, k]].astype(float) for k in (0, 1))
+        edges = np.concatenate([a + t * (b - a) for t in np.linspace(0.0, 1.0, 30)])
+        edges = edges[~convex.contains(plate, edges, -1e-3)]
+        assert np.linalg.norm(corners[:, None] - points, axis=2).min(axis=1).max() < 1e-6
+        assert np.linalg.norm(edges[:, None] - points, axis=2).min(axis=1).max() < 0.02
+    assert len(points) < 600
+
+
+def held_points(room: SimRoom, found: PickPlan) -> np.ndarray:
+    """Return points on the cube's surface as a plan carries it, shape [pose point 3]."""
+    surface = surface_points([collider.mesh for collider in room.free["cube_9"].colliders])
+    body = matrix(found.base) @ robot_shape(PANDA).kin.tool(found.carry) @ np.linalg.inv(found.grasp)
+    return surface @ body[:, :3, :3].transpose(0, 2, 1) + body[:, None, :3, 3]
+
+
+def test_what_is_held_is_carried_well_clear_of_what_its_nearest_way_grazes(plan: PickPlan, tmp_path: Path) -> None:
+    """A bottle that had slipped by 3 mm met the front of a drawer that its path was to pass by 5 mm."""
+    passed = held_points(room_of(tmp_path), plan)
+    middle = (START + GOAL)[1] / 2
+    top = passed[np.abs(passed[..., 1] - middle) < 0.03][:, 2].min() - 0.008
+    fence = box((0.2, middle, (top + 0.802) / 2), (0.1, 0.005, (top - 0.802) / 2))
+    room = room_of(tmp_path, beside=[fence])
+    near = RoomHulls(room, {"cube_9"}, START[:3])
+    assert near.depth(passed, np.full(passed.shape[1], 0.005)).max() == 0.0
+    points = held_points(room, plan_pick(room, "cube_9", START, GOAL, PANDA))
+    assert near.depth(points, np.full(points.shape[1], WIDE[0])).max() <= 1e-3

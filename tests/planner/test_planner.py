@@ -13,18 +13,22 @@ from cabinet import box, write_cabinet
 from part_worlds import make_env, metric_settings, task_settings
 from settings import load
 
-from s2a import tasks
+from s2a import robot, tasks
+from s2a.articulation import displace
 from s2a.env.starts import DemoStarts
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import evaluate
+from s2a.geometry import convex
 from s2a.planner.collision import most_clear
 from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner, PlannerConfig, demonstration, joint_paths
+from s2a.robot.collision import robot_shape
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
 from s2a.tasks.open_part.skill import tool_path
+from s2a.usd.sim_scene import Collider
 
 
 def planner_env(stage_path: Path, base: tuple[float, float, float] | None = None) -> VecEnv:
@@ -57,6 +61,26 @@ def test_the_arm_takes_a_path_on_which_nothing_is_in_its_way(tmp_path: Path) -> 
     assert not np.array_equal(first, other)
     both = np.stack([first, other])
     assert (most_clear(plain, both), most_clear(blocked, both), most_clear(blocked, both[::-1])) == (0, 1, 0)
+
+
+def test_the_arm_takes_a_path_on_which_the_part_does_not_move_into_it(tmp_path: Path) -> None:
+    """Of the paths from a base one was clear of a door; another was taken, and the door met the arm's second link."""
+    settings = load(PlannerConfig, "planner/default")
+    stage = read_stage(write_cabinet(tmp_path / "sim.usda"))
+    path, shape = tool_path(stage, settings), robot_shape(robot.load("panda"))
+    paths = joint_paths(shape.kin, stage, path, settings)
+    ends = shape.centers(paths[:, -1])[:, shape.moving & ~shape.held]
+    apart = np.linalg.norm(ends[0][:, None, None] - ends[None], axis=-1).min(axis=2).max(axis=0)
+    other = int(apart.argmax())
+    sphere = np.linalg.norm(ends[0][:, None] - ends[other][None], axis=-1).min(axis=1).argmax()
+    met = matrices(stage.base[None])[0][:3] @ [*ends[0, sphere], 1.0]
+    rider = convex.box(displace(met[None], stage.joint, -path.q[-1])[0], np.eye(3), np.full(3, 0.03))
+    body = stage.room.bodies[stage.target]
+    wide = replace(body, colliders=(*body.colliders, Collider(stage.target, rider)))
+    room = replace(stage.room, bodies={**stage.room.bodies, stage.target: wide})
+    config, both = load(SimConfig, "sim/planner"), paths[[0, other]]
+    assert most_clear(Simulation(stage, config, 1), both, path.q) == 0
+    assert most_clear(Simulation(replace(stage, room=room), config, 1), both, path.q) == 1
 
 
 @pytest.mark.parametrize("sim", ["planner", "real"])

@@ -16,13 +16,14 @@ from s2a.certify.physics import World
 from s2a.certify.physics_motion import rest
 from s2a.errors import InputError
 from s2a.geometry.closed_solid import border, close, drop_small_components, loops
-from s2a.geometry.convex import box
+from s2a.geometry.convex import APART, box
 from s2a.geometry.mesh_ops import keep, merge
 from s2a.geometry.mesh_query import first_hits, ray_mesh
+from s2a.geometry.sweep import deepest
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.colliders.free import free_object, free_objects
 from s2a.prepare.colliders.level_top import level_top
-from s2a.scene import Mesh, Part, Scene
+from s2a.scene import Joint, Mesh, Part, Scene
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import SimRoom, in_scene
 
@@ -210,3 +211,21 @@ def test_what_stands_on_something_that_moves_is_refused() -> None:
     scene = replace(scene, parts={**scene.parts, "tray_22": tray})
     with pytest.raises(InputError, match="box_23: it stands on 'tray_22'"):
         free_objects(scene, ["box_23"], ["tray_22"], settings().free)
+
+
+def test_a_drawer_that_reaches_into_what_an_object_above_stands_on_slides_all_the_same() -> None:
+    """A scanned front may reach above the underside of the top over it; on its way nothing of the room meets it."""
+    front = box(np.array([0.56, 1.2, 0.66]), np.eye(3), np.array([0.02, 0.2, 0.123]))
+    grip = box(np.array([0.60, 1.2, 0.65]), np.eye(3), np.array([0.02, 0.1, 0.02]))
+    slide = Joint("prismatic", (1.0, 0.0, 0.0), (0.56, 1.2, 0.66), (0.0, 0.3))
+    more = {
+        "drawer_30": Part("drawer", front, "table_4", slide),
+        "handle_31": Part("handle", grip, "drawer_30", "fixed", True),
+    }
+    found = prepare(room(table_4=Part("table", noisy(0.8, rise=0.02)), **more), "drawer_30", settings(), ["box_20"])
+    hulls = [collider.mesh for collider in found.bodies["drawer_30"].colliders]
+    assert deepest(hulls, [collider.mesh for collider in found.static_colliders], slide) <= APART
+    tops = [c.mesh.bounds for c in found.static_colliders if c.part == "table_4"]
+    assert max(top[1, 2] for top in tops) == pytest.approx(
+        min(in_scene(b, c.mesh)[:, 2].min() for b in found.free.values() for c in b.colliders), abs=1e-5
+    )

@@ -139,6 +139,7 @@ ADDED = {
     "task.action_delay": (0, 0),
     "ppo.imitation_iterations": 0,
     "ppo.critic_iterations": 0,
+    "ppo.critic_learning_rate": None,
     "ppo.tf32": False,
 }
 """Dotted key that older runs did not have -> the value by which they ran."""

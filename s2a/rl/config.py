@@ -24,6 +24,8 @@ class PpoConfig:
         num_learning_epochs: passes over them.
         num_mini_batches: parts of a pass.
         learning_rate: at the start; adapted to keep the divergence at `desired_kl`.
+        critic_learning_rate: the critic's own, which is not adapted; null: it has the actor's. Where the divergence holds the
+            actor's at its lowest, 1e-5, a critic with the same does not follow. Needs `cuda_graph`.
         desired_kl: divergence of a policy from the one before it.
         gamma: discount of a control step.
         lam: of the generalised advantage estimate.
@@ -54,6 +56,7 @@ class PpoConfig:
     num_learning_epochs: Count
     num_mini_batches: Count
     learning_rate: Positive
+    critic_learning_rate: Positive | None
     desired_kl: Positive
     gamma: Fraction
     lam: Fraction
@@ -84,6 +87,7 @@ def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, An
     }
     gaussian = "s2a.rl.cuda_graph_ppo:LazyGaussian" if config.cuda_graph else "GaussianDistribution"
     own = {"imitation_iterations": config.imitation_iterations, "compile_mode": config.torch_compile_mode}
+    own |= {"critic_rate": config.critic_learning_rate}
     distribution = {"class_name": gaussian, "init_std": config.init_std, "std_type": "scalar"}
     return {
         "num_steps_per_env": config.num_steps_per_env,

@@ -44,11 +44,17 @@ class GraphPpo(PPO):
     learning_rate: float
 
     def __init__(
-        self, *args: Any, imitation_iterations: int = 0, compile_mode: str | None = None, **kwargs: Any
+        self,
+        *args: Any,
+        imitation_iterations: int = 0,
+        compile_mode: str | None = None,
+        critic_rate: float | None = None,
+        **kwargs: Any,
     ) -> None:
         """Build rsl-rl's algorithm, with an optimiser whose learning rate is a tensor.
 
-        `compile_mode` is torch.compile's for the loss and its gradient; None: they are not compiled.
+        `compile_mode` is torch.compile's for the loss and its gradient; None: they are not compiled. `critic_rate` is the
+        critic's learning rate, which no divergence changes; None: it has the actor's.
 
         In the first `imitation_iterations` updates the actor's loss is the squared difference of its mean action to the
         teacher's, summed over the joints, at the first learning rate, and the value's change is not clipped. Where there is no
@@ -59,7 +65,13 @@ class GraphPpo(PPO):
         self._cuda = torch.device(self.device).type == "cuda"
         self._rate = torch.tensor(self.learning_rate, device=self.device)
         self._parameters = list(chain(self._raw_actor.parameters(), self._raw_critic.parameters()))
-        self.optimizer = torch.optim.Adam(self._parameters, lr=self._rate, fused=True, capturable=self._cuda)
+        self._critic_rate = None if critic_rate is None else torch.tensor(critic_rate, device=self.device)
+        networks = (self._raw_actor, self._raw_critic)
+        groups: list[dict[str, Any]] = [{"params": self._parameters}]
+        if self._critic_rate is not None:
+            groups = [{"params": list(network.parameters())} for network in networks]
+            groups[1]["lr"] = self._critic_rate
+        self.optimizer = torch.optim.Adam(groups, lr=self._rate, fused=True, capturable=self._cuda)
         size = self.storage.num_envs * self.storage.num_transitions_per_env
         self._index = torch.zeros(size // self.num_mini_batches, dtype=torch.long, device=self.device)
         self._losses = torch.zeros(3, device=self.device)
@@ -84,6 +96,7 @@ class GraphPpo(PPO):
             InputError: a loss or a parameter is not finite.
         """
         size = len(self._index)
+        explained = 1.0 - (self.storage.returns - self.storage.values).var() / self.storage.returns.var()
         indices = torch.randperm(self.num_mini_batches * size, device=self.device)
         self._fill()
         self._losses.zero_()
@@ -104,7 +117,8 @@ class GraphPpo(PPO):
         count = self.num_learning_epochs * self.num_mini_batches
         with torch.no_grad():
             norms = torch.stack([p.norm() for p in self._parameters])
-            value, surrogate, entropy, norm = torch.cat([self._losses / count, norms.sum()[None]]).tolist()
+            seen = torch.stack([norms.sum(), explained, self._packed[-1]])
+            value, surrogate, entropy, norm, explained, divergence = torch.cat([self._losses / count, seen]).tolist()
         if not math.isfinite(value + surrogate + entropy + norm):  # before anything of it is saved
             raise InputError(BROKEN)
         self.learning_rate = float(self._rate)
@@ -112,21 +126,23 @@ class GraphPpo(PPO):
         self._raw_actor.update_normalization(observations)
         self._raw_critic.update_normalization(observations)
         self.storage.clear()
-        return {"value": value, "surrogate": surrogate, "entropy": entropy}
+        losses = {"value": value, "surrogate": surrogate, "entropy": entropy}
+        return losses | {"explained_variance": explained, "divergence": divergence}
 
     def save(self) -> dict:
         """Return what a checkpoint holds, as rsl-rl has it."""
         saved = super().save()
-        saved["optimizer_state_dict"]["param_groups"][0]["lr"] = self.learning_rate
+        for group in saved["optimizer_state_dict"]["param_groups"]:
+            group["lr"] = float(group["lr"])
         return saved
 
     def load(self, loaded_dict: dict, load_cfg: dict | None, strict: bool) -> bool:
         """Load a checkpoint; what was captured is forgotten."""
         with_iteration = super().load(loaded_dict, load_cfg, strict)
-        group = self.optimizer.param_groups[0]
-        self.learning_rate = float(group["lr"])
+        self.learning_rate = float(self.optimizer.param_groups[0]["lr"])
         self._rate.fill_(self.learning_rate)
-        group.update(lr=self._rate, fused=True, capturable=self._cuda)
+        for group, rate in zip(self.optimizer.param_groups, (self._rate, self._critic_rate), strict=False):
+            group.update(lr=rate, fused=True, capturable=self._cuda)
         self._updates, self._replays = 0, ()
         if with_iteration:
             self._imitating = max(0, self._imitating - 1 - loaded_dict["iter"])

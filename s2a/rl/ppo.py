@@ -72,6 +72,8 @@ def train(
             runner.resume(checkpoint)
         elif init:
             runner.begin_with(init)
+        if init:
+            runner.keep_normalizer()
         before = runner.seconds
         if todo:
             runner.learn(todo, init_at_random_ep_len=True)

@@ -86,6 +86,14 @@ class Runner(OnPolicyRunner):
             why = (str(error) or type(error).__name__).splitlines()[0]
             raise InputError(f"key 'init': {checkpoint} has no networks that fit this run ({why})") from error
 
+    def keep_normalizer(self) -> None:
+        """Let the policy go on to see observations as it has learned to.
+
+        A normaliser that follows other rooms than it was made in changes what the policy does, without its gradient and without a
+        divergence that would show it.
+        """
+        self.alg.get_policy().obs_normalizer.until = 0
+
     def resume(self, checkpoint: Path) -> None:
         """Go on after the iteration that a checkpoint was written in, as if the run had not been cut.
 

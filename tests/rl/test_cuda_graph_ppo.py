@@ -228,6 +228,32 @@ def test_a_policy_that_waited_for_its_critic_begins_with_small_steps() -> None:
     assert max(steps) == pytest.approx(1e-5, rel=0.01)
 
 
+@pytest.mark.parametrize("rate", [None, 1e-2])
+def test_a_critic_with_a_rate_of_its_own_learns_while_the_divergence_holds_the_actor_back(rate: float | None) -> None:
+    class Paying(NoisyEnv):
+        def step(self, action: torch.Tensor) -> None:
+            super().step(action)
+            self.reward.fill_(0.1)
+
+    torch.manual_seed(0)
+    changes = {**SMALL, "num_learning_epochs": 20, "desired_kl": 1e-9, "critic_learning_rate": rate}
+    changes["use_clipped_value_loss"] = False
+    runner = make_runner(RslRlEnv(Paying(), 1.0), load(PpoConfig, "ppo/default", **changes, cuda_graph=True), None)
+    runner.learn(10)
+    assert runner.alg.learning_rate == pytest.approx(1e-5)
+    assert (float(runner.alg.storage.values.mean()) > 1.0) == (rate is not None)
+
+
+def test_a_critics_own_rate_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
+    first = learned(True, critic_learning_rate=3e-3)
+    torch.save(first.alg.save() | {"iter": 2, "infos": {}}, tmp_path / "model_2.pt")
+    second = learned(True, iterations=1, critic_learning_rate=3e-3)
+    second.load(str(tmp_path / "model_2.pt"))
+    second.learn(1)
+    rates = [float(group["lr"]) for group in second.alg.optimizer.param_groups]
+    assert rates == pytest.approx([second.alg.learning_rate, 3e-3])
+
+
 @pytest.mark.parametrize(("done", "left"), [(0, 3), (2, 1), (3, 0), (9, 0)])
 def test_a_run_that_goes_on_imitates_for_the_rest_of_its_iterations(done: int, left: int, tmp_path: Path) -> None:
     first = imitating(4)

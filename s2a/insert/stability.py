@@ -68,7 +68,8 @@ def drop_check(hulls: HullsConfig, config: DropTestConfig) -> StabilityCheck:
         found = drop_test(moved, nearby(scene, low - QUERY_RADIUS, high + QUERY_RADIUS), config, hangs_on)
         unstable = np.isfinite(found.drift) and (found.tilt > config.tilt or found.drift > config.drift)
         values = {name: round(value, 5) if isinstance(value, float) else value for name, value in vars(found).items()}
-        rest = values.pop("rest")
+        values.pop("rest")
+        rest = found.rest
         if rest is not None and rests_upright(found.tilt, found.drift):
             values["rest"] = rest
         elif rest is not None and found.tilt > config.tilt:

@@ -86,8 +86,11 @@ def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, An
         "obs_normalization": True,
     }
     gaussian = "s2a.rl.cuda_graph_ppo:LazyGaussian" if config.cuda_graph else "GaussianDistribution"
-    own = {"imitation_iterations": config.imitation_iterations, "compile_mode": config.torch_compile_mode}
-    own |= {"critic_rate": config.critic_learning_rate}
+    own = {
+        "imitation_iterations": config.imitation_iterations,
+        "compile_mode": config.torch_compile_mode,
+        "critic_rate": config.critic_learning_rate,
+    }
     distribution = {"class_name": gaussian, "init_std": config.init_std, "std_type": "scalar"}
     return {
         "num_steps_per_env": config.num_steps_per_env,

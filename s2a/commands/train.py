@@ -123,12 +123,14 @@ def _start_of(config: Config) -> Path | None:
     """Return the checkpoint to go on from, None to begin.
 
     Raises:
-        InputError: there are more mini-batches than samples; `out` is a file; it holds something, and the run is not to go
-            on; or it has done all its iterations.
+        InputError: a setting needs another; there are more mini-batches than samples; `out` is a file; it holds something, and
+            the run is not to go on; or it has done all its iterations.
     """
     if _ppo_of(config).imitation_iterations and not config.ppo.cuda_graph:
         key = "critic_iterations" if config.init else "imitation_iterations"
         raise InputError(f"key 'ppo.{key}' needs ppo.cuda_graph=true; rsl-rl's own update does not imitate")
+    if config.ppo.critic_learning_rate is not None and not config.ppo.cuda_graph:
+        raise InputError("key 'ppo.critic_learning_rate' needs ppo.cuda_graph=true; rsl-rl's own update has one rate")
     samples = config.num_envs * config.ppo.num_steps_per_env
     if config.ppo.num_mini_batches > samples:
         raise InputError(

@@ -63,6 +63,8 @@ class GraphPpo(PPO):
         super().__init__(*args, **kwargs)
         self._imitating, self._first_rate = imitation_iterations, self.learning_rate
         self._cuda = torch.device(self.device).type == "cuda"
+        if self._cuda:
+            torch.cuda.set_device(self.device)  # torch captures what the current device does, which is else the first
         self._rate = torch.tensor(self.learning_rate, device=self.device)
         self._parameters = list(chain(self._raw_actor.parameters(), self._raw_critic.parameters()))
         self._critic_rate = None if critic_rate is None else torch.tensor(critic_rate, device=self.device)

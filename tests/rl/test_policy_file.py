@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from s2a.errors import InputError
 from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.config import PpoConfig
 from s2a.rl.export import export
-from s2a.rl.policy_file import PRETRAINED, PolicyFile, forget_source
+from s2a.rl.policy_file import PRETRAINED, PolicyFile, forget_source, weights
 from s2a.rl.ppo import train
 from s2a.rl.run_world import FILE, write_world
 from s2a.sim.simulation import SimConfig
@@ -56,6 +57,19 @@ def test_a_run_begins_with_its_policy_and_lets_the_critic_alone_learn(exported: 
     assert torch.allclose(after, before, atol=1e-5)
     first, last = (torch.load(tmp_path / f"next/model_{i}.pt", weights_only=True)["critic_state_dict"] for i in (0, 1))
     assert not torch.equal(first["mlp.0.weight"], last["mlp.0.weight"])
+
+
+def test_a_policy_that_a_run_begins_with_goes_on_to_see_as_before(exported: Path, tmp_path: Path) -> None:
+    config, out = load(PpoConfig, "ppo/default", **SMALL | {"iterations": 2}), tmp_path / "next"
+    before = {name: value for name, value in weights(exported).items() if name.startswith("obs_normalizer")}
+    train(CountingEnv(), config, out, init=exported)
+    train(CountingEnv(), replace(config, iterations=3), out, checkpoint=out / "model_1.pt", init=exported)
+    for name in ("model_1.pt", "model_2.pt"):
+        actor = torch.load(out / name, weights_only=True)["actor_state_dict"]
+        assert all(torch.equal(actor[key].to(value.dtype), value) for key, value in before.items()), name
+    train(CountingEnv(), load(PpoConfig, "ppo/default", **SMALL), tmp_path / "last", init=out / "model_2.pt")
+    last = torch.load(tmp_path / "last/model_0.pt", weights_only=True)["actor_state_dict"]
+    assert torch.equal(last["obs_normalizer._mean"], before["obs_normalizer._mean"])
 
 
 def test_a_policy_of_other_widths_is_refused(exported: Path, tmp_path: Path) -> None:

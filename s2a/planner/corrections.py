@@ -7,7 +7,7 @@ from functools import partial
 import torch
 
 from s2a.planner.held_object import HeldObject, target_in_tool
-from s2a.planner.moved_part import MovedPart, OpenPart
+from s2a.planner.moved_part import MovedPart, PartOff
 from s2a.planner.pace import Pace
 from s2a.planner.shifted_object import ShiftedObject
 from s2a.planner.trajectory import Trajectory
@@ -29,7 +29,7 @@ class Corrections:
         self._shifted = ShiftedObject(sim, trajectory, picked) if picked else None
         off = None
         if aligned and shutting:
-            off = partial(OpenPart(sim, shutting.part).off, float(trajectory.part[aligned.seen]))
+            off = partial(PartOff(sim, shutting.part).off, float(trajectory.part[aligned.seen]))
         self._held = HeldObject(sim, trajectory, aligned, partial(target_in_tool, sim), off) if aligned else None
         self._moved = MovedPart(sim, trajectory, shutting) if shutting else None
         self._pace = Pace(sim, trajectory, sim.plan_limits, rate)

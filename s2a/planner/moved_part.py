@@ -18,7 +18,7 @@ FARTHEST = 0.15
 """[m] By which the handle may be off. What is farther off would need another plan."""
 
 
-class OpenPart:
+class PartOff:
     """Where a part stands that the trajectory opens."""
 
     def __init__(self, sim: Simulation, part: str) -> None:
@@ -66,7 +66,7 @@ class MovedPart:
         self._added = Added(sim, first, last, np.where(step <= last, rising, 0.0))
         at = self._added.at
         self._arm, self._q = trajectory.targets[at, : len(sim.robot.arm_joints)], trajectory.part[at]
-        self._tool, self._part = self._kin.tool(self._arm), OpenPart(sim, shutting.part)
+        self._tool, self._part = self._kin.tool(self._arm), PartOff(sim, shutting.part)
 
     def see(self, step: torch.Tensor) -> torch.Tensor | None:
         """See where the part stands in worlds whose way back to it has begun, shape [world]; return which."""

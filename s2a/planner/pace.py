@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from s2a.planner.knots import Worlds
-from s2a.planner.trajectory import Trajectory, limit_shares
+from s2a.planner.trajectory import Trajectory, limit_fractions
 from s2a.robot.spec import JointLimits
 
 Adding = Callable[[torch.Tensor], torch.Tensor | float]
@@ -16,7 +16,7 @@ Adding = Callable[[torch.Tensor], torch.Tensor | float]
 
 
 class Pace:
-    """The share of a step of the trajectory by which each world goes on in a control step.
+    """The fraction of a step of the trajectory by which each world goes on in a control step.
 
     The trajectory and what is added to it keep the limits each, their sum need not. In windows that begin and end at rest the sum
     is followed more slowly, evenly, where it has to be.
@@ -42,12 +42,14 @@ class Pace:
         steps = [torch.full((self._count,), step, device=self._device) for step in range(first, last + 1)]
         total = torch.stack([torch.as_tensor(added(step))[worlds] for step in steps]).cpu().numpy()
         total = self._arm[first : last + 1, None] + total
-        # Between two targets the arm goes straight: at a share s of the pace, accelerations fall with s, not with its square.
-        shares = [max(1.0, *limit_shares(total[:, k], self._limits, self._rate)) for k in range(total.shape[1])]
+        # Between two targets the arm goes straight: at a fraction s of the pace, accelerations fall with s, not with its square.
+        fractions = [max(1.0, *limit_fractions(total[:, k], self._limits, self._rate)) for k in range(total.shape[1])]
         pace = self._windows.setdefault(
             (first, last), torch.ones(self._count, dtype=torch.float64, device=self._device)
         )
-        pace[worlds] = torch.tensor([1.0 / share for share in shares], dtype=torch.float64, device=self._device)
+        pace[worlds] = torch.tensor(
+            [1.0 / fraction for fraction in fractions], dtype=torch.float64, device=self._device
+        )
 
     def _to_rest(self, first: int, last: int) -> tuple[int, int]:
         """Return a window that ends where the arm stands: a change of pace on the way would be a jump of velocity."""

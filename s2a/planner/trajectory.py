@@ -130,12 +130,12 @@ def timed(
 
 def limit_use(targets: np.ndarray, limits: JointLimits, rate: float) -> float:
     """Return by what factor targets [step arm] would have to be slower for USED of the limits; 1 or less: they keep them."""
-    fast, hard = limit_shares(targets, limits, rate)
+    fast, hard = limit_fractions(targets, limits, rate)
     return float(max(fast, np.sqrt(hard)))
 
 
-def limit_shares(targets: np.ndarray, limits: JointLimits, rate: float) -> tuple[float, float]:
-    """Return the largest velocity and acceleration of targets [step arm], at rest at its ends, as shares of USED limits."""
+def limit_fractions(targets: np.ndarray, limits: JointLimits, rate: float) -> tuple[float, float]:
+    """Return the largest velocity and acceleration of targets [step arm], at rest at its ends, as fractions of USED limits."""
     velocity = np.diff(targets, axis=0) * rate
     acceleration = np.diff(np.concatenate([velocity[:1] * 0.0, velocity, velocity[:1] * 0.0]), axis=0) * rate
     fast = np.abs(velocity).max(axis=0) / (USED * np.array(limits.velocity))

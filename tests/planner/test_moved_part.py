@@ -10,7 +10,7 @@ from settings import load
 
 from s2a.planner.held_object import HeldObject
 from s2a.planner.motion import PlannerConfig
-from s2a.planner.moved_part import MovedPart, OpenPart
+from s2a.planner.moved_part import MovedPart, PartOff
 from s2a.planner.trajectory import Trajectory
 from s2a.robot.kinematics import kinematics
 from s2a.sim.simulation import SimConfig, Simulation
@@ -72,7 +72,7 @@ def test_what_is_added_keeps_the_robot_s_limits(moved: Moved) -> None:
 
 def test_an_object_is_put_where_its_place_in_the_part_has_moved_to(moved: Moved) -> None:
     sim, trajectory, _ = moved
-    aligned, part = trajectory.aligned, OpenPart(sim, trajectory.shutting.part)
+    aligned, part = trajectory.aligned, PartOff(sim, trajectory.shutting.part)
     worlds = np.ones(len(STANDS), dtype=bool)
     sim.joint_q[:, part._coord] = torch.tensor(STANDS)
     planned = float(trajectory.part[aligned.seen])

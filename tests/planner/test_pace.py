@@ -10,7 +10,7 @@ import torch
 
 from s2a import robot as robots
 from s2a.planner.pace import Pace
-from s2a.planner.trajectory import Trajectory, eased, limit_shares, timed
+from s2a.planner.trajectory import Trajectory, eased, limit_fractions, timed
 
 SPEC = robots.load("panda")
 RATE, STAND = 60.0, 20
@@ -48,9 +48,9 @@ def followed(fitted: bool) -> tuple[np.ndarray, np.ndarray]:
 
 def test_the_sum_keeps_the_limits() -> None:
     at_full_pace, _ = followed(fitted=False)
-    assert max(limit_shares(at_full_pace[:, 0], SPEC.limits, RATE)) > 1.3
+    assert max(limit_fractions(at_full_pace[:, 0], SPEC.limits, RATE)) > 1.3
     told, _ = followed(fitted=True)
-    assert max(limit_shares(told[:, 0], SPEC.limits, RATE)) < 1.01
+    assert max(limit_fractions(told[:, 0], SPEC.limits, RATE)) < 1.01
     assert told[-1, 0] == pytest.approx(at_full_pace[-1, 0], abs=1e-3)
 
 

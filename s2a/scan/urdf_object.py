@@ -9,43 +9,25 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from s2a.errors import InputError
-from s2a.scan import mesh_files
+from s2a.geometry.mesh_ops import sample
+from s2a.mesh import Mesh
+from s2a.scan import urdf_links
 from s2a.scan.ply import ScanMesh
 from s2a.scan.predictions import USUAL_LABEL, USUAL_RANGE, Prediction
+from s2a.scan.urdf_links import KINDS, UrdfJoint
 
-KINDS = {"revolute": "rotation", "continuous": "rotation", "prismatic": "translation"}
-FIXED, SUFFIX = "fixed", ".urdf"
+SUFFIX = ".urdf"
 HANDLE = ("handle", "knob")
 """A link that is fixed to a moving one and has such a word in its name is its handle."""
-MAX_BYTES, MAX_MESH_BYTES, MAX_LINKS = 5_000_000, 100_000_000, 1000
 MARGIN = 0.03
 """[m] Beyond its box a face of the scan still belongs to the object, and so far from a link's surface at most."""
 SAMPLES = 2000
 """Points on the surface of each link."""
-CHUNK = 256
-"""Faces of the scan whose distances are held at once."""
-CORNERS = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
-SIDES = np.array(
-    [
-        (0, 1, 3),
-        (0, 3, 2),
-        (4, 6, 7),
-        (4, 7, 5),
-        (0, 4, 5),
-        (0, 5, 1),
-        (2, 3, 7),
-        (2, 7, 6),
-        (0, 2, 6),
-        (0, 6, 4),
-        (1, 5, 7),
-        (1, 7, 3),
-    ]
-)
 
 
 @dataclass(frozen=True)
@@ -69,17 +51,6 @@ class ObjectBox:
         return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
-@dataclass(frozen=True)
-class _Joint:
-    name: str
-    kind: str
-    parent: str
-    child: str
-    pose: np.ndarray
-    axis: np.ndarray
-    limits: tuple[float, float] | None
-
-
 def read(path: Path, surface: ScanMesh, box: ObjectBox) -> list[Prediction]:
     """Return the moving links of a URDF at its zero pose as predicted parts of a scan; those without a face are left out.
 
@@ -89,156 +60,36 @@ def read(path: Path, surface: ScanMesh, box: ObjectBox) -> list[Prediction]:
         box: that the object fills; its extents are stretched to those of the box.
 
     Raises:
-        InputError: a damaged file, one without moving joints, with loops, or with a mesh that is missing or elsewhere.
+        InputError: as of `urdf_links.read`, or an object without volume.
     """
-    robot = _root(path)
-    joints = [_joint(path, element) for element in robot.findall("joint")]
-    if not any(joint.kind in KINDS for joint in joints):
-        raise InputError(f"{path}: no joint moves; give a URDF with a {', '.join(KINDS)} joint")
-    poses = _poses(path, [_name(path, link) for link in robot.findall("link")], joints)
-    triangles = {_name(path, link): _triangles(path, link, poses[_name(path, link)]) for link in robot.findall("link")}
-    if not (points := [each.reshape(-1, 3) for each in triangles.values() if len(each)]):
-        raise InputError(f"{path}: no link has a surface; give a URDF with <visual> meshes or boxes")
-    low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
+    found = urdf_links.read(path)
+    points = np.concatenate([each.reshape(-1, 3) for each in found.triangles.values()])
+    low, high = points.min(axis=0), points.max(axis=0)
     if (high - low).min() < 1e-6:
         raise InputError(f"{path}: its surfaces lie in a plane; give a URDF of a solid object")
     linear = box.axes * (box.size / (high - low))
     offset = box.center - linear @ ((low + high) / 2)
-    near = _nearest({name: each @ linear.T + offset for name, each in triangles.items() if len(each)}, surface, box)
-    movers = {name: _mover(name, joints) for name in poses}
-    return [
-        p for joint in joints if joint.kind in KINDS for p in _predicted(joint, poses, linear, offset, near, movers)
-    ]
-
-
-def _root(path: Path) -> ElementTree.Element:
-    """Return the document's root; declarations of entities, which can fill the memory, are refused."""
-    if not path.is_file():
-        raise InputError(f"predictions {str(path)!r} is not a file; give predictions=FILE.urdf")
-    if (size := path.stat().st_size) > MAX_BYTES:
-        raise InputError(
-            f"{path}: {size / 1e6:.0f} MB are no URDF of one object; give one below {MAX_BYTES / 1e6:.0f} MB"
-        )
-    text = path.read_bytes()
-    if b"<!DOCTYPE" in text or b"<!ENTITY" in text or b"\0" in text:
-        raise InputError(f"{path}: declares a document type or entities, or is not UTF-8; remove them")
-    try:
-        robot = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f"{path}: not XML ({error}); write it again") from error
-    if robot.tag != "robot":
-        raise InputError(f"{path}: its root is <{robot.tag}>; expected <robot>: give a URDF")
-    if (count := len(robot.findall("link"))) > MAX_LINKS:
-        raise InputError(f"{path}: {count} links; {MAX_LINKS} are possible: give the URDF of one object")
-    return robot
-
-
-def _joint(path: Path, element: ElementTree.Element) -> _Joint:
-    name, kind = _name(path, element), element.get("type", "")
-    if kind not in (*KINDS, FIXED):
-        raise InputError(f"{path}: joint {name!r} is of type {kind!r}; possible: {', '.join((*KINDS, FIXED))}")
-    ends = [found.get("link", "") if (found := element.find(tag)) is not None else "" for tag in ("parent", "child")]
-    axis = element.find("axis")
-    along = _numbers(path, axis.get("xyz", "1 0 0") if axis is not None else "1 0 0", 3)
-    if np.linalg.norm(along) < 1e-6:
-        raise InputError(f"{path}: joint {name!r} has an axis of length 0; give a direction")
-    limit, limits = element.find("limit"), None
-    if limit is not None and kind != "continuous" and limit.get("upper") is not None:
-        low, high = (float(_numbers(path, limit.get(key, "0"), 1)[0]) for key in ("lower", "upper"))
-        if low > high:
-            raise InputError(f"{path}: joint {name!r} has limits {low:g} to {high:g}; swap them")
-        limits = (low, high)
-    return _Joint(name, kind, ends[0], ends[1], _pose(path, element), along / np.linalg.norm(along), limits)
-
-
-def _poses(path: Path, links: list[str], joints: list[_Joint]) -> dict[str, np.ndarray]:
-    """Return the poses [4 4] of all links in the frame of the only root, at the zero pose."""
-    known, children = set(links), [joint.child for joint in joints]
-    if unknown := [end for joint in joints for end in (joint.parent, joint.child) if end not in known]:
-        raise InputError(
-            f"{path}: a joint names the link {unknown[0]!r}, which does not exist; links: {', '.join(links[:8])}"
-        )
-    roots = [link for link in links if link not in children]
-    if len(set(children)) < len(children) or len(known) < len(links) or len(roots) != 1:
-        raise InputError(f"{path}: its links are no tree ({len(roots)} roots); each link but one needs one parent")
-    poses = {roots[0]: np.eye(4)}
-    left = joints
-    while left:
-        ready = [joint for joint in left if joint.parent in poses]
-        if not ready:
-            raise InputError(
-                f"{path}: the links {left[0].parent!r} and {left[0].child!r} are in a loop; remove a joint"
-            )
-        poses |= {joint.child: poses[joint.parent] @ joint.pose for joint in ready}
-        left = [joint for joint in left if joint.child not in poses]
-    return poses
-
-
-def _triangles(path: Path, link: ElementTree.Element, pose: np.ndarray) -> np.ndarray:
-    """Return the visible triangles of a link in the root's frame, or those that collide if none is seen, shape [face 3 3]."""
-    found = [np.zeros((0, 3, 3))]
-    for element in link.findall("visual") or link.findall("collision"):
-        at = pose @ _pose(path, element)
-        for shape in element.findall("geometry/*"):
-            corners = _shape(path, shape)
-            found.append(corners @ at[:3, :3].T + at[:3, 3])
-    return np.concatenate(found)
-
-
-def _shape(path: Path, shape: ElementTree.Element) -> np.ndarray:
-    """Return the triangles of a geometry, shape [face 3 3]; a cylinder and a sphere are taken for their boxes."""
-    if shape.tag == "mesh":
-        scale = _numbers(path, shape.get("scale", "1 1 1"), 3)
-        mesh = mesh_files.read(_mesh_file(path, shape.get("filename", "")))
-        return np.asarray(mesh.vertices[mesh.faces] * scale)
-    if shape.tag == "box":
-        size = _numbers(path, shape.get("size", ""), 3)
-    elif shape.tag in ("cylinder", "sphere"):
-        radius = float(_numbers(path, shape.get("radius", ""), 1)[0])
-        length = float(_numbers(path, shape.get("length", ""), 1)[0]) if shape.tag == "cylinder" else 2 * radius
-        size = np.array([2 * radius, 2 * radius, length])
-    else:
-        raise InputError(f"{path}: geometry <{shape.tag}> is unknown; possible: mesh, box, cylinder, sphere")
-    return np.asarray((CORNERS * size)[SIDES])
-
-
-def _mesh_file(path: Path, name: str) -> Path:
-    """Return the file of a mesh, which lies in the URDF's folder or below."""
-    file = path.parent / name.removeprefix("file://").removeprefix("package://")
-    if not file.resolve().is_relative_to(path.parent.resolve()):
-        raise InputError(f"{path}: the mesh {name!r} lies outside of the URDF's folder; copy it into that folder")
-    if file.is_file() and (size := file.stat().st_size) > MAX_MESH_BYTES:
-        raise InputError(f"{file}: {size / 1e6:.0f} MB; {MAX_MESH_BYTES / 1e6:.0f} MB are possible: simplify the mesh")
-    return file
+    near = _nearest({name: each @ linear.T + offset for name, each in found.triangles.items()}, surface, box)
+    movers = {name: _mover(name, found.joints) for name in found.poses}
+    moving = [joint for joint in found.joints if joint.kind in KINDS]
+    return [p for joint in moving for p in _predicted(joint, found.poses, linear, offset, near, movers)]
 
 
 def _nearest(triangles: Mapping[str, np.ndarray], surface: ScanMesh, box: ObjectBox) -> dict[str, np.ndarray]:
     """Return the faces of the scan in a box by the link that is nearest, at most MARGIN away."""
     middle = surface.vertices[surface.faces].mean(axis=1) + surface.origin
     inside = (np.abs((middle - box.center) @ box.axes) <= box.size / 2 + MARGIN).all(axis=1)
-    chosen, names = np.flatnonzero(inside), list(triangles)
-    rng = np.random.default_rng(0)
-    points = np.stack([_sampled(each, rng) for each in triangles.values()])
-    best, least = np.zeros(len(chosen), int), np.full(len(chosen), np.inf)
-    for start in range(0, len(chosen), CHUNK):
-        rows = slice(start, start + CHUNK)
-        asked = middle[chosen[rows]]
-        away = np.stack([((asked[:, None] - each[None]) ** 2).sum(axis=2).min(axis=1) for each in points], axis=1)
-        best[rows], least[rows] = away.argmin(axis=1), np.sqrt(away.min(axis=1))
-    return {name: chosen[(best == k) & (least <= MARGIN)] for k, name in enumerate(names)}
+    chosen = np.flatnonzero(inside)
+    points = np.concatenate([sample(_mesh(each), SAMPLES, seed=0) for each in triangles.values()])
+    away, k = cKDTree(points).query(middle[chosen])
+    return {name: chosen[(k // SAMPLES == i) & (away <= MARGIN)] for i, name in enumerate(triangles)}
 
 
-def _sampled(triangles: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return points on triangles [face 3 3], evenly by area, shape [SAMPLES 3]."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) + 1e-12
-    k = rng.choice(len(area), SAMPLES, p=area / area.sum())
-    u, v = rng.random((2, SAMPLES, 1))
-    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
-    return np.asarray(a[k] + u * (b - a)[k] + v * (c - a)[k])
+def _mesh(triangles: np.ndarray) -> Mesh:
+    return Mesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
 
 
-def _mover(link: str, joints: list[_Joint]) -> str | None:
+def _mover(link: str, joints: list[UrdfJoint]) -> str | None:
     """Return the moving link that a link is or is fixed to, or None."""
     by_child = {joint.child: joint for joint in joints}
     while link in by_child:
@@ -249,7 +100,7 @@ def _mover(link: str, joints: list[_Joint]) -> str | None:
 
 
 def _predicted(
-    joint: _Joint,
+    joint: UrdfJoint,
     poses: Mapping[str, np.ndarray],
     linear: np.ndarray,
     offset: np.ndarray,
@@ -273,34 +124,3 @@ def _predicted(
     return [
         Prediction(USUAL_LABEL[kind], kind, axis / stretch, origin, limits, 1.0, faces, handle, joint.limits is None)
     ]
-
-
-def _pose(path: Path, element: ElementTree.Element) -> np.ndarray:
-    """Return the pose [4 4] of an element's <origin>: position [m]; roll, pitch, yaw [rad] about fixed axes."""
-    found = element.find("origin")
-    pose = np.eye(4)
-    if found is not None:
-        pose[:3, 3] = _numbers(path, found.get("xyz", "0 0 0"), 3)
-        (r, p, y) = _numbers(path, found.get("rpy", "0 0 0"), 3)
-        about_x = np.array([[1, 0, 0], [0, math.cos(r), -math.sin(r)], [0, math.sin(r), math.cos(r)]])
-        about_y = np.array([[math.cos(p), 0, math.sin(p)], [0, 1, 0], [-math.sin(p), 0, math.cos(p)]])
-        about_z = np.array([[math.cos(y), -math.sin(y), 0], [math.sin(y), math.cos(y), 0], [0, 0, 1]])
-        pose[:3, :3] = about_z @ about_y @ about_x
-    return pose
-
-
-def _numbers(path: Path, text: str, count: int) -> np.ndarray:
-    try:
-        values = np.array([float(word) for word in text.split()])
-    except ValueError:
-        values = np.zeros(0)
-    if len(values) != count or not np.isfinite(values).all():
-        raise InputError(f"{path}: {text!r} where {count} finite numbers are expected; write it again")
-    return values
-
-
-def _name(path: Path, element: ElementTree.Element) -> str:
-    name = element.get("name", "")
-    if not name:
-        raise InputError(f"{path}: a <{element.tag}> has no name; give it one")
-    return name

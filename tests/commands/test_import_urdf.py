@@ -12,7 +12,7 @@ import trimesh
 from trimesh.transformations import rotation_matrix
 
 from s2a import cli
-from s2a.scan import urdf_object
+from s2a.scan import urdf_links
 
 CENTER, SIZE, YAW = np.array([2.0, 1.0, 0.45]), np.array([0.6, 0.8, 0.9]), math.pi / 2
 BOX = f"box=[{','.join(f'{x:g}' for x in (*CENTER, *SIZE))},{YAW:.6f}]"
@@ -88,6 +88,11 @@ def test_a_mesh_beside_the_urdf_is_read(scan: Path) -> None:
     assert imported(scan, urdf) == 0 and len(written(scan, "artic", "articulations")) == 2
 
 
+def test_a_link_whose_surface_has_no_area_gets_no_face_of_another(scan: Path) -> None:
+    assert imported(scan, URDF.replace('<box size="0.9 1 1"/>', '<box size="0 0 0"/>')) == 0
+    assert len(written(scan, "artic", "articulations")) == 2
+
+
 BOMB = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]>' + URDF
 LOOP = URDF.replace('<parent link="body"/><child link="drawer"/>', '<parent link="handle"/><child link="drawer"/>')
 
@@ -107,6 +112,7 @@ LOOP = URDF.replace('<parent link="body"/><child link="drawer"/>', '<parent link
             "outside of the URDF's folder",
         ),
         (URDF.replace('size="0.9 1 1"', 'size="0.9 nan 1"'), "3 finite numbers"),
+        (URDF.replace('size="0.9 1 1"', 'size="0.9 1e200 1"'), "up to 1e+06"),
         (URDF.replace('xyz="1 0 0"', 'xyz="0 0 0"'), "axis of length 0"),
         (URDF.replace('lower="0" upper="0.5"', 'lower="1" upper="0.5"'), "swap them"),
         (URDF[:400], "not XML"),
@@ -124,7 +130,7 @@ def test_a_damaged_urdf_is_one_line(urdf: str, problem: str, scan: Path, capsys:
 def test_a_huge_urdf_is_not_read(
     scan: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(urdf_object, "MAX_BYTES", 100)
+    monkeypatch.setattr(urdf_links, "MAX_BYTES", 100)
     assert imported(scan, URDF) == 2 and "no URDF of one object" in capsys.readouterr().err
 
 

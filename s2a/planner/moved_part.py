@@ -85,8 +85,8 @@ class MovedPart:
         for k, coordinate in enumerate(opened):
             if not self._part.is_near(coordinate, self._q[0]):
                 continue
-            share = coordinate / self._q[0]
-            change = [transform(joint, share * q) @ np.linalg.inv(transform(joint, q)) for q in self._q]
+            fraction = coordinate / self._q[0]
+            change = [transform(joint, fraction * q) @ np.linalg.inv(transform(joint, q)) for q in self._q]
             tool = np.linalg.inv(base) @ np.array(change) @ base @ self._tool
             arm, left = self._kin.solve(tool, self._arm, ITERATIONS, DAMPING)
             if (left <= REACHED).all():

@@ -262,15 +262,15 @@ class _Search:
 
     def _move(self, start: np.ndarray, goal: np.ndarray, depth: Depth, name: str, stage: int) -> np.ndarray | None:
         """Return a collision-free motion [pose arm]; None where there is none, which is noted."""
-        worst = float(depth(np.stack([start, goal])).max())
         path = self._searched(start, goal, depth)
-        if path is None and worst > SLACK:
-            self._misses.note(
-                stage, worst, f"{name}: an end of the motion reaches {1000 * worst:.0f} mm into something"
-            )
-        elif path is None:
-            self._misses.note(stage, 0.0, f"{name}: no collision-free motion was found in {SEARCH:.0f} s")
-        return path
+        if path is not None:
+            return path
+        worst = float(depth(np.stack([start, goal])).max())
+        text = f"{name}: an end of the motion reaches {1000 * worst:.0f} mm into something"
+        if worst <= SLACK:
+            worst, text = 0.0, f"{name}: no collision-free motion was found in {SEARCH:.0f} s"
+        self._misses.note(stage, worst, text)
+        return None
 
     def _searched(self, start: np.ndarray, goal: np.ndarray, depth: Depth) -> np.ndarray | None:
         """Return a motion [pose arm] that meets nothing, the arm itself included, by more than SLACK; None: none found."""

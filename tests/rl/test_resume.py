@@ -132,6 +132,14 @@ def test_a_run_is_not_begun_over_another_nor_gone_on_when_done(tmp_path: Path) -
         verb.run(settings)
 
 
+@pytest.mark.parametrize("key", ["critic_learning_rate=1e-3", "imitation_iterations=5"])
+def test_what_only_our_own_update_does_is_refused_for_that_of_rsl_rl(key: str, tmp_path: Path) -> None:
+    keys = [f"stage={tmp_path / 'sim.usd'}", f"out={tmp_path / 'out'}", f"ppo.{key}", "ppo.cuda_graph=false"]
+    with pytest.raises(InputError, match=f"'ppo.{key.split('=')[0]}' needs ppo.cuda_graph=true"):
+        verb.run(config.load(verb.Config, config.compose("train", keys)))
+    assert not (tmp_path / "out").exists()
+
+
 def test_recent_rates_are_told_once_there_are_episodes() -> None:
     assert verb._rates({"episodes": 0.0, "success": 0.0, "opening": 0.0}, ("opening",)) == {"episodes": 0.0}
     rates = verb._rates({"episodes": 9.7, "success": 8.0, "opening": 2.0}, ("opening",))

@@ -16,8 +16,8 @@ from s2a.scan import mesh_files
 KINDS = {"revolute": "rotation", "continuous": "rotation", "prismatic": "translation"}
 FIXED = "fixed"
 MAX_BYTES, MAX_MESH_BYTES, MAX_LINKS = 5_000_000, 100_000_000, 1000
-LARGEST = 1e6
-"""Of the numbers in a file: of larger ones nothing of an object is left in single precision."""
+MAX_NUMBER = 1e6
+"""In a file; of larger ones nothing of an object is left in single precision."""
 
 
 @dataclass(frozen=True)
@@ -193,9 +193,9 @@ def _numbers(path: Path, text: str, count: int) -> np.ndarray:
         values = np.array([float(word) for word in text.split()])
     except ValueError:
         values = np.zeros(0)
-    if len(values) != count or not (np.abs(values) <= LARGEST).all():
+    if len(values) != count or not (np.abs(values) <= MAX_NUMBER).all():
         raise InputError(
-            f"{path}: {text[:80]!r} where {count} finite numbers up to {LARGEST:g} are expected; write it again"
+            f"{path}: {text[:80]!r} where {count} finite numbers up to {MAX_NUMBER:g} are expected; write it again"
         )
     return values
 

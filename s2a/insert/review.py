@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from PIL import Image
@@ -24,6 +24,8 @@ from s2a.scene import Scene
 
 CLOSE = 1.8
 """Distance of the near image, as a multiple of the object's diagonal."""
+WIDTH = 640
+"""Of the images [pixels]: models take larger ones for more tokens, and they take seconds to render."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,7 @@ def _verdict(context: InsertContext, inserted: Inserted, camera: OrbitCamera) ->
     parts = {**context.room.scene.parts, inserted.placement.part_id: inserted.part}
     scene = Scene(context.room.scene.name, parts, context.room.scene.origin)
     meshes = [part.mesh for part in parts.values()]
+    camera = replace(camera, width=WIDTH, height=round(WIDTH * camera.height / camera.width), samples=1)
     images = tuple(_png(render(meshes, pose, camera)) for pose in wide_and_close(inserted, scene, camera))
     question = _question(inserted, scene)
     text = prompts.review_question(question)

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from scipy.spatial import cKDTree
 
 from s2a.errors import InputError
-from s2a.geometry.mesh_ops import sample
-from s2a.mesh import Mesh
 from s2a.scan import urdf_links
 from s2a.scan.ply import ScanMesh
 from s2a.scan.predictions import USUAL_LABEL, USUAL_RANGE, Prediction
@@ -80,13 +79,15 @@ def _nearest(triangles: Mapping[str, np.ndarray], surface: ScanMesh, box: Object
     middle = surface.vertices[surface.faces].mean(axis=1) + surface.origin
     inside = (np.abs((middle - box.center) @ box.axes) <= box.size / 2 + MARGIN).all(axis=1)
     chosen = np.flatnonzero(inside)
-    points = np.concatenate([sample(_mesh(each), SAMPLES, seed=0) for each in triangles.values()])
+    points = np.concatenate([_sampled(each) for each in triangles.values()])
     away, k = cKDTree(points).query(middle[chosen])
     return {name: chosen[(k // SAMPLES == i) & (away <= MARGIN)] for i, name in enumerate(triangles)}
 
 
-def _mesh(triangles: np.ndarray) -> Mesh:
-    return Mesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+def _sampled(triangles: np.ndarray) -> np.ndarray:
+    """Return points on triangles [face 3 3], evenly by area, shape [SAMPLES 3]."""
+    solid = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles), process=False)
+    return np.asarray(trimesh.sample.sample_surface(solid, SAMPLES, seed=0)[0])
 
 
 def _mover(link: str, joints: list[UrdfJoint]) -> str | None:

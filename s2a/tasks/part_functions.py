@@ -9,6 +9,7 @@ horizontal bar), moving with the part. The opening is the path of the grasp poin
 import warp as wp
 
 from s2a.env.state import State
+from s2a.sim.contacts import PartContacts
 from s2a.tasks.part_handles import PartGeometry, PartHandles
 
 OPPOSED = wp.constant(-0.5)
@@ -74,6 +75,14 @@ def opening_force(p: PartGeometry, wrench: wp.spatial_vector):
 
 
 @wp.func
+def opposition(c: PartContacts, world: int):
+    """Return the cosine between the forces with which the fingers press on the region: -1 where they are opposed; 1 without."""
+    left, right = c.normal[world, 0], c.normal[world, 1]
+    lengths = wp.length(left) * wp.length(right)
+    return wp.where(lengths > 0.0, wp.dot(left, right) / lengths, 1.0)
+
+
+@wp.func
 def is_grasped(h: PartHandles, force: float, sense: float, world: int):
     """Return whether the gripper holds the part by its region: both fingers press with `force` [N] or more from opposed sides.
 
@@ -89,5 +98,18 @@ def is_grasped(h: PartHandles, force: float, sense: float, world: int):
         return wp.max(c.on_region[world, 0], c.on_region[world, 1]) >= force
     if wp.min(c.on_region[world, 0], c.on_region[world, 1]) < force:
         return False
-    left, right = c.normal[world, 0], c.normal[world, 1]
-    return wp.dot(left, right) < OPPOSED * wp.length(left) * wp.length(right)
+    return opposition(c, world) < OPPOSED
+
+
+@wp.func
+def firmness(h: PartHandles, full: float, world: int):
+    """Return how firmly the gripper holds a part that it opens, from 0, not grasped, to 1.
+
+    It grows with the angle between the fingers' forces, from OPPOSED to `full`, cosines both.
+    A grasp that is paid in full from OPPOSED on is held just there, where the fingers hook the handle as much as they press it.
+    """
+    if not is_grasped(h, h.contact_force, 1.0, world):
+        return 0.0
+    if h.part[world].pinchable == 0 or full >= OPPOSED:
+        return 1.0
+    return wp.min((OPPOSED - opposition(h.contacts, world)) / (OPPOSED - full), 1.0)

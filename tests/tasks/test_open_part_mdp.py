@@ -216,6 +216,18 @@ def test_a_grasp_is_paid_for_what_it_opened_until_it_closes_again(stage: SimStag
     assert term(env, "grasped_opening").tolist() == pytest.approx([0.10, 0.05, 0.0, 0.0], abs=1e-6)
 
 
+def test_a_firmer_grasp_is_paid_more_up_to_the_firm_angle(stage: SimStage) -> None:
+    angle = torch.tensor([110.0, 121.0, 135.0, 150.0, 180.0]).deg2rad()
+    for firm, paid in ((120.0, [0.0, 1.0, 1.0, 1.0, 1.0]), (150.0, [0.0, 0.0411, 0.5658, 1.0, 1.0])):
+        env = hold_still(make_env(stage, 5, firm_angle=firm))
+        contacts(env)["normal"][:, 0] = 3.0 * torch.stack([angle.cos(), angle.sin(), 0.0 * angle], dim=1)
+        contacts(env)["normal"][:, 1] = torch.tensor([2.0, 0.0, 0.0])
+        open_to(env, 0.1, lambda env=env: contacts(env)["on_region"].fill_(2.0))
+        # (cos 120 - cos angle) / (cos 120 - cos 150), by hand: 0.01504 / 0.36603, 0.20711 / 0.36603
+        assert term(env, "pinch").tolist() == pytest.approx(paid, abs=2e-4)
+        assert term(env, "grasped_opening").tolist() == pytest.approx([0.1 * each for each in paid], abs=2e-5)
+
+
 def test_closing_counts_around_the_grasp_point_alone(stage: SimStage) -> None:
     env = hold_still(make_env(stage, 3, tcp_offset=(0.0, 0.0, 0.0)))
     sim, up = env.sim, torch.tensor(Rotation.from_quat(stage.grasp[3:]).as_matrix()[:, 1]).float()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from s2a.ranges import Fraction, NotNegative, Positive
+from s2a.ranges import AtLeast, Fraction, NotNegative, Positive
 from s2a.tasks.part_handles import PartMdp
 
 
@@ -18,6 +19,8 @@ class OpenPartConfig(PartMdp):
         bonus_openings: openings that give a bonus of 1 each [m].
         termination_opening: opening that ends the episode [m]; infinite: never.
         full_travel: shorter travels scale all openings down in proportion [m].
+        firm_angle: between the fingers' forces, from which a grasp is paid in full [degree]; less from 120 on, from which
+            the metrics count one. 120: all or nothing, as in runs from before this key.
     """
 
     close_distance: NotNegative
@@ -25,6 +28,7 @@ class OpenPartConfig(PartMdp):
     bonus_openings: tuple[float, float, float]
     termination_opening: Positive
     full_travel: Positive
+    firm_angle: Annotated[float, AtLeast(120.0, 180.0)] = 120.0
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import warp as wp
 from s2a.env.state import State
 from s2a.sim.simulation import Simulation
 from s2a.tasks.open_part.config import OpenPartConfig
-from s2a.tasks.part_functions import frames, is_grasped, opening_of, squared_action, tool_distance
+from s2a.tasks.part_functions import firmness, frames, opening_of, squared_action, tool_distance
 from s2a.tasks.part_handles import PartHandles
 
 
@@ -26,7 +26,8 @@ class OpenPart:
         termination: opening that ends the episode [m].
         close_distance: [m].
         gentle_force: [N].
-        grasped: opening (0) and how much of it the part was grasped over (1) [m], shape [world 2].
+        firm: cosine between the fingers' forces from which a grasp is paid in full.
+        grasped: opening (0) and how much of it the part was grasped over (1), by how firmly [m], shape [world 2].
         progress: of the running episode, see metrics, shape [world column].
         limits: thresholds of the metrics, shape [world limit].
         force: from which a contact counts in the metrics [N].
@@ -39,6 +40,7 @@ class OpenPart:
     termination: float
     close_distance: float
     gentle_force: float
+    firm: float
     grasped: wp.array2d(dtype=float)
     progress: wp.array2d(dtype=float)
     limits: wp.array2d(dtype=float)
@@ -53,7 +55,7 @@ def bind(sim: Simulation, shared: PartHandles, config: OpenPartConfig) -> OpenPa
     h = OpenPart()
     h.p, h.bonus = shared, wp.vec3(*config.bonus_openings)
     h.termination, h.close_distance = config.termination_opening, config.close_distance
-    h.gentle_force = config.gentle_force
+    h.gentle_force, h.firm = config.gentle_force, float(np.cos(np.deg2rad(config.firm_angle)))
     h.scale = wp.array(travel_scale(sim, config.full_travel), dtype=float)
     h.grasped = wp.zeros((sim.num_envs, 2), dtype=float)
     return h
@@ -125,13 +127,13 @@ def grip(s: State, h: OpenPart, world: int):
 
 @wp.func
 def pinch(s: State, h: OpenPart, world: int):
-    """Weight of the part being grasped (`s2a.tasks.part.is_grasped`), 0 or 1."""
-    return wp.where(is_grasped(h.p, h.p.contact_force, 1.0, world), 1.0, 0.0)
+    """Weight of how firmly the part is grasped (`s2a.tasks.part_functions.firmness`), from 0 to 1."""
+    return firmness(h.p, h.firm, world)
 
 
 @wp.func
 def grasped_opening(s: State, h: OpenPart, world: int):
-    """Weight of how far the part was opened while it was grasped [m]; never more than it is open."""
+    """Weight of how far the part was opened while it was grasped, by how firmly [m]; never more than it is open."""
     return h.grasped[world, 1]
 
 
@@ -193,9 +195,7 @@ def accumulate_grasped_opening(joint_q: wp.array2d(dtype=float), h: OpenPart):
     """Keep how far the part was opened while it was grasped; joint_q is that after the physics step."""
     world = wp.tid()
     now = joint_q[world, h.p.part[world].coord] * h.p.part[world].lever_arm
-    gained = float(0.0)
-    if is_grasped(h.p, h.p.contact_force, 1.0, world):
-        gained = wp.max(now - h.grasped[world, 0], 0.0)
+    gained = firmness(h.p, h.firm, world) * wp.max(now - h.grasped[world, 0], 0.0)
     h.grasped[world, 1] = wp.clamp(h.grasped[world, 1] + gained, 0.0, wp.max(now, 0.0))
     h.grasped[world, 0] = now
 

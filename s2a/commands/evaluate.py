@@ -24,7 +24,6 @@ from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.estimate import seen
 from s2a.planner.motion import Planner
 from s2a.planner.part_way import with_way
-from s2a.robot.tool_path import ToolPath
 from s2a.playback import states
 from s2a.provenance import provenance
 from s2a.ranges import Count
@@ -32,6 +31,7 @@ from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.export import export
 from s2a.rl.policy_file import PolicyFile
 from s2a.rl.run_world import read_world
+from s2a.robot.tool_path import ToolPath
 from s2a.sim import pool
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse

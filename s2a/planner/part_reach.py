@@ -77,9 +77,7 @@ def is_free(shape: RobotShape, near: RoomHulls, base: np.ndarray, opened: float 
     return free
 
 
-def all_free(
-    shape: RobotShape, near: RoomHulls, base: np.ndarray, q: np.ndarray, opened: float | None = None
-) -> bool:
+def all_free(shape: RobotShape, near: RoomHulls, base: np.ndarray, q: np.ndarray, opened: float | None = None) -> bool:
     """Return whether in all of many joints [pose arm] the arm meets neither a room nor itself; faster than `is_free`."""
     clear = bool(arm_depth(shape, near, q, base, opened=opened).max() <= SLACK)
     return clear and shape.self_penetration(q)[0] <= SLACK

@@ -21,8 +21,9 @@ FAR = (0.9, 0.75, 0.6, 0.45)
 """Where on the face it pushes, as fractions of its extent from the hinge on."""
 ALONG = (0.5, 0.3, 0.7, 0.1, 0.9)
 """Likewise along the hinge."""
-TILTS = (35.0, 60.0, 85.0)
-"""[degree] Between the gripper and the normal of the face, where it does not come along that."""
+TILTS = (35.0, 60.0)
+"""[degree] Between the gripper and the normal of the face, where it does not come along that. Flatter ones would push with
+the gripper body, beside the wrist: an oven's lid was not lifted so."""
 FACING = 0.7
 """Cosine of the angle between the normal of the face and the way on which it opens, at least."""
 BEFORE = 0.5

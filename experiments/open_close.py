@@ -91,11 +91,18 @@ def _both(stage: Any, goal: float, args: argparse.Namespace, row: Row) -> list[s
 def _based(stage: Any, settings: Any, row: Row, name: str) -> Any:
     """Return the stage with a base for all of a task; the row notes which, and the seconds."""
     from s2a import robot, tasks
-    from s2a.planner.part_base import with_base
+    from s2a.planner.part_way import with_way
+    from s2a.robot.tool_path import ToolPath
 
     begun = time.perf_counter()
-    path = tasks.task(settings.task.name).tool_path(stage, settings.planner, settings.task)
-    found = with_base(stage, path, robot.load(stage.robot), settings.planner.start_noise)
+    task = tasks.task(settings.task.name)
+
+    def path_of(based: Any) -> ToolPath:
+        return task.tool_path(based, settings.planner, settings.task)
+
+    spec, noise = robot.load(stage.robot), settings.planner.start_noise
+    found = with_way(stage, path_of, spec, noise, may_push=task.PUSHES)
+    row[f"{name}_way"] = "handle" if found.push is None else "push"
     row[f"{name}_base"] = "prepared" if found is stage else "searched"
     row[f"{name}_base_seconds"] = round(time.perf_counter() - begun, 1)
     return found

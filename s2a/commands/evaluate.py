@@ -23,7 +23,7 @@ from s2a.part_results import by_part
 from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.estimate import seen
 from s2a.planner.motion import Planner
-from s2a.planner.part_base import with_base
+from s2a.planner.part_way import with_way
 from s2a.playback import states
 from s2a.provenance import provenance
 from s2a.ranges import Count
@@ -31,6 +31,7 @@ from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.export import export
 from s2a.rl.policy_file import PolicyFile
 from s2a.rl.run_world import read_world
+from s2a.robot.tool_path import ToolPath
 from s2a.sim import pool
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse
@@ -158,8 +159,12 @@ def _based(stage: SimStage, config: Config) -> SimStage:
         return stage
     if task.tool_path is Task.tool_path:
         raise InputError(f"key 'search_base' is true, and task={config.task.name} always searches; leave it out")
-    path = task.tool_path(stage, config.planner, config.task)
-    return with_base(stage, path, config.robot, config.planner.start_noise, config.planner.seed)
+
+    def path_of(based: SimStage) -> ToolPath:
+        return task.tool_path(based, config.planner, config.task)
+
+    noise, seed = config.planner.start_noise, config.planner.seed
+    return with_way(stage, path_of, config.robot, noise, seed, may_push=task.PUSHES)
 
 
 def _refuse_of_a_pool(config: Config) -> None:

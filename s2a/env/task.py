@@ -54,6 +54,7 @@ class Task:
         VALUES: columns that hold a number, in the unit that the task's documentation gives.
         LOGGED: rates over recent episodes that training logs; the first one decides which checkpoint is the best.
         Stage: what `read_stage` returns.
+        PUSHES: `tool_path` heeds a stage's `push`.
         INSTRUCTION: the task in words, "{part}" for the target's label, "{into}" for that of what an object is put into.
         METRICS_VERSION: raised whenever a column changes its meaning.
 
@@ -76,6 +77,7 @@ class Task:
     LOGGED: ClassVar[tuple[str, ...]]
     METRICS_VERSION: ClassVar[int]
     Stage: ClassVar[type[SimStage]] = SimStage
+    PUSHES: ClassVar[bool] = False
     INSTRUCTION: ClassVar[str]
 
     config: Any

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from s2a.planner.misses import Unreachable
+from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.object_grasps import SAMPLES, matrix, object_grasps
 from s2a.robot.spec import RobotSpec
 from s2a.usd.sim_scene import SimRoom
@@ -32,3 +34,23 @@ def ungraspable(target: str, size: float, spec: RobotSpec) -> Ungraspable:
         f"{1000 * spec.gripper.max_opening:.0f} mm; the object's thinnest extent is {1000 * size:.0f} mm; choose "
         "a smaller object or another robot="
     )
+
+
+def failure(target: str, nearest: float, size: float, misses: Misses, spec: RobotSpec) -> Unreachable:
+    """Return why there is no plan for an object.
+
+    Args:
+        target: id of the object.
+        nearest: least penetration depth of a grasp [m], inf where there is none.
+        size: its thinnest extent [m].
+        misses: of what was tried with the grasps that are clear.
+        spec: the robot.
+    """
+    if math.isinf(nearest):
+        return ungraspable(target, size, spec)
+    if nearest > 0.0:
+        return Unreachable(
+            f"{target!r}: grasp: the gripper reaches at least {1000 * nearest:.1f} mm into what is around the "
+            "object or its place; choose a place with more room around it"
+        )
+    return Unreachable(f"{target!r} cannot be picked and placed so: {misses.text}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -110,3 +111,8 @@ def _filled(low: np.ndarray, high: np.ndarray, radius: float) -> tuple[np.ndarra
         axes.append(np.linspace(a + radius, b - radius, count) if count > 1 else np.array([(a + b) / 2]))
     centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     return centers, np.full(len(centers), radius)
+
+
+def is_near(pose: np.ndarray, others: np.ndarray) -> bool:
+    """Return whether a pose [4 4] has nearly the direction of another one [pose 4 4]: within 29 degrees."""
+    return bool((np.einsum("pij,ij->p", others[:, :3, :3], pose[:3, :3]) >= 1 + 2 * math.cos(0.5)).any())

@@ -217,8 +217,9 @@ def demonstration(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> D
     trajectory, arm = plan(sim, config, tool_path), len(sim.robot.arm_joints)
     positions = np.concatenate([trajectory.targets, trajectory.part[:, None]], axis=1)
     opened, held = position_limits(sim.robot)[1][arm:], sim.stage.grasp_size[1] / 2 + MARGIN
-    positions[: trajectory.closed, arm:-1] = opened
-    positions[trajectory.closed :, arm:-1] = np.minimum(held, opened)
+    if trajectory.targets[0, arm:].any():  # what pushes is closed all the time
+        positions[: trajectory.closed, arm:-1] = opened
+        positions[trajectory.closed :, arm:-1] = np.minimum(held, opened)
     return Demonstration(trajectory.targets, positions, trajectory.closed)
 
 
@@ -226,7 +227,8 @@ def plan(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Trajectory
     """Return the trajectory that does a task in a simulation's stage; InputError: out of reach."""
     path, arm = planned_path(sim, config, tool_path)
     trajectory = _trajectory(sim, path, arm, config)
-    around = detour(sim.stage, sim.robot, arm[0], float(path.q[0]), config.start_noise, config.seed)
+    opened = 0.0 if path.pushes else None
+    around = detour(sim.stage, sim.robot, arm[0], float(path.q[0]), config.start_noise, config.seed, opened)
     if around is None:
         return trajectory
     return preceded(trajectory, around, sim.robot, sim.plan_limits, _rate(sim), config.start_noise, config.reach_time)
@@ -269,10 +271,10 @@ def _trajectory(sim: Simulation, path: ToolPath, arm: np.ndarray, config: Planne
     spec, limits, rate = sim.robot, sim.plan_limits, _rate(sim)
     approach = timed(arm[: path.grasp + 1], config.approach_time, limits, rate)
     # A finger target of zero presses the pads on the handle; where they stop is the handle's thickness.
-    fingers = closing(spec.gripper, config.close_time, rate)
+    fingers = np.zeros(0) if path.pushes else closing(spec.gripper, config.close_time, rate)
     pull, progress = _pull(sim, path, arm[path.grasp :], config)
     arms = np.concatenate([arm[:1], approach, np.tile(arm[path.grasp], (len(fingers), 1)), pull])
-    before = np.full(1 + len(approach), spec.gripper.finger_joint_open)
+    before = np.full(1 + len(approach), 0.0 if path.pushes else spec.gripper.finger_joint_open)
     both = np.concatenate([before, fingers, np.zeros(len(pull))])[:, None]
     reach = reach_steps(np.array(spec.home), arm[0], config.start_noise, config.reach_time, limits, rate)
     moved = sampled(path.q[path.grasp :, None], len(pull), lambda time: np.minimum(progress(time), 1.0))

@@ -63,6 +63,7 @@ class _Search:
 
     def __init__(self, stage: SimStage, path: ToolPath, spec: RobotSpec, noise: float, seed: int) -> None:
         self._stage, self._path, self._spec, self._seed = stage, path, spec, seed
+        self._opened = 0.0 if path.pushes else None
         self._shape, self._misses = robot_shape(spec), Misses()
         self._starts = noisy_starts(spec, noise, seed)
         room, target = stage.room, stage.target
@@ -134,14 +135,15 @@ class _Search:
 
     def _is_straight(self, goal: np.ndarray, base: np.ndarray) -> bool:
         """Return whether the straight lines from all starts to joints [arm] are free."""
-        free = partial(all_free, self._shape, self._start, base)
+        free = partial(all_free, self._shape, self._start, base, opened=self._opened)
         return free(self._starts) and free(lines(self._starts, goal))
 
     def _reaches(self, goal: np.ndarray, base: np.ndarray) -> bool:
         """Return whether all starts are free, and a motion from home to joints [arm]."""
         kin, home = self._shape.kin, np.array(self._spec.home)
-        depth = float(arm_depth(self._shape, self._start, np.concatenate([self._starts, goal[None]]), base).max())
-        free = is_free(self._shape, self._start, base)
+        ends = np.concatenate([self._starts, goal[None]])
+        depth = float(arm_depth(self._shape, self._start, ends, base, opened=self._opened).max())
+        free = is_free(self._shape, self._start, base, self._opened)
         found = depth <= SLACK and free_motion(home, goal, kin.lower, kin.upper, free, SEARCH, self._seed) is not None
         if not found:
             text = f"reach: its ends reach {1000 * depth:.0f} mm into something, or no collision-free motion was found"

@@ -62,11 +62,14 @@ def arm_in_part(
     return float(part.depth(centers, shape.radii[chosen]).max())
 
 
-def is_free(shape: RobotShape, near: RoomHulls, base: np.ndarray) -> Free:
-    """Return what says of joints [pose arm] whether the arm on its base [4 4] meets neither a room nor itself."""
+def is_free(shape: RobotShape, near: RoomHulls, base: np.ndarray, opened: float | None = None) -> Free:
+    """Return what says of joints [pose arm] whether the arm on its base [4 4] meets neither a room nor itself.
+
+    Its pads are `opened` apart [m]; None: fully open.
+    """
 
     def free(q: np.ndarray) -> np.ndarray:
-        ok = arm_depth(shape, near, q, base) <= SLACK
+        ok = arm_depth(shape, near, q, base, opened=opened) <= SLACK
         return ok & np.array(
             [o and shape.self_penetration(each[None])[0] <= SLACK for o, each in zip(ok, q, strict=True)]
         )
@@ -74,9 +77,9 @@ def is_free(shape: RobotShape, near: RoomHulls, base: np.ndarray) -> Free:
     return free
 
 
-def all_free(shape: RobotShape, near: RoomHulls, base: np.ndarray, q: np.ndarray) -> bool:
+def all_free(shape: RobotShape, near: RoomHulls, base: np.ndarray, q: np.ndarray, opened: float | None = None) -> bool:
     """Return whether in all of many joints [pose arm] the arm meets neither a room nor itself; faster than `is_free`."""
-    clear = bool(arm_depth(shape, near, q, base).max() <= SLACK)
+    clear = bool(arm_depth(shape, near, q, base, opened=opened).max() <= SLACK)
     return clear and shape.self_penetration(q)[0] <= SLACK
 
 
@@ -92,16 +95,25 @@ def lines(starts: np.ndarray, end: np.ndarray) -> np.ndarray:
     return np.concatenate([np.concatenate([start[None], straight(start, end)]) for start in starts])
 
 
-def detour(stage: SimStage, spec: RobotSpec, first: np.ndarray, q: float, noise: float, seed: int) -> np.ndarray | None:
+def detour(
+    stage: SimStage,
+    spec: RobotSpec,
+    first: np.ndarray,
+    q: float,
+    noise: float,
+    seed: int,
+    opened: float | None = None,
+) -> np.ndarray | None:
     """Return joints [pose arm] from home to `first` [arm] around a part at a coordinate, and around the room.
 
+    The pads are `opened` apart [m]; None: fully open.
     None where the straight lines from all starts are free, or no motion was found.
     """
     shape, home = robot_shape(spec), np.array(spec.home)
     near, base = room_hulls(stage, q), matrices(stage.base[None])[0]
-    free = is_free(shape, near, base)
+    free = is_free(shape, near, base, opened)
     straight_lines = lines(noisy_starts(spec, noise, seed), first)
-    if all_free(shape, near, base, straight_lines) or not free(np.stack([home, first])).all():
+    if all_free(shape, near, base, straight_lines, opened) or not free(np.stack([home, first])).all():
         return None
     attempts = (free_motion(home, first, shape.kin.lower, shape.kin.upper, free, SEARCH, seed) for _ in range(ATTEMPTS))
     return next((path for path in attempts if path is not None), None)

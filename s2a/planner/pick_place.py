@@ -10,13 +10,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.planner.free_motion import free_motion
-from s2a.planner.graspable import ungraspable
-from s2a.planner.gripper_shape import gripper_spheres
-from s2a.planner.misses import Misses, Unreachable
+from s2a.planner.graspable import failure
+from s2a.planner.gripper_shape import gripper_spheres, is_near
+from s2a.planner.misses import Misses
 from s2a.planner.object_grasps import SAMPLES, ObjectGrasps, matrix, object_grasps
 from s2a.planner.obstacles import HELD_RADIUS, RoomHulls, surface_points
 from s2a.planner.pick_base import arm_depth, bases, chunks, reached
-from s2a.planner.pick_plan import PickPlan
+from s2a.planner.pick_plan import PickPlan, StraightPaths
 from s2a.planner.straight_paths import APPROACH, LIFT, STEP, there_and_up, unflipped
 from s2a.robot.collision import SLACK, RobotShape, robot_shape
 from s2a.robot.joint_path import follow
@@ -43,6 +43,9 @@ WIDE = 0.025, 0.015
 """[m] From the room by which the held object is carried, where that can be done; else by HELD_RADIUS."""
 BRANCHES = 3
 """Branches of the inverse kinematics that are tried for each straight path."""
+FAR, MORE = 1.6, 2
+"""[rad] Turn of a joint between start and place from which a plan comes last: held objects slip on the long way. And blocks of
+pairs that are looked at for a shorter way."""
 AT_ONCE = 8
 """Pairs whose inverse kinematics are solved together."""
 SEARCH = 5.0
@@ -98,22 +101,10 @@ class _Search:
             nearest, enough = min(nearest, least), len(kept) >= ENOUGH
             if not kept:
                 continue
-            for some in chunks(itertools.islice(self._pairs(grasps.tool, fits), PAIRS), AT_ONCE):
-                found = next(self._plans(some, grasps), None)
-                if found is not None:
-                    return found
-        raise self._failure(nearest)
-
-    def _failure(self, nearest: float) -> Unreachable:
-        """Return why there is no plan; `nearest` is the least penetration depth of a grasp [m], inf where there is none."""
-        if math.isinf(nearest):
-            return ungraspable(self._target, float(np.ptp(self._points, axis=0).min()), self._spec)
-        if nearest > 0.0:
-            return Unreachable(
-                f"{self._target!r}: grasp: the gripper reaches at least {1000 * nearest:.1f} mm into what is around the "
-                "object or its place; choose a place with more room around it"
-            )
-        return Unreachable(f"{self._target!r} cannot be picked and placed so: {self._misses.text}")
+            pairs = chunks(itertools.islice(self._pairs(grasps.tool, fits), PAIRS), AT_ONCE)
+            if (found := next(self._found(pairs, grasps), None)) is not None:
+                return found
+        raise failure(self._target, nearest, float(np.ptp(self._points, axis=0).min()), self._misses, self._spec)
 
     def _pairs(self, grasps: np.ndarray, fits: Fits | None) -> Iterator[tuple[np.ndarray, float, int]]:
         """Yield bases, pedestals and indices of grasps that reach, those where the arm was found to be clear first."""
@@ -138,14 +129,14 @@ class _Search:
         least = math.inf
         for first in range(0, len(grasps.tool), BLOCK):
             block = range(first, min(first + BLOCK, len(grasps.tool)))
-            some = [k for k in block if not _is_near(grasps.tool[k], grasps.tool[kept])]
+            some = [k for k in block if not is_near(grasps.tool[k], grasps.tool[kept])]
             depth = np.zeros(len(some))
             for at in (self._start, self._goal) if some else ():
                 depth = np.maximum(depth, self._gripper_depth(at @ grasps.tool[some], grasps.opened[some]))
             least = min(least, float(depth.min(initial=math.inf)))
             for k, reached_into in zip(some, depth, strict=True):
                 # Only those that keep clear; the arm comes from somewhere above or beside, never from below.
-                if reached_into <= 0.0 and not _is_near(grasps.tool[k], grasps.tool[kept]):
+                if reached_into <= 0.0 and not is_near(grasps.tool[k], grasps.tool[kept]):
                     kept.append(k)
                 if len(kept) == GRASPS:
                     return kept, least
@@ -168,13 +159,26 @@ class _Search:
             depth[left] = np.maximum(depth[left], self._near.depth(places, gripper.radii[::every] + 0.002))
         return depth
 
-    def _plans(self, pairs: list[tuple[np.ndarray, float, int]], grasps: ObjectGrasps) -> Iterator[PickPlan]:
-        """Yield plans for bases [4 4], pedestals [m] and indices of grasps; what fails is noted.
+    def _found(self, blocks: Iterator[list[tuple[np.ndarray, float, int]]], grasps: ObjectGrasps) -> Iterator[PickPlan]:
+        """Yield plans; those for which the arm turns far between start and place after a look at MORE further blocks of pairs."""
+        far: list[StraightPaths] = []
+        for turn, some in enumerate(blocks):
+            for path in self._paths(some, grasps):
+                if np.abs(path[-1][0] - path[2][-1]).max() > FAR:
+                    far.append(path)
+                elif (plan := self._joined(*path)) is not None:
+                    yield plan
+            if turn >= MORE:
+                yield from filter(None, itertools.starmap(self._joined, far))
+                far.clear()
+        yield from filter(None, itertools.starmap(self._joined, far))
+
+    def _paths(self, pairs: list[tuple[np.ndarray, float, int]], grasps: ObjectGrasps) -> Iterator[StraightPaths]:
+        """Yield the straight paths for bases [4 4], pedestals [m] and indices of grasps; what fails is noted.
 
         Inverse kinematics solve the straight paths of all of them together: they cost what starts them, not how many they are.
         """
-        kin, home = self._shape.kin, np.array(self._spec.home)
-        at, low = round(APPROACH / STEP), round(LIFT / STEP)
+        kin, home, at = self._shape.kin, np.array(self._spec.home), round(APPROACH / STEP)
         ups = np.stack([there_and_up(self._start @ grasps.tool[k]) for _, _, k in pairs])
         bases = np.stack([base for base, _, _ in pairs])
         todo, downs = [], []
@@ -187,17 +191,26 @@ class _Search:
                 downs.append(there_and_up(tool)[::-1])
         if not todo:
             return
-        lowers = follow(kin, np.stack(downs), np.stack([base for base, *_ in todo]), IK_SEEDS, self._seed)
+        lifted = np.stack([path[-1] for _, _, path, *_ in todo])
+        lowers = follow(kin, np.stack(downs), np.stack([base for base, *_ in todo]), IK_SEEDS, self._seed, lifted)
         for (base, pedestal, path, held, opened), down, paths in zip(todo, downs, lowers, strict=True):
             for lower in self._free_paths(unflipped(kin, paths, base, down), base, path[-1], "lowering and retreat", 2):
-                reach = self._move(home, path[0], self._empty_depth(base, opened), "reach", 3)
-                carry = self._carried(path[-1], lower[0], base, opened, held) if reach is not None else None
-                if reach is not None and carry is not None:
-                    pose = np.array([*base[:3, 3], *Rotation.from_matrix(base[:3, :3]).as_quat()])
-                    yield PickPlan(
-                        pose, pedestal, reach, path[: at + 1], path[at:], carry, lower[: low + 1], lower[low:],
-                        np.linalg.inv(held), opened,
-                    )  # fmt: skip
+                yield base, pedestal, path, held, opened, lower
+
+    def _joined(
+        self, base: np.ndarray, pedestal: float, path: np.ndarray, held: np.ndarray, opened: float, lower: np.ndarray
+    ) -> PickPlan | None:
+        """Return a plan with these straight paths [pose arm] at start and place; None where what joins them is not free."""
+        at, low, home = round(APPROACH / STEP), round(LIFT / STEP), np.array(self._spec.home)
+        reach = self._move(home, path[0], self._empty_depth(base, opened), "reach", 3)
+        carry = None if reach is None else self._carried(path[-1], lower[0], base, opened, held)
+        if reach is None or carry is None:
+            return None
+        pose = np.array([*base[:3, 3], *Rotation.from_matrix(base[:3, :3]).as_quat()])
+        return PickPlan(
+            pose, pedestal, reach, path[: at + 1], path[at:], carry, lower[: low + 1], lower[low:],
+            np.linalg.inv(held), opened,
+        )  # fmt: skip
 
     def _free_paths(
         self, paths: np.ndarray, base: np.ndarray, near: np.ndarray, name: str, stage: int
@@ -285,8 +298,3 @@ class _Search:
             return None
         kin = self._shape.kin
         return free_motion(start, goal, kin.lower, kin.upper, free, SEARCH, self._seed)
-
-
-def _is_near(pose: np.ndarray, others: np.ndarray) -> bool:
-    """Return whether a pose [4 4] has nearly the direction of another one [pose 4 4]: within 29 degrees."""
-    return bool((np.einsum("pij,ij->p", others[:, :3, :3], pose[:3, :3]) >= 1 + 2 * math.cos(0.5)).any())

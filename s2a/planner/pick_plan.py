@@ -10,6 +10,10 @@ from s2a.planner.object_grasps import matrix
 from s2a.robot.collision import robot_shape
 from s2a.robot.spec import RobotSpec
 
+StraightPaths = tuple[np.ndarray, float, np.ndarray, np.ndarray, float, np.ndarray]
+"""Pose of a base [4 4] and its pedestal [m], joints [pose arm] of approach and lift, the object in the tool frame [4 4], distance
+of the open pads [m], joints of lowering and retreat."""
+
 
 @dataclass(frozen=True)
 class PickPlan:

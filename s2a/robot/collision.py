@@ -55,6 +55,8 @@ class RobotShape:
         held: which belong to the fingers or the gripper body, shape [sphere].
         gripper: centers of the spheres of gripper body and fingers in the tool frame [m], shape [sphere 3].
         gripper_radii: their radii [m], shape [sphere].
+        wrist: centers of the other spheres that the last joint carries in the tool frame [m], shape [sphere 3].
+        wrist_radii: their radii [m], shape [sphere].
     """
 
     def __init__(self, spec: RobotSpec) -> None:
@@ -67,8 +69,10 @@ class RobotShape:
         self.fingers = np.isin(table[:, 0], spec.gripper.links)
         self.held = held = self.fingers | (table[:, 0] == spec.gripper.body)
         home = np.array([spec.home])
-        in_base = self.centers(home)[0, held] - self.kin.tool(home)[0, :3, 3]
-        self.gripper, self.gripper_radii = in_base @ self.kin.tool(home)[0, :3, :3], self.radii[held]
+        in_tool = (self.centers(home)[0] - self.kin.tool(home)[0, :3, 3]) @ self.kin.tool(home)[0, :3, :3]
+        self.gripper, self.gripper_radii = in_tool[held], self.radii[held]
+        last = (self._group == self._group.max()) & ~held
+        self.wrist, self.wrist_radii = in_tool[last], self.radii[last]
         self._pairs = self._checked_pairs(home)
 
     def centers(self, q: np.ndarray) -> np.ndarray:

@@ -21,7 +21,12 @@ HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
 def follow(
-    kin: Kinematics, poses: np.ndarray, bases: np.ndarray, ik_seeds: int | Sequence[int], seed: int = 0
+    kin: Kinematics,
+    poses: np.ndarray,
+    bases: np.ndarray,
+    ik_seeds: int | Sequence[int],
+    seed: int = 0,
+    near: np.ndarray | None = None,
 ) -> list[np.ndarray]:
     """Return, for each base, the joint paths with which the arm can follow a tool path, shape [path pose arm].
 
@@ -33,6 +38,8 @@ def follow(
         ik_seeds: starts of the inverse kinematics for each base (one number for all, or one each) and both gripper rolls:
             home, and random ones.
         seed: of those.
+        near: joints to start from at each base instead of home, shape [base arm]: where the arm comes from, so that the branch on
+            which it stays is among those found.
     """
     local = np.linalg.inv(bases)[:, None] @ (poses if poses.ndim == 4 else poses[None])
     counts = np.broadcast_to(ik_seeds, len(bases))
@@ -40,7 +47,10 @@ def follow(
     targets = np.repeat(np.concatenate([local, local @ HALF_TURN]), np.tile(counts, 2), axis=0)
     starts = np.random.default_rng(seed).uniform(kin.lower, kin.upper, (counts.max(), len(kin.lower)))
     starts[0] = kin.spec.home
-    first = np.concatenate([starts[:count] for count in counts])
+    each = [starts[:count].copy() for count in counts]
+    for begun, joints in zip(each, [] if near is None else near, strict=near is not None):
+        begun[:1] = joints
+    first = np.concatenate(each)
     q, left = kin.solve(targets[:, 0], np.tile(first, (2, 1)), iterations=40, damping=1e-2)
     alive = np.flatnonzero((left < EXACT) & (_margin(kin, q) > MARGIN))
     path = [q[alive]]

@@ -25,12 +25,14 @@ class ToolPath:
     Attributes:
         poses: shape [pose 4 4], scene frame.
         q: coordinate of the part's joint at each [m or rad], shape [pose].
-        grasp: index of the pose in which the gripper closes.
+        grasp: index of the pose in which the gripper closes, or touches the part that it pushes.
+        pushes: the gripper is closed from the beginning, and pushes.
     """
 
     poses: np.ndarray
     q: np.ndarray
     grasp: int
+    pushes: bool = False
 
 
 def opening_coordinate(joint: Joint, point: np.ndarray, opening: float) -> float:

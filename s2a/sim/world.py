@@ -79,6 +79,7 @@ class SimStage:
         also: ids of further parts and free objects that move; everything else of the room is frozen at its scanned pose.
         estimates: what was made of camera frames of the part (`s2a.tasks.part_description`), of which a policy is told one in
             each episode, shape [frame number]; None: it is told the truth.
+        push: pose of the tool, closed, in which it pushes the part instead of holding it, at joint zero, 7-vector, scene frame.
         room: all of the file but its visuals.
     """
 
@@ -93,6 +94,7 @@ class SimStage:
     robot: str = DEFAULT_ROBOT
     also: tuple[str, ...] = ()
     estimates: np.ndarray | None = field(default=None, repr=False)
+    push: np.ndarray | None = None
     room: SimRoom = field(kw_only=True, repr=False)
 
     @property

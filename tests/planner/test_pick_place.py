@@ -16,15 +16,16 @@ from cabinet import box, free_cube, write_cabinet
 from s2a import robot
 from s2a.errors import InputError
 from s2a.geometry import convex
+from s2a.planner import pick_place
 from s2a.planner.free_motion import free_motion
 from s2a.planner.graspable import Ungraspable
 from s2a.planner.gripper_shape import gripper_boxes
-from s2a.planner.misses import Misses
+from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.object_grasps import matrix, object_grasps
 from s2a.planner.obstacles import RoomHulls, surface_points
 from s2a.planner.pick_base import arm_depth, bases, reached
-from s2a.planner.pick_place import WIDE, Unreachable, plan_pick
-from s2a.planner.pick_plan import PickPlan
+from s2a.planner.pick_place import WIDE, plan_pick
+from s2a.planner.pick_plan import PickPlan, StraightPaths
 from s2a.planner.places import (
     APART,
     CANDIDATES,
@@ -355,3 +356,26 @@ def test_what_is_held_is_carried_well_clear_of_what_its_nearest_way_grazes(plan:
     assert near.depth(passed, np.full(passed.shape[1], 0.005)).max() == 0.0
     points = held_points(room, plan_pick(room, "cube_9", START, GOAL, PANDA))
     assert near.depth(points, np.full(points.shape[1], WIDE[0])).max() <= 1e-3
+
+
+def test_a_plan_on_which_the_arm_turns_far_between_start_and_place_comes_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A held bear was carried 2.5 m around the robot for a way of 25 cm, and lost: its place was reached on another branch."""
+    search = object.__new__(pick_place._Search)
+    still, eye = np.zeros((2, 7)), np.eye(4)
+
+    def path(name: float, turn: float) -> StraightPaths:
+        return eye, name, still, eye, 0.05, still + turn
+
+    blocks = [[path(1.0, 3.0)], [path(2.0, 1.0)], [], [path(3.0, 3.0), path(4.0, 0.2)]]
+    monkeypatch.setattr(search, "_paths", lambda some, _: iter(some), raising=False)
+    monkeypatch.setattr(search, "_joined", lambda *of: of[1], raising=False)
+    assert list(search._found(iter(blocks), None)) == [2.0, 1.0, 4.0, 3.0]  # type: ignore[arg-type, list-item]
+
+
+def test_the_branch_on_which_the_arm_comes_is_among_those_it_can_go_on_with() -> None:
+    kin = kinematics(robot.load("panda"))
+    joints = kin.lower + 0.3 * (kin.upper - kin.lower)
+    poses = np.tile(kin.tool(joints[None])[0], (3, 1, 1))
+    poses[:, 2, 3] += [0.0, 0.01, 0.02]
+    (paths,) = follow(kin, poses, np.eye(4)[None], 1, near=joints[None])
+    assert np.abs(paths[:, 0] - joints).max(axis=1).min() < 1e-3

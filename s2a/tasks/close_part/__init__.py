@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import warp as wp
 
+from s2a.planner.rest import at_rest
 from s2a.robot.tool_path import PathSettings, ToolPath, opening_coordinate, part_path
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
@@ -20,7 +23,7 @@ class ClosePartTask(part.PartTask):
     Config, Metrics = ClosePartConfig, ClosePartMetrics
     KERNELS, Handles, PERSISTENT = mdp, mdp.ClosePart, ("closed",)
     REWARDS, METRICS, VALUES, METRICS_VERSION = mdp.REWARDS, mdp.METRICS, ("remaining",), 1
-    INSTRUCTION = "close the {part}"
+    PUSHES, INSTRUCTION = True, "close the {part}"
     LOGGED = ("final_success", "success")
 
     def __init__(self, sim: Simulation, config: ClosePartConfig, metrics: ClosePartMetrics) -> None:
@@ -45,8 +48,13 @@ class ClosePartTask(part.PartTask):
 
     @staticmethod
     def tool_path(stage: SimStage, motion: PathSettings, config: ClosePartConfig) -> ToolPath:
-        """Return the tool path that grasps the part where it stands open, and closes it."""
-        start = opening_coordinate(stage.joint, stage.grasp[:3], config.start_opening)
+        """Return the tool path that grasps the part where it stands open, or has fallen by its weight, and closes it.
+
+        Where the stage says how to push it, the path pushes.
+        """
+        start = at_rest(stage, opening_coordinate(stage.joint, stage.grasp[:3], config.start_opening))
+        if stage.push is not None:
+            return replace(part_path(stage.joint, stage.push, motion.approach, 0.0, start=start), pushes=True)
         return part_path(stage.joint, stage.grasp, motion.approach, 0.0, motion.depth, start)
 
 

@@ -27,6 +27,8 @@ AT_FLOOR, MIN_DOOR = 0.3, 1.8
 """[m] What begins lower is a door, and so high at least; else it is what stands before the wall."""
 BAND = 5
 """Rows, or columns, beside each other of which an opening's are."""
+FRAME = 0.035
+"""[m] Width of a window's fixed frame, which surrounds its leaves."""
 LEAVES = 0.25
 """A lever so near to the middle, as a fraction of the width, closes one of two leaves."""
 
@@ -47,7 +49,7 @@ def leaves(layer: Layer, floor: float, config: ProposeConfig) -> Iterator[tuple[
         if low < AT_FLOOR and sides[1] < MIN_DOOR:
             continue
         if all(low <= side <= high for side, (low, high) in zip(sides, SIZE, strict=True)):
-            yield _leaf(box, lever), lever
+            yield _leaf(box if low < AT_FLOOR else _without(box, FRAME / config.cell), lever), lever
 
 
 def _levers(layer: Layer, floor: float, config: ProposeConfig) -> Iterator[CellBox]:
@@ -78,6 +80,10 @@ def _run(free: np.ndarray, at: int) -> tuple[int, int]:
     blocked = np.flatnonzero(~free)
     below, above = blocked[blocked < at], blocked[blocked > at]
     return int(below[-1]) + 1 if len(below) else 0, int(above[0]) if len(above) else len(free)
+
+
+def _without(box: CellBox, border: float) -> CellBox:
+    return CellBox(box.left + border, box.bottom + border, box.right - border, box.top - border)
 
 
 def _leaf(box: CellBox, lever: CellBox) -> CellBox:

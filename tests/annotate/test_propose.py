@@ -156,6 +156,15 @@ def test_a_window_is_its_leaf_within_the_fixed_frame_glass_and_wood() -> None:
     assert 0.3 < behind.mean() < 0.8 and len(item.handle) and (middles[item.handle, 0] > 0.04).all()
 
 
+@pytest.mark.parametrize(("lever_at", "expected"), [(110, (103.5, 186.5)), (102, (100, 190))])
+def test_the_leaf_of_a_window_holds_its_lever(lever_at: int, expected: tuple[float, float]) -> None:
+    wall, out = np.full((250, 300, 3), 200.0), np.zeros((250, 300))
+    wall[90:200, 100:190] = 90.0
+    out[140:152, lever_at : lever_at + 2] = 0.05
+    ((box, _),) = leaves(image(wall, out), 0.0, PROPOSE)
+    assert (box.left, box.right) == pytest.approx(expected, abs=1)
+
+
 def test_the_command_writes_proposals_without_a_page(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     folder = plain_room.write(tmp_path / "scan")
     keys = [f"scan={folder}", f"out={tmp_path / 'out'}", "auto=true", "page=false"]

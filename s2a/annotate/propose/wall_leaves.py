@@ -49,7 +49,8 @@ def leaves(layer: Layer, floor: float, config: ProposeConfig) -> Iterator[tuple[
         if low < AT_FLOOR and sides[1] < MIN_DOOR:
             continue
         if all(low <= side <= high for side, (low, high) in zip(sides, SIZE, strict=True)):
-            yield _leaf(box if low < AT_FLOOR else _without(box, FRAME / config.cell), lever), lever
+            leaf = box if low < AT_FLOOR else _framed(box, lever, FRAME / config.cell)
+            yield _leaf(leaf, lever), lever
 
 
 def _levers(layer: Layer, floor: float, config: ProposeConfig) -> Iterator[CellBox]:
@@ -82,8 +83,12 @@ def _run(free: np.ndarray, at: int) -> tuple[int, int]:
     return int(below[-1]) + 1 if len(below) else 0, int(above[0]) if len(above) else len(free)
 
 
-def _without(box: CellBox, border: float) -> CellBox:
-    return CellBox(box.left + border, box.bottom + border, box.right - border, box.top - border)
+def _framed(box: CellBox, lever: CellBox, frame: float) -> CellBox:
+    """Return what a fixed frame surrounds; all of a box whose lever would be on the frame, which looks like the wall then."""
+    x, y = lever.middle
+    inner = CellBox(box.left + frame, box.bottom + frame, box.right - frame, box.top - frame)
+    inside = inner.left + 1 <= x <= inner.right - 1 and inner.bottom + 1 <= y <= inner.top - 1
+    return inner if inside else box
 
 
 def _leaf(box: CellBox, lever: CellBox) -> CellBox:

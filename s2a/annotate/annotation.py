@@ -106,10 +106,13 @@ class Draft:
             return self.changed(index, handle=faces, completed="")
         kind = kind or handles.usual(item.joint)
         first = len(self.surface.faces)
-        height = handles.rise(self.surface, item.region, point)
-        surface = self.surface.with_mesh(handles.shape(kind, item.region, point, item.joint, height))
+        taken = [other.front for i, other in enumerate(self.items) if i != index]
+        smeared = np.setdiff1d(handles.smeared(self.surface, item.region, point), np.concatenate([NO_FACES, *taken]))
+        region = replace(item.region, faces=np.union1d(item.region.faces, smeared))
+        height = handles.rise(self.surface, region, point)
+        surface = self.surface.with_mesh(handles.shape(kind, region, point, item.joint, height))
         numbers = np.arange(first, len(surface.faces))
-        return Draft(surface, self.changed(index, handle=numbers, completed=kind).items)
+        return Draft(surface, self.changed(index, region=region, handle=numbers, completed=kind).items)
 
 
 def _divided(item: Item, first: int, parents: np.ndarray) -> Item:

@@ -26,8 +26,12 @@ MIN_AREA, MAX_FRACTION = 2e-4, 0.35
 """[m^2] and fraction of the front: smaller is noise, larger is a moulding."""
 GRASPABLE = 0.015
 """[m] What stands out by less no finger gets behind: a handle that the scan has smeared over its front."""
+AROUND = 0.04
+"""[m] What is this near to a handle tells the height that it stands out from."""
 MAX_RISE, REACH = 0.03, 0.06
 """[m] Largest height of what a scan made of a handle, and distance in which it lies from where one clicks."""
+SMEAR = 0.15
+"""[m] What stands out nearer to a handle that is added is what the scan made of it."""
 CLEARANCE = 0.032
 """[m] Between a parametric bar and the front: a finger of the Panda is 0.02 m thick."""
 RADIUS, KNOB = 0.006, 0.016
@@ -51,9 +55,28 @@ def find(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> np.nd
     if not len(seeds):
         return seeds
     faces = surface.component(seeds, out)
-    area = float(surface.areas[faces].sum())
-    held = float(np.quantile(region.local(surface.middles[faces])[:, 2], 0.95)) > GRASPABLE
-    return faces if held and MIN_AREA < area < MAX_FRACTION * float(np.prod(region.size)) else faces[:0]
+    return faces if resolved(surface, region, faces) else faces[:0]
+
+
+def resolved(surface: SplitSurface, region: FrontRegion, faces: np.ndarray) -> bool:
+    """Return whether faces that stand out of a front are a handle that can be grasped, and not what a scan smeared.
+
+    Their height counts from what is around them: a window's handle is on a frame, which itself stands out of the glass.
+    """
+    if not MIN_AREA < float(surface.areas[faces].sum()) < MAX_FRACTION * float(np.prod(region.size)):
+        return False
+    top = float(np.quantile(region.local(surface.middles[faces])[:, 2], 0.95))
+    return top - ground(surface, region, faces) > GRASPABLE
+
+
+def ground(surface: SplitSurface, region: FrontRegion, faces: np.ndarray) -> float:
+    """Return the height over a front's plane of what is around some faces [m]; 0 where that is behind it, or nothing."""
+    place = region.local(surface.middles)
+    low, high = place[faces, :2].min(axis=0), place[faces, :2].max(axis=0)
+    near = ((place[:, :2] > low - AROUND) & (place[:, :2] < high + AROUND)).all(axis=1)
+    near &= np.abs(place[:, 2]) < STEPS_OUT
+    near[faces] = False
+    return max(float(np.median(place[near, 2])), 0.0) if near.any() else 0.0
 
 
 def standing_out(surface: SplitSurface, region: FrontRegion) -> np.ndarray:
@@ -64,6 +87,13 @@ def standing_out(surface: SplitSurface, region: FrontRegion) -> np.ndarray:
     own = height[region.faces]
     noise = 1.4826 * float(np.median(np.abs(own - np.median(own)))) if len(own) else 0.0
     return np.asarray(within & (height > max(RELIEF, NOISE * noise)) & (height < STEPS_OUT))
+
+
+def smeared(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> np.ndarray:
+    """Return the faces of a front that stand out around a place: what a scan made of a handle, which moves with its front."""
+    within = (np.abs(region.local(surface.middles)[:, :2]) < region.size / 2).all(axis=1)
+    near = np.linalg.norm(surface.middles - point, axis=1) < SMEAR
+    return np.flatnonzero(standing_out(surface, region) & within & near)
 
 
 def usual(joint: Joint | None) -> Shape:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +12,15 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from s2a import scan as scans
 from s2a.errors import InputError
+from s2a.geometry.mesh_ops import merge
+from s2a.geometry.planes import min_area_rectangle
 from s2a.outputs import atomic_write, refuse_loss
 from s2a.ranges import Above, AtLeast
 from s2a.scan import folder, imported, ply, predicted, urdf_object
 from s2a.scan import predictions as reader
+from s2a.scan.urdf_object import ObjectBox
 
 _log = logging.getLogger(__name__)
 
@@ -36,9 +41,10 @@ class Config:
         unit: the file's unit; auto: as the file states, or as the room's height tells.
         floor: Move the floor to z 0.
         scan: folder of the scan that predictions belong to.
-        predictions: JSON or pickle file with masks and joints, or the URDF of one object, which needs box.
+        predictions: JSON or pickle file with masks and joints, or the URDF of one object, which needs box or object.
         box: that the object of a URDF fills: centre and extents [m], in the coordinates of the scan's file, and the angle of its
             x axis about z [rad]; null for other predictions.
+        object: id of the part of the scan that the URDF describes, instead of its box; null otherwise.
         min_score: predictions with a lower score are left out.
         out: folder that is written.
     """
@@ -51,6 +57,7 @@ class Config:
     scan: Path | None
     predictions: Path | None
     box: tuple[float, float, float, float, float, float, float] | None
+    object: str | None
     min_score: Annotated[float, AtLeast(0.0, 1.0)]
     out: Path
 
@@ -100,7 +107,8 @@ def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
     files = folder.find_bare(scan)
     refuse_loss(config.out, PREDICTED, [files.mesh, predictions])
     surface = ply.read(files.mesh)
-    found = _predictions(config, predictions, surface, files.name)
+    box = _box(config, predictions, surface)
+    found = _predictions(predictions, surface, files.name, box)
     kept = predicted.choose(found, config.min_score, OVERLAP)
     if not kept:
         scores = f"; the best score is {max(one.score for one in found):.3g}: give min_score=" if found else ""
@@ -113,34 +121,73 @@ def _import_predictions(config: Config, scan: Path, predictions: Path) -> str:
             shutil.copyfile(file, out / name)
         predicted.write(out, files.name, kept)
         written = {"scan": str(scan), "predictions": str(predictions), "found": len(found), "kept": len(kept)}
+        written |= {} if box is None else {"box": str(box)}
         (out / PREDICTED).write_text(json.dumps(written, indent=1), encoding="utf-8")
     if assumed := sum(one.assumed_range for one in kept):
         _log.warning("%s: %d of %d joints come without a range, and get the usual one", predictions, assumed, len(kept))
     kinds = ", ".join(f"{sum(one.kind == kind for one in kept)} {kind}" for kind in reader.KINDS)
     handles = sum(len(one.handle) > 0 for one in kept)
     counts = f"{len(kept)} of {len(found)} predictions ({kinds}), {handles} with a handle"
+    if config.object is not None:
+        counts += f", in the box of {config.object}, {box}"
     return f"{config.out}: {counts}; next: s2a check scan={config.out}"
 
 
-def _predictions(config: Config, path: Path, surface: ply.ScanMesh, scene: str) -> list[reader.Prediction]:
+def _predictions(path: Path, surface: ply.ScanMesh, scene: str, box: ObjectBox | None) -> list[reader.Prediction]:
     """Return what a file predicts; a URDF is fitted into its box."""
-    is_urdf = path.suffix.lower() == urdf_object.SUFFIX
-    if is_urdf != (config.box is not None):
-        problem = "is a URDF, and key 'box' is null" if is_urdf else "is no URDF, and key 'box' is given"
-        raise InputError(f"{path} {problem}; a URDF needs box=[x,y,z,sx,sy,sz,yaw], other predictions none")
-    if config.box is None:
+    if box is None:
         return reader.read(path, surface, scene)
-    numbers = np.array(config.box)
-    if not np.isfinite(numbers).all() or (numbers[3:6] <= 0.0).any():
-        raise InputError(
-            f"key 'box' is {list(config.box)}; give a centre, three extents above 0 [m] and an angle [rad]"
-        )
-    found = urdf_object.read(path, surface, urdf_object.ObjectBox(numbers[:3], numbers[3:6], float(numbers[6])))
+    found = urdf_object.read(path, surface, box)
     if not found:
-        raise InputError(
-            f"{path}: no face of the scan lies near a moving link in the box {list(config.box)}; give the object's box"
-        )
+        raise InputError(f"{path}: no face of the scan lies near a moving link in the box {box}; give the object's box")
     return found
+
+
+def _box(config: Config, path: Path, surface: ply.ScanMesh) -> ObjectBox | None:
+    """Return the box that the object of a URDF fills; None for other predictions."""
+    given = [key for key, value in (("box", config.box), ("object", config.object)) if value is not None]
+    if path.suffix.lower() != urdf_object.SUFFIX:
+        if given:
+            raise InputError(f"{path} is no URDF, and key {given[0]!r} is given; other predictions need none")
+        return None
+    if len(given) != 1:
+        raise InputError(
+            f"{path} is a URDF, and keys 'box' and 'object' are {'both given' if given else 'null'}; "
+            "a URDF needs box=[x,y,z,sx,sy,sz,yaw] or object=ID, of a part of the scan"
+        )
+    return _given_box(config.box) if config.box is not None else _box_of(config, path, surface)
+
+
+def _given_box(values: tuple[float, ...]) -> ObjectBox:
+    numbers = np.array(values)
+    if not np.isfinite(numbers).all() or (numbers[3:6] <= 0.0).any():
+        raise InputError(f"key 'box' is {list(values)}; give a centre, three extents above 0 [m] and an angle [rad]")
+    return ObjectBox(numbers[:3], numbers[3:6], float(numbers[6]))
+
+
+def _box_of(config: Config, path: Path, surface: ply.ScanMesh) -> ObjectBox:
+    """Return the box of a part of the scan and of all below it, turned as the URDF fits best."""
+    room, part = scans.read(Path(str(config.scan))), str(config.object)
+    room.part(part)
+    points = merge([room.parts[i].mesh for i in (part, *room.descendants(part))]).vertices.astype(float)
+    return urdf_object.best(path, surface, _boxes(points + surface.origin))
+
+
+def _boxes(points: np.ndarray) -> list[ObjectBox]:
+    """Return the upright box around points [m], shape [point 3], with its x axis to each of its four sides.
+
+    Raises:
+        InputError: the points lie in a plane or a line.
+    """
+    size = np.ptp(points, axis=0)
+    if len(points) < 4 or size.min() < 1e-3:
+        raise InputError(f"extents {size.round(3).tolist()} m hold no object; give box=[x,y,z,sx,sy,sz,yaw]")
+    turn = np.eye(3)
+    turn[:2, :2] = min_area_rectangle(points[:, :2])
+    low, high = (points @ turn).min(axis=0), (points @ turn).max(axis=0)
+    center, yaw = turn @ (low + high) / 2, math.atan2(turn[1, 0], turn[0, 0])
+    yaws = [(yaw + k * math.pi / 2 + math.pi) % (2 * math.pi) - math.pi for k in range(4)]
+    return [ObjectBox(center, (high - low)[[k % 2, 1 - k % 2, 2]], each) for k, each in enumerate(yaws)]
 
 
 def _segments(files: folder.BareFiles) -> list[tuple[Path, str]]:

@@ -13,7 +13,7 @@ from s2a.page.room import PageRoom
 from s2a.page.scene_nodes import SceneNodes
 from s2a.page.thin import thinned
 
-COARSE_FACES = 30_000
+COARSE_FACES = 12_000
 """So many the scene has at most while the camera turns: what two cores without a graphics processor draw."""
 REST, LONGEST, DRAWN = 0.5, 3.0, 400_000.0
 """[s] Without a move after which a camera is at rest, at least and at most, and faces that a slow browser draws in a second:

@@ -6,7 +6,7 @@ The object is fitted into its box in the scan, and each face of the scan in the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,6 +49,28 @@ class ObjectBox:
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
+    def __str__(self) -> str:
+        return "[" + ",".join(f"{value:.3f}" for value in (*self.center, *self.size, self.yaw)) + "]"
+
+
+def best(path: Path, surface: ScanMesh, boxes: Sequence[ObjectBox]) -> ObjectBox:
+    """Return the box in which the scan's faces lie nearest to the object's surface, on average by their areas.
+
+    Raises:
+        InputError: as of `read`.
+    """
+    middle = surface.vertices[surface.faces].mean(axis=1) + surface.origin
+    a, b, c = np.moveaxis(surface.vertices[surface.faces].astype(np.float64), 1, 0)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    inside = _inside(middle, boxes[0])
+
+    def misfit(box: ObjectBox) -> float:
+        _, triangles, _, _ = _placed(path, box)
+        tree = cKDTree(np.concatenate([_sampled(each) for each in triangles.values()]))
+        return float(np.average(tree.query(middle[inside])[0], weights=areas[inside] + 1e-12)) if inside.any() else 0.0
+
+    return min(boxes, key=misfit)
+
 
 def read(path: Path, surface: ScanMesh, box: ObjectBox) -> list[Prediction]:
     """Return the moving links of a URDF at its zero pose as predicted parts of a scan; those without a face are left out.
@@ -61,6 +83,15 @@ def read(path: Path, surface: ScanMesh, box: ObjectBox) -> list[Prediction]:
     Raises:
         InputError: as of `urdf_links.read`, or an object without volume.
     """
+    found, triangles, linear, offset = _placed(path, box)
+    near = _nearest(triangles, surface, box)
+    movers = {name: _mover(name, found.joints) for name in found.poses}
+    moving = [joint for joint in found.joints if joint.kind in KINDS]
+    return [p for joint in moving for p in _predicted(joint, found.poses, linear, offset, near, movers)]
+
+
+def _placed(path: Path, box: ObjectBox) -> tuple[urdf_links.UrdfObject, dict[str, np.ndarray], np.ndarray, np.ndarray]:
+    """Return the links of a URDF, their triangles [face 3 3] in its box, and how they came there: linear map and offset."""
     found = urdf_links.read(path)
     points = np.concatenate([each.reshape(-1, 3) for each in found.triangles.values()])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -68,17 +99,17 @@ def read(path: Path, surface: ScanMesh, box: ObjectBox) -> list[Prediction]:
         raise InputError(f"{path}: its surfaces lie in a plane; give a URDF of a solid object")
     linear = box.axes * (box.size / (high - low))
     offset = box.center - linear @ ((low + high) / 2)
-    near = _nearest({name: each @ linear.T + offset for name, each in found.triangles.items()}, surface, box)
-    movers = {name: _mover(name, found.joints) for name in found.poses}
-    moving = [joint for joint in found.joints if joint.kind in KINDS]
-    return [p for joint in moving for p in _predicted(joint, found.poses, linear, offset, near, movers)]
+    return found, {name: each @ linear.T + offset for name, each in found.triangles.items()}, linear, offset
+
+
+def _inside(points: np.ndarray, box: ObjectBox) -> np.ndarray:
+    return np.asarray((np.abs((points - box.center) @ box.axes) <= box.size / 2 + MARGIN).all(axis=1))
 
 
 def _nearest(triangles: Mapping[str, np.ndarray], surface: ScanMesh, box: ObjectBox) -> dict[str, np.ndarray]:
     """Return the faces of the scan in a box by the link that is nearest, at most MARGIN away."""
     middle = surface.vertices[surface.faces].mean(axis=1) + surface.origin
-    inside = (np.abs((middle - box.center) @ box.axes) <= box.size / 2 + MARGIN).all(axis=1)
-    chosen = np.flatnonzero(inside)
+    chosen = np.flatnonzero(_inside(middle, box))
     points = np.concatenate([_sampled(each) for each in triangles.values()])
     away, k = cKDTree(points).query(middle[chosen])
     return {name: chosen[(k // SAMPLES == i) & (away <= MARGIN)] for i, name in enumerate(triangles)}

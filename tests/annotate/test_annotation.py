@@ -10,13 +10,14 @@ import plain_room
 import pytest
 
 from s2a import config, scan
-from s2a.annotate import checks, files
+from s2a.annotate import checks, files, handle
 from s2a.annotate.annotation import Draft
 from s2a.annotate.editor import Editor
-from s2a.annotate.region import GrowConfig
+from s2a.annotate.region import GrowConfig, around
 from s2a.annotate.surface import ADDED, SplitSurface
 from s2a.evidence import annotation as evidence
 from s2a.evidence.bounds import Bounds
+from s2a.geometry.mesh_ops import merge
 from s2a.scan import overlaps
 
 GROW = config.load(GrowConfig, config.file("annotate")["grow"])
@@ -162,3 +163,23 @@ def test_the_checks_of_the_page_are_those_of_the_command(editor: Editor, tmp_pat
     live = checks.of_part(editor.annotation, 0, BOUNDS)
     assert [(f.check, f.verdict) for f in written if f.part] == [(f.check, f.verdict) for f in live]
     assert len(live) > 5
+
+
+def test_what_a_scan_made_of_a_handle_goes_with_the_front_that_gets_another(editor: Editor) -> None:
+    """Left behind, it would stand still in the room before the part, in the way of part and gripper."""
+    scanned = drawer(editor).item.handle
+    added = editor.annotation.with_handle(0, plain_room.BAR, "bar").items[0]
+    assert len(scanned) and np.isin(scanned, added.front).all() and not np.isin(scanned, added.handle).any()
+
+
+@pytest.mark.parametrize(("height", "expected"), [(0.065, True), (0.038, False)])
+def test_a_handle_on_a_frame_stands_out_of_the_frame(height: float, expected: bool) -> None:
+    y, z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    glass = plain_room.grid(np.zeros(3), y, z, (0.6, 0.9), (0, 0, 0))
+    frame = plain_room.grid(np.array([0.03, 0.6, 0.0]), y, z, (0.1, 0.9), (0, 0, 0))
+    piece = plain_room.grid(np.array([height, 0.62, 0.4]), y, z, (0.02, 0.12), (0, 0, 0))
+    whole = merge([glass, frame, piece])
+    surface = SplitSurface.of(whole.vertices, whole.faces, whole.colors)
+    front = around(surface, np.arange(len(glass.faces)))
+    last = np.arange(len(surface.faces) - len(piece.faces), len(surface.faces))
+    assert handle.resolved(surface, front, last) == expected

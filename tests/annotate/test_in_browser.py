@@ -114,3 +114,13 @@ def test_nothing_is_cut_or_covered(room: files.BareScan, width: int, height: int
         page.wait(lambda: "Click a front" in page.text(), 30.0)
         time.sleep(1.0)
         browser.assert_readable(page, width)
+
+
+def test_no_number_below_a_slider_is_covered_by_its_thumb(page: browser.Page) -> None:
+    rows = page.driver.execute_script(
+        "const box = e => e.getBoundingClientRect();"
+        "return [...document.querySelectorAll('.mantine-Slider-root')].map(row => ["
+        "box(row.querySelector('.mantine-Slider-thumb')).bottom,"
+        "Math.min(...[...row.querySelectorAll('.mantine-Slider-markLabel')].map(e => box(e).top)) + 2])"
+    )
+    assert rows and all(thumb <= label for thumb, label in rows)  # a line of text begins 2 pixels below its box

@@ -18,6 +18,8 @@ from s2a.annotate.propose.patches import patches
 from s2a.annotate.propose.wall_leaves import leaves
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
+from s2a.geometry.mesh_ops import merge
+from s2a.mesh import Mesh
 
 VALUES = config.file("annotate")
 GROW, PROPOSE = config.load(GrowConfig, VALUES["grow"]), config.load(ProposeConfig, VALUES["propose"])
@@ -118,6 +120,49 @@ def test_a_door_is_the_opening_around_its_lever_and_a_picture_is_none() -> None:
     wall[140:160, 100:190] = 90.0  # 0.2 m high: lower than any window
     out[150:153, 104:116] = 0.05
     assert list(leaves(image(wall, out), 0.0, PROPOSE)) == []
+
+
+def test_a_window_is_its_leaf_within_the_fixed_frame_glass_and_wood() -> None:
+    """Its glass alone would leave the wood, and the lever on it, in the wall."""
+    y, z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    wood, wall = (90, 60, 40), (220, 220, 220)
+
+    def board(x: float, left: float, low: float, size: tuple[float, float], color: tuple[int, int, int]) -> Mesh:
+        return plain_room.grid(np.array([x, left, low]), y, z, size, color)
+
+    def ring(x: float, left: float, low: float, size: tuple[float, float], width: float, color) -> list[Mesh]:
+        wide, high = size
+        sides = [board(x, left + s * (wide - width), low, (width, high), color) for s in (0, 1)]
+        ends = [board(x, left + width, low + s * (high - width), (wide - 2 * width, width), color) for s in (0, 1)]
+        return sides + ends
+
+    walls = [
+        board(0, -1.5, 0, (1.1, 2.4), wall),
+        board(0, 0.4, 0, (1.1, 2.4), wall),
+        board(0, -0.4, 0, (0.8, 0.9), wall),
+        board(0, -0.4, 1.9, (0.8, 0.5), wall),
+    ]
+    fixed = ring(0.0, -0.4, 0.9, (0.8, 1.0), 0.04, wood)
+    leaf = ring(-0.01, -0.36, 0.94, (0.72, 0.92), 0.06, wood)
+    glass = board(-0.045, -0.3, 1.0, (0.6, 0.8), (90, 120, 140))
+    lever = board(0.05, 0.31, 1.34, (0.02, 0.12), (150, 150, 150))
+    mesh = merge([*walls, *fixed, *leaf, glass, lever])
+    waves = 0.003 * np.sin(mesh.vertices @ np.array([[0.0], [0.0], [30.0]]))  # as of a phone, which sees the glass
+    mesh = Mesh(mesh.vertices + waves * [1.0, 0.0, 0.0], mesh.faces, mesh.colors)
+    item = propose(SplitSurface.of(mesh.vertices, mesh.faces, mesh.colors), PROPOSE, GROW)[0]
+    np.testing.assert_allclose(item.region.size, (0.72, 0.92), atol=0.03)
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    behind = middles[item.region.faces, 0] < -0.03
+    assert 0.3 < behind.mean() < 0.8 and len(item.handle) and (middles[item.handle, 0] > 0.04).all()
+
+
+@pytest.mark.parametrize(("lever_at", "expected"), [(110, (103.5, 186.5)), (102, (100, 190))])
+def test_the_leaf_of_a_window_holds_its_lever(lever_at: int, expected: tuple[float, float]) -> None:
+    wall, out = np.full((250, 300, 3), 200.0), np.zeros((250, 300))
+    wall[90:200, 100:190] = 90.0
+    out[140:152, lever_at : lever_at + 2] = 0.05
+    ((box, _),) = leaves(image(wall, out), 0.0, PROPOSE)
+    assert (box.left, box.right) == pytest.approx(expected, abs=1)
 
 
 def test_the_command_writes_proposals_without_a_page(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

@@ -82,6 +82,29 @@ def test_links_become_parts_where_the_object_stands(scan: Path) -> None:
     assert np.linalg.norm(mesh.triangles_center[every] - CENTER, axis=1).max() < np.linalg.norm(SIZE)
 
 
+@pytest.mark.parametrize("turned", range(4))
+def test_a_part_of_the_scan_gives_the_box_and_the_quarter_turn(
+    turned: int, scan: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whichever way the scan is turned, the drawer slides to where the scanned handle stands out."""
+    file = scan / "mesh_aligned_0.05.ply"
+    mesh = trimesh.load(file, process=False)
+    mesh.apply_transform(rotation_matrix(turned * math.pi / 2, (0, 0, 1)))
+    mesh.export(file)
+    last = len(mesh.vertices) - 8  # the other box
+    (scan / "segments.json").write_text(json.dumps({"segIndices": list(range(len(mesh.vertices)))}))
+    group = {"id": 1, "objectId": 1, "label": "cabinet", "segments": list(range(last))}
+    (scan / "segments_anno.json").write_text(json.dumps({"segGroups": [group]}))
+    assert imported(scan, URDF, "object=cabinet_1") == 0
+    assert "in the box of cabinet_1, [" in capsys.readouterr().out
+    (slide,) = (each for each in written(scan, "artic", "articulations") if each["type"] == "translation")
+    along = rotation_matrix(turned * math.pi / 2, (0, 0, 1))[:3, :3] @ (0, 1, 0)
+    np.testing.assert_allclose(slide["axis"], along, atol=1e-5)
+    assert slide["rangeMax"] == pytest.approx(0.5 * 0.6 / 1.05, rel=1e-4)
+    assert imported(scan, URDF, "object=cabinet_2") == 2
+    assert "'cabinet_2' is not in scene 'scan'; did you mean: cabinet_1" in capsys.readouterr().err
+
+
 def test_a_mesh_beside_the_urdf_is_read(scan: Path) -> None:
     trimesh.creation.box((0.05, 1.0, 0.5)).export(scan.parent / "front.obj")
     urdf = URDF.replace('<box size="0.05 1 0.5"/>', '<mesh filename="package://front.obj"/>')
@@ -139,6 +162,7 @@ def test_a_huge_urdf_is_not_read(
     [
         (("min_score=0.5",), "needs box="),
         (("box=[0,0,0,1,0,1,0]",), "extents above 0"),
+        ((BOX, "object=cabinet_1"), "both given"),
         (("box=[9,9,9,1,1,1,0]",), "no face of the scan lies near"),
     ],
 )

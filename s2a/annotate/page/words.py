@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from s2a.annotate.annotation import Draft, Item
 from s2a.evidence.finding import Finding
+from s2a.page import panel
 from s2a.page.room import unit
 
 FRONT, HINGE, LINE, HANDLE, RECTANGLE = "front", "hinge", "line", "handle", "rectangle"
@@ -21,9 +22,10 @@ HINTS = {
 MARKS = {"pass": "\u2713", "warn": "\u26a0", "fail": "\u2717", "unknown": "?"}
 COLORS = {"pass": "seagreen", "warn": "darkorange", "fail": "crimson", "unknown": "gray"}
 NONE = "none"
-STYLE = """<style>
-.s2a-card { padding: 0 0.75em 0.3em; font-size: 0.875em; line-height: 1.4; overflow-wrap: anywhere; }
-.s2a-hint { font-weight: 600; }
+STYLE = f"""<style>
+{panel.MARKS}
+.s2a-card {{ padding: 0 0.75em 0.3em; font-size: 0.875em; line-height: 1.4; overflow-wrap: anywhere; }}
+.s2a-hint {{ font-weight: 600; }}
 </style>"""
 
 

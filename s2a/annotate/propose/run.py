@@ -9,7 +9,7 @@ import numpy as np
 
 from s2a.annotate import joints
 from s2a.annotate.annotation import Draft, Item
-from s2a.annotate.handle import standing_out
+from s2a.annotate.handle import RELIEF, ground, resolved, standing_out
 from s2a.annotate.propose.cells import CellBox, hull
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.propose.layers import Layer, layers, spread
@@ -103,10 +103,15 @@ def _leaf(surface: SplitSurface, layer: Layer, box: CellBox, lever: CellBox, gro
     leaf = mine & (np.abs(place[:, 2] - offset) < grow.distance)
     if surface.areas[leaf].sum() < 0.15 * region.size.prod():
         return
-    low, high = np.quantile(place[leaf, :2], (0.01, 0.99), axis=0)
-    center = region.center + region.axes @ (low + high) / 2 + offset * region.normal
-    region = replace(region, center=center, size=high - low)
-    region = replace(region, faces=inside(surface, region, grow))
+    if box.height * layer.cell < MIN_DOOR:  # a window: its glass and its frame, at different depths
+        near, far = np.quantile(place[mine, 2], (0.05, 0.95))
+        region = replace(region, center=region.center + (near + far) / 2 * region.normal)
+        region = replace(region, faces=inside(surface, region, grow.thickness))
+    else:
+        low, high = np.quantile(place[leaf, :2], (0.01, 0.99), axis=0)
+        center = region.center + region.axes @ (low + high) / 2 + offset * region.normal
+        region = replace(region, center=center, size=high - low)
+        region = replace(region, faces=inside(surface, region, grow.distance))
     if box.height * layer.cell >= MIN_DOOR > region.size[1]:
         return
     if layer.sharp and region.size[1] < MIN_DOOR and surface.areas[region.faces].sum() > GLAZED * region.size.prod():
@@ -161,7 +166,7 @@ def _rectangle(layer: Layer, box: CellBox) -> FrontRegion:
 def _region(surface: SplitSurface, layer: Layer, box: CellBox, grow: GrowConfig) -> FrontRegion | None:
     """Return a box as a region of the surface, its plane fitted to its faces and upright; None where it holds hardly any."""
     region = _rectangle(layer, box)
-    faces = inside(surface, region, grow)
+    faces = inside(surface, region, grow.distance)
     if surface.areas[faces].sum() < 0.3 * region.size.prod():
         return None
     normal, _ = fit_plane(surface.middles[faces], surface.areas[faces], layer.normal)
@@ -173,24 +178,28 @@ def _region(surface: SplitSurface, layer: Layer, box: CellBox, grow: GrowConfig)
     offset = float(np.median(surface.middles[faces] @ normal))
     center = region.center + (offset - float(region.center @ normal)) * normal
     turned = replace(region, normal=normal, center=center, axes=np.stack([right, region.axes[:, 1]], axis=1))
-    return replace(turned, faces=inside(surface, turned, grow))
+    return replace(turned, faces=inside(surface, turned, grow.distance))
 
 
-def inside(surface: SplitSurface, region: FrontRegion, grow: GrowConfig) -> np.ndarray:
-    """Return the faces whose middles lie in a region's rectangle, near its plane and facing as it does."""
+def inside(surface: SplitSurface, region: FrontRegion, distance: float) -> np.ndarray:
+    """Return the faces whose middles lie in a region's rectangle, nearer to its plane than [m], and facing as it does."""
     place = region.local(surface.middles)
-    flat = (np.abs(place[:, :2]) < region.size / 2).all(axis=1) & (np.abs(place[:, 2]) < grow.distance)
+    flat = (np.abs(place[:, :2]) < region.size / 2).all(axis=1) & (np.abs(place[:, 2]) < distance)
     return np.flatnonzero(flat & (surface.normals @ region.normal > FACING))
 
 
 def _handle(surface: SplitSurface, layer: Layer, region: FrontRegion, handle: CellBox) -> np.ndarray:
-    """Return the faces of a handle: what stands out in its box; none where it is in the colours alone."""
+    """Return the faces of a handle: what stands out in its box; none where it is in the colours alone, or smeared."""
     out = standing_out(surface, region)
     place = surface.middles - layer.offset * layer.normal
     u = (place @ layer.right - layer.low[0]) / layer.cell
     v = (surface.middles[:, 2] - layer.low[1]) / layer.cell
     within = (u > handle.left - 1) & (u < handle.right + 1) & (v > handle.bottom - 1) & (v < handle.top + 1)
-    return np.flatnonzero(out & within)
+    faces = np.flatnonzero(out & within)
+    if len(faces):
+        height = region.local(surface.middles[faces])[:, 2]
+        faces = faces[height > ground(surface, region, faces) + RELIEF]
+    return faces if resolved(surface, region, faces) else faces[:0]
 
 
 def _best(surface: SplitSurface, found: list[Item]) -> tuple[Item, ...]:

@@ -27,6 +27,8 @@ AT_FLOOR, MIN_DOOR = 0.3, 1.8
 """[m] What begins lower is a door, and so high at least; else it is what stands before the wall."""
 BAND = 5
 """Rows, or columns, beside each other of which an opening's are."""
+FRAME = 0.035
+"""[m] Width of a window's fixed frame, which surrounds its leaves."""
 LEAVES = 0.25
 """A lever so near to the middle, as a fraction of the width, closes one of two leaves."""
 
@@ -47,7 +49,8 @@ def leaves(layer: Layer, floor: float, config: ProposeConfig) -> Iterator[tuple[
         if low < AT_FLOOR and sides[1] < MIN_DOOR:
             continue
         if all(low <= side <= high for side, (low, high) in zip(sides, SIZE, strict=True)):
-            yield _leaf(box, lever), lever
+            leaf = box if low < AT_FLOOR else _framed(box, lever, FRAME / config.cell)
+            yield _leaf(leaf, lever), lever
 
 
 def _levers(layer: Layer, floor: float, config: ProposeConfig) -> Iterator[CellBox]:
@@ -78,6 +81,14 @@ def _run(free: np.ndarray, at: int) -> tuple[int, int]:
     blocked = np.flatnonzero(~free)
     below, above = blocked[blocked < at], blocked[blocked > at]
     return int(below[-1]) + 1 if len(below) else 0, int(above[0]) if len(above) else len(free)
+
+
+def _framed(box: CellBox, lever: CellBox, frame: float) -> CellBox:
+    """Return what a fixed frame surrounds; all of a box whose lever would be on the frame, which looks like the wall then."""
+    x, y = lever.middle
+    inner = CellBox(box.left + frame, box.bottom + frame, box.right - frame, box.top - frame)
+    inside = inner.left + 1 <= x <= inner.right - 1 and inner.bottom + 1 <= y <= inner.top - 1
+    return inner if inside else box
 
 
 def _leaf(box: CellBox, lever: CellBox) -> CellBox:

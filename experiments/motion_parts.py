@@ -16,7 +16,7 @@ from s2a.diff.dynamics import Dynamics
 from s2a.diff.moving_body import moving
 from s2a.diff.pulled import Pulled, pulled
 from s2a.errors import InputError
-from s2a.planner.motion import Skill, plan, planned_path
+from s2a.planner.part_plan import Skill, plan, planned_path
 from s2a.planner.trajectory import Trajectory
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, read_stage

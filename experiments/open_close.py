@@ -126,7 +126,8 @@ def _episodes(stage: Any, settings: Any, args: argparse.Namespace, row: Row, nam
     """
     from s2a import tasks
     from s2a.evaluate import run_episodes
-    from s2a.planner.motion import Planner, demonstration
+    from s2a.planner.motion import Planner
+    from s2a.planner.part_plan import demonstration
     from s2a.sim.limit_use import LimitUse
     from s2a.sim.simulation import Simulation
     from s2a.tasks import make_env

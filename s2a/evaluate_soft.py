@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from s2a.evaluate import rate
-from s2a.planner.motion import PlannerConfig
+from s2a.planner.part_plan import PlannerConfig
 from s2a.progress import track
 from s2a.sim.soft import SoftSimulation
 from s2a.tasks.pick_place.soft import SoftTrial, run_trial

@@ -25,7 +25,8 @@ import warp as wp
 
 from s2a import config
 from s2a.env.vec_env import VecEnv
-from s2a.planner.motion import Planner, PlannerConfig
+from s2a.planner.motion import Planner
+from s2a.planner.part_plan import PlannerConfig
 from s2a.provenance import provenance
 from s2a.rl.config import PpoConfig
 from s2a.rl.ppo import train

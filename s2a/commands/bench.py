@@ -20,7 +20,8 @@ from s2a.evaluate import Policy, baseline, run_episodes
 from s2a.outputs import atomic_write
 from s2a.part_results import by_part
 from s2a.perception.estimate import fused, seen_pool
-from s2a.planner.motion import Planner, PlannerConfig
+from s2a.planner.motion import Planner
+from s2a.planner.part_plan import PlannerConfig
 from s2a.progress import track
 from s2a.provenance import provenance
 from s2a.ranges import Count, CountFromZero, NotNegative

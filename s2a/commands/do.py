@@ -17,7 +17,7 @@ from s2a.errors import CheckFailed, InputError
 from s2a.llm.client import LlmConfig, choose, kind_of
 from s2a.llm.usage_log import UsageLog
 from s2a.outputs import atomic_write
-from s2a.planner.motion import PlannerConfig
+from s2a.planner.part_plan import PlannerConfig
 from s2a.provenance import provenance
 from s2a.ranges import CountFromZero
 from s2a.robot.spec import RobotSpec

@@ -13,7 +13,7 @@ from s2a.diff.pulled import pulled
 from s2a.errors import InputError
 from s2a.outputs import atomic_write
 from s2a.planner import pull_law
-from s2a.planner.motion import PlannerConfig, planned_path
+from s2a.planner.part_plan import PlannerConfig, planned_path
 from s2a.robot.spec import RobotSpec
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage

@@ -20,7 +20,7 @@ from s2a.outputs import atomic_write
 from s2a.perception import frames
 from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.visible_room import VisibleRoom
-from s2a.planner.motion import PlannerConfig, demonstration
+from s2a.planner.part_plan import PlannerConfig, demonstration
 from s2a.prepare import ALL, PrepareConfig, prepare
 from s2a.progress import track
 from s2a.provenance import provenance

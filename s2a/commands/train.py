@@ -20,7 +20,8 @@ from s2a.evaluate import rate, warn_of_errors
 from s2a.outputs import atomic_write, full_disk
 from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.estimate import seen
-from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner, demonstration
+from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner
+from s2a.planner.part_plan import demonstration
 from s2a.provenance import provenance
 from s2a.ranges import Count, Fraction
 from s2a.rl import ppo, processes, run_folder

@@ -12,8 +12,8 @@ from s2a.articulation import transform
 from s2a.env.starts import Demonstration
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
-from s2a.planner.motion import PlannerConfig, planned_path
 from s2a.planner.obstacles import RoomHulls
+from s2a.planner.part_plan import PlannerConfig, planned_path
 from s2a.planner.part_reach import detour
 from s2a.planner.pick_base import arm_depth
 from s2a.planner.segments import Segments

@@ -73,7 +73,7 @@ def test_the_grasp_moves_with_the_object(picked: tuple[Path, Path]) -> None:
     from settings import load
 
     from s2a import tasks
-    from s2a.planner.motion import PlannerConfig
+    from s2a.planner.part_plan import PlannerConfig
     from s2a.sim.simulation import SimConfig, Simulation
     from s2a.tasks.pick_place.skill import PickStage
 

@@ -15,7 +15,7 @@ from s2a import cli, config, robot
 from s2a.commands import bench
 from s2a.env import starts
 from s2a.env.starts import Demonstration
-from s2a.planner.motion import PlannerConfig, demonstration
+from s2a.planner.part_plan import PlannerConfig, demonstration
 from s2a.scene import Joint
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation

@@ -21,7 +21,8 @@ from s2a.errors import InputError
 from s2a.evaluate import evaluate
 from s2a.planner import pull_law
 from s2a.planner.arm import Arm
-from s2a.planner.motion import Planner, PlannerConfig, planned_path
+from s2a.planner.motion import Planner
+from s2a.planner.part_plan import PlannerConfig, planned_path
 from s2a.planner.pull_law import PullLaw
 from s2a.planner.trajectory import eased
 from s2a.scene import Joint

@@ -9,8 +9,8 @@ from drawer_room import drawer_room
 from settings import load
 
 from s2a.planner.held_object import HeldObject
-from s2a.planner.motion import PlannerConfig
 from s2a.planner.moved_part import MovedPart, PartOff
+from s2a.planner.part_plan import PlannerConfig
 from s2a.planner.trajectory import Trajectory
 from s2a.robot.kinematics import kinematics
 from s2a.sim.simulation import SimConfig, Simulation

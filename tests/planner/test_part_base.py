@@ -13,8 +13,8 @@ from settings import load
 from s2a import robot
 from s2a.geometry import convex
 from s2a.planner.misses import Unreachable
-from s2a.planner.motion import PlannerConfig, joint_paths, plan
 from s2a.planner.part_base import with_base
+from s2a.planner.part_plan import PlannerConfig, joint_paths, plan
 from s2a.planner.part_reach import detour, is_free, preceded, room_hulls
 from s2a.robot.collision import robot_shape
 from s2a.robot.joint_path import follow

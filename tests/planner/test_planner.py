@@ -21,7 +21,8 @@ from s2a.errors import InputError
 from s2a.evaluate import evaluate
 from s2a.geometry import convex
 from s2a.planner.collision import most_clear
-from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner, PlannerConfig, demonstration, joint_paths
+from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner
+from s2a.planner.part_plan import PlannerConfig, demonstration, joint_paths
 from s2a.robot.collision import robot_shape
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices

@@ -17,7 +17,8 @@ from s2a.evaluate import evaluate
 from s2a.geometry.mesh_ops import merge
 from s2a.planner.gripper_shape import gripper_boxes
 from s2a.planner.misses import Unreachable
-from s2a.planner.motion import Planner, PlannerConfig
+from s2a.planner.motion import Planner
+from s2a.planner.part_plan import PlannerConfig
 from s2a.planner.part_way import with_way
 from s2a.planner.push import PRESS, pushes
 from s2a.planner.rest import at_rest

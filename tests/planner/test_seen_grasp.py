@@ -14,7 +14,8 @@ from settings import load
 from s2a import tasks
 from s2a.env.vec_env import VecEnv
 from s2a.evaluate import evaluate
-from s2a.planner.motion import Planner, PlannerConfig
+from s2a.planner.motion import Planner
+from s2a.planner.part_plan import PlannerConfig
 from s2a.planner.seen_grasp import SeenGrasp
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices

@@ -17,7 +17,7 @@ from settings import load
 
 from s2a import robot
 from s2a.geometry.sweep import sweep
-from s2a.planner.motion import PlannerConfig, joint_paths
+from s2a.planner.part_plan import PlannerConfig, joint_paths
 from s2a.prepare import PrepareConfig, base_pose, prepare
 from s2a.prepare.base_pose import BaseConfig, BasePose, find_base
 from s2a.prepare.grasp import find_grasp, floor_height

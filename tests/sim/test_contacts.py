@@ -18,7 +18,8 @@ from settings import load
 from s2a.env.vec_env import VecEnv
 from s2a.evaluate import evaluate
 from s2a.geometry.mesh_ops import keep, normals
-from s2a.planner.motion import Planner, PlannerConfig
+from s2a.planner.motion import Planner
+from s2a.planner.part_plan import PlannerConfig
 from s2a.scene import Joint, Mesh
 from s2a.sim.contacts import ContactSensor, touched
 from s2a.sim.simulation import SimConfig, Simulation

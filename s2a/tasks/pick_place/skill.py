@@ -11,9 +11,9 @@ import numpy as np
 from s2a import robot as robots
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
-from s2a.planner.motion import PlannerConfig
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import surface_points
+from s2a.planner.part_plan import PlannerConfig
 from s2a.planner.pick_place import plan_pick
 from s2a.planner.pick_plan import PickPlan
 from s2a.planner.places import first_planned, free_object, place_poses, scanned

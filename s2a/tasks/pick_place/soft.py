@@ -13,9 +13,9 @@ import torch
 
 from s2a.planner.gripper_shape import gripper_boxes
 from s2a.planner.held_object import HeldObject
-from s2a.planner.motion import PlannerConfig
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import RoomHulls
+from s2a.planner.part_plan import PlannerConfig
 from s2a.planner.pick_base import arm_depth
 from s2a.planner.pick_place import Fits, plan_pick
 from s2a.planner.pick_plan import PickPlan

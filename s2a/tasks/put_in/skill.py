@@ -11,7 +11,7 @@ import numpy as np
 from s2a import robot as robots
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
-from s2a.planner.motion import PlannerConfig
+from s2a.planner.part_plan import PlannerConfig
 from s2a.planner.places import first_planned, free_object, place_poses
 from s2a.planner.put_in import PutPlan, PutTask, plan_put
 from s2a.planner.trajectory import Shutting, Trajectory

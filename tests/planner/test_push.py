@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cabinet import write_cabinet
+from open_drawer import make_env
 from settings import load
-from test_close_part import make_env
 
 from s2a import robot
 from s2a.evaluate import evaluate

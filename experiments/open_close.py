@@ -91,7 +91,7 @@ def _both(stage: Any, goal: float, args: argparse.Namespace, row: Row) -> list[s
 def _based(stage: Any, settings: Any, row: Row, name: str) -> Any:
     """Return the stage with a base for all of a task; the row notes which, and the seconds."""
     from s2a import robot, tasks
-    from s2a.planner.part_way import with_way
+    from s2a.planner.hold_or_push import ready_to_move
     from s2a.robot.tool_path import ToolPath
 
     begun = time.perf_counter()
@@ -101,8 +101,8 @@ def _based(stage: Any, settings: Any, row: Row, name: str) -> Any:
         return task.tool_path(based, settings.planner, settings.task)
 
     spec, noise = robot.load(stage.robot), settings.planner.start_noise
-    found = with_way(stage, path_of, spec, noise, may_push=task.PUSHES)
-    row[f"{name}_way"] = "handle" if found.push is None else "push"
+    found = ready_to_move(stage, path_of, spec, noise, may_push=task.PUSHES)
+    row[f"{name}_by"] = "handle" if found.push is None else "push"
     row[f"{name}_base"] = "prepared" if found is stage else "searched"
     row[f"{name}_base_seconds"] = round(time.perf_counter() - begun, 1)
     return found

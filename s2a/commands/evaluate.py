@@ -22,8 +22,8 @@ from s2a.outputs import atomic_write
 from s2a.part_results import by_part
 from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.estimate import seen
+from s2a.planner.hold_or_push import ready_to_move
 from s2a.planner.motion import Planner
-from s2a.planner.part_way import with_way
 from s2a.playback import states
 from s2a.provenance import provenance
 from s2a.ranges import Count
@@ -164,7 +164,7 @@ def _based(stage: SimStage, config: Config) -> SimStage:
         return task.tool_path(based, config.planner, config.task)
 
     noise, seed = config.planner.start_noise, config.planner.seed
-    return with_way(stage, path_of, config.robot, noise, seed, may_push=task.PUSHES)
+    return ready_to_move(stage, path_of, config.robot, noise, seed, may_push=task.PUSHES)
 
 
 def _refuse_of_a_pool(config: Config) -> None:

@@ -25,7 +25,7 @@ TILTS = (35.0, 60.0)
 """[degree] Between the gripper and the normal of the face, where it does not come along that. Flatter ones would push with
 the gripper body, beside the wrist: an oven's lid was not lifted so."""
 FACING = 0.7
-"""Cosine of the angle between the normal of the face and the way on which it opens, at least."""
+"""Cosine of the angle between the normal of the face and the direction in which it opens, at least."""
 BEFORE = 0.5
 """[m] Before the handle, from where the face is looked for."""
 
@@ -48,7 +48,7 @@ def pushes(stage: SimStage, gripper: GripperSpec) -> Iterator[np.ndarray]:
 
 
 def _face(stage: SimStage) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return unit vectors of a part at zero: the way on which it opens, on it away from the hinge, and along the hinge."""
+    """Return unit vectors of a part at zero: the direction in which it opens, on the face away from the hinge, and along the hinge."""
     joint, point = stage.joint, stage.grasp[:3]
     normal = opening_direction(joint, point)
     if joint.kind == "prismatic":

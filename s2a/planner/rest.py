@@ -26,11 +26,11 @@ def at_rest(stage: SimStage, coordinate: float) -> float:
     if joint.kind == "prismatic":
         force = -_weight(stage) * joint.axis[2]
         return coordinate if abs(force) <= friction else joint.limits[int(force > 0.0)]
-    way = math.copysign(1.0, _moment(stage, coordinate))
-    while way * _moment(stage, coordinate) > friction:
-        following = coordinate + way * STEP
+    sense = math.copysign(1.0, _moment(stage, coordinate))
+    while sense * _moment(stage, coordinate) > friction:
+        following = coordinate + sense * STEP
         if not joint.limits[0] < following < joint.limits[1]:
-            return joint.limits[int(way > 0.0)]
+            return joint.limits[int(sense > 0.0)]
         coordinate = following
     return coordinate
 

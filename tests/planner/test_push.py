@@ -16,10 +16,10 @@ from s2a import robot
 from s2a.evaluate import evaluate
 from s2a.geometry.mesh_ops import merge
 from s2a.planner.gripper_shape import gripper_boxes
+from s2a.planner.hold_or_push import ready_to_move
 from s2a.planner.misses import Unreachable
 from s2a.planner.motion import Planner
 from s2a.planner.part_plan import PlannerConfig
-from s2a.planner.part_way import with_way
 from s2a.planner.push import PRESS, pushes
 from s2a.planner.rest import at_rest
 from s2a.robot.tool_path import ToolPath, matrices
@@ -90,8 +90,8 @@ def test_what_cannot_be_held_is_pushed_shut_from_where_it_fell(tmp_path: Path) -
         return path if based.push is not None else replace(path, poses=lifted)
 
     with pytest.raises(Unreachable):
-        with_way(stage, path_of, PANDA, 0.125)
-    found = with_way(stage, path_of, PANDA, 0.125, may_push=True)
+        ready_to_move(stage, path_of, PANDA, 0.125)
+    found = ready_to_move(stage, path_of, PANDA, 0.125, may_push=True)
     assert found.push is not None
     path = path_of(found)
     assert (path.pushes, path.q[0], path.q[-1]) == (True, pytest.approx(math.pi / 2), 0.0)

@@ -21,10 +21,10 @@ from s2a.robot.tool_path import ToolPath
 from s2a.sim.world import SimStage
 
 TRIED = 24
-"""Ways to push, with the gripper clear, for which a base is searched."""
+"""Pushes with the gripper clear for which a base is searched."""
 
 
-def with_way(
+def ready_to_move(
     stage: SimStage,
     path_of: Callable[[SimStage], ToolPath],
     spec: RobotSpec,
@@ -60,7 +60,7 @@ def with_way(
 
 
 def _clear(stage: SimStage, path_of: Callable[[SimStage], ToolPath], spec: RobotSpec) -> Iterator[SimStage]:
-    """Yield a stage with ways to push its part on which gripper and wrist meet neither the room nor the part."""
+    """Yield a stage with a push of its part on which gripper and wrist meet neither the room nor the part."""
     room, target, gripper = stage.room, stage.target, gripper_spheres(spec.gripper)
     riders = {i for i in room.articulations if target in room.carriers(i)}
     around, part = RoomHulls(room, {target, *riders}, stage.grasp[:3]), part_hulls(stage)

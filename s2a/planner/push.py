@@ -48,7 +48,7 @@ def pushes(stage: SimStage, gripper: GripperSpec) -> Iterator[np.ndarray]:
 
 
 def _face(stage: SimStage) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return unit vectors of a part at zero: the direction in which it opens, on the face away from the hinge, and along the hinge."""
+    """Return unit vectors of a part at zero: as it opens first, on the face away from the hinge, and along the hinge."""
     joint, point = stage.joint, stage.grasp[:3]
     normal = opening_direction(joint, point)
     if joint.kind == "prismatic":

@@ -71,7 +71,7 @@ def _spots(
     for axis in (aside, along):
         reach = (surface.vertices - origin) @ axis
         extents.append((0.0 if hinged and axis is aside else float(reach.min()), float(reach.max())))
-    grid = [[low + f * (high - low) for f in shares] for (low, high), shares in zip(extents, (FAR, ALONG), strict=True)]
+    grid = [[low + f * (high - low) for f in places] for (low, high), places in zip(extents, (FAR, ALONG), strict=True)]
     before = float((point - origin) @ outwards) + BEFORE
     starts = np.array([origin + a * aside + b * along + before * outwards for a in grid[0] for b in grid[1]])
     tree = ray_mesh(surface.vertices, surface.faces)

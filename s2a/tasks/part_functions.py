@@ -105,8 +105,8 @@ def is_grasped(h: PartHandles, force: float, sense: float, world: int):
 def firmness(h: PartHandles, full: float, world: int):
     """Return how firmly the gripper holds a part that it opens, from 0, not grasped, to 1.
 
-    It grows with the angle between the fingers' forces, from OPPOSED to `full`, cosines both.
-    A grasp that is paid in full from OPPOSED on is held just there, where the fingers hook the handle as much as they press it.
+    It grows with the angle between the fingers' forces, from OPPOSED to `full`, cosines both. Near OPPOSED the fingers hook the
+    handle as much as they press it.
     """
     if not is_grasped(h, h.contact_force, 1.0, world):
         return 0.0

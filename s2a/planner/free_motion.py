@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +12,21 @@ from s2a.robot.joint_path import TURN, straight
 
 Free = Callable[[np.ndarray], np.ndarray]
 """Joints [pose arm] -> whether each collides with nothing, shape [pose]."""
+CHECKS, SHORTENING = 6000, 1500
+"""Joint positions that a search may ask about, and its shortening: by count, so that a plan is the same on every machine."""
+
+EVERY = 4
+"""Of so many joint positions along a line one is asked about first, then all others."""
 
 
 def free_motion(
-    start: np.ndarray, goal: np.ndarray, lower: np.ndarray, upper: np.ndarray, free: Free, seconds: float, seed: int
+    start: np.ndarray,
+    goal: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    free: Free,
+    seed: int,
+    checks: int = CHECKS,
 ) -> np.ndarray | None:
     """Return evenly spaced joint positions [pose arm] from start to goal that collide with nothing; None: none was found.
 
@@ -25,8 +36,8 @@ def free_motion(
         lower: limits of the joints [rad], shape [arm].
         upper: likewise.
         free: what is asked of joints.
-        seconds: for the search.
-        seed: of the search.
+        seed: of the search, which is the same in every process.
+        checks: joint positions that the search may ask about.
 
     Raises:
         InputError: OMPL is not installed.
@@ -38,7 +49,9 @@ def free_motion(
         from ompl import base, geometric, util
     except ImportError as error:
         raise InputError("planning around obstacles needs OMPL; install the extra: pip install 's2a[sim]'") from error
-    _seed_once(util, seed)
+    # OMPL complains of a seed after its first number; all that draws in this search is made after it, so it holds.
+    util.setLogLevel(util.LogLevel.LOG_NONE)
+    util.RNG.setSeed(seed + 1)
     count = len(start)
     space, bounds = base.RealVectorStateSpace(count), base.RealVectorBounds(count)
     for i in range(count):
@@ -46,7 +59,8 @@ def free_motion(
         bounds.setHigh(i, float(upper[i]))
     space.setBounds(bounds)
     setup = geometric.SimpleSetup(space)
-    setup.setStateValidityChecker(lambda state: bool(free(_joints(state, count)[None])[0]))
+    search = _Counted(free)
+    setup.setStateValidityChecker(lambda state: search.all_free(_joints(state, count)[None]))
     ends = []
     for joints in (start, goal):
         state = space.allocState()
@@ -55,29 +69,40 @@ def free_motion(
         ends.append(state)
     setup.setStartAndGoalStates(*ends)
     info = setup.getSpaceInformation()
-    info.setStateValidityCheckingResolution(TURN / float(np.linalg.norm(upper - lower)))
+    info.setMotionValidator(_edges(base, info, search, count))
     setup.setPlanner(geometric.RRTConnect(info))
-    setup.solve(seconds)
+    setup.solve(base.PlannerTerminationCondition(lambda: search.asked >= checks))
     if not setup.haveExactSolutionPath():
         return None
-    setup.simplifySolution(min(1.0, seconds))
+    search.asked = 0
+    setup.simplifySolution(base.PlannerTerminationCondition(lambda: search.asked >= SHORTENING))
     path = setup.getSolutionPath()
     corners = np.array([_joints(path.getState(i), count) for i in range(path.getStateCount())])
     return _rounded(corners, free)
 
 
-@cache
-def _once(util: object) -> list[int]:
-    """Return the seed that OMPL was given in this process, if any: it takes one before its first number alone."""
-    return []
+class _Counted:
+    """What says whether joints are free, and how many it was asked about."""
+
+    def __init__(self, free: Free) -> None:
+        self._free, self.asked = free, 0
+
+    def all_free(self, q: np.ndarray) -> bool:
+        """Return whether all of some joints [pose arm] are free."""
+        self.asked += len(q)
+        return bool(self._free(q).all())
 
 
-def _seed_once(util: object, seed: int) -> None:
-    """Seed OMPL's random numbers, once a process, and keep its log to errors."""
-    if not _once(util):
-        util.setLogLevel(util.LogLevel.LOG_ERROR)  # type: ignore[attr-defined]
-        util.RNG.setSeed(seed + 1)  # type: ignore[attr-defined]
-        _once(util).append(seed)
+def _edges(base: Any, info: object, search: _Counted, count: int) -> object:
+    """Return OMPL's check of straight lines, which asks about many joints at once: one by one takes several times as long."""
+
+    class Edges(base.MotionValidator):
+        def checkMotion(self, start: object, end: object, last: object = None) -> bool:  # noqa: N802 - OMPL's name
+            line = _even(np.stack([_joints(start, count), _joints(end, count)]))[:0:-1]
+            first = np.arange(len(line)) % EVERY == 0
+            return search.all_free(line[first]) and search.all_free(line[~first])
+
+    return Edges(info)
 
 
 def _joints(state: object, count: int) -> np.ndarray:

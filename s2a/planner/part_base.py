@@ -15,7 +15,7 @@ from s2a.planner.free_motion import free_motion
 from s2a.planner.insides import moved_room
 from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.obstacles import RoomHulls
-from s2a.planner.part_reach import SEARCH, all_free, arm_in_part, is_free, lines, noisy_starts, part_hulls
+from s2a.planner.part_reach import all_free, arm_in_part, is_free, lines, noisy_starts, part_hulls
 from s2a.planner.pick_base import arm_depth, bases, chunks
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.joint_path import follow
@@ -144,7 +144,7 @@ class _Search:
         ends = np.concatenate([self._starts, goal[None]])
         depth = float(arm_depth(self._shape, self._start, ends, base, opened=self._opened).max())
         free = is_free(self._shape, self._start, base, self._opened)
-        found = depth <= SLACK and free_motion(home, goal, kin.lower, kin.upper, free, SEARCH, self._seed) is not None
+        found = depth <= SLACK and free_motion(home, goal, kin.lower, kin.upper, free, self._seed) is not None
         if not found:
             text = f"reach: its ends reach {1000 * depth:.0f} mm into something, or no collision-free motion was found"
             self._misses.note(2, depth, text)

@@ -20,10 +20,8 @@ from s2a.scene import Joint
 from s2a.sim.room import pedestal
 from s2a.sim.world import SimStage
 
-SEARCH = 3.0
-"""[s] For a collision-free motion to the point of approach."""
 ATTEMPTS = 3
-"""Searches for it: they are random, and their time is that of the clock."""
+"""Searches, each of its own seed, for a collision-free motion to the point of approach."""
 STARTS = 24
 """Starts off home that must be free: a joint that is off by 0.125 rad moves the gripper by 10 cm."""
 SPEED = 0.6
@@ -69,10 +67,7 @@ def is_free(shape: RobotShape, near: RoomHulls, base: np.ndarray, opened: float 
     """
 
     def free(q: np.ndarray) -> np.ndarray:
-        ok = arm_depth(shape, near, q, base, opened=opened) <= SLACK
-        return ok & np.array(
-            [o and shape.self_penetration(each[None])[0] <= SLACK for o, each in zip(ok, q, strict=True)]
-        )
+        return shape.keeps_clear(arm_depth(shape, near, q, base, opened=opened), q)
 
     return free
 
@@ -115,7 +110,7 @@ def detour(
     straight_lines = lines(noisy_starts(spec, noise, seed), first)
     if all_free(shape, near, base, straight_lines, opened) or not free(np.stack([home, first])).all():
         return None
-    attempts = (free_motion(home, first, shape.kin.lower, shape.kin.upper, free, SEARCH, seed) for _ in range(ATTEMPTS))
+    attempts = (free_motion(home, first, shape.kin.lower, shape.kin.upper, free, seed + i) for i in range(ATTEMPTS))
     return next((path for path in attempts if path is not None), None)
 
 

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from s2a.planner.free_motion import free_motion
@@ -48,8 +49,6 @@ FAR, MORE = 1.6, 2
 pairs that are looked at for a shorter way."""
 AT_ONCE = 8
 """Pairs whose inverse kinematics are solved together."""
-SEARCH = 5.0
-"""[s] For each collision-free motion."""
 
 
 def plan_pick(
@@ -263,12 +262,12 @@ class _Search:
     def _empty_depth(self, base: np.ndarray, opened: float) -> Depth:
         """Return how deep the arm reaches into the room, or into the object at its start."""
         body = np.linalg.inv(base) @ self._start
-        points = self._points @ body[:3, :3].T + body[:3, 3]
+        points = KDTree(self._points @ body[:3, :3].T + body[:3, 3])
         chosen = self._shape.moving
 
         def depth(q: np.ndarray) -> np.ndarray:
             found = arm_depth(self._shape, self._near, q, base, opened=opened)
-            gaps = np.linalg.norm(self._shape.centers(q)[:, chosen][:, :, None] - points, axis=3).min(axis=2)
+            gaps, _ = points.query(self._shape.centers(q)[:, chosen])
             return np.maximum(found, (self._shape.radii[chosen] - gaps).max(axis=1))
 
         return depth
@@ -281,7 +280,7 @@ class _Search:
         worst = float(depth(np.stack([start, goal])).max())
         text = f"{name}: an end of the motion reaches {1000 * worst:.0f} mm into something"
         if worst <= SLACK:
-            worst, text = 0.0, f"{name}: no collision-free motion was found in {SEARCH:.0f} s"
+            worst, text = 0.0, f"{name}: no collision-free motion was found"
         self._misses.note(stage, worst, text)
         return None
 
@@ -289,12 +288,9 @@ class _Search:
         """Return a motion [pose arm] that meets nothing, the arm itself included, by more than SLACK; None: none found."""
 
         def free(q: np.ndarray) -> np.ndarray:
-            ok = depth(q) <= SLACK
-            return ok & np.array(
-                [o and self._shape.self_penetration(each[None])[0] <= SLACK for o, each in zip(ok, q, strict=True)]
-            )
+            return self._shape.keeps_clear(depth(q), q)
 
         if not free(np.stack([start, goal])).all():
             return None
         kin = self._shape.kin
-        return free_motion(start, goal, kin.lower, kin.upper, free, SEARCH, self._seed)
+        return free_motion(start, goal, kin.lower, kin.upper, free, self._seed)

@@ -13,7 +13,7 @@ from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import RoomHulls
 from s2a.planner.pick_base import arm_depth, bases, chunks
-from s2a.planner.pick_place import BASES, IK_SEEDS, SEARCH, plan_pick
+from s2a.planner.pick_place import BASES, IK_SEEDS, plan_pick
 from s2a.planner.pick_plan import PickPlan
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.joint_path import follow
@@ -173,13 +173,10 @@ class _Search:
         kin, near = self._shape.kin, self._rooms[room]
 
         def free(q: np.ndarray) -> np.ndarray:
-            ok = arm_depth(self._shape, near, q, base) <= SLACK
-            return ok & np.array(
-                [o and self._shape.self_penetration(each[None])[0] <= SLACK for o, each in zip(ok, q, strict=True)]
-            )
+            return self._shape.keeps_clear(arm_depth(self._shape, near, q, base), q)
 
         ends = arm_depth(self._shape, near, np.stack([start, goal]), base)
-        path = free_motion(start, goal, kin.lower, kin.upper, free, SEARCH, self._seed) if ends.max() <= SLACK else None
+        path = free_motion(start, goal, kin.lower, kin.upper, free, self._seed) if ends.max() <= SLACK else None
         if path is None:
             text = f"{name}: its ends reach {1000 * ends.max():.0f} mm into the room, or no collision-free motion was found"
             self._misses.note(2, float(ends.max()), text)

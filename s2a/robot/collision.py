@@ -73,6 +73,9 @@ class RobotShape:
         self.gripper, self.gripper_radii = in_tool[held], self.radii[held]
         last = (self._group == self._group.max()) & ~held
         self.wrist, self.wrist_radii = in_tool[last], self.radii[last]
+        inner = np.maximum(self.radii - BULGE, 0.0)
+        members = {int(k): np.flatnonzero(self._group == k) for k in np.unique(self._group)}
+        self._bodies = {k: (chosen, inner[chosen]) for k, chosen in members.items()}
         self._pairs = self._checked_pairs(home)
 
     def centers(self, q: np.ndarray) -> np.ndarray:
@@ -80,39 +83,41 @@ class RobotShape:
         poses = self.kin.frames(q)[:, self._link]
         return np.einsum("psij,sj->psi", poses[..., :3, :3], self._centers) + poses[..., :3, 3]
 
+    def keeps_clear(self, depth: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Return in which of the poses [pose arm] a depth into other things [m], and that into itself, is no more than SLACK."""
+        ok = depth <= SLACK
+        ok[ok] = (self._pair_depths(self.centers(q[ok])) <= SLACK).all(axis=0)
+        return ok
+
     def self_penetration(self, q: np.ndarray) -> Penetration:
         """Return how deep two links reach into each other [m] in any of the poses [pose arm], and which."""
-        worst: Penetration = (0.0, "")
-        centers = self.centers(q)
-        for a, b in self._pairs:
-            depth = _deepest(
-                centers[:, self._group == a], centers[:, self._group == b], *(self._inner(i) for i in (a, b))
-            )
-            if depth > worst[0]:
-                worst = (depth, f"itself ({self._name(a)} and {self._name(b)})")
-        return worst
+        deepest = self._pair_depths(self.centers(q)).max(axis=1)
+        a, b = self._pairs[int(deepest.argmax())]
+        worst = float(deepest.max())
+        return (worst, f"itself ({self._name(a)} and {self._name(b)})") if worst > 0.0 else (0.0, "")
+
+    def _pair_depths(self, centers: np.ndarray) -> np.ndarray:
+        """Return how deep the bodies that can collide reach into each other [m], shape [pair pose]."""
+        return np.stack([self._depth(centers, *pair) for pair in self._pairs])
+
+    def _depth(self, centers: np.ndarray, a: int, b: int) -> np.ndarray:
+        """Return how deep two bodies reach into each other [m], shape [pose]."""
+        (one, inner), (other, outer) = self._bodies[a], self._bodies[b]
+        return _depth(centers[:, one], centers[:, other], inner, outer)
 
     @property
     def _group(self) -> np.ndarray:
         """How many arm joints carry each sphere: what no joint moves apart is one body."""
         return self.kin.arm_group[self._link]
 
-    def _inner(self, group: int) -> np.ndarray:
-        return np.maximum(self.radii[self._group == group] - BULGE, 0.0)
-
     def _name(self, group: int) -> str:
         return self.kin.links[int(np.flatnonzero(self.kin.arm_group == group)[0])]
 
     def _checked_pairs(self, home: np.ndarray) -> list[tuple[int, int]]:
         """Return the pairs of bodies that can collide: not neighbours, and apart in the home pose."""
-        groups, centers = np.unique(self._group), self.centers(home)
-        pairs = [(int(a), int(b)) for a in groups for b in groups if b > a + 1]
-        return [
-            (a, b)
-            for a, b in pairs
-            if _deepest(centers[:, self._group == a], centers[:, self._group == b], self._inner(a), self._inner(b))
-            <= 0.0
-        ]
+        centers = self.centers(home)
+        pairs = [(a, b) for a in self._bodies for b in self._bodies if b > a + 1]
+        return [pair for pair in pairs if self._depth(centers, *pair)[0] <= 0.0]
 
 
 @cache
@@ -121,16 +126,17 @@ def robot_shape(spec: RobotSpec) -> RobotShape:
     return RobotShape(spec)
 
 
-def _deepest(a: np.ndarray, b: np.ndarray, radii_a: np.ndarray, radii_b: np.ndarray) -> float:
-    """Return how deep spheres [pose sphere 3] reach into others in the worst pose [m]; 0 where they are apart."""
-    worst = 0.0
+def _depth(a: np.ndarray, b: np.ndarray, radii_a: np.ndarray, radii_b: np.ndarray) -> np.ndarray:
+    """Return how deep spheres [pose sphere 3] reach into others [m], shape [pose]; 0 where they are apart."""
     middle_a, middle_b = a.mean(axis=1, keepdims=True), b.mean(axis=1, keepdims=True)
     sizes = (
         np.linalg.norm(one - middle, axis=2) + radii
         for one, middle, radii in ((a, middle_a, radii_a), (b, middle_b, radii_b))
     )
     near = np.linalg.norm(middle_a - middle_b, axis=2)[:, 0] < sum(size.max(axis=1) for size in sizes)
-    for one, other in zip(a[near], b[near], strict=True):
-        gaps = np.linalg.norm(one[:, None] - other[None], axis=2) - radii_a[:, None] - radii_b[None]
-        worst = max(worst, float(-gaps.min()))
-    return worst
+    a, b = a[near] - middle_a[near], b[near] - middle_a[near]
+    # As |a|^2 + |b|^2 - 2 a b, which is a product of matrices: five times as fast as the differences.
+    squared = (a**2).sum(axis=2)[:, :, None] + (b**2).sum(axis=2)[:, None] - 2.0 * a @ b.transpose(0, 2, 1)
+    depth = np.zeros(len(near))
+    depth[near] = (radii_a[:, None] + radii_b - np.sqrt(np.maximum(squared, 0.0))).max(axis=(1, 2), initial=0.0)
+    return depth

@@ -111,10 +111,10 @@ def kinematics(spec: RobotSpec) -> Kinematics:
 def _turns(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Return rotations by angles [pose] about an axis [3], shape [pose 4 4]."""
     turns = np.zeros((len(angles), 4, 4))
-    cross = np.cross(axis, np.eye(3)).T  # cross @ v = axis x v; Rodrigues' formula
-    turns[:, :3, :3] = (
-        np.eye(3) + np.sin(angles)[:, None, None] * cross + (1.0 - np.cos(angles))[:, None, None] * cross @ cross
-    )
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # cross @ v = axis x v; Rodrigues' formula
+    sine, rest = np.sin(angles)[:, None, None], (1.0 - np.cos(angles))[:, None, None]
+    turns[:, :3, :3] = np.eye(3) + sine * cross + rest * (cross @ cross)
     turns[:, 3, 3] = 1.0
     return turns
 

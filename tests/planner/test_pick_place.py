@@ -265,7 +265,7 @@ def test_a_motion_goes_around_what_is_in_its_way() -> None:
         return ~((np.abs(q[:, 0]) < 0.3) & (q[:, 1] < 0.5))
 
     start, goal = np.array([-1.0, -1.0]), np.array([1.0, -1.0])
-    path = free_motion(start, goal, np.full(2, -2.0), np.full(2, 2.0), free, 2.0, 0)
+    path = free_motion(start, goal, np.full(2, -2.0), np.full(2, 2.0), free, 0)
     assert path is not None
     assert free(path).all()
     np.testing.assert_allclose(path[[0, -1]], [start, goal])
@@ -274,12 +274,25 @@ def test_a_motion_goes_around_what_is_in_its_way() -> None:
     assert steps.sum() < 6.0  # straight over the corners: 4.3
 
 
+def test_a_motion_is_the_same_whatever_was_searched_before() -> None:
+    def free(q: np.ndarray) -> np.ndarray:
+        return ~((np.abs(q[:, 0]) < 0.3) & (q[:, 1] < 0.5))
+
+    start, goal = np.array([-1.0, -1.0]), np.array([1.0, -1.0])
+    first, other, again = (
+        free_motion(start, goal, np.full(2, -2.0), np.full(2, 2.0), free, seed) for seed in (0, 1, 0)
+    )
+    assert first is not None and other is not None and again is not None
+    np.testing.assert_array_equal(first, again)
+    assert first.shape != other.shape or not np.allclose(first, other)
+
+
 def test_no_motion_through_a_wall() -> None:
     def free(q: np.ndarray) -> np.ndarray:
         return np.abs(q[:, 0]) > 0.3
 
     start, goal = np.array([-1.0, 0.0]), np.array([1.0, 0.0])
-    assert free_motion(start, goal, np.full(2, -2.0), np.full(2, 2.0), free, 0.3, 0) is None
+    assert free_motion(start, goal, np.full(2, -2.0), np.full(2, 2.0), free, 0, checks=2000) is None
 
 
 def shelf_view(tmp_path: Path, *extra: Mesh) -> list[tuple[np.ndarray, float, int, bool]]:

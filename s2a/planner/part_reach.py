@@ -20,8 +20,9 @@ from s2a.scene import Joint
 from s2a.sim.room import pedestal
 from s2a.sim.world import SimStage
 
-ATTEMPTS = 3
-"""Searches, each of its own seed, for a collision-free motion to the point of approach."""
+CLEARANCES = 0.025, 0.01, 0.0, 0.0
+"""[m] That searches for a motion to the point of approach keep, each of its own seed, until one is found: the arm lags behind
+the motion and cuts its corners, by 25 mm before an open door."""
 STARTS = 24
 """Starts off home that must be free: a joint that is off by 0.125 rad moves the gripper by 10 cm."""
 SPEED = 0.6
@@ -60,14 +61,16 @@ def arm_in_part(
     return float(part.depth(centers, shape.radii[chosen]).max())
 
 
-def is_free(shape: RobotShape, near: RoomHulls, base: np.ndarray, opened: float | None = None) -> Free:
+def is_free(
+    shape: RobotShape, near: RoomHulls, base: np.ndarray, opened: float | None = None, clearance: float = 0.0
+) -> Free:
     """Return what says of joints [pose arm] whether the arm on its base [4 4] meets neither a room nor itself.
 
-    Its pads are `opened` apart [m]; None: fully open.
+    Its pads are `opened` apart [m]; None: fully open. It keeps `clearance` [m] from the room.
     """
 
     def free(q: np.ndarray) -> np.ndarray:
-        return shape.keeps_clear(arm_depth(shape, near, q, base, opened=opened), q)
+        return shape.keeps_clear(arm_depth(shape, near, q, base, opened=opened, clearance=clearance), q)
 
     return free
 
@@ -110,8 +113,13 @@ def detour(
     straight_lines = lines(noisy_starts(spec, noise, seed), first)
     if all_free(shape, near, base, straight_lines, opened) or not free(np.stack([home, first])).all():
         return None
-    attempts = (free_motion(home, first, shape.kin.lower, shape.kin.upper, free, seed + i) for i in range(ATTEMPTS))
-    return next((path for path in attempts if path is not None), None)
+    for i, clearance in enumerate(CLEARANCES):
+        clear = is_free(shape, near, base, opened, clearance)
+        if clear(np.stack([home, first])).all():
+            path = free_motion(home, first, shape.kin.lower, shape.kin.upper, clear, seed + i)
+            if path is not None:
+                return path
+    return None
 
 
 def preceded(

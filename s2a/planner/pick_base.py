@@ -90,6 +90,7 @@ def arm_depth(
     *,
     fingers: bool = True,
     opened: float | None = None,
+    clearance: float = 0.0,
 ) -> np.ndarray:
     """Return how deep the arm in joints [pose arm] reaches into the room [m], shape [pose].
 
@@ -100,13 +101,14 @@ def arm_depth(
         base: pose of the base, [4 4] or [pose 4 4].
         fingers: they count too.
         opened: distance of the pads [m]; None: fully open.
+        clearance: by which the arm is taken to be thicker [m].
     """
     chosen = shape.moving & ~shape.held
     gripper = gripper_spheres(shape.kin.spec.gripper, fingers)
     pads = None if opened is None else np.full(len(q), opened)
     whole = np.concatenate([shape.centers(q)[:, chosen], gripper.placed(shape.kin.tool(q), pads)], axis=1)
     centers = whole @ np.swapaxes(base[..., :3, :3], -1, -2) + base[..., None, :3, 3]
-    return near.depth(centers, np.concatenate([shape.radii[chosen], gripper.radii]))
+    return near.depth(centers, np.concatenate([shape.radii[chosen], gripper.radii]) + clearance)
 
 
 def reached(

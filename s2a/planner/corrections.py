@@ -9,6 +9,7 @@ import torch
 from s2a.planner.held_object import HeldObject, target_in_tool
 from s2a.planner.moved_part import MovedPart, PartOff
 from s2a.planner.pace import Pace
+from s2a.planner.regrasp import Regrasp
 from s2a.planner.shifted_object import ShiftedObject
 from s2a.planner.trajectory import Trajectory
 from s2a.sim.simulation import Simulation
@@ -32,6 +33,7 @@ class Corrections:
             off = partial(PartOff(sim, shutting.part).off, float(trajectory.part[aligned.seen]))
         self._held = HeldObject(sim, trajectory, aligned, partial(target_in_tool, sim), off) if aligned else None
         self._moved = MovedPart(sim, trajectory, shutting) if shutting else None
+        self._regrasp = Regrasp(sim, trajectory, self._shifted) if self._shifted and trajectory.again else None
         self._pace = Pace(sim, trajectory, sim.plan_limits, rate)
 
     def begin(self, worlds: torch.Tensor) -> None:
@@ -46,15 +48,19 @@ class Corrections:
             worlds = each.see(step) if each else None
             if each and worlds is not None:
                 self._pace.fit(each.window, worlds, self)
+        again = self._regrasp.see(step) if self._regrasp else None
+        if self._shifted and again is not None:
+            self._pace.fit(self._shifted.window, again, self)
 
     def after(self, place: torch.Tensor) -> torch.Tensor:
         """Return where on the trajectory each world is a control step later, shape [world]; whole where nothing is added."""
-        return self._pace.after(place)
+        following = self._pace.after(place)
+        return self._regrasp.after(place, following) if self._regrasp else following
 
     def __call__(self, step: torch.Tensor) -> torch.Tensor | float:
         """Return what to add to the arm's targets, shape [world arm], at these steps of the trajectory, shape [world]."""
         added: torch.Tensor | float = 0.0
-        for each in (self._shifted, self._held, self._moved):
+        for each in (self._shifted, self._held, self._moved, self._regrasp):
             if each is not None:
                 added = added + each(step)
         return added

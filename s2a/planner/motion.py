@@ -72,7 +72,7 @@ class Planner:
             _log.warning(text, env.max_episode_length, self.steps + 1)
         stage = sim.stage_of_env if motions else np.zeros(sim.num_envs, dtype=int)
         self._targets = torch.tensor(
-            padded([each.targets for each in self.trajectories]), dtype=torch.float32, device=sim.device
+            padded([_whole(each) for each in self.trajectories]), dtype=torch.float32, device=sim.device
         )
         self._stage = torch.tensor(stage, device=sim.device)
         reaches = [each.reach_steps for each in self.trajectories]
@@ -144,6 +144,11 @@ class Planner:
         if self._corrections:
             targets[:, : self._arm] += self._corrections(step)
         return targets
+
+
+def _whole(trajectory: Trajectory) -> np.ndarray:
+    """Return all targets [step joint] of a trajectory, those of its way back last."""
+    return np.concatenate([trajectory.targets, *([trajectory.again.targets] if trajectory.again else [])])
 
 
 def _from_home(sim: Simulation, motion: Demonstration, config: PlannerConfig) -> Trajectory:

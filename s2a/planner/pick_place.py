@@ -205,10 +205,11 @@ class _Search:
         carry = None if reach is None else self._carried(path[-1], lower[0], base, opened, held)
         if reach is None or carry is None:
             return None
+        again = self._searched(path[-1], path[0], self._empty_depth(base, opened))
         pose = np.array([*base[:3, 3], *Rotation.from_matrix(base[:3, :3]).as_quat()])
         return PickPlan(
             pose, pedestal, reach, path[: at + 1], path[at:], carry, lower[: low + 1], lower[low:],
-            np.linalg.inv(held), opened,
+            again, np.linalg.inv(held), opened,
         )  # fmt: skip
 
     def _free_paths(

@@ -28,6 +28,7 @@ class PickPlan:
         carry: from there to above the place.
         lower: from there to the place.
         retreat: from there with open fingers, back from the object.
+        again: from above the grasp back to the point of approach, for an object that was not lifted; None: that is not free.
         grasp: tool frame in the object's body frame when the fingers close, shape [4 4].
         opened: distance of the pads before and after [m].
     """
@@ -40,6 +41,7 @@ class PickPlan:
     carry: np.ndarray
     lower: np.ndarray
     retreat: np.ndarray
+    again: np.ndarray | None
     grasp: np.ndarray
     opened: float
 

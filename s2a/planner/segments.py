@@ -8,7 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from s2a.planner.part_reach import SPEED
-from s2a.planner.trajectory import USED, Aligned, Picked, Shutting, Trajectory, closing, reach_steps, sampled, timed
+from s2a.planner.trajectory import (
+    USED,
+    Again,
+    Aligned,
+    Picked,
+    Shutting,
+    Trajectory,
+    closing,
+    reach_steps,
+    sampled,
+    timed,
+)
 from s2a.robot.spec import JointLimits, RobotSpec
 
 SETTLE = 0.7
@@ -24,6 +35,7 @@ class Segments:
         closed: index of the first target with the gripper closed for the first time; 0: it has not.
         picked: where an object is picked, if it is.
         shutting: where a part is shut, if it is.
+        again: how the arm comes back for what was not lifted, if it does.
     """
 
     def __init__(self, first: np.ndarray, spec: RobotSpec, limits: JointLimits, rate: float, close_time: float) -> None:
@@ -43,7 +55,19 @@ class Segments:
         self.closed = 0
         self.picked: Picked | None = None
         self.shutting: Shutting | None = None
+        self.again: Again | None = None
         self._aligned: Aligned | None = None
+        self._close_time = close_time
+
+    def come_back(self, path: np.ndarray, opened: float, seconds: float) -> None:
+        """Know a way [pose arm] back for an object that slipped out; its fingers open to a distance [m] before."""
+        back = Segments(path[0], self._spec, self._limits, self._rate, self._close_time)
+        back._finger, back._fingers = [np.zeros(1)], 0.0
+        back.open(opened)
+        back._stand(math.ceil(SETTLE * self._rate))
+        seen = back.last
+        back.between(path, seconds)
+        self.again = Again(back._targets(), seen)
 
     def go(self, path: np.ndarray, seconds: float, part: np.ndarray | None = None) -> None:
         """Follow a path [pose arm] in `seconds` or more, and wait for the arm.
@@ -111,11 +135,17 @@ class Segments:
 
     def trajectory(self, noise: float, reach_time: float) -> Trajectory:
         """Return the targets, after a motion to the first from home, up to `noise` [rad] off, in half of `reach_time` [s]."""
-        arms, fingers = np.concatenate(self._arm), np.concatenate(self._finger)[:, None]
+        targets = self._targets()
         # The fingers may start closed; an eased motion's peak is 4/3 of its mean speed.
         opening = 4.0 / 3.0 * self._wide / (USED * self._spec.gripper.finger_speed)
         home = np.array(self._spec.home)
-        reach = reach_steps(home, arms[0], noise, max(0.5 * reach_time, opening), self._limits, self._rate)
-        targets = np.concatenate([arms, fingers, fingers], axis=1)
+        reach = reach_steps(
+            home, targets[0, : len(home)], noise, max(0.5 * reach_time, opening), self._limits, self._rate
+        )
         part = np.concatenate(self._part)
-        return Trajectory(targets, part, reach, self.closed, self._aligned, self.picked, self.shutting)
+        return Trajectory(targets, part, reach, self.closed, self._aligned, self.picked, self.shutting, self.again)
+
+    def _targets(self) -> np.ndarray:
+        """Return the targets of arm and fingers, shape [step joint]."""
+        arms, fingers = np.concatenate(self._arm), np.concatenate(self._finger)[:, None]
+        return np.concatenate([arms, fingers, fingers], axis=1)

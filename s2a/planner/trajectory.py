@@ -75,6 +75,19 @@ class Shutting:
 
 
 @dataclass(frozen=True)
+class Again:
+    """A way back for an object that was not lifted, from where it should be to the point of approach.
+
+    Attributes:
+        targets: arm and fingers, shape [step joint].
+        seen: index of those at which the arm stands with open fingers, and sees where the object is.
+    """
+
+    targets: np.ndarray
+    seen: int
+
+
+@dataclass(frozen=True)
 class Trajectory:
     """Joint targets, one a control step.
 
@@ -86,6 +99,7 @@ class Trajectory:
         aligned: where it makes up for how an object has slipped in the gripper; None: nowhere.
         picked: where it picks an object; None: nowhere.
         shutting: where it shuts a part that it has opened; None: nowhere.
+        again: how it comes back for what was not lifted; None: it goes on without.
     """
 
     targets: np.ndarray
@@ -95,6 +109,7 @@ class Trajectory:
     aligned: Aligned | None = None
     picked: Picked | None = None
     shutting: Shutting | None = None
+    again: Again | None = None
 
 
 def eased(time: np.ndarray) -> np.ndarray:

@@ -106,7 +106,7 @@ def test_a_stage_comes_back_from_its_file(tmp_path: Path) -> None:
 
     room = drawer_room(tmp_path / "sim.usda")
     random = np.random.default_rng(0)
-    pick = PickPlan(random.random(7), 0.2, *random.random((6, 5, 7)), np.eye(4), 0.08)
+    pick = PickPlan(random.random(7), 0.2, *random.random((7, 5, 7)), np.eye(4), 0.08)
     inside = inside_of(room, "drawer_2", 0.3, np.array([0.45, 0.0, FLOOR]))
     put = PutPlan(pick, random.random(7), inside, *random.random((2, 4, 7)), (1, 2), *random.random((3, 4, 7)))
     cube = room.free["cube_9"].colliders[0].mesh

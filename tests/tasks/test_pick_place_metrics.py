@@ -31,7 +31,7 @@ def pick_stage(path: Path) -> PickStage:
     cubes = [free_cube("cube_9", tuple(START[:3]), 0.05, 0.2), free_cube("cube_10", (0.0, 0.3, 0.827), 0.05, 0.2)]
     room = sim_stage.read(write_cabinet(path, free=cubes), visuals=False)
     empty = np.zeros((1, 7))
-    plan = PickPlan(np.array([2.0, 0, 0, 0, 0, 1.0, 0]), 0.0, *6 * (empty,), np.eye(4), 0.08)
+    plan = PickPlan(np.array([2.0, 0, 0, 0, 0, 1.0, 0]), 0.0, *6 * (empty,), None, np.eye(4), 0.08)
     return PickStage(
         path=path, target="cube_9", joint=Joint("prismatic", (1.0, 0.0, 0.0), tuple(START[:3]), (0.0, 1.0)), base=plan.base,
         grasp=START, grasp_size=np.full(3, 0.05), region=room.free["cube_9"].colliders[0].mesh, also=("cube_10",), room=room,

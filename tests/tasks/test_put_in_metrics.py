@@ -31,7 +31,7 @@ def put_stage(path: Path) -> PutStage:
     """Return a cube on a cabinet, its drawer, and a robot that is too far to touch them."""
     room = drawer_room(path)
     empty = np.zeros((1, 7))
-    pick = PickPlan(np.array([3.0, 0, 0, 0, 0, 1.0, 0]), 0.0, *6 * (empty,), np.eye(4), 0.08)
+    pick = PickPlan(np.array([3.0, 0, 0, 0, 0, 1.0, 0]), 0.0, *6 * (empty,), None, np.eye(4), 0.08)
     inside = inside_of(room, "drawer_2", OPEN, GOAL[:3] - [0, 0, 0.02])
     assert isinstance(inside, Inside)
     put = PutPlan(pick, GOAL, inside, empty, empty, (0, 0), empty, empty, empty)

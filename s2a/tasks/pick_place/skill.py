@@ -145,3 +145,5 @@ def pick(found: Segments, plan: PickPlan, config: PlannerConfig) -> None:
     found.go(plan.retreat, config.approach_time)
     found.leave_aligned()
     found.open()
+    if plan.again is not None:
+        found.come_back(plan.again, plan.opened, config.reach_time)

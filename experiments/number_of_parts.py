@@ -37,7 +37,7 @@ def main() -> None:
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--out", type=Path, default=Path("experiments/results/number_of_parts.json"))
     parser.add_argument("keys", nargs="*")
-    args = parser.parse_args()
+    args = parser.parse_intermixed_args()
     for seed in args.seeds:
         for count in args.parts:
             rows = json.loads(args.out.read_text())["rows"] if args.out.is_file() else []

@@ -34,8 +34,9 @@ SMEAR = 0.15
 """[m] What stands out nearer to a handle that is added is what the scan made of it."""
 CLEARANCE = 0.032
 """[m] Between a parametric bar and the front: a finger of the Panda is 0.02 m thick."""
-RADIUS, KNOB = 0.006, 0.016
-"""[m] Of bars, levers and posts, and of knobs."""
+RADIUS, POST, KNOB = 0.006, 0.0025, 0.016
+"""[m] Of bars and levers, of their posts, and of knobs. A part is grasped at the mean of its handle's surface: thick posts would
+put that behind the bar, where the fingertips miss it."""
 LENGTH = {"bar": 0.128, "lever": 0.11}
 """[m] A usual distance between the screws of a bar; a lever's arm."""
 SIDES = 10
@@ -130,11 +131,9 @@ def shape(kind: Shape, region: FrontRegion, point: np.ndarray, joint: Joint | No
     top = foot + out * region.normal
     if kind == "lever":
         arm = _towards_hinge(region, foot, joint) * LENGTH["lever"]
-        return painted(merge([_rod(foot, top, RADIUS), _rod(top, top + arm, RADIUS)]), STEEL)
+        return painted(merge([_rod(foot, top, POST), _rod(top, top + arm, RADIUS)]), STEEL)
     half = _along(region, joint)
-    posts = [
-        _rod(foot + sign * 0.85 * half, foot + sign * 0.85 * half + out * region.normal, RADIUS) for sign in (-1, 1)
-    ]
+    posts = [_rod(foot + sign * 0.85 * half, foot + sign * 0.85 * half + out * region.normal, POST) for sign in (-1, 1)]
     return painted(merge([_rod(top - half, top + half, RADIUS), *posts]), STEEL)
 
 

@@ -113,6 +113,17 @@ def test_a_handle_that_stands_out_is_found_and_one_that_does_not_is_added(editor
     assert editor.item.completed == "" and len(editor.annotation.surface.faces) < len(surface.faces)
 
 
+def test_the_mean_surface_point_of_an_added_bar_is_inside_of_it(editor: Editor) -> None:
+    """There the gripper closes; thick posts would pull that point out of the bar, towards the front."""
+    region, point = drawer(editor).item.region, np.array([0.0, -0.4, 0.64])
+    bar = handle.shape("bar", region, point, editor.item.joint)
+    a, b, c = np.moveaxis(bar.vertices[bar.faces], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    mean = np.average((a + b + c) / 3, axis=0, weights=area)
+    axis = handle.CLEARANCE + handle.RADIUS
+    assert float((mean - point) @ region.normal) == pytest.approx(axis, abs=handle.RADIUS)
+
+
 def test_undo_goes_back_to_the_bare_scan(editor: Editor) -> None:
     before = editor.annotation
     drawer(editor).label("top drawer.1")

@@ -4,7 +4,8 @@
 
 Each folder holds a scan of s2a sample virtual=varied detail=phone; its GLB is imported, and proposals are made. The annotator
 accepts those that match a part (intersection over union of 0.5, kind and direction right) and rejects the others; where one has
-no handle, it clicks where the truth has one, which adds a bar. Then come s2a export, prepare and the planner, EPISODES for each
+no handle, or one whose middle is more than OFF from that of the true one, it clicks on that: what stands out there becomes
+the handle, or a bar that is added. Then come s2a export, prepare and the planner, EPISODES for each
 part. A part is opened where every episode succeeds; one that export or prepare lost counts as not opened.
 """
 
@@ -30,6 +31,8 @@ from s2a.scan.labels import parents
 
 EPISODES = 2
 HANDLES = ("handle", "knob", "lever")
+OFF = 0.04
+"""[m] From which a person sees that what is marked as handle is not it: half of what the gripper opens."""
 
 
 def main() -> None:
@@ -82,10 +85,19 @@ def accepted(path: Path, bare: files.BareScan) -> tuple[Draft, list[dict]]:
     draft = cut(bare.surface, tuple(found[i] for i, _ in rows), grow)
     places = handle_places(path, sample, truth)
     for index, (_, row) in enumerate(rows):
-        row |= {"seed": truth["seed"], "clicked": not row["handle"] and row["part"] in places}
+        place, faces = places.get(row["part"]), draft.items[index].handle
+        off = np.linalg.norm(_middle(draft, faces) - place) if place is not None and len(faces) else None
+        row |= {"seed": truth["seed"], "handle_off_m": None if off is None else round(float(off), 3)}
+        row["clicked"] = place is not None and (off is None or bool(off > OFF))
         if row["clicked"]:
-            draft = draft.with_handle(index, places[row["part"]], None)
+            draft = draft.with_handle(index, place, None)
     return draft, [row for _, row in rows]
+
+
+def _middle(draft: Draft, faces: np.ndarray) -> np.ndarray:
+    """Return the middle of the box around some faces [m]."""
+    corners = draft.surface.vertices[draft.surface.faces[faces]].reshape(-1, 3)
+    return (corners.min(axis=0) + corners.max(axis=0)) / 2
 
 
 def handle_places(path: Path, sample: files.BareScan, truth: dict) -> dict[str, np.ndarray]:

@@ -4,8 +4,8 @@
 
 Each folder holds a scan of s2a sample virtual=varied detail=phone; its GLB is imported, and proposals are made. The annotator
 accepts those that match a part (intersection over union of 0.5, kind and direction right) and rejects the others; where one has
-no handle, or one whose middle is more than OFF from that of the true one, it clicks on that: what stands out there becomes
-the handle, or a bar that is added. Then come s2a export, prepare and the planner, EPISODES for each
+no handle, or one without sides to press on, or whose middle is more than OFF from that of the true one, it clicks on that: what
+stands out there becomes the handle, or a bar that is added. Then come s2a export, prepare and the planner, EPISODES for each
 part. A part is opened where every episode succeeds; one that export or prepare lost counts as not opened.
 """
 
@@ -21,7 +21,7 @@ import proposals
 from proposals import TEXEL
 
 from s2a import cli, config, scan
-from s2a.annotate import files
+from s2a.annotate import files, handle
 from s2a.annotate.annotation import Draft
 from s2a.annotate.propose import ProposeConfig, cut, propose
 from s2a.annotate.region import GrowConfig
@@ -88,7 +88,10 @@ def accepted(path: Path, bare: files.BareScan) -> tuple[Draft, list[dict]]:
         place, faces = places.get(row["part"]), draft.items[index].handle
         off = np.linalg.norm(_middle(draft, faces) - place) if place is not None and len(faces) else None
         row |= {"seed": truth["seed"], "handle_off_m": None if off is None else round(float(off), 3)}
-        row["clicked"] = place is not None and (off is None or bool(off > OFF))
+        right = (
+            off is not None and bool(off <= OFF) and handle.has_sides(draft.surface, draft.items[index].region, faces)
+        )
+        row["clicked"] = place is not None and not right
         if row["clicked"]:
             draft = draft.with_handle(index, place, None)
     return draft, [row for _, row in rows]

@@ -26,6 +26,9 @@ MIN_AREA, MAX_FRACTION = 2e-4, 0.35
 """[m^2] and fraction of the front: smaller is noise, larger is a moulding."""
 GRASPABLE = 0.015
 """[m] What stands out by less no finger gets behind: a handle that the scan has smeared over its front."""
+SIDEWAYS, TURNED = 0.5, 0.1
+"""Cosine with the front's normal below which a face is turned away, and fraction of a handle's area that is. What looks ahead
+all over is a bulge that the scan made of one, on whose sides no finger can press."""
 AROUND = 0.04
 """[m] What is this near to a handle tells the height that it stands out from."""
 MAX_RISE, REACH = 0.03, 0.06
@@ -56,7 +59,13 @@ def find(surface: SplitSurface, region: FrontRegion, point: np.ndarray) -> np.nd
     if not len(seeds):
         return seeds
     faces = surface.component(seeds, out)
-    return faces if resolved(surface, region, faces) else faces[:0]
+    return faces if resolved(surface, region, faces) and has_sides(surface, region, faces) else faces[:0]
+
+
+def has_sides(surface: SplitSurface, region: FrontRegion, faces: np.ndarray) -> bool:
+    """Return whether a handle's faces do not all look ahead, as those of a bulge do."""
+    turned = surface.normals[faces] @ region.normal < SIDEWAYS
+    return bool(surface.areas[faces][turned].sum() >= TURNED * surface.areas[faces].sum())
 
 
 def resolved(surface: SplitSurface, region: FrontRegion, faces: np.ndarray) -> bool:

@@ -183,6 +183,19 @@ def test_what_a_scan_made_of_a_handle_goes_with_the_front_that_gets_another(edit
     assert len(scanned) and np.isin(scanned, added.front).all() and not np.isin(scanned, added.handle).any()
 
 
+@pytest.mark.parametrize("side", [0.0, 0.02])
+def test_a_bulge_that_looks_ahead_all_over_is_no_handle(side: float) -> None:
+    """A scan that has filled the gap behind a bar and rounded its sides leaves nothing to press on."""
+    x, y, z = np.eye(3)
+    front = plain_room.grid(np.zeros(3), y, z, (0.6, 0.9), (0, 0, 0))
+    bulge = plain_room.grid(np.array([0.03, 0.2, 0.4]), y, z, (0.02, 0.12), (0, 0, 0))
+    sides = [plain_room.grid(np.array([0.03, 0.22, 0.4]), -x, z, (side, 0.12), (0, 0, 0))] if side else []
+    whole = merge([front, bulge, *sides])
+    surface = SplitSurface.of(whole.vertices, whole.faces, whole.colors)
+    region = around(surface, np.arange(len(front.faces)))
+    assert handle.has_sides(surface, region, np.arange(len(front.faces), len(surface.faces))) == (side > 0.0)
+
+
 @pytest.mark.parametrize(("height", "expected"), [(0.065, True), (0.038, False)])
 def test_a_handle_on_a_frame_stands_out_of_the_frame(height: float, expected: bool) -> None:
     y, z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])

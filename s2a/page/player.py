@@ -47,9 +47,8 @@ def whole(view: CameraPose, room: PageRoom, count: int) -> CameraPose:
     """Return a view of one world moved and drawn back, so that it shows `count` worlds."""
     eye, target = np.array(view.eye), np.array(view.target)
     middle = apart(room, view) * (count - 1) / 2
-    # The image is wider than high: two worlds need hardly more distance than one.
-    away = max(1.0, 0.75 * count)
-    return CameraPose(tuple(target + middle + away * (eye - target)), tuple(target + middle))
+    # Beside the panel a window of 1280 x 800 pixels leaves an image that is hardly wider than high.
+    return CameraPose(tuple(target + middle + count * (eye - target)), tuple(target + middle))
 
 
 class Player:

@@ -19,17 +19,19 @@ from s2a.page.scene_nodes import SceneNodes
 
 MARKS = ".mantine-Slider-markLabel { margin-top: 0.4em; }"
 """The numbers below a slider keep clear of its thumb."""
-STYLE = f"""<style>
+CARDS = f"""<style>
 {MARKS}
 .s2a-card {{ padding: 0 0.75em 0.5em; font-size: 0.875em; line-height: 1.45; overflow-wrap: anywhere; }}
 .s2a-card td {{ vertical-align: top; padding-right: 1em; }}
 .s2a-card td:first-child {{ color: gray; white-space: nowrap; }}
-button.mantine-Button-root:not([data-variant]), button.mantine-Button-root[data-variant="filled"] {{
-  background: transparent; color: inherit; font-weight: 400; height: 1.7em !important; padding: 0 0.4em; }}
-button.mantine-Button-root:not([data-variant="outline"]) .mantine-Button-inner {{ justify-content: start; }}
-button.mantine-Button-root:not([data-variant="outline"]):hover {{ background: rgba(128, 128, 128, 0.15); }}
-button.mantine-Button-root[style*="yellow"] {{ background: rgba(255, 170, 0, 0.35) !important; }}
-div:has(> button.mantine-Button-root:not([data-variant="outline"])) {{ padding-bottom: 0.1em !important; }}
+</style>"""
+ROWS = """<style>
+button.mantine-Button-root:not([data-variant]), button.mantine-Button-root[data-variant="filled"] {
+  background: transparent; color: inherit; font-weight: 400; height: 1.7em !important; padding: 0 0.4em; }
+button.mantine-Button-root:not([data-variant="outline"]) .mantine-Button-inner { justify-content: start; }
+button.mantine-Button-root:not([data-variant="outline"]):hover { background: rgba(128, 128, 128, 0.15); }
+button.mantine-Button-root[style*="yellow"] { background: rgba(255, 170, 0, 0.35) !important; }
+div:has(> button.mantine-Button-root:not([data-variant="outline"])) { padding-bottom: 0.1em !important; }
 </style>"""
 """Rows of the tree are viser's buttons: flat, and to the left; the yellow one is selected."""
 PLAIN_ROW: Literal["gray"] = "gray"
@@ -49,7 +51,7 @@ class Panel:
         self._selected: str | None = None
         gui = server.gui
         gui.set_panel_label(self._room.name)
-        gui.add_html(STYLE)
+        gui.add_html(CARDS + ROWS)
         with gui.add_folder("Show"):
             self._add_layers()
         self._card = gui.add_html(card(self._room, None))

@@ -13,7 +13,7 @@ import viser
 from s2a.geometry.orbit_camera import CameraPose
 from s2a.page import glb
 from s2a.page.detail import Detail, coarse
-from s2a.page.panel import STYLE, WIDTH, first, offered
+from s2a.page.panel import CARDS, WIDTH, first, offered
 from s2a.page.played import Played, PlayedWorld
 from s2a.page.room import PageRoom, unit
 from s2a.page.scene_nodes import SceneNodes
@@ -68,7 +68,7 @@ class Player:
         self._ended, self._playing = threading.Event(), threading.Event()
         gui = server.gui
         gui.set_panel_label(room.name)
-        gui.add_html(STYLE)
+        gui.add_html(CARDS)
         with gui.add_folder("Time"):
             self._button = gui.add_button("play")
             self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="real time")

@@ -31,6 +31,9 @@ DATASET = "meta/s2a.json"
 FILE_FACES = 320_000
 """Faces that a file of 10 MB has room for, with and without their scanned colours."""
 
+PAGE_IMAGE = (900, 800)
+"""[pixel] What a window of 1280 x 800 leaves beside the panel of a page; the room fits into that, and so into wider ones."""
+
 
 @dataclass(frozen=True)
 class Config:
@@ -174,6 +177,9 @@ def _recording(room: PageRoom, config: Config, path: Path) -> str:
 
 
 def _page_view(room: PageRoom, config: Config) -> CameraPose:
+    """Return where a page begins."""
+    width, height = PAGE_IMAGE
+    config = replace(config, camera=replace(config.camera, width=width, height=height))
     parts = [room.parts[config.part]] if config.part else list(room.parts.values())
     return _camera_pose([part.surface for part in parts], [room.parts[i].surface for i in room.joints], config)
 

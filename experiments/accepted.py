@@ -6,7 +6,7 @@ Each folder holds a scan of s2a sample virtual=varied detail=phone; its GLB is i
 accepts those that match a part (intersection over union of 0.5, kind and direction right) and rejects the others; where one has
 no handle, or one without sides to press on, or whose middle is more than OFF from that of the true one, it clicks on that: what
 stands out there becomes the handle, or a bar that is added. Then come s2a export, prepare and the planner, EPISODES for each
-part. A part is opened where every episode succeeds; one that export or prepare lost counts as not opened.
+part, long enough for all plans. A part is opened where every episode succeeds; one that export or prepare lost counts as not opened.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from s2a.provenance import provenance
 from s2a.scan import folder, parts
 from s2a.scan.labels import parents
 
-EPISODES = 2
+EPISODES, STEPS = 2, 1500
+"""For each part, and control steps of each: with the task's 500 the plans around furniture were cut off."""
 HANDLES = ("handle", "knob", "lever")
 OFF = 0.04
 """[m] From which a person sees that what is marked as handle is not it: half of what the gripper opens."""
@@ -130,7 +131,8 @@ def summary(rows: list[dict]) -> dict:
 def _evaluated(work: Path, part: str) -> dict:
     """Return whether the planner opens a part in all episodes, or why it was not tried."""
     report = work / f"{part}.json"
-    code = cli.main(["evaluate", f"stage={work / 'room.usd'}", f"part={part}", f"num_envs={EPISODES}", f"out={report}"])
+    keys = [f"stage={work / 'room.usd'}", f"part={part}", f"num_envs={EPISODES}", f"task.episode_steps={STEPS}"]
+    code = cli.main(["evaluate", *keys, f"out={report}"])
     if code:
         return {"opened": False, "tried": False}
     figures = json.loads(report.read_text())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,7 @@ from s2a.robot.joint_path import TURN, straight
 Free = Callable[[np.ndarray], np.ndarray]
 """Joints [pose arm] -> whether each collides with nothing, shape [pose]."""
 CHECKS, SHORTENING = 6000, 1500
-"""Joint positions that a search may ask about, and its shortening: by count, so that a plan is the same on every machine."""
-
+"""Joint positions that a search may ask about, and its shortening: counted, so that no plan depends on the speed of a machine."""
 EVERY = 4
 """Of so many joint positions along a line one is asked about first, then all others."""
 
@@ -26,7 +26,6 @@ def free_motion(
     upper: np.ndarray,
     free: Free,
     seed: int,
-    checks: int = CHECKS,
 ) -> np.ndarray | None:
     """Return evenly spaced joint positions [pose arm] from start to goal that collide with nothing; None: none was found.
 
@@ -36,8 +35,7 @@ def free_motion(
         lower: limits of the joints [rad], shape [arm].
         upper: likewise.
         free: what is asked of joints.
-        seed: of the search, which is the same in every process.
-        checks: joint positions that the search may ask about.
+        seed: of the search, whatever was searched before.
 
     Raises:
         InputError: OMPL is not installed.
@@ -52,6 +50,7 @@ def free_motion(
     # OMPL complains of a seed after its first number; all that draws in this search is made after it, so it holds.
     util.setLogLevel(util.LogLevel.LOG_NONE)
     util.RNG.setSeed(seed + 1)
+    util.setLogLevel(util.LogLevel.LOG_ERROR)
     count = len(start)
     space, bounds = base.RealVectorStateSpace(count), base.RealVectorBounds(count)
     for i in range(count):
@@ -69,9 +68,9 @@ def free_motion(
         ends.append(state)
     setup.setStartAndGoalStates(*ends)
     info = setup.getSpaceInformation()
-    info.setMotionValidator(_edges(base, info, search, count))
+    info.setMotionValidator(_line_check(base)(info, search, count))
     setup.setPlanner(geometric.RRTConnect(info))
-    setup.solve(base.PlannerTerminationCondition(lambda: search.asked >= checks))
+    setup.solve(base.PlannerTerminationCondition(lambda: search.asked >= CHECKS))
     if not setup.haveExactSolutionPath():
         return None
     search.asked = 0
@@ -93,16 +92,24 @@ class _Counted:
         return bool(self._free(q).all())
 
 
-def _edges(base: Any, info: object, search: _Counted, count: int) -> object:
-    """Return OMPL's check of straight lines, which asks about many joints at once: one by one takes several times as long."""
+@cache
+def _line_check(base: Any) -> Any:
+    """Return OMPL's check of straight lines, a class that asks about many joints at once: one by one takes several times as long.
 
-    class Edges(base.MotionValidator):
+    It is made once: a class is freed by the garbage collector alone, and would hold all that a search has read until then.
+    """
+
+    class LineCheck(base.MotionValidator):
+        def __init__(self, info: object, search: _Counted, count: int) -> None:
+            super().__init__(info)
+            self._search, self._count = search, count
+
         def checkMotion(self, start: object, end: object, last: object = None) -> bool:  # noqa: N802 - OMPL's name
-            line = _even(np.stack([_joints(start, count), _joints(end, count)]))[:0:-1]
+            line = _even(np.stack([_joints(start, self._count), _joints(end, self._count)]))[:0:-1]
             first = np.arange(len(line)) % EVERY == 0
-            return search.all_free(line[first]) and search.all_free(line[~first])
+            return self._search.all_free(line[first]) and self._search.all_free(line[~first])
 
-    return Edges(info)
+    return LineCheck
 
 
 def _joints(state: object, count: int) -> np.ndarray:

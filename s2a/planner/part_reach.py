@@ -21,8 +21,8 @@ from s2a.sim.room import pedestal
 from s2a.sim.world import SimStage
 
 CLEARANCES = 0.025, 0.01, 0.0, 0.0
-"""[m] That searches for a motion to the point of approach keep, each of its own seed, until one is found: the arm lags behind
-the motion and cuts its corners, by 25 mm before an open door."""
+"""[m] That searches for a motion to the point of approach keep, less SLACK, each of its own seed, until one is found: the arm
+lags behind the motion and cuts its corners, by 25 mm before an open door."""
 STARTS = 24
 """Starts off home that must be free: a joint that is off by 0.125 rad moves the gripper by 10 cm."""
 SPEED = 0.6
@@ -66,7 +66,7 @@ def is_free(
 ) -> Free:
     """Return what says of joints [pose arm] whether the arm on its base [4 4] meets neither a room nor itself.
 
-    Its pads are `opened` apart [m]; None: fully open. It keeps `clearance` [m] from the room.
+    Its pads are `opened` apart [m]; None: fully open. It keeps `clearance` [m] from the room, less SLACK.
     """
 
     def free(q: np.ndarray) -> np.ndarray:
@@ -109,9 +109,7 @@ def detour(
     """
     shape, home = robot_shape(spec), np.array(spec.home)
     near, base = room_hulls(stage, q), matrices(stage.base[None])[0]
-    free = is_free(shape, near, base, opened)
-    straight_lines = lines(noisy_starts(spec, noise, seed), first)
-    if all_free(shape, near, base, straight_lines, opened) or not free(np.stack([home, first])).all():
+    if all_free(shape, near, base, lines(noisy_starts(spec, noise, seed), first), opened):
         return None
     for i, clearance in enumerate(CLEARANCES):
         clear = is_free(shape, near, base, opened, clearance)

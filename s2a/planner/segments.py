@@ -29,7 +29,7 @@ ALIGN = 1.0
 
 
 class Segments:
-    """Collects targets, from one joint position with open fingers on.
+    """Collects targets, from one joint position on.
 
     Attributes:
         closed: index of the first target with the gripper closed for the first time; 0: it has not.
@@ -38,7 +38,16 @@ class Segments:
         again: how the arm comes back for what was not lifted, if it does.
     """
 
-    def __init__(self, first: np.ndarray, spec: RobotSpec, limits: JointLimits, rate: float, close_time: float) -> None:
+    def __init__(
+        self,
+        first: np.ndarray,
+        spec: RobotSpec,
+        limits: JointLimits,
+        rate: float,
+        close_time: float,
+        *,
+        closed: bool = False,
+    ) -> None:
         """Begin at joints [arm].
 
         Args:
@@ -47,11 +56,13 @@ class Segments:
             limits: that the arm keeps.
             rate: control steps a second.
             close_time: for the fingers to close [s].
+            closed: the fingers are, at first.
         """
         self._spec, self._limits, self._rate = spec, limits, rate
         self._shut = closing(spec.gripper, close_time, rate)
-        self._wide = self._fingers = spec.gripper.finger_joint_open
-        self._arm, self._finger, self._part = [first[None]], [np.full(1, self._wide)], [np.zeros(1)]
+        self._wide = spec.gripper.finger_joint_open
+        self._fingers = 0.0 if closed else self._wide
+        self._arm, self._finger, self._part = [first[None]], [np.full(1, self._fingers)], [np.zeros(1)]
         self.closed = 0
         self.picked: Picked | None = None
         self.shutting: Shutting | None = None
@@ -61,8 +72,7 @@ class Segments:
 
     def come_back(self, path: np.ndarray, opened: float, seconds: float) -> None:
         """Know a way [pose arm] back for an object that slipped out; its fingers open to a distance [m] before."""
-        back = Segments(path[0], self._spec, self._limits, self._rate, self._close_time)
-        back._finger, back._fingers = [np.zeros(1)], 0.0
+        back = Segments(path[0], self._spec, self._limits, self._rate, self._close_time, closed=True)
         back.open(opened)
         back._stand(math.ceil(SETTLE * self._rate))
         seen = back.last

@@ -11,7 +11,7 @@ import torch
 from s2a.planner.knots import Added, Worlds
 from s2a.planner.trajectory import Aligned, Trajectory, eased
 from s2a.robot.kinematics import kinematics
-from s2a.robot.tool_path import matrices
+from s2a.robot.tool_path import matrices, turns
 from s2a.sim.simulation import Simulation
 
 ITERATIONS, DAMPING = 12, 1e-3
@@ -81,9 +81,8 @@ class HeldObject:
         """
         seen = self._seen(worlds)
         change = self._aligned.held @ np.linalg.inv(seen)
-        turn = np.arccos(np.clip((np.trace(change[:, :3, :3], axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
         off = np.linalg.norm(seen[:, :3, 3] - self._aligned.held[:3, 3], axis=1)
-        held = (off <= FARTHEST) & (turn <= STEEPEST)
+        held = (off <= FARTHEST) & (turns(change) <= STEEPEST)
         tool = self._tool[None] if self._place_off is None else self._place_off(worlds)[:, None] @ self._tool
         targets = (tool @ change[:, None])[held]
         start = np.tile(self._arm, (len(targets), 1))

@@ -14,6 +14,7 @@ from s2a.planner.gripper_shape import gripper_spheres
 from s2a.planner.misses import Misses
 from s2a.planner.obstacles import RoomHulls
 from s2a.robot.collision import SLACK, RobotShape
+from s2a.robot.tool_path import turns
 
 Item = TypeVar("Item")
 PEDESTALS = (0.0, 0.2, 0.4, 0.6)
@@ -175,8 +176,7 @@ def _nearest(
     """
     best = left.reshape(*shape, -1).argmin(axis=2)
     best = best + np.arange(best.size).reshape(shape) * (len(left) // best.size)
-    turn = np.einsum("...ij,...ij->...", tool[best][..., :3, :3], targets[best][..., :3, :3])
-    angle = np.arccos(np.clip((turn - 1.0) / 2.0, -1.0, 1.0))
+    angle = turns(np.swapaxes(tool[best][..., :3, :3], -1, -2) @ targets[best][..., :3, :3])
     far = np.linalg.norm(tool[best][..., :3, 3] - targets[best][..., :3, 3], axis=-1)
     return left[best], np.stack([far, angle], axis=-1)
 

@@ -8,7 +8,7 @@ import torch
 from s2a.planner.held_object import FARTHEST, STEEPEST, target_in_tool
 from s2a.planner.shifted_object import ShiftedObject
 from s2a.planner.trajectory import Aligned, Picked, Trajectory, eased
-from s2a.robot.tool_path import matrices
+from s2a.robot.tool_path import matrices, turns
 from s2a.sim.simulation import Simulation
 
 NEAR = 0.1
@@ -65,11 +65,10 @@ class Regrasp:
         """Return in which of some worlds [world], bool, the object is not in the gripper, but near its start; shape [some]."""
         held = target_in_tool(self._sim, worlds)
         fell = np.linalg.norm(held[:, :3, 3] - self._aligned.held[:3, 3], axis=1) > FARTHEST
-        poses = self._sim.state.body_q.numpy().reshape(self._sim.num_envs, -1, 7)[worlds]
-        moved = matrices(poses[:, self._sim.layout.part_body]) @ np.linalg.inv(matrices(self._sim.stage.grasp[None])[0])
-        turned = np.arccos(np.clip((np.trace(moved[:, :3, :3], axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
-        away = np.linalg.norm(poses[:, self._sim.layout.part_body, :3] - self._sim.stage.grasp[:3], axis=1)
-        return fell & (away <= NEAR) & (turned <= STEEPEST)
+        poses = self._sim.state.body_q.numpy().reshape(self._sim.num_envs, -1, 7)[worlds, self._sim.layout.part_body]
+        moved = matrices(poses) @ np.linalg.inv(matrices(self._sim.stage.grasp[None]))
+        away = np.linalg.norm(poses[:, :3] - self._sim.stage.grasp[:3], axis=1)
+        return fell & (away <= NEAR) & (turns(moved) <= STEEPEST)
 
     def after(self, place: torch.Tensor, following: torch.Tensor) -> torch.Tensor:
         """Return where each world goes on that would be at `following` after `place`, shape [world]."""

@@ -85,6 +85,12 @@ def part_path(
     return ToolPath(matrices(np.array(vectors)), q, len(back) - 1)
 
 
+def turns(rotations: np.ndarray) -> np.ndarray:
+    """Return the angles of rotations, or of motions, [... 3 3] or [... 4 4], by which they turn [rad], shape [...]."""
+    trace = np.trace(rotations[..., :3, :3], axis1=-2, axis2=-1)
+    return np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0))
+
+
 def matrices(vectors: np.ndarray) -> np.ndarray:
     """Return 7-vectors (position, quaternion xyzw) [pose 7] as matrices [pose 4 4]."""
     poses = np.tile(np.eye(4), (len(vectors), 1, 1))

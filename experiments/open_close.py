@@ -62,7 +62,8 @@ def _row(args: argparse.Namespace, room: str, part: str) -> Row:
     goal = min(FRACTION * stage.travel, most)
     row["goal"] = round(goal, 4)
     failed = _both(stage, goal, args, row)
-    hits = sum(sum(row.get(name, [])) for name in ("opened", "shut"))
+    counts = [count for name in ("opened", "shut") for count in row.get(name, [])]
+    row["planned"], hits = args.num_envs * len(counts), sum(counts)
     row |= {"success": hits / row["episodes"], "seconds": round(time.perf_counter() - begun, 1)}
     return row | {"cause": " and ".join(failed)}
 
@@ -92,14 +93,10 @@ def _based(stage: Any, settings: Any, row: Row, name: str) -> Any:
     """Return the stage with a base for all of a task; the row notes which, and the seconds."""
     from s2a import robot, tasks
     from s2a.planner.hold_or_push import ready_to_move
-    from s2a.robot.tool_path import ToolPath
 
     begun = time.perf_counter()
     task = tasks.task(settings.task.name)
-
-    def path_of(based: Any) -> ToolPath:
-        return task.tool_path(based, settings.planner, settings.task)
-
+    path_of = partial(task.tool_path, motion=settings.planner, config=settings.task)
     spec, noise = robot.load(stage.robot), settings.planner.start_noise
     found = ready_to_move(stage, path_of, spec, noise, may_push=task.PUSHES)
     row[f"{name}_by"] = "handle" if found.push is None else "push"

@@ -117,16 +117,23 @@ def results(paths: Sequence[Path], of: int, args: argparse.Namespace) -> None:
     rows = [json.loads(path.read_text()) for path in paths if path.exists()]
     if not rows:
         return
-    sizes = [row.get("episodes", args.num_envs) for row in rows]
-    hits, count = round(sum(n * row.get("success", 0.0) for n, row in zip(sizes, rows, strict=True))), sum(sizes)
-    low, high = binomtest(hits, count).proportion_ci(0.95, method="wilson")
-    causes = {row["cause"]: sum(r["cause"] == row["cause"] for r in rows) for row in rows if row["cause"]}
-    total = {"rows": len(rows), "of": of, "episodes": count, "success": hits, "fraction": round(hits / count, 4)}
-    total |= {"low": round(low, 4), "high": round(high, 4), "rows_by_cause_of_failure": causes}
+    total = totals(rows, of, args.num_envs)
     head = {**provenance(args.device), "num_envs": args.num_envs, "seeds": args.seeds, "set": args.set, "total": total}
     args.out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(args.out) as temporary:
         temporary.write_text(json.dumps({**head, "peaks": _peaks(rows), "rows": rows}, indent=1) + "\n")
+
+
+def totals(rows: Sequence[Row], of: int, num_envs: int) -> Row:
+    """Return what rows come to, with the Wilson 95 % interval; `planned` are the episodes of what the planner has a plan for."""
+    sizes = [row.get("episodes", num_envs) for row in rows]
+    planned = sum(row.get("planned", n if "success" in row else 0) for n, row in zip(sizes, rows, strict=True))
+    hits, count = round(sum(n * row.get("success", 0.0) for n, row in zip(sizes, rows, strict=True))), sum(sizes)
+    low, high = binomtest(hits, count).proportion_ci(0.95, method="wilson")
+    causes = {row["cause"]: sum(r["cause"] == row["cause"] for r in rows) for row in rows if row["cause"]}
+    total = {"rows": len(rows), "of": of, "episodes": count, "planned": planned, "success": hits}
+    total |= {"fraction": round(hits / count, 4), "low": round(float(low), 4), "high": round(float(high), 4)}
+    return total | {"fraction_of_planned": round(hits / max(planned, 1), 4), "rows_by_cause_of_failure": causes}
 
 
 def _peaks(rows: Sequence[Row]) -> dict[str, float]:

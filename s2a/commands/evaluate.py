@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,7 +32,6 @@ from s2a.rl.checkpoint import load_model, load_policy
 from s2a.rl.export import export
 from s2a.rl.policy_file import PolicyFile
 from s2a.rl.run_world import read_world
-from s2a.robot.tool_path import ToolPath
 from s2a.sim import pool
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse
@@ -160,9 +160,7 @@ def _based(stage: SimStage, config: Config) -> SimStage:
     if task.tool_path is Task.tool_path:
         raise InputError(f"key 'search_base' is true, and task={config.task.name} always searches; leave it out")
 
-    def path_of(based: SimStage) -> ToolPath:
-        return task.tool_path(based, config.planner, config.task)
-
+    path_of = partial(task.tool_path, motion=config.planner, config=config.task)
     noise, seed = config.planner.start_noise, config.planner.seed
     return ready_to_move(stage, path_of, config.robot, noise, seed, may_push=task.PUSHES)
 

@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from s2a.planner.contact import FIRM, Contact
 from s2a.planner.gripper_shape import CLEARANCE, inside_gripper, opening
 from s2a.robot.spec import GripperSpec
 from s2a.scene import Mesh
@@ -33,27 +34,6 @@ TURNING, FULL = 0.1, 0.15
 """[m] Of lever arm that weigh as much as a metre of width, and as contact of the whole pads, or a ledge at their edge."""
 SURFACE = 300
 """Points on the surface that must stay out of the gripper."""
-
-
-@dataclass(frozen=True)
-class Contact:
-    """What the pads must find between them.
-
-    Attributes:
-        flat: up to which the surface may lie off the pads at a point that holds [m]. What is inclined more turns between the
-            pads until it is parallel to them, or is squeezed out.
-        held: least fraction of the points at which both pads hold.
-        centered: largest distance of the middle of what holds from that of the surface between the pads [m]: a wedge is held
-            where it is thickest, and slips out.
-    """
-
-    flat: float
-    held: float
-    centered: float
-
-
-FIRM = Contact(0.0007, 0.3, 0.003)
-"""5 degrees over half a pad, and a rod of 8 mm. With twice as much a perfume bottle turned by 20 degrees in the gripper."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +84,7 @@ def object_grasps(
         seed: of the points that are sampled.
         samples: how many.
         contact: what the pads must find.
-        up: unit vector, for closing axes that are level; None: only those along normals and between them, shape [3].
+        up: unit vector, shape [3], for closing axes that are level, and the lever arm; None: neither of them.
     """
     planes = solids(hulls)
     mesh = trimesh.util.concatenate([trimesh.convex.convex_hull(np.asarray(h.vertices, float)) for h in hulls])
@@ -118,6 +98,9 @@ def object_grasps(
     tool, width = tool[free], width[free]
     held, off, stops = _held(tool, width, planes, gripper, contact.flat)
     good = (held >= contact.held) & (off <= contact.centered)
+    if up is not None:
+        weight = np.cross(center - tool[:, :3, 3], up)
+        good &= np.abs(np.einsum("gi,gi->g", weight, tool[:, :3, 1])) <= contact.lever
     tool, width, held = tool[good], width[good], held[good]
     ledges = _ledges(tool, width, stops[:, good], planes, gripper, contact.flat)
     # A long lever arm lets the object turn between the pads; wide grasps leave no room for the arm's error.

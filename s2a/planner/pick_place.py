@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from s2a.planner.contact import FIRM, Contact
 from s2a.planner.free_motion import free_motion
 from s2a.planner.graspable import failure
 from s2a.planner.gripper_shape import gripper_spheres, is_near
@@ -59,15 +60,17 @@ def plan_pick(
     spec: RobotSpec,
     seed: int = 0,
     fits: Fits | None = None,
+    contacts: Sequence[Contact] = (FIRM,),
 ) -> PickPlan:
     """Return how a robot picks an object at a pose and places it at another; 7-vectors of its body frame, scene frame.
 
-    `fits` says which bases will do, of those where the robot can stand.
+    `fits` says which bases will do, of those where the robot can stand; `contacts` how the object may be held, those that come
+    first where there is a plan with them.
 
     Raises:
         Unreachable: no grasp, base or path was found.
     """
-    return _Search(room, target, start, goal, spec, seed).plan(fits)
+    return _Search(room, target, start, goal, spec, seed).plan(fits, contacts)
 
 
 class _Search:
@@ -86,24 +89,24 @@ class _Search:
         self._misses = Misses()
         self._hulls, self._center = hulls, np.array(self._object.mass.center)
 
-    def plan(self, fits: Fits | None) -> PickPlan:
+    def plan(self, fits: Fits | None, contacts: Sequence[Contact]) -> PickPlan:
         """Return the first plan found."""
-        nearest, enough = math.inf, False
-        for samples in SAMPLES:
-            if enough:
-                break
-            every = object_grasps(
-                self._hulls, self._center, self._spec.gripper, self._seed, samples, up=self._start[2, :3]
-            )
-            kept, least = self._diverse(every)
-            grasps = every[kept]
-            nearest, enough = min(nearest, least), len(kept) >= ENOUGH
-            if not kept:
-                continue
-            pairs = chunks(itertools.islice(self._pairs(grasps.tool, fits), PAIRS), AT_ONCE)
-            if (found := next(self._found(pairs, grasps), None)) is not None:
-                return found
+        nearest, up = math.inf, self._start[2, :3]
+        for contact in contacts:
+            for samples in SAMPLES:
+                every = object_grasps(self._hulls, self._center, self._spec.gripper, self._seed, samples, contact, up)
+                kept, least = self._diverse(every)
+                nearest = min(nearest, least)
+                if kept and (found := self._of(every[kept], fits)) is not None:
+                    return found
+                if len(kept) >= ENOUGH:
+                    break
         raise failure(self._target, nearest, float(np.ptp(self._points, axis=0).min()), self._misses, self._spec)
+
+    def _of(self, grasps: ObjectGrasps, fits: Fits | None) -> PickPlan | None:
+        """Return the first plan with one of some grasps."""
+        pairs = chunks(itertools.islice(self._pairs(grasps.tool, fits), PAIRS), AT_ONCE)
+        return next(self._found(pairs, grasps), None)
 
     def _pairs(self, grasps: np.ndarray, fits: Fits | None) -> Iterator[tuple[np.ndarray, float, int]]:
         """Yield bases, pedestals and indices of grasps that reach, those where the arm was found to be clear first."""

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import torch
 
-from s2a.planner.held_object import FARTHEST, STEEPEST, target_in_tool
+from s2a.planner.held_object import FARTHEST, target_in_tool
 from s2a.planner.shifted_object import ShiftedObject
 from s2a.planner.trajectory import Aligned, Picked, Trajectory, eased
 from s2a.robot.tool_path import matrices, turns
 from s2a.sim.simulation import Simulation
 
-NEAR = 0.1
-"""[m] From its start: an object that has rolled farther would be grasped where no collisions were looked for."""
+NEAR, STEEPEST = 0.1, math.radians(40.0)
+"""[m, rad] From its start: an object that has rolled farther would be grasped where no collisions were looked for."""
 
 
 class Regrasp:

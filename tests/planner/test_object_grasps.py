@@ -8,6 +8,7 @@ import trimesh
 from cabinet import box
 
 from s2a import robot
+from s2a.planner.contact import FIRM, HANGING
 from s2a.planner.gripper_shape import gripper_boxes, gripper_spheres
 from s2a.planner.object_grasps import ObjectGrasps, object_grasps
 from s2a.scene import Mesh
@@ -81,6 +82,19 @@ def test_spheres_of_fingers_move_with_their_opening() -> None:
 def test_the_best_grasp_is_nearest_to_the_center_of_mass() -> None:
     found = object_grasps([box((0, 0, 0), (0.1, 0.02, 0.02))], np.array([0.06, 0.0, 0.0]), GRIPPER)
     assert found.tool[0, 0, 3] == pytest.approx(0.06, abs=0.02)
+
+
+def test_what_hangs_is_pinched_beside_its_center_of_mass() -> None:
+    """A bar along x whose weight acts 50 mm from its middle: closed along y, it does not turn if held within 8 mm of there."""
+    bar, up = [box((0, 0, 0), (0.1, 0.02, 0.02))], np.array([0.0, 0.0, 1.0])
+    away = []
+    for contact in (FIRM, HANGING):
+        found = object_grasps(bar, np.array([0.05, 0.0, 0.0]), GRIPPER, contact=contact, up=up)
+        along_y = np.abs(found.tool[:, 1, 1]) > 0.99
+        assert along_y.sum() > 20
+        away.append(float(np.abs(found.tool[along_y, 0, 3] - 0.05).max()))
+    assert away[0] > 0.1
+    assert away[1] < 0.009
 
 
 def wedge(degrees: float) -> Mesh:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from s2a.planner.contact import FIRM, HANGING
 from s2a.planner.gripper_shape import gripper_boxes
 from s2a.planner.held_object import HeldObject
 from s2a.planner.object_grasps import matrix
@@ -70,7 +71,7 @@ def plan_trial(
     fits: Fits | None = None,
 ) -> SoftTrial:
     """Plan as for a rigid body of the same shape, from start to goal (7-vectors); Unreachable where there is no plan."""
-    plan = plan_pick(with_body(room, body, config, ends[0]), NAME, *ends, robot, seed, fits)
+    plan = plan_pick(with_body(room, body, config, ends[0]), NAME, *ends, robot, seed, fits, (HANGING, FIRM))
     return SoftTrial(room, body, config, robot, *ends, plan)
 
 

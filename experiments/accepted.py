@@ -33,8 +33,8 @@ from s2a.scan.labels import parents
 EPISODES, STEPS = 2, 1500
 """For each part, and control steps of each: with the task's 500 the plans around furniture were cut off."""
 HANDLES = ("handle", "knob", "lever")
-OFF = 0.04
-"""[m] From which a person sees that what is marked as handle is not it: half of what the gripper opens."""
+OFF = 0.02
+"""[m] From which a person sees that what is marked as handle is not it: a quarter of what the gripper opens."""
 
 
 def main() -> None:

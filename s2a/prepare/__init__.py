@@ -143,11 +143,14 @@ def _obstacles(
 ) -> dict[str, list[Mesh]]:
     """Return the convex hulls that colliders must leave free, by the object that they are of.
 
-    Of each object with articulated parts: where these move; of ROBOTS: where they stand; of each free object its place.
+    Of each object with articulated parts: where these move; of ROBOTS: where they stand; of each free object its place. A part
+    that belongs to no furniture, as in a scan of which only fronts are annotated, needs the gripper's path too: whatever stands
+    around it is one surface there, whose hulls fill the air before the handle.
     """
     found: dict[str, list[Mesh]] = {ROBOTS: []}
     for part, result in results.items():
-        found.setdefault(scene.root(part), []).extend(result.swept)
+        own = found.setdefault(scene.root(part), [])
+        own += [*result.swept, *(result.corridor if scene.root(part) in results else ())]
         foot, room = np.array(result.base.position) + [0.0, 0.0, UNEVEN], config.room
         found[ROBOTS].append(column(foot, room.base_radius, room.base_height - UNEVEN))
     for item in extracted:
@@ -196,7 +199,7 @@ def _fixed_bodies(
         surface = merge([scene.parts[i].mesh for i in members])
         walls = next(filter(None, (cabinet_walls(surface, r.target) for r in own)), []) if config.interior else []
         free = [hull for owner, hulls in obstacles.items() if owner != body for hull in hulls]
-        free += [result.corridor for result in own]
+        free += [hull for result in own for hull in result.corridor]
         free += [hull for top in tops if scene.root(top.part) == body for hull in top.layer]
         found[body] = cabinet_body(scene, members, free, walls, config.cabinet)
     return found

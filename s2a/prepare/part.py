@@ -57,7 +57,7 @@ class PartResult:
     target: Target
     colliders: tuple[Collider, ...]
     interior: tuple[Mesh, ...]
-    corridor: Mesh
+    corridor: tuple[Mesh, ...]
     swept: tuple[Mesh, ...]
     base: BasePose
 
@@ -114,7 +114,8 @@ def _part(target: Target, scene: Scene, config: PartConfig) -> PartResult:
     swept = sweep(merge([target.carried, *(c.mesh for c in colliders)]), target.joint, config.clearance)
     moving = (target.id, *scene.descendants(target.id))
     base = find_base(scene, target.id, target.grasp, moving, swept, config.base, config.robot)
-    return PartResult(target, colliders, interior, gripper_corridor(handle, target, config.cabinet), tuple(swept), base)
+    corridor = gripper_corridor(handle, target, config.cabinet, config.robot.gripper)
+    return PartResult(target, colliders, interior, tuple(corridor), tuple(swept), base)
 
 
 def _packed(result: PartResult) -> Arrays:
@@ -122,7 +123,7 @@ def _packed(result: PartResult) -> Arrays:
     groups = {
         "colliders": [collider.mesh for collider in result.colliders],
         "interior": result.interior,
-        "corridor": [result.corridor],
+        "corridor": result.corridor,
         "swept": result.swept,
     }
     arrays = {f"{name}_{key}": value for name, group in groups.items() for key, value in pack(group).items()}
@@ -148,7 +149,7 @@ def _unpacked(scene: Scene, part: str, members: tuple[str, ...], arrays: Arrays)
         target=find_target(scene, part, members, Grasp(**grasp, region=region)),
         colliders=tuple(Collider(i, mesh) for i, mesh in zip(facts["owners"], group("colliders"), strict=True)),
         interior=tuple(group("interior")),
-        corridor=group("corridor")[0],
+        corridor=tuple(group("corridor")),
         swept=tuple(group("swept")),
         base=BasePose(**base),
     )

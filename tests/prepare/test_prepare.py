@@ -21,6 +21,8 @@ from s2a.geometry.convex import box, column, overlap
 from s2a.geometry.handles.finger_gap import fraction_inside
 from s2a.geometry.mesh_ops import keep, sample
 from s2a.geometry.sweep import sweep
+from s2a.planner.gripper_shape import gripper_spheres
+from s2a.planner.object_grasps import matrix
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.base_pose import find_base
 from s2a.prepare.colliders.cabinet import cabinet_body
@@ -185,6 +187,21 @@ def test_a_target_without_a_cabinet_moves_against_an_empty_anchor() -> None:
     scene = prepare(Scene("lone", parts), "drawer_7", config())
     assert cabinet(scene).id == "drawer_7_anchor"
     assert not cabinet(scene).colliders and not len(cabinet(scene).visual.faces)
+
+
+def test_a_drawer_without_a_cabinet_leaves_the_gripper_its_way_too() -> None:
+    """As in a phone's scan: what stands around it is one surface, whose hulls fill the air before the handle."""
+    parts = dict(clean_cabinet_room().parts)
+    parts["drawer_7"] = Part("drawer", parts["drawer_7"].mesh, None, parts["drawer_7"].motion)
+    parts["rest_30"] = Part("object", _box([0.36, -0.3, 0.79], [0.8, 0.3, 0.9]))
+    scene = prepare(Scene("lone", parts), "drawer_7", config())
+    kept = [collider.mesh for collider in scene.static_colliders if collider.part == "rest_30"]
+    assert kept  # it is cut, not left out
+    grasp, gripper = part(scene).grasp, robot.load("panda").gripper
+    tool = matrix(np.array([*grasp.point, *grasp.orientation]))
+    back = np.linspace(0.0, 0.1, 9)[:, None, None] * tool[:3, 2]
+    way = gripper_spheres(gripper, fingers=False).placed(tool[None]) - back
+    assert fraction_inside(kept, way.reshape(-1, 3)) == 0.0
 
 
 def test_an_annotated_mass_wins_over_the_label() -> None:

@@ -20,8 +20,12 @@ from s2a.prepare.colliders.target import Handle
 from s2a.prepare.mass import annotated_mass, box_mass
 from s2a.prepare.target import Target
 from s2a.ranges import AtLeast, Count, Positive
+from s2a.robot.spec import GripperSpec
 from s2a.scene import Joint, Mesh, Scene
 from s2a.usd.sim_scene import Collider, Mass, SimBody
+
+BESIDE = 0.01
+"""[m] On either side of the gripper's body that stays free: the arm's error, and that of a handle's axis."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,8 @@ class CabinetConfig:
         density: mass by the volume of its bounding box [kg/m^3], where none is annotated; without effect on a body that is
             fixed to the world, but a simulator needs a number.
         corridor: width, height and length [m] of the gripper's path to the handle, which no hull may block: along the
-            handle, across it, and outwards from where fingers end before the front.
+            handle, across it, and outwards from where fingers end before the front. Behind the fingers it is as high as the
+            gripper's body, if that is higher.
     """
 
     hulls: Count
@@ -90,8 +95,17 @@ def _hulls(scene: Scene, part: str, config: CabinetConfig) -> list[Mesh]:
     return one_hull(mesh, config.max_vertices)
 
 
-def gripper_corridor(handle: Handle, target: Target, config: CabinetConfig) -> Mesh:
-    """Return the box through which the gripper comes to the handle: outwards from where its fingers end before the front."""
-    along = handle.frame.T @ target.point
-    along[2] = handle.front - CLEARANCE - config.corridor[2] / 2
-    return box(handle.frame @ along, handle.frame, np.array(config.corridor))
+def gripper_corridor(handle: Handle, target: Target, config: CabinetConfig, gripper: GripperSpec) -> list[Mesh]:
+    """Return the boxes through which the gripper comes to the handle.
+
+    The first, for its fingers, goes outwards from where they end before the front; the other, for its body, from behind them. A
+    worktop that stands out less stays whole.
+    """
+    along, across, length = config.corridor
+    end, found = handle.front - CLEARANCE, []
+    behind, body = gripper.tip_ahead + gripper.body_behind, gripper.body_box[1] + 2 * BESIDE
+    for high, gap in ((across, 0.0), (max(across, body), behind)):
+        middle = handle.frame.T @ target.point
+        middle[2] = end - (gap + length) / 2
+        found.append(box(handle.frame @ middle, handle.frame, np.array([along, high, length - gap])))
+    return found

@@ -16,6 +16,7 @@ class Contact:
         held: least fraction of the points at which both pads hold.
         centered: largest distance of the middle of what holds from that of the surface between the pads [m]: a wedge is held
             where it is thickest, and slips out.
+        palm: least distance of the gripper's body from the object [m], where more than to be clear of it.
         lever: largest lever arm of the weight about the closing axis [m], for what turns between the pads.
     """
 
@@ -23,9 +24,11 @@ class Contact:
     held: float
     centered: float
     lever: float = math.inf
+    palm: float = 0.0
 
 
 FIRM = Contact(0.0007, 0.3, 0.003)
 """5 degrees over half a pad, and a rod of 8 mm. With twice as much a perfume bottle turned by 20 degrees in the gripper."""
-HANGING = replace(FIRM, lever=0.008)
-"""For a soft body, which pads hold by two to four vertices: with 12 mm of lever arm a bear turned by 45 degrees when lifted."""
+HANGING = replace(FIRM, held=0.9, lever=0.008, palm=0.012)
+"""For a soft body, whose vertices pads meet. With 12 mm of lever arm a bear turned by 45 degrees when lifted; held by 3/4 of
+the pads it was squeezed out as it was carried, 8 mm in 10 s; its head, 2 mm from the gripper's body, bulged against that."""

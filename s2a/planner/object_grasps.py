@@ -10,7 +10,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from s2a.planner.contact import FIRM, Contact
-from s2a.planner.gripper_shape import CLEARANCE, inside_gripper, opening
+from s2a.planner.gripper_shape import CLEARANCE, gripper_spheres, inside_gripper, opening
 from s2a.robot.spec import GripperSpec
 from s2a.scene import Mesh
 
@@ -101,6 +101,7 @@ def object_grasps(
     if up is not None:
         weight = np.cross(center - tool[:, :3, 3], up)
         good &= np.abs(np.einsum("gi,gi->g", weight, tool[:, :3, 1])) <= contact.lever
+    good[good] = ~_in_solid(tool[good], opening(width[good], gripper), planes, gripper, contact.palm)
     tool, width, held = tool[good], width[good], held[good]
     ledges = _ledges(tool, width, stops[:, good], planes, gripper, contact.flat)
     # A long lever arm lets the object turn between the pads; wide grasps leave no room for the arm's error.
@@ -214,6 +215,24 @@ def _held(
     at = np.array(offsets)
     middle, whole = (found @ at / np.maximum(found.sum(axis=1), 1)[:, None] for found in (holds, there))
     return holds.mean(axis=1), np.linalg.norm(middle - whole, axis=1), stops
+
+
+def _in_solid(
+    tool: np.ndarray, opened: np.ndarray, planes: Sequence[np.ndarray], gripper: GripperSpec, palm: float
+) -> np.ndarray:
+    """Return at which tool poses [grasp 4 4] a gripper with its pads `opened` apart [m] reaches into hulls, shape [grasp].
+
+    Or its body comes nearer to them than `palm` [m], where that is not 0. Where hulls meet, a finger can lie within one of them,
+    none of whose surface is in the finger.
+    """
+    spheres, found = gripper_spheres(gripper), np.zeros(len(tool), bool)
+    least = np.where((spheres.side == 0) & (palm > 0.0), spheres.radii + palm, 0.5 * spheres.radii)
+    for k in range(0, len(tool), 256):
+        centers = spheres.placed(tool[k : k + 256], opened[k : k + 256])
+        for plane in planes:
+            off = (centers @ plane[:, :3].T + plane[:, 3]).max(axis=2)
+            found[k : k + 256] |= (off < least).any(axis=1)
+    return found
 
 
 def _ledges(

@@ -69,7 +69,7 @@ def bases(
 
 
 def _clear(shape: RobotShape, near: RoomHulls, poses: np.ndarray, pedestals: np.ndarray) -> np.ndarray:
-    """Return at which poses [base 4 4] on pedestals [base] column and arm at home are clear of the room, shape [base]."""
+    """Return at which poses [base 4 4] on pedestals [base] column, shoulder, however turned, and arm at home are clear [base]."""
     if not len(poses):
         return np.zeros(0, bool)
     spec, home = shape.kin.spec, np.array(shape.kin.spec.home)
@@ -79,6 +79,9 @@ def _clear(shape: RobotShape, near: RoomHulls, poses: np.ndarray, pedestals: np.
     heights = np.linspace(low, high, count, axis=1)
     columns = np.concatenate([np.repeat(poses[:, None, :2, 3], count, axis=1), heights[..., None]], axis=2)
     free = near.depth(columns, np.full(count, spec.base.radius)) <= 0.0
+    around = poses[free][:, None, :3, :3] @ shape.shoulder[..., None]
+    around = around[..., 0] + poses[free][:, None, :3, 3]
+    free[free] = near.depth(around, shape.shoulder_radii) <= SLACK
     free[free] = arm_depth(shape, near, np.tile(home, (int(free.sum()), 1)), poses[free]) <= SLACK
     return free
 

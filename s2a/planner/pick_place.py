@@ -39,10 +39,11 @@ IK_SEEDS = 12
 """Starts of the inverse kinematics."""
 Fits = Callable[[list[tuple[np.ndarray, float]]], list[tuple[np.ndarray, float]]]
 """Poses [4 4] and pedestals of bases [m] -> those of them that will do."""
-Depth = Callable[[np.ndarray], np.ndarray]
-"""Joints [pose arm] -> how deep something reaches into something there [m], shape [pose]."""
-WIDE = 0.025, 0.015
-"""[m] From the room by which the held object is carried, where that can be done; else by HELD_RADIUS."""
+Depth = Callable[[np.ndarray, float], np.ndarray]
+"""Joints [pose arm] and by how much all is taken to be thicker [m] -> how deep it reaches into the room [m], shape [pose]."""
+WIDE = 0.02, 0.01
+"""[m] More than needed, by which arm and held object keep from the room where that can be done: an arm lags behind its motion and
+cuts its corners, by 2 cm before a mirror cabinet, and an object that has slipped by a few millimetres met what it was to pass."""
 BRANCHES = 3
 """Branches of the inverse kinematics that are tried for each straight path."""
 FAR, MORE = 1.6, 2
@@ -204,11 +205,12 @@ class _Search:
     ) -> PickPlan | None:
         """Return a plan with these straight paths [pose arm] at start and place; None where what joins them is not free."""
         at, low, home = round(APPROACH / STEP), round(LIFT / STEP), np.array(self._spec.home)
-        reach = self._move(home, path[0], self._empty_depth(base, opened), "reach", 3)
-        carry = None if reach is None else self._carried(path[-1], lower[0], base, opened, held)
+        empty, held_there = self._empty_depth(base, opened), self._held_depth(base, opened, held)
+        reach = self._move(home, path[0], empty, "reach", 3)
+        carry = None if reach is None else self._move(path[-1], lower[0], held_there, "carry", 4)
         if reach is None or carry is None:
             return None
-        again = self._searched(path[-1], path[0], self._empty_depth(base, opened))
+        again = self._widest(path[-1], path[0], empty)
         pose = np.array([*base[:3, 3], *Rotation.from_matrix(base[:3, :3]).as_quat()])
         return PickPlan(
             pose, pedestal, reach, path[: at + 1], path[at:], carry, lower[: low + 1], lower[low:],
@@ -237,28 +239,14 @@ class _Search:
             if not left:
                 return
 
-    def _carried(
-        self, start: np.ndarray, goal: np.ndarray, base: np.ndarray, opened: float, held: np.ndarray
-    ) -> np.ndarray | None:
-        """Return a free motion [pose arm] with the object at `held` [4 4] in the tool frame, well clear if there is one."""
-        found = self._move(start, goal, self._held_depth(base, opened, held, HELD_RADIUS), "carry", 4)
-        if found is None:
-            return None
-        # An object that has slipped by a few millimetres in the gripper met what its path was to pass by so much.
-        for radius in WIDE:
-            better = self._searched(start, goal, self._held_depth(base, opened, held, radius))
-            if better is not None:
-                return better
-        return found
+    def _held_depth(self, base: np.ndarray, opened: float, held: np.ndarray) -> Depth:
+        """Return how deep the arm, or what it holds at `held` [4 4] and HELD_RADIUS around it, reaches into the room."""
 
-    def _held_depth(self, base: np.ndarray, opened: float, held: np.ndarray, radius: float) -> Depth:
-        """Return how deep the arm, or what it holds at `held` [4 4], grown by a radius [m], reaches into the room."""
-
-        def depth(q: np.ndarray) -> np.ndarray:
-            found = arm_depth(self._shape, self._near, q, base, opened=opened)
+        def depth(q: np.ndarray, more: float) -> np.ndarray:
+            found = arm_depth(self._shape, self._near, q, base, opened=opened, clearance=more)
             carried = base @ self._shape.kin.tool(q) @ held
             points = self._points @ carried[:, :3, :3].transpose(0, 2, 1) + carried[:, None, :3, 3]
-            near = self._near.depth(points, np.full(len(self._points), radius))
+            near = self._near.depth(points, np.full(len(self._points), HELD_RADIUS + more))
             return np.maximum(found, np.where(near > 0.0, near + SLACK, 0.0))
 
         return depth
@@ -269,8 +257,8 @@ class _Search:
         points = KDTree(self._points @ body[:3, :3].T + body[:3, 3])
         chosen = self._shape.moving
 
-        def depth(q: np.ndarray) -> np.ndarray:
-            found = arm_depth(self._shape, self._near, q, base, opened=opened)
+        def depth(q: np.ndarray, more: float) -> np.ndarray:
+            found = arm_depth(self._shape, self._near, q, base, opened=opened, clearance=more)
             gaps, _ = points.query(self._shape.centers(q)[:, chosen])
             return np.maximum(found, (self._shape.radii[chosen] - gaps).max(axis=1))
 
@@ -278,21 +266,29 @@ class _Search:
 
     def _move(self, start: np.ndarray, goal: np.ndarray, depth: Depth, name: str, stage: int) -> np.ndarray | None:
         """Return a collision-free motion [pose arm]; None where there is none, which is noted."""
-        path = self._searched(start, goal, depth)
+        path = self._widest(start, goal, depth)
         if path is not None:
             return path
-        worst = float(depth(np.stack([start, goal])).max())
+        worst = float(depth(np.stack([start, goal]), 0.0).max())
         text = f"{name}: an end of the motion reaches {1000 * worst:.0f} mm into something"
         if worst <= SLACK:
             worst, text = 0.0, f"{name}: no collision-free motion was found"
         self._misses.note(stage, worst, text)
         return None
 
-    def _searched(self, start: np.ndarray, goal: np.ndarray, depth: Depth) -> np.ndarray | None:
-        """Return a motion [pose arm] that meets nothing, the arm itself included, by more than SLACK; None: none found."""
+    def _widest(self, start: np.ndarray, goal: np.ndarray, depth: Depth) -> np.ndarray | None:
+        """Return a motion [pose arm] that keeps as far from all as one of WIDE, else one that meets nothing; None: none found."""
+        found = self._searched(start, goal, depth, 0.0)
+        for more in WIDE if found is not None else ():
+            if (better := self._searched(start, goal, depth, more)) is not None:
+                return better
+        return found
+
+    def _searched(self, start: np.ndarray, goal: np.ndarray, depth: Depth, more: float) -> np.ndarray | None:
+        """Return a motion [pose arm] that meets nothing by more than SLACK, all `more` [m] thicker; None: none found."""
 
         def free(q: np.ndarray) -> np.ndarray:
-            return self._shape.keeps_clear(depth(q), q)
+            return self._shape.keeps_clear(depth(q, more), q)
 
         if not free(np.stack([start, goal])).all():
             return None

@@ -19,6 +19,9 @@ BULGE = 0.02
 SLACK = 0.005
 """[m] Accepted penetration of the spheres, which stand out of the links by more."""
 
+TURNS = 16
+"""Angles of the first joint at which what it carries must be clear."""
+
 Penetration = tuple[float, str]
 """Penetration depth [m] (0: no collision), and with what."""
 
@@ -49,8 +52,10 @@ class RobotShape:
     Attributes:
         kin: the robot's kinematics.
         radii: of all spheres [m], shape [sphere].
-        moving: which spheres move apart from the base, shape [sphere]: what the first joint carries only turns in the
-            column that the base fills.
+        moving: which spheres move apart from the base, shape [sphere]: what the first joint carries only turns about its axis.
+        shoulder: centers of the spheres that the first joint carries, at TURNS of its angles, in the base frame [m], shape
+            [sphere 3]: a motor at its side stands out of the column above the base.
+        shoulder_radii: their radii [m], shape [sphere].
         fingers: which belong to the fingers, shape [sphere].
         held: which belong to the fingers or the gripper body, shape [sphere].
         gripper: centers of the spheres of gripper body and fingers in the tool frame [m], shape [sphere 3].
@@ -71,6 +76,11 @@ class RobotShape:
         home = np.array([spec.home])
         in_tool = (self.centers(home)[0] - self.kin.tool(home)[0, :3, 3]) @ self.kin.tool(home)[0, :3, :3]
         self.gripper, self.gripper_radii = in_tool[held], self.radii[held]
+        turned = np.repeat(home, TURNS, axis=0)
+        turned[:, 0] = np.linspace(self.kin.lower[0], self.kin.upper[0], TURNS)
+        first = self._group == 1
+        self.shoulder = self.centers(turned)[:, first].reshape(-1, 3)
+        self.shoulder_radii = np.tile(self.radii[first], TURNS)
         last = (self._group == self._group.max()) & ~held
         self.wrist, self.wrist_radii = in_tool[last], self.radii[last]
         inner = np.maximum(self.radii - BULGE, 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +13,9 @@ COLUMNS = ("success", "placed", "at_rest", "gripper_gone", "carried", "released_
 """Of an outcome, what holds or not; success: all of the others."""
 VALUES = ("position_error", "carried_fraction", "drift", "arm_depth", "grip_force")
 """The others: metres, a fraction, metres, metres, newtons."""
-MOVED = 2e-4
-"""[m] In a control step, from which the body moves: what is held trembles by less."""
+INTERVAL, MOVED = 0.25, 2e-3
+"""[s, m] A while, and how far the body moves in it at least if it moves: where it stands it trembles, by 20 mm of path in all
+before it is touched, and by 60 after it was released."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def outcome(episode: SoftEpisode, goal: np.ndarray, metrics: SoftMetrics) -> dic
         "placed": bool((error[-last:] <= metrics.position).all()),
         "at_rest": bool((steps[-last:] * episode.rate <= metrics.rest_speed).all()),
         "gripper_gone": bool((episode.gap[-last:] >= metrics.clear_distance).all() and not size[-last:].any()),
-        "carried": (carried := _carried(steps, episode.forces, metrics.contact_force)) >= metrics.carried_fraction,
+        "carried": (carried := _carried(episode, metrics.contact_force)) >= metrics.carried_fraction,
         "released_at_rest": bool(drift <= metrics.max_drift),
         "arm_clear": bool(episode.depth.max() <= metrics.max_depth),
         "finite": bool(np.isfinite(episode.center).all()),
@@ -89,11 +91,13 @@ def outcome(episode: SoftEpisode, goal: np.ndarray, metrics: SoftMetrics) -> dic
     return {"success": all(found.values()), **found, **values}
 
 
-def _carried(steps: np.ndarray, forces: np.ndarray, least: float) -> float:
+def _carried(episode: SoftEpisode, least: float) -> float:
     """Return the fraction of the path on which both fingers pressed from opposite sides, more than 120 degrees apart."""
-    size = np.linalg.norm(forces, axis=2)
+    size, forces = np.linalg.norm(episode.forces, axis=2), episode.forces
     cosine = (forces[:, 0] * forces[:, 1]).sum(axis=1) / np.maximum(size.prod(axis=1), 1e-12)
     pinched = (size >= least).all(axis=1) & (cosine <= -0.5)
-    moved = np.where(steps > MOVED, steps, 0.0)
-    held = moved[pinched[:-1] & pinched[1:]]
-    return float(held.sum() / moved.sum()) if moved.any() else 0.0
+    ends = np.arange(0, len(pinched), max(1, round(INTERVAL * episode.rate)))
+    path = np.linalg.norm(np.diff(episode.center[ends], axis=0), axis=1)
+    path[path < MOVED] = 0.0
+    held = np.array([pinched[a : b + 1].mean() for a, b in itertools.pairwise(ends)])
+    return float((path * held).sum() / path.sum()) if path.any() else 0.0

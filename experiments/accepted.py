@@ -59,6 +59,8 @@ def opened(path: Path, work: Path) -> list[dict]:
     keys = [f"mesh={path / 'scan.glb'}", f"out={work / 'scan'}", f"texel={TEXEL}", "floor=false"]
     _call("import", *keys)
     draft, rows = accepted(path, files.read(work / "scan"))
+    if not rows:
+        return rows
     files.write(draft, files.read(work / "scan"), work / "annotated")
     _call("export", f"scan={work / 'annotated'}", f"out={work}")
     movable = scan.read(work / "annotated").movable

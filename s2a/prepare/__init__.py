@@ -36,6 +36,8 @@ ROBOTS = ""
 """Stands for the owner of the places where robots stand, beside ids of objects."""
 UNEVEN = 0.01
 """[m] A scanned floor may rise by so much under a robot's base."""
+BESIDE = 0.1
+"""[m] From a handle, within which furniture stands that it may belong to."""
 GRAVITY = 9.81
 """[m/s^2]"""
 
@@ -110,7 +112,8 @@ def prepare(
     taken = {i for item in extracted for i in item.members}
     static = [i for i, owner in owners.items() if owner is None and i not in taken]
     around = [hull for group in obstacles.values() for hull in group]
-    colliders, trimmed = cut_out(below_tops(still.colliders(static), tops, config.room), around, config.room)
+    hulls = still.colliders(static, _around_loose(scene, results, static))
+    colliders, trimmed = cut_out(below_tops(hulls, tops, config.room), around, config.room)
     visual = still.visual(static)
     return SimRoom(
         name=scene.name,
@@ -127,6 +130,13 @@ def prepare(
         static_face_part=visual.face_part,
         reductions=visual.reductions,
     )
+
+
+def _around_loose(scene: Scene, results: Mapping[str, PartResult], static: Sequence[str]) -> set[str]:
+    """Return the static parts whose box, BESIDE larger, holds the grasp of an articulated part that belongs to no furniture."""
+    points = [np.array(r.target.grasp.point) for part, r in results.items() if scene.root(part) == part]
+    boxes = {i: scene.parts[i].mesh.bounds + [[-BESIDE], [BESIDE]] for i in static if len(scene.parts[i].mesh.faces)}
+    return {i for i, (low, high) in boxes.items() if any(((low <= p) & (p <= high)).all() for p in points)}
 
 
 def _notes(fixed: Mapping[str, SimBody], trimmed: Sequence[str]) -> tuple[str, ...]:
@@ -226,7 +236,7 @@ def _articulation(
     target, base = result.target, result.base
     grasp, region = target.grasp, target.grasp.region
     notes = [
-        f"no contact between {target.id} and {other}: their colliders overlap by {1000 * depth:.2g} mm on its path"
+        f"no contact between {target.id} and {other}: their colliders touch or overlap, by {1000 * depth:.2g} mm, on its path"
         for other, depth in filtered.items()
     ]
     notes += [f"box behind the front of {target.id} added: it was not scanned"] if body.completed else []

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from s2a.geometry.simplify import DecimateConfig, Decimated, decimate_room
 from s2a.prepare.colliders.room import RoomConfig, part_hulls
@@ -17,7 +18,7 @@ class StaticRoom:
 
     def __init__(self, scene: Scene, room: RoomConfig, decimate: DecimateConfig) -> None:
         self._scene, self._room, self._decimate = scene, room, decimate
-        self._hulls: dict[str, tuple[Collider, ...]] = {}
+        self._hulls: dict[tuple[str, int], tuple[Collider, ...]] = {}
         self._visuals: dict[tuple[str, ...], Decimated] = {}
 
     def ahead(self, articulated: Sequence[str]) -> None:
@@ -26,13 +27,14 @@ class StaticRoom:
         self.visual(static)
         self.colliders(static)
 
-    def colliders(self, parts: Sequence[str]) -> list[Collider]:
-        """Return the convex hulls of static parts, named after these."""
+    def colliders(self, parts: Sequence[str], fine: Collection[str] = ()) -> list[Collider]:
+        """Return the convex hulls of static parts, named after these; more of those that are `fine`."""
         found = []
         for part in track([i for i in parts if len(self._scene.parts[i].mesh.faces)], "room colliders"):
-            if part not in self._hulls:
-                self._hulls[part] = part_hulls(self._scene.parts[part], self._room)
-            found += [Collider(part, hull.mesh, hull.structure) for hull in self._hulls[part]]
+            config = replace(self._room, part_hulls=self._room.furniture_hulls) if part in fine else self._room
+            if (key := (part, config.part_hulls)) not in self._hulls:
+                self._hulls[key] = part_hulls(self._scene.parts[part], config)
+            found += [Collider(part, hull.mesh, hull.structure) for hull in self._hulls[key]]
         return found
 
     def visual(self, parts: Sequence[str]) -> Decimated:

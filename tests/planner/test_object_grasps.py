@@ -88,7 +88,7 @@ def test_what_hangs_is_pinched_beside_its_center_of_mass() -> None:
     """A bar along x whose weight acts 50 mm from its middle: closed along y, it does not turn if held within 8 mm of there."""
     bar, up = [box((0, 0, 0), (0.1, 0.02, 0.02))], np.array([0.0, 0.0, 1.0])
     away = []
-    for contact in (FIRM, HANGING):
+    for contact in (FIRM, HANGING[0]):
         found = object_grasps(bar, np.array([0.05, 0.0, 0.0]), GRIPPER, contact=contact, up=up)
         along_y = np.abs(found.tool[:, 1, 1]) > 0.99
         assert along_y.sum() > 20

@@ -19,7 +19,7 @@ from s2a import robot
 from s2a.errors import InputError
 from s2a.geometry.convex import box, column, overlap
 from s2a.geometry.handles.finger_gap import fraction_inside
-from s2a.geometry.mesh_ops import keep, sample
+from s2a.geometry.mesh_ops import keep, merge, sample
 from s2a.geometry.sweep import sweep
 from s2a.planner.gripper_shape import gripper_spheres
 from s2a.planner.object_grasps import matrix
@@ -202,6 +202,24 @@ def test_a_drawer_without_a_cabinet_leaves_the_gripper_its_way_too() -> None:
     back = np.linspace(0.0, 0.1, 9)[:, None, None] * tool[:3, 2]
     way = gripper_spheres(gripper, fingers=False).placed(tool[None]) - back
     assert fraction_inside(kept, way.reshape(-1, 3)) == 0.0
+
+
+def test_a_shelf_that_is_not_annotated_as_furniture_keeps_its_compartments_free() -> None:
+    """Eight of 0.15 m, beside each other, around a drawer of no furniture: more than the six hulls of what only stands around."""
+    parts = dict(clean_cabinet_room().parts)
+    drawer = Part("drawer", parts["drawer_7"].mesh, None, parts["drawer_7"].motion)
+    walls = [_box([0.0, y, 0.0], [0.35, y + 0.02, 0.95]) for y in np.linspace(-0.62, 0.58, 9)]
+    back = _box([-0.02, -0.62, 0.0], [0.0, 0.6, 0.95])
+    shelf = Part("object", merge([*walls, back]))
+    inside = np.random.default_rng(0).uniform([0.1, -0.6, 0.1], [0.34, 0.6, 0.6], (2000, 3))
+    filled = []
+    for hulls in (6, 24):
+        settings = replace(config(), room=replace(config().room, furniture_hulls=hulls, resolution=20000))
+        scene = prepare(Scene("shelf", {"drawer_7": drawer, "rest_30": shelf}), "drawer_7", settings)
+        found = [collider.mesh for collider in scene.static_colliders if collider.part == "rest_30"]
+        filled.append(fraction_inside(found, inside))
+    assert filled[0] > 0.5
+    assert filled[1] < 0.2  # the walls themselves are 0.15 of it
 
 
 def test_an_annotated_mass_wins_over_the_label() -> None:

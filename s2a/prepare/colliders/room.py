@@ -30,6 +30,7 @@ class RoomConfig:
 
     Attributes:
         part_hulls: largest number of hulls of one part.
+        furniture_hulls: the same of one around a moving part of no furniture: furniture that is not annotated as that.
         min_decomposed_size: parts whose bounding box has a shorter diagonal [m] become one hull.
         resolution: voxels of the decomposition.
         max_vertices: largest number of vertices of a hull.
@@ -47,6 +48,7 @@ class RoomConfig:
     """
 
     part_hulls: Count
+    furniture_hulls: Count
     min_decomposed_size: NotNegative
     resolution: Count
     max_vertices: Annotated[int, AtLeast(4)]

@@ -71,7 +71,7 @@ def plan_trial(
     fits: Fits | None = None,
 ) -> SoftTrial:
     """Plan as for a rigid body of the same shape, from start to goal (7-vectors); Unreachable where there is no plan."""
-    plan = plan_pick(with_body(room, body, config, ends[0]), NAME, *ends, robot, seed, fits, (HANGING, FIRM))
+    plan = plan_pick(with_body(room, body, config, ends[0]), NAME, *ends, robot, seed, fits, (*HANGING, FIRM))
     return SoftTrial(room, body, config, robot, *ends, plan)
 
 

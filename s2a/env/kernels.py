@@ -23,6 +23,7 @@ class Motion:
         step: largest change of an arm joint's target in a control step [rad].
         finger_step: that of a finger [m].
         limited: 1 where the controller keeps to velocity and acceleration; then the first two are not used.
+        coupled: 1 where one motor drives both fingers.
         velocity: velocity of each joint for an action of 1 [rad/s, m/s], shape [joint].
         acceleration: largest change of it [rad/s^2, m/s^2], shape [joint].
         window: distance of a target from its joint's position at which it stops [rad, m].
@@ -44,6 +45,7 @@ class Motion:
     step: float
     finger_step: float
     limited: int
+    coupled: int
     velocity: wp.array(dtype=float)
     acceleration: wp.array(dtype=float)
     window: float

@@ -114,7 +114,7 @@ def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_ma
             noise = (1.0 - near) * wp.randf(rng, -m.noise, m.noise)
             led = m.demo_targets[stage, at, i]
             target = wp.clamp(m.home[i] + near * (led - m.home[i]) + noise, s.lower[i], s.upper[i])
-            if m.limited == 1 and i > s.arm:  # one motor: the fingers stand alike
+            if m.coupled == 1 and i > s.arm:  # the fingers stand alike
                 target = s.target_q[world, s.arm]
             s.target_q[world, i] = target
             s.target_qd[world, i] = 0.0

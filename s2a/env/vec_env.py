@@ -209,6 +209,7 @@ def _motion(sim: Simulation, task: Task, demo: DemoStarts | None) -> kernels.Mot
     m.dt = sim.config.dt
     m.step = config.action_scale * m.dt * sim.config.substeps
     m.finger_step, m.limited = config.finger_speed * m.step, int(limits is not None)
+    m.coupled = int(limits is not None or sim.config.coupled_fingers)
     if limits is not None:
         arm, fingers = sim.arm_limits, [sim.robot.gripper.finger_speed] * 2
         m.velocity = wp.array([*arm.velocity, *fingers], dtype=float)

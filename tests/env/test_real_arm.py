@@ -121,6 +121,16 @@ def test_fingers_may_be_coupled_without_the_drives(stage: SimStage) -> None:
     assert coupled.joint_armature != real.joint_armature
 
 
+@pytest.mark.parametrize("coupled", [True, False])
+def test_coupled_fingers_start_alike(stage: SimStage, coupled: bool) -> None:
+    """Noise that opens one and shuts the other would be undone in a step, at four times the motor's speed."""
+    sim = Simulation(stage, load(SimConfig, "sim/planner", coupled_fingers=coupled), 16)
+    env = make_env(stage, sim=sim, num_envs=16)
+    left, right = env.sim.joint_q[:, 7], env.sim.joint_q[:, 8]
+    assert bool((left - right).abs().max() < 1e-6) == coupled
+    assert float(left.max() - left.min()) > 0.01
+
+
 @pytest.mark.slow
 def test_the_planner_takes_the_time_that_the_controller_leaves_it(
     stage: SimStage, caplog: pytest.LogCaptureFixture

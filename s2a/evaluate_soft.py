@@ -18,7 +18,7 @@ from s2a.tasks.pick_place.soft_metrics import COLUMNS, VALUES, SoftMetrics
 
 EVERY = 15
 """Control steps between two states that are kept."""
-VERSION = 1
+VERSION = 2
 """Of the metrics."""
 
 

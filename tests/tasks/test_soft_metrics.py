@@ -59,6 +59,23 @@ def test_dropped_from_a_height_is_not_released_at_rest() -> None:
     assert failed(replace(episode, forces=forces)) == {"released_at_rest"}
 
 
+def test_carried_a_little_and_then_pushed_slowly_is_not_carried() -> None:
+    """The last 0.25 m of 0.85 by one finger at 6 mm/s, slower than a body that stands trembles from step to step."""
+    episode, count = honest(), 2500
+    pushed = np.linspace(GOAL, GOAL + [0.25, 0.0, 0.0], count)
+    forces = np.zeros((count, 2, 3))
+    forces[:, 0, 0] = 5.0
+    parts = slice(0, RELEASED), slice(RELEASED, None)
+    center, force = ([each[part] for part in parts] for each in (episode.center, episode.forces))
+    gap = [episode.gap[part] for part in parts]
+    longer = SoftEpisode(
+        np.concatenate([center[0], pushed, center[1] + [0.25, 0.0, 0.0]]), np.concatenate([force[0], forces, force[1]]),
+        np.concatenate([gap[0], np.zeros(count), gap[1]]), np.zeros(count + len(episode.depth)), RATE,
+    )  # fmt: skip
+    found = outcome(longer, GOAL + [0.25, 0.0, 0.0], METRICS)
+    assert [name for name, value in found.items() if value is False] == ["success", "carried"]
+
+
 def test_pushed_by_one_finger_is_not_carried() -> None:
     forces = honest().forces.copy()
     forces[:, 1] = 0.0

@@ -42,14 +42,14 @@ def test_an_honest_episode_succeeds() -> None:
 
 
 def test_trembling_where_it_stands_is_no_path() -> None:
-    """As a soft body does: by 0.7 mm a step, 1.4 times as long as it is carried, 0.4 m in all."""
+    """As a soft body does: by 0.7 mm a step, 0.5 m in all in ten seconds, beside the 0.8 that it is carried."""
     episode, count = honest(), 600
     still = np.repeat(episode.center[:1], count, axis=0) + 0.5e-3 * np.random.default_rng(0).normal(size=(count, 3))
     longer = SoftEpisode(
         np.concatenate([still, episode.center]), np.concatenate([np.zeros((count, 2, 3)), episode.forces]),
         np.concatenate([np.full(count, 0.05), episode.gap]), np.zeros(count + len(episode.depth)), RATE,
     )  # fmt: skip
-    assert outcome(longer, GOAL, METRICS)["carried_fraction"] > 0.97
+    assert outcome(longer, GOAL, METRICS)["carried_fraction"] > 0.95
 
 
 def test_dropped_from_a_height_is_not_released_at_rest() -> None:

@@ -14,8 +14,8 @@ COLUMNS = ("success", "placed", "at_rest", "gripper_gone", "carried", "released_
 VALUES = ("position_error", "carried_fraction", "drift", "arm_depth", "grip_force")
 """The others: metres, a fraction, metres, metres, newtons."""
 INTERVAL = 0.5
-"""[s] Its path is how far the body comes in each. In steps, its trembling where it stands made 46 mm of path before it was touched,
-and 60 mm after its release. No motion is too slow to count: what is pushed at 6 mm/s is not carried."""
+"""[s] The path is how far the body comes in each. In steps, its trembling where it stands made 46 mm of path before it was
+touched, and 60 mm after its release. No motion is too slow to count: what is pushed at 6 mm/s is not carried."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Does a sentence become the right skills? Fifty sentences over five rooms, by rules and from a model's recorded answers.
 
     python experiments/sentences.py [--llm rules | chat | replay] [--recordings FILE] [--name NAME] [--runs runs/sentences]
-        [--rooms office kitchen ...] [--execute ROOM:N ...] [llm.model=...]
+        [--rooms office kitchen ...] [--execute all | ROOM:N ...] [llm.model=...]
 
 Makes the rooms below RUNS, unless they are there (a scan, its export, two objects inserted by rules, the room prepared with all
 its parts): some two minutes each. Then plans every sentence of sentences.yaml and compares the plan with what is right, which was
@@ -10,8 +10,8 @@ written by hand from the rooms' contents. Nothing moves. Writes experiments/resu
 With `--llm chat` a model is asked (OPENAI_API_KEY, OPENAI_BASE_URL, llm.model=...), and its answers are kept in FILE; what is
 there already is not asked again. `--llm replay` needs no more than that.
 
-`--execute office:1 living_room:4` executes these sentences (counted from 1 in their room) with `s2a do`, in simulation, and
-writes experiments/results/sentences_executed_NAME.json.
+`--execute office:1 living_room:4` executes these sentences (counted from 1 in their room; all: those to be done) with `s2a do`, in
+simulation, and writes experiments/results/sentences_executed_NAME.json.
 """
 
 from __future__ import annotations
@@ -65,7 +65,9 @@ def main() -> None:
         llm.append(f"record={args.recordings}" if args.llm == "chat" else f"llm.answers={args.recordings}")
     if args.execute:
         rows = []
-        for each in args.execute:
+        numbered = ((room, *each) for room, about in rooms.items() for each in enumerate(about["sentences"], 1))
+        every = [f"{room}:{n}" for room, n, entry in numbered if "do" in entry]
+        for each in every if args.execute == ["all"] else args.execute:
             rows.append(_execute(rooms, each, llm, args.runs))
             _write(RESULTS / f"sentences_executed_{name}.json", {"llm": name, **provenance("cpu"), "rows": rows})
         return

@@ -10,8 +10,8 @@ written by hand from the rooms' contents. Nothing moves. Writes experiments/resu
 With `--llm chat` a model is asked (OPENAI_API_KEY, OPENAI_BASE_URL, llm.model=...), and its answers are kept in FILE; what is
 there already is not asked again. `--llm replay` needs no more than that.
 
-`--execute office:1 living_room:4` executes these sentences (counted from 1 in their room; all: those to be done) with `s2a do`, in
-simulation, and writes experiments/results/sentences_executed_NAME.json.
+`--execute office:1 living_room:4` executes these sentences (counted from 1 in their room; all: those to be done) with `s2a do`,
+in simulation, and writes experiments/results/sentences_executed_NAME.json.
 """
 
 from __future__ import annotations

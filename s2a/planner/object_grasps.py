@@ -101,7 +101,7 @@ def object_grasps(
     if up is not None:
         weight = np.cross(center - tool[:, :3, 3], up)
         good &= np.abs(np.einsum("gi,gi->g", weight, tool[:, :3, 1])) <= contact.lever
-    good[good] = ~_in_solid(tool[good], opening(width[good], gripper), planes, gripper, contact.palm)
+    good[good] = ~_in_solid(tool[good], opening(width[good], gripper), planes, gripper, contact.body_gap)
     tool, width, held = tool[good], width[good], held[good]
     ledges = _ledges(tool, width, stops[:, good], planes, gripper, contact.flat)
     # A long lever arm lets the object turn between the pads; wide grasps leave no room for the arm's error.
@@ -218,15 +218,15 @@ def _held(
 
 
 def _in_solid(
-    tool: np.ndarray, opened: np.ndarray, planes: Sequence[np.ndarray], gripper: GripperSpec, palm: float
+    tool: np.ndarray, opened: np.ndarray, planes: Sequence[np.ndarray], gripper: GripperSpec, body_gap: float
 ) -> np.ndarray:
     """Return at which tool poses [grasp 4 4] a gripper with its pads `opened` apart [m] reaches into hulls, shape [grasp].
 
-    Or its body comes nearer to them than `palm` [m], where that is not 0. Where hulls meet, a finger can lie within one of them,
-    none of whose surface is in the finger.
+    Or its body comes nearer to them than `body_gap` [m], where that is not 0. Where hulls meet, a finger can lie within one of
+    them, none of whose surface is in the finger.
     """
     spheres, found = gripper_spheres(gripper), np.zeros(len(tool), bool)
-    least = np.where((spheres.side == 0) & (palm > 0.0), spheres.radii + palm, 0.5 * spheres.radii)
+    least = np.where((spheres.side == 0) & (body_gap > 0.0), spheres.radii + body_gap, 0.5 * spheres.radii)
     for k in range(0, len(tool), 256):
         centers = spheres.placed(tool[k : k + 256], opened[k : k + 256])
         for plane in planes:

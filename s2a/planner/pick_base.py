@@ -79,8 +79,7 @@ def _clear(shape: RobotShape, near: RoomHulls, poses: np.ndarray, pedestals: np.
     heights = np.linspace(low, high, count, axis=1)
     columns = np.concatenate([np.repeat(poses[:, None, :2, 3], count, axis=1), heights[..., None]], axis=2)
     free = near.depth(columns, np.full(count, spec.base.radius)) <= 0.0
-    around = poses[free][:, None, :3, :3] @ shape.shoulder[..., None]
-    around = around[..., 0] + poses[free][:, None, :3, 3]
+    around = shape.shoulder @ poses[free][:, :3, :3].transpose(0, 2, 1) + poses[free][:, None, :3, 3]
     free[free] = near.depth(around, shape.shoulder_radii) <= SLACK
     free[free] = arm_depth(shape, near, np.tile(home, (int(free.sum()), 1)), poses[free]) <= SLACK
     return free

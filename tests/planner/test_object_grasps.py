@@ -97,6 +97,17 @@ def test_what_hangs_is_pinched_beside_its_center_of_mass() -> None:
     assert away[1] < 0.009
 
 
+def test_no_finger_lies_within_a_part_of_the_object() -> None:
+    """A wide slab in two hulls that meet: pads across a rib on it, 20 mm wide, would have the fingers in the slab."""
+    slab = [box((x, 0, -0.03), (0.05, 0.1, 0.03)) for x in (-0.05, 0.05)]
+    rib = box((0, 0, 0.005), (0.01, 0.1, 0.005))
+    found = grasps(*slab, rib)
+    for k, spheres in enumerate(gripper_spheres(GRIPPER).placed(found.tool, found.opened)):
+        for low, high in ((-0.1, 0.0), (0.0, 0.1)):
+            inside = (spheres > [low, -0.1, -0.06]) & (spheres < [high, 0.1, 0.0])
+            assert not inside.all(axis=1).any(), k
+
+
 def wedge(degrees: float) -> Mesh:
     """Return a block 60 mm long, 40 mm high and 30 mm thick in its middle, whose sides diverge by an angle along it."""
     slope = np.tan(np.radians(degrees / 2))

@@ -376,6 +376,19 @@ def held_points(room: SimRoom, found: PickPlan) -> np.ndarray:
     return surface @ body[:, :3, :3].transpose(0, 2, 1) + body[:, None, :3, 3]
 
 
+def test_no_base_has_anything_where_its_shoulder_turns(tmp_path: Path) -> None:
+    """The motor at the side of the first link reaches 0.149 m out, 0.332 m up; the column above the base has 0.12 m."""
+    room, shape, goal = room_of(tmp_path), robot_shape(PANDA), matrix(GOAL)
+    base, _ = next(bases(shape, RoomHulls(room, {"cube_9"}, START[:3]), matrix(START), goal, (0.0,)))
+    towards = base[:3, :3] @ [0.0, 1.0, 0.0]
+    post = convex.box(base[:3, 3] + 0.155 * towards + [0.0, 0.0, 0.332], base[:3, :3], np.array([0.02, 0.03, 0.02]))
+    near = RoomHulls(room, {"cube_9"}, START[:3], post)
+    found = bases(shape, near, matrix(START), goal, (0.0,))
+    assert not any(np.allclose(pose, base) for pose, _ in found)
+    column = base[:3, 3] + np.linspace(0.17, 0.33, 5)[:, None] * [0.0, 0.0, 1.0]
+    assert near.depth(column[None], np.full(5, PANDA.base.radius))[0] == 0.0
+
+
 def test_what_is_held_is_carried_well_clear_of_what_its_nearest_way_grazes(plan: PickPlan, tmp_path: Path) -> None:
     """A bottle that had slipped by 3 mm met the front of a drawer that its path was to pass by 5 mm."""
     passed = held_points(room_of(tmp_path), plan)

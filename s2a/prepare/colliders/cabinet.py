@@ -24,7 +24,7 @@ from s2a.robot.spec import GripperSpec
 from s2a.scene import Joint, Mesh, Scene
 from s2a.usd.sim_scene import Collider, Mass, SimBody
 
-BESIDE = 0.01
+BODY_MARGIN = 0.01
 """[m] On either side of the gripper's body that stays free: the arm's error, and that of a handle's axis."""
 
 
@@ -103,7 +103,7 @@ def gripper_corridor(handle: Handle, target: Target, config: CabinetConfig, grip
     """
     along, across, length = config.corridor
     end, found = handle.front - CLEARANCE, []
-    behind, body = gripper.tip_ahead + gripper.body_behind, gripper.body_box[1] + 2 * BESIDE
+    behind, body = gripper.tip_ahead + gripper.body_behind, gripper.body_box[1] + 2 * BODY_MARGIN
     for high, gap in ((across, 0.0), (max(across, body), behind)):
         middle = handle.frame.T @ target.point
         middle[2] = end - (gap + length) / 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,22 +78,22 @@ def test_a_dark_line_divides_two_fronts_rather_than_the_middle() -> None:
     color = np.full((40, 80, 3), 150.0)
     color[:, 50] = 20.0
     handles = [CellBox(18, 18, 22, 20), CellBox(62, 18, 66, 20)]
-    (left, first), (right, second) = divide(image(color), CellBox(0, 0, 80, 40), handles)
+    (left, first), (right, second) = divide(image(color), CellBox(0, 0, 80, 40), handles, np.ones((40, 80), bool))
     assert 49 <= left.right == right.left <= 51 and [first, second] == [[handles[0]], [handles[1]]]
 
 
 def test_equal_fronts_are_divided_where_they_end_though_their_handles_are_at_their_tops() -> None:
     handles = [CellBox(30, 20 * k + 15, 50, 20 * k + 17) for k in range(4)]
-    found = divide(image(np.full((80, 80, 3), 150.0)), CellBox(0, 0, 80, 80), handles)
+    found = divide(image(np.full((80, 80, 3), 150.0)), CellBox(0, 0, 80, 80), handles, np.ones((80, 80), bool))
     assert sorted(box.bottom for box, _ in found) == pytest.approx([0, 20, 40, 60], abs=1.5)
 
 
 def test_a_wide_drawer_has_two_handles_and_stays_one() -> None:
     handles = [CellBox(15, 12, 35, 14), CellBox(85, 12, 105, 14)]
     plain = np.full((24, 120, 3), 150.0)
-    assert len(divide(image(plain), CellBox(0, 0, 120, 24), handles)) == 1
+    assert len(divide(image(plain), CellBox(0, 0, 120, 24), handles, np.ones((24, 120), bool))) == 1
     plain[:, 60] = 20.0
-    assert len(divide(image(plain), CellBox(0, 0, 120, 24), handles)) == 2
+    assert len(divide(image(plain), CellBox(0, 0, 120, 24), handles, np.ones((24, 120), bool))) == 2
 
 
 def test_a_bar_that_a_scan_shows_in_pieces_is_one_handle_and_two_knobs_are_two() -> None:
@@ -105,6 +106,52 @@ def test_a_bar_that_a_scan_shows_in_pieces_is_one_handle_and_two_knobs_are_two()
     out[30:33, 40:43] = out[30:33, 47:50] = 0.03
     (patch,) = patches(image(np.full((60, 100, 3), 150.0), out), PROPOSE)
     assert len(patch.blobs) == 2
+
+
+def phone(color: np.ndarray, grain: float = 1.0, seed: int = 0) -> Layer:
+    """Return a plane as a phone shows it: without relief, each colour a bit off."""
+    noise = np.random.default_rng(seed).normal(0.0, grain, color.shape)
+    plain = np.median(color[np.isfinite(color[..., 0])], axis=0)
+    layer = image(color + noise, sharp=False)
+    return replace(layer, odd=np.linalg.norm(np.nan_to_num(color + noise - plain), axis=-1))
+
+
+def test_a_phone_shows_knobs_by_a_little_colour_and_gaps_are_none() -> None:
+    color = np.full((60, 80, 3), 90.0)
+    color[12:15, 39:42] = color[42:45, 39:42] = 90.0 - 22.0
+    for left in range(2, 78, 6):  # dashes
+        color[29:31, left : left + 4] = 90.0 + 40.0
+    (patch,) = patches(phone(color), PROPOSE)
+    assert sorted(blob.middle for blob in patch.blobs) == [(40.5, 13.5), (40.5, 43.5)]
+
+
+def test_the_grain_of_wood_hides_what_differs_as_little() -> None:
+    color = np.full((60, 80, 3), 90.0)
+    color[28:31, 39:42] = 90.0 - 22.0
+    assert len(next(iter(patches(phone(color), PROPOSE))).blobs) == 1
+    assert not any(patch.blobs for patch in patches(phone(color, grain=5.0), PROPOSE))
+
+
+def test_what_runs_over_from_beyond_the_border_is_no_handle() -> None:
+    plain = np.full((60, 100, 3), 150.0)
+    plain[:, 80:] = 40.0  # another thing, darker
+    smeared, handle = plain.copy(), plain.copy()
+    smeared[20:34, 75:80] = 90.0
+    handle[20:34, 74:77] = 210.0, 210.0, 90.0
+    first, second = (next(iter(patches(phone(color), PROPOSE))).blobs for color in (smeared, handle))
+    assert len(first) == 0 and len(second) == 1
+
+
+def test_fronts_that_lie_in_an_l_end_where_it_does() -> None:
+    color = np.full((80, 100, 3), 150.0)
+    color[40:, 50:] = np.nan
+    color[10:13, 23:26] = color[10:13, 73:76] = color[60:63, 23:26] = 60.0
+    within = np.isfinite(color[..., 0])
+    (patch,) = patches(replace(phone(color), height=np.where(within, 0.0, np.nan)), PROPOSE)
+    found = divide(phone(color), patch.box, list(patch.blobs), patch.within)
+    boxes = sorted((box.left, box.bottom, box.right, box.top) for box, _ in found)
+    assert len(found) == 3 and all(len(blobs) == 1 for _, blobs in found)
+    np.testing.assert_allclose(boxes[1], (2, 40, 50, 77), atol=5)  # the one that ends where the L does
 
 
 def test_a_door_is_the_opening_around_its_lever_and_a_picture_is_none() -> None:

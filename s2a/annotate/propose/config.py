@@ -20,7 +20,7 @@ class ProposeConfig:
         min_fill: smallest fraction of its rectangle that a patch covers.
         relief: height over a plane from which a cell is a handle's [m].
         sharp: standard deviation of a plane's heights, in the median, up to which a scan shows handles by their shape [m].
-        contrast: difference of a cell's colour from its patch's from which it may be a handle's, Euclidean in RGB.
+        contrast: least difference of a handle's colour from what is around it, where a scan smears handles, Euclidean in RGB.
         max_handle: largest length and width of a handle [m].
         min_front: smallest width and height of a front [m].
         min_middle: smallest height of a front's middle over the floor: below are plinths [m].

@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter
 from s2a.annotate.propose.cells import CellBox
 from s2a.annotate.propose.layers import Layer
 
-EVIDENCE = 6.0
+EVIDENCE = 4.0
 """Deviations of the line's profile that count as much as lying right in the middle between two handles."""
 STRONG = 60.0
 """Difference of colour (RGB, summed) that counts no more if it is larger: a handle's, along a part of a line."""
@@ -23,6 +23,8 @@ EQUAL = 0.15
 """Handles lie at equal distances, up to this fraction: their fronts are equal."""
 WIDE, CLEAR = 3.0, 6.0
 """Width over height of a drawer with two handles, and deviations of a line's profile that divide it."""
+FULL, RAGGED = 0.95, 0.3
+"""Fraction of a box that a patch fills, from which on it stays as it is; and of the fullest row or column, of what ends one."""
 GAP = 9
 """Cells over which a profile is compared: a line is narrower."""
 
@@ -44,8 +46,15 @@ class Cut:
     line: float
 
 
-def divide(layer: Layer, box: CellBox, blobs: list[CellBox]) -> list[tuple[CellBox, list[CellBox]]]:
-    """Return boxes with one handle each; two that no cut divides are one front's."""
+def divide(layer: Layer, box: CellBox, blobs: list[CellBox], within: np.ndarray) -> list[tuple[CellBox, list[CellBox]]]:
+    """Return boxes with one handle each; two that no cut divides are one front's.
+
+    Args:
+        layer: the plane's image.
+        box: rectangle around a patch.
+        blobs: its handles.
+        within: cells that the patch fills, shape [row column]: what it leaves free of a half is cut off.
+    """
     if len(blobs) < 2:
         return [(box, blobs)]
     cuts = [cut for axis in (0, 1) for cut in _cuts(layer, box, blobs, axis)]
@@ -55,7 +64,7 @@ def divide(layer: Layer, box: CellBox, blobs: list[CellBox]) -> list[tuple[CellB
     found = []
     for part in _halves(box, best):
         inside = [blob for blob in blobs if _holds(part, blob)]
-        found += divide(layer, part, inside)
+        found += divide(layer, _shrunk(part, within), inside, within)
     return found
 
 
@@ -133,6 +142,26 @@ def _halves(box: CellBox, cut: Cut) -> tuple[CellBox, CellBox]:
     if cut.axis == 0:
         return CellBox(box.left, box.bottom, cut.place, box.top), CellBox(cut.place, box.bottom, box.right, box.top)
     return CellBox(box.left, box.bottom, box.right, cut.place), CellBox(box.left, cut.place, box.right, box.top)
+
+
+def cells(image: np.ndarray, box: CellBox) -> np.ndarray:
+    """Return the cells of an image in a box."""
+    return image[int(box.bottom) : int(np.ceil(box.top)), int(box.left) : int(np.ceil(box.right))]
+
+
+def _shrunk(box: CellBox, within: np.ndarray) -> CellBox:
+    """Return what a patch fills of a box."""
+    mask = cells(within, box)
+    if not mask.any() or mask.mean() > FULL:
+        return box
+    (left, right), (bottom, top) = (
+        (low + some[0], low + some[-1] + 1)
+        for low, some in (
+            (int(first), np.flatnonzero(filled > RAGGED * filled.max()))
+            for first, filled in ((box.left, mask.mean(axis=0)), (box.bottom, mask.mean(axis=1)))
+        )
+    )
+    return CellBox(max(left, box.left), max(bottom, box.bottom), min(right, box.right), min(top, box.top))
 
 
 def _holds(box: CellBox, other: CellBox) -> bool:

@@ -14,7 +14,7 @@ from s2a.annotate.propose.cells import CellBox, hull
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.propose.layers import Layer, layers, spread
 from s2a.annotate.propose.motion import FrontShape, Motion, motion
-from s2a.annotate.propose.partition import divide
+from s2a.annotate.propose.partition import cells, divide
 from s2a.annotate.propose.patches import ColorPatch, patches
 from s2a.annotate.propose.wall_leaves import MIN_DOOR, leaves
 from s2a.annotate.region import FrontRegion, GrowConfig
@@ -32,6 +32,8 @@ REVEAL = 0.12
 """[m] A door's leaf lies before or behind its wall by less."""
 BESIDE, WALLED = 4, 0.4
 """Cells beside a side in which a wall may stand, and the fraction of the side before which it stands."""
+CENTERED, AT_SIDE = 0.1, 0.13
+"""Distance of a handle from its front's middle, as a fraction of the width, and from a side [m]."""
 FACING = 0.6
 """Cosine between a face of a front and its plane."""
 
@@ -69,13 +71,17 @@ def _items(
     if not 0 < len(patch.blobs) <= config.max_fronts:
         return
     relief = dict(zip(patch.blobs, patch.relief, strict=True))
-    for box, blobs in divide(layer, patch.box, list(patch.blobs)):
+    for box, blobs in divide(layer, patch.box, list(patch.blobs), patch.within):
         width, height = box.width * config.cell, box.height * config.cell
         low, high = config.min_front, config.max_front
         if not blobs or not (low[0] <= width <= high[0] and low[1] <= height <= high[1]):
             continue
+        if cells(patch.within, box).mean() < config.min_fill:
+            continue
         handle = hull(blobs)
         seen = _seen(layer, box, handle, floor)
+        if not layer.sharp and not _reachable(seen):
+            continue
         region = _region(surface, layer, box, grow)
         if region is None or seen.middle < config.min_middle or _recessed(layer, box):
             continue
@@ -119,6 +125,11 @@ def _leaf(surface: SplitSurface, layer: Layer, box: CellBox, lever: CellBox, gro
     opens: Motion = "left" if lever.middle[0] > box.middle[0] else "right"
     handle = _handle(surface, layer, region, lever)
     yield Item(region, joint=_joint(region, opens), handle=handle, proposed=True)
+
+
+def _reachable(seen: FrontShape) -> bool:
+    """Return whether a handle is in the middle or at a side of its front: elsewhere it is something else."""
+    return abs(seen.x - 0.5) < CENTERED or min(seen.x, 1 - seen.x) * seen.width < AT_SIDE
 
 
 def _recessed(layer: Layer, box: CellBox) -> bool:

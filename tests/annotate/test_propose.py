@@ -125,11 +125,27 @@ def test_a_phone_shows_knobs_by_a_little_colour_and_gaps_are_none() -> None:
     assert sorted(blob.middle for blob in patch.blobs) == [(40.5, 13.5), (40.5, 43.5)]
 
 
+def test_a_gap_alone_is_no_handle() -> None:
+    color = np.full((60, 80, 3), 90.0)
+    for left in range(2, 78, 6):
+        color[29:31, left : left + 4] = 90.0 + 40.0
+    (patch,) = patches(phone(color), PROPOSE)
+    assert not patch.blobs
+
+
+def test_of_two_tints_that_of_most_marks_is_the_handles() -> None:
+    color = np.full((60, 80, 3), 90.0)
+    color[12:15, 39:42] = color[42:45, 39:42] = 90.0 - 22.0
+    color[28:30, 60:64] = 90.0 + 30.0  # what is left of a gap
+    (patch,) = patches(phone(color), PROPOSE)
+    assert sorted(blob.middle for blob in patch.blobs) == [(40.5, 13.5), (40.5, 43.5)]
+
+
 def test_the_grain_of_wood_hides_what_differs_as_little() -> None:
     color = np.full((60, 80, 3), 90.0)
     color[28:31, 39:42] = 90.0 - 22.0
     assert len(next(iter(patches(phone(color), PROPOSE))).blobs) == 1
-    assert not any(patch.blobs for patch in patches(phone(color, grain=5.0), PROPOSE))
+    assert not any(patch.blobs for patch in patches(phone(color, grain=2.0), PROPOSE))
 
 
 def test_what_runs_over_from_beyond_the_border_is_no_handle() -> None:
@@ -144,14 +160,14 @@ def test_what_runs_over_from_beyond_the_border_is_no_handle() -> None:
 
 def test_fronts_that_lie_in_an_l_end_where_it_does() -> None:
     color = np.full((80, 100, 3), 150.0)
-    color[40:, 50:] = np.nan
+    color[35:, 45:] = np.nan
     color[10:13, 23:26] = color[10:13, 73:76] = color[60:63, 23:26] = 60.0
     within = np.isfinite(color[..., 0])
     (patch,) = patches(replace(phone(color), height=np.where(within, 0.0, np.nan)), PROPOSE)
     found = divide(phone(color), patch.box, list(patch.blobs), patch.within)
     boxes = sorted((box.left, box.bottom, box.right, box.top) for box, _ in found)
     assert len(found) == 3 and all(len(blobs) == 1 for _, blobs in found)
-    np.testing.assert_allclose(boxes[1], (2, 40, 50, 77), atol=5)  # the one that ends where the L does
+    np.testing.assert_allclose(boxes[1], (2, 35, 45, 77), atol=5)  # the one that ends where the L does
 
 
 def test_a_door_is_the_opening_around_its_lever_and_a_picture_is_none() -> None:

@@ -10,7 +10,7 @@ import plain_room
 import pytest
 
 from s2a import cli, config, scan
-from s2a.annotate.propose import ProposeConfig, propose
+from s2a.annotate.propose import ProposeConfig, propose, run
 from s2a.annotate.propose.cells import CellBox
 from s2a.annotate.propose.layers import Layer
 from s2a.annotate.propose.motion import FrontShape, motion
@@ -123,6 +123,19 @@ def test_a_phone_shows_knobs_by_a_little_colour_and_gaps_are_none() -> None:
         color[29:31, left : left + 4] = 90.0 + 40.0
     (patch,) = patches(phone(color), PROPOSE)
     assert sorted(blob.middle for blob in patch.blobs) == [(40.5, 13.5), (40.5, 43.5)]
+
+
+@pytest.mark.parametrize(
+    ("front", "there"),
+    [
+        (shape(width=0.8, x=0.55), True),
+        (shape(width=0.8, x=0.9), True),
+        (shape(width=0.8, x=0.3), False),
+        (shape(width=0.3, x=0.3), True),
+    ],
+)
+def test_a_handle_is_in_the_middle_or_at_a_side(front: FrontShape, there: bool) -> None:
+    assert run._reachable(front) == there  # 24 cm from the side is neither
 
 
 def test_a_gap_alone_is_no_handle() -> None:

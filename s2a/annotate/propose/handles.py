@@ -120,7 +120,8 @@ def _marks(
     pieces = []
     for number, where in enumerate(ndimage.find_objects(labels), start=1):
         mine = labels[where] == number
-        if mine.sum() * config.cell**2 >= MIN_BLOB and (score[where][mine] > least).any():
+        strong = (score[where][mine] > least).any() and marked[where][mine].any()
+        if mine.sum() * config.cell**2 >= MIN_BLOB and strong:
             pieces.append(CellBox(where[1].start, where[0].start, where[1].stop, where[0].stop))
     if len(pieces) > PATTERN:
         return

@@ -28,7 +28,7 @@ from s2a.scan.labels import parents
 from s2a.scene import Joint
 
 TEXEL = 0.01
-"""[m] The default of s2a import. At 0.02 gaps between fronts are in the texture alone."""
+"""[m] The default of s2a import. At 0.02 fewer parts are found (docs/annotate.md)."""
 MIN_AREA, MATCH = 0.005, 0.5
 """[m^2] of the scanned faces of a part, and intersection over union."""
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class CellBox:
@@ -29,6 +31,11 @@ class CellBox:
     def sides(self) -> tuple[float, float]:
         """Columns and rows."""
         return self.width, self.height
+
+    @property
+    def cells(self) -> tuple[slice, slice]:
+        """What it selects of an image: rows and columns."""
+        return slice(int(self.bottom), int(np.ceil(self.top))), slice(int(self.left), int(np.ceil(self.right)))
 
     @property
     def middle(self) -> tuple[float, float]:

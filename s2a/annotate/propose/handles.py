@@ -128,7 +128,7 @@ def _marks(
     largest = np.array(config.max_handle) / config.cell
     plain = ~np.isnan(layer.height) & ~marked
     for piece in _joined(pieces, JOINED[layer.sharp] / config.cell, largest):
-        inside = _cells(piece)
+        inside = piece.cells
         if (sorted(piece.sides, reverse=True) > largest).any() or _surrounded(piece, plain[view], view) < AROUND:
             continue
         mark = marked[inside]
@@ -137,10 +137,6 @@ def _marks(
             known = layer.color[inside][mark & ~np.isnan(layer.height[inside])]
             tint = np.median(known, axis=0) - color if len(known) else np.zeros(3)
             yield Mark(piece, int(mark.sum()), relief, odd, tint)
-
-
-def _cells(box: CellBox) -> tuple[slice, slice]:
-    return slice(int(box.bottom), int(box.top)), slice(int(box.left), int(box.right))
 
 
 def _surrounded(piece: CellBox, plain: np.ndarray, view: tuple[slice, slice]) -> float:
@@ -172,7 +168,7 @@ def _is_gap(piece: CellBox, score: np.ndarray, view: tuple[slice, slice]) -> boo
 def _smeared(layer: Layer, mark: Mark, inner: np.ndarray, color: np.ndarray) -> bool:
     """Return whether a blob at a patch's border has the colour of what lies beyond it, which a scan smears over the border."""
     blob = np.zeros(inner.shape, bool)
-    blob[_cells(mark.box)] = True
+    blob[mark.box.cells] = True
     around = ndimage.binary_dilation(blob, SQUARE, iterations=BEYOND) & ~blob
     outside = around & ~inner
     beyond = layer.color[outside & ~np.isnan(layer.height)] - color

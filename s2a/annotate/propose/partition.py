@@ -144,14 +144,9 @@ def _halves(box: CellBox, cut: Cut) -> tuple[CellBox, CellBox]:
     return CellBox(box.left, box.bottom, box.right, cut.place), CellBox(box.left, cut.place, box.right, box.top)
 
 
-def cells(image: np.ndarray, box: CellBox) -> np.ndarray:
-    """Return the cells of an image in a box."""
-    return image[int(box.bottom) : int(np.ceil(box.top)), int(box.left) : int(np.ceil(box.right))]
-
-
 def _shrunk(box: CellBox, within: np.ndarray) -> CellBox:
     """Return what a patch fills of a box."""
-    mask = cells(within, box)
+    mask = within[box.cells]
     if not mask.any() or mask.mean() > FULL:
         return box
     (left, right), (bottom, top) = (

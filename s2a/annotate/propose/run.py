@@ -14,7 +14,7 @@ from s2a.annotate.propose.cells import CellBox, hull
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.propose.layers import Layer, layers, spread
 from s2a.annotate.propose.motion import FrontShape, Motion, motion
-from s2a.annotate.propose.partition import cells, divide
+from s2a.annotate.propose.partition import divide
 from s2a.annotate.propose.patches import ColorPatch, patches
 from s2a.annotate.propose.wall_leaves import MIN_DOOR, leaves
 from s2a.annotate.region import FrontRegion, GrowConfig
@@ -76,7 +76,7 @@ def _items(
         low, high = config.min_front, config.max_front
         if not blobs or not (low[0] <= width <= high[0] and low[1] <= height <= high[1]):
             continue
-        if cells(patch.within, box).mean() < config.min_fill:
+        if patch.within[box.cells].mean() < config.min_fill:
             continue
         handle = hull(blobs)
         seen = _seen(layer, box, handle, floor)

@@ -4,7 +4,7 @@
 
 Each folder holds a scan of s2a sample virtual=varied detail=phone; its GLB is imported, and proposals are made. The annotator
 accepts those that match a part (intersection over union of 0.5, kind and direction right) and rejects the others; where one has
-no handle, or one without sides to press on, or whose middle is more than OFF from that of the true one, it clicks on that: what
+no handle, or one without sides to press on, or whose middle is more than OFF beside that of the true one, it clicks on that: what
 stands out there becomes the handle, or a bar that is added. Then come s2a export, prepare and the planner, EPISODES for each
 part, long enough for its plan. A part is opened where every episode succeeds; one that export or prepare lost counts as not
 opened.
@@ -24,7 +24,8 @@ from proposals import TEXEL
 from s2a import cli, config, scan
 from s2a.annotate import files, handle
 from s2a.annotate.annotation import Draft
-from s2a.annotate.propose import ProposeConfig, cut, propose
+from s2a.annotate.propose import ProposeConfig
+from s2a.annotate.propose.run import cut, propose
 from s2a.annotate.region import GrowConfig
 from s2a.provenance import provenance
 from s2a.scan import folder, parts
@@ -34,7 +35,7 @@ EPISODES, STEPS = 2, 1500
 """For each part, and control steps of each: with the task's 500 the plans around furniture were cut off."""
 HANDLES = ("handle", "knob", "lever")
 OFF = 0.02
-"""[m] From which a person sees that what is marked as handle is not it: a quarter of what the gripper opens."""
+"""[m] Along the front, from which a person sees that what is marked as handle is not it: a quarter of what the gripper opens."""
 
 
 def main() -> None:
@@ -80,9 +81,7 @@ def accepted(path: Path, bare: files.BareScan) -> tuple[Draft, list[dict]]:
     truth = json.loads((path / "truth" / "truth.json").read_text())
     real = proposals.true_parts(path, sample, truth, bare.surface, source)
     found = propose(bare.surface, config.load(ProposeConfig, values["propose"]), grow)
-    scores = np.array(
-        [[proposals.overlap(bare.surface, np.union1d(i.region.faces, i.handle), f) for _, f, _ in real] for i in found]
-    )
+    scores = np.array([[proposals.overlap(bare.surface, i.region.faces, f) for _, f, _ in real] for i in found])
     pairs = proposals.matched(scores.reshape(len(found), len(real)))
     rows = [(i, proposals.row(truth, found, real, scores, i, j)) for i, j in pairs]
     rows = [(i, row) for i, row in rows if row.get("same_direction")]
@@ -90,8 +89,8 @@ def accepted(path: Path, bare: files.BareScan) -> tuple[Draft, list[dict]]:
     places = handle_places(path, sample, truth)
     for index, (_, row) in enumerate(rows):
         place, faces = places.get(row["part"]), draft.items[index].handle
-        off = np.linalg.norm(_middle(draft, faces) - place) if place is not None and len(faces) else None
-        row |= {"seed": truth["seed"], "handle_off_m": None if off is None else round(float(off), 3)}
+        off = _off(draft, index, place) if place is not None and len(faces) else None
+        row |= {"seed": truth["seed"], "handle_off_m": None if off is None else round(off, 3)}
         right = (
             off is not None and bool(off <= OFF) and handle.has_sides(draft.surface, draft.items[index].region, faces)
         )
@@ -101,10 +100,12 @@ def accepted(path: Path, bare: files.BareScan) -> tuple[Draft, list[dict]]:
     return draft, [row for _, row in rows]
 
 
-def _middle(draft: Draft, faces: np.ndarray) -> np.ndarray:
-    """Return the middle of the box around some faces [m]."""
-    corners = draft.surface.vertices[draft.surface.faces[faces]].reshape(-1, 3)
-    return (corners.min(axis=0) + corners.max(axis=0)) / 2
+def _off(draft: Draft, index: int, place: np.ndarray) -> float:
+    """Return how far along its front the middle of a part's handle is from a place [m]."""
+    corners = draft.surface.vertices[draft.surface.faces[draft.items[index].handle]].reshape(-1, 3)
+    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    first, second = draft.items[index].region.local(np.stack([middle, place]))[:, :2]
+    return float(np.linalg.norm(first - second))
 
 
 def handle_places(path: Path, sample: files.BareScan, truth: dict) -> dict[str, np.ndarray]:

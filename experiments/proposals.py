@@ -19,7 +19,8 @@ import numpy as np
 
 from s2a import config
 from s2a.annotate import files
-from s2a.annotate.propose import ProposeConfig, propose
+from s2a.annotate.propose import ProposeConfig
+from s2a.annotate.propose.run import propose
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.provenance import provenance
@@ -44,7 +45,7 @@ def measured(path: Path) -> list[dict]:
     seconds = time.perf_counter() - start
     truth = json.loads((path / "truth" / "truth.json").read_text())
     real = true_parts(path, bare, truth, surface, source)
-    scores = np.array([[overlap(surface, np.union1d(i.region.faces, i.handle), f) for _, f, _ in real] for i in found])
+    scores = np.array([[overlap(surface, i.region.faces, f) for _, f, _ in real] for i in found])
     pairs = matched(scores.reshape(len(found), len(real)))
     rows = [row(truth, found, real, scores, i, j) for i, j in pairs]
     for i in set(range(len(found))) - {i for i, _ in pairs}:
@@ -107,7 +108,7 @@ def row(truth: dict, found, real, scores: np.ndarray, i: int, j: int) -> dict:
     item = found[i]
     axis, true_axis = np.array(item.joint.axis), np.array(joint.axis)
     out = {"room": truth["room"], "part": name, "kind": joint.kind, "proposed": item.joint.kind}
-    out |= {"iou": round(float(scores[i, j]), 3), "score": item.score, "handle": bool(len(item.handle))}
+    out |= {"iou": round(float(scores[i, j]), 3), "score": item.score, "handle": item.grip is not None}
     if item.joint.kind == joint.kind:
         out["axis_deg"] = round(float(np.degrees(np.arccos(np.clip(abs(axis @ true_axis), 0, 1)))), 3)
         out["same_direction"] = bool(axis @ true_axis > 0.7)

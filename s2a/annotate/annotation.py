@@ -29,6 +29,7 @@ class Item:
         completed: shape of a handle that was added where the mesh shows none; empty for a scanned one.
         proposed: nobody has accepted it yet.
         score: of a proposal, 0 to 1.
+        grip: place at which a proposal's handle was seen [m], shape [3]; None where none was, and for all others.
         number: of the part in an existing annotation that is edited; None for a new one.
     """
 
@@ -39,6 +40,7 @@ class Item:
     completed: str = ""
     proposed: bool = False
     score: float = 1.0
+    grip: np.ndarray | None = None
     number: int | None = None
 
     @property

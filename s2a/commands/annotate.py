@@ -1,4 +1,4 @@
-"""A bare scan -> an annotated one: on a page in the browser, or proposed by geometry alone."""
+"""A bare scan -> an annotated one: on a page in the browser, or proposed by a network that sees geometry and colour."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ import numpy as np
 from s2a.annotate import checks, existing, files
 from s2a.annotate.annotation import Draft
 from s2a.annotate.editor import Editor
-from s2a.annotate.propose import ProposeConfig, cut, propose
+from s2a.annotate.propose import ProposeConfig
 from s2a.annotate.region import GrowConfig
+from s2a.annotate.surface import SplitSurface
 from s2a.errors import InputError
 from s2a.evidence import report
 from s2a.evidence.bounds import Bounds
@@ -34,7 +35,7 @@ class Config:
     Attributes:
         scan: folder of the scan; its annotation, if it has one, is read for `edit` alone.
         out: folder that is written: the mesh, Articulate3D's two files, and annotate.json.
-        auto: Propose fronts, joints and handles by geometry alone.
+        auto: Propose fronts, joints and handles by geometry and colour alone.
         edit: Begin with the scan's annotation by Articulate3D; what is not edited is written as it was.
         page: Serve the page, until Ctrl-C; without it, proposals are written as they are.
         port: of the page's server; the next free one where it is taken.
@@ -76,8 +77,7 @@ def run(config: Config) -> str:
     refuse_loss(config.out, files.RECORD, [scan.files.mesh])
     surface = scan.surface
     known = existing.read(config.scan, scan.mesh, surface) if config.edit else None
-    items = propose(surface, config.propose, config.grow) if config.auto else ()
-    start = known.start(surface) if known else cut(surface, items, config.grow)
+    start = known.start(surface) if known else _proposed(surface, config) if config.auto else Draft(surface, ())
     editor = Editor(start, config.grow)
 
     def save(annotation: Draft) -> str:
@@ -97,6 +97,13 @@ def run(config: Config) -> str:
         with suppress(KeyboardInterrupt):
             threading.Event().wait()
     return ""
+
+
+def _proposed(surface: SplitSurface, config: Config) -> Draft:
+    """Return proposals, their borders cut."""
+    from s2a.annotate.propose.run import cut, propose  # torch takes seconds to load
+
+    return cut(surface, propose(surface, config.propose, config.grow), config.grow)
 
 
 def _summary(annotation: Draft, config: Config) -> str:

@@ -1,5 +1,3 @@
-"""Fronts proposed by geometry and colour alone: flat patches, their handles, what opens how."""
+"""Fronts proposed by a network that sees the planes of a scan: their rectangles, their handles, what opens how."""
 
 from s2a.annotate.propose.config import ProposeConfig as ProposeConfig
-from s2a.annotate.propose.run import cut as cut
-from s2a.annotate.propose.run import propose as propose

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,10 +40,3 @@ class CellBox:
     def middle(self) -> tuple[float, float]:
         """Column and row of its middle."""
         return (self.left + self.right) / 2, (self.bottom + self.top) / 2
-
-
-def hull(boxes: Sequence[CellBox]) -> CellBox:
-    """Return the rectangle around boxes."""
-    return CellBox(
-        min(b.left for b in boxes), min(b.bottom for b in boxes), max(b.right for b in boxes), max(b.top for b in boxes)
-    )

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, label, median_filter, uniform_filter
+from scipy.ndimage import gaussian_filter1d, label, median_filter
 
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.surface import SplitSurface
@@ -68,9 +68,7 @@ class Layer:
         height: of that surface over the plane [m], shape [row column]; NaN where there is none.
         ahead: height of what stands out over the plane [m], at most AHEAD, shape [row column]; 0 where nothing does.
         relief: `ahead` over its median around [m], shape [row column].
-        odd: difference of a cell's colour from the median around, Euclidean in RGB, shape [row column].
         wall: upright surface across the plane stands out by WALL and more, shape [row column].
-        sharp: the scan shows handles by their shape; else by their colour too.
     """
 
     normal: np.ndarray
@@ -82,9 +80,7 @@ class Layer:
     height: np.ndarray
     ahead: np.ndarray
     relief: np.ndarray
-    odd: np.ndarray
     wall: np.ndarray
-    sharp: bool = True
 
 
 def spread(surface: SplitSurface, density: float, seed: int = 0) -> Points:
@@ -117,15 +113,8 @@ def azimuths(points: Points) -> list[float]:
     return found
 
 
-def layers(points: Points, config: ProposeConfig) -> list[Layer]:
-    """Return the upright planes of a room with enough area."""
-    found = list(_layers(points, config))
-    rough = [1.4826 * float(np.nanmedian(np.abs(layer.height - np.nanmedian(layer.height)))) for layer in found]
-    sharp = bool(rough) and float(np.median(rough)) < config.sharp
-    return [replace(layer, sharp=sharp) for layer in found]
-
-
-def _layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
+def layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
+    """Yield the upright planes of a room with enough area."""
     for azimuth in azimuths(points):
         normal = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         facing = points.normal @ normal
@@ -223,26 +212,9 @@ def _image(
     color, ahead = color.reshape(*shape, 3), ahead.reshape(shape)
     window = int(round(BACKGROUND / config.cell))
     relief = ahead - median_filter(ahead, size=window, mode="nearest")
-    odd = _odd(color, window)
     return Layer(
-        normal, right, offset, low, config.cell, color, mean.reshape(shape), ahead, relief, odd, wall.reshape(shape)
+        normal, right, offset, low, config.cell, color, mean.reshape(shape), ahead, relief, wall.reshape(shape)
     )
-
-
-def _odd(color: np.ndarray, window: int) -> np.ndarray:
-    """Return the difference of each cell's colour from the median of the window around it."""
-    seen = ~np.isnan(color[..., 0])
-    usual = np.median(color[seen], axis=0)
-    filled = np.stack([np.where(seen, color[..., k], smooth(color[..., k], seen)) for k in range(3)], axis=-1)
-    filled = np.where(np.isnan(filled), usual, filled)
-    return np.asarray(np.linalg.norm(filled - median_filter(filled, size=(window, window, 1), mode="nearest"), axis=-1))
-
-
-def smooth(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Return the mean of what is seen in the 3 x 3 cells around each cell; NaN where nothing is."""
-    weight = uniform_filter(seen.astype(float), 3)
-    total = uniform_filter(np.where(seen, values, 0.0), 3)
-    return np.asarray(np.where(weight > 0.1, total / np.maximum(weight, 1e-9), np.nan))
 
 
 def _turn(angle: np.ndarray | float) -> np.ndarray:

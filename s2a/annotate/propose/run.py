@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from s2a.annotate import joints
 from s2a.annotate.annotation import Draft, Item
-from s2a.annotate.handle import RELIEF, ground, resolved, standing_out
-from s2a.annotate.propose.cells import CellBox, hull
+from s2a.annotate.propose.cells import CellBox
 from s2a.annotate.propose.config import ProposeConfig
+from s2a.annotate.propose.fronts import SeenFront, fronts
 from s2a.annotate.propose.layers import Layer, layers, spread
-from s2a.annotate.propose.motion import FrontShape, Motion, motion
-from s2a.annotate.propose.partition import divide
-from s2a.annotate.propose.patches import ColorPatch, patches
-from s2a.annotate.propose.wall_leaves import MIN_DOOR, leaves
+from s2a.annotate.propose.network import FrontNetwork, Motion, load
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.geometry.planes import fit_plane
@@ -26,139 +22,66 @@ SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}
 """Index of a side in `joints.hinge_at`."""
 OVERLAP = 0.5
 """Fraction of the smaller front that two proposals may share; the better one stays."""
-GLAZED = 0.85
-"""Fraction of a window that a laser sees at most: of a picture it sees all."""
-REVEAL = 0.12
-"""[m] A door's leaf lies before or behind its wall by less."""
-BESIDE, WALLED = 4, 0.4
-"""Cells beside a side in which a wall may stand, and the fraction of the side before which it stands."""
-CENTERED, AT_SIDE = 0.1, 0.13
-"""Distance of a handle from its front's middle, as a fraction of the width, and from a side [m]."""
 FACING = 0.6
 """Cosine between a face of a front and its plane."""
 
 
-def propose(surface: SplitSurface, config: ProposeConfig, grow: GrowConfig) -> tuple[Item, ...]:
-    """Return proposed parts of a scan, best first; triangles are not split yet.
+def propose(
+    surface: SplitSurface, config: ProposeConfig, grow: GrowConfig, network: FrontNetwork | None = None
+) -> tuple[Item, ...]:
+    """Return proposed parts of a scan, best first; triangles are not split yet, and handles are places.
 
     Args:
         surface: the scan, z up, floor at 0.
         config: how fronts are proposed.
         grow: how far before and behind a plane faces belong to a front.
+        network: what sees fronts; None: the one that comes with s2a.
     """
+    network = network or load()
     floor = float(np.quantile(surface.vertices[:, 2], 0.01))
-    found = []
-    for layer in layers(spread(surface, config.density), config):
-        for patch in patches(layer, config):
-            found += list(_items(surface, layer, patch, floor, config, grow))
-        for box, lever in leaves(layer, floor, config):
-            found += list(_leaf(surface, layer, box, lever, grow))
+    found = [
+        item
+        for layer in layers(spread(surface, config.density), config)
+        for front in fronts(layer, floor, network, config)
+        if (item := _item(surface, layer, front, config, grow))
+    ]
     return _best(surface, found)
 
 
 def cut(surface: SplitSurface, items: tuple[Item, ...], grow: GrowConfig) -> Draft:
-    """Return an annotation of proposed parts whose borders are cut."""
+    """Return an annotation of proposed parts whose borders are cut, with handles as if their places had been clicked."""
     annotation = Draft(surface, items)
     for index, item in enumerate(items):
         annotation = annotation.with_rectangle(index, item.region, grow)
+    for index, item in enumerate(items):
+        annotation = annotation if item.grip is None else annotation.with_handle(index, item.grip, None)
     return annotation
 
 
-def _items(
-    surface: SplitSurface, layer: Layer, patch: ColorPatch, floor: float, config: ProposeConfig, grow: GrowConfig
-) -> Iterator[Item]:
-    """Yield the fronts of a patch: one for each handle."""
-    if not 0 < len(patch.blobs) <= config.max_fronts:
-        return
-    relief = dict(zip(patch.blobs, patch.relief, strict=True))
-    for box, blobs in divide(layer, patch.box, list(patch.blobs), patch.within):
-        width, height = box.width * config.cell, box.height * config.cell
-        low, high = config.min_front, config.max_front
-        if not blobs or not (low[0] <= width <= high[0] and low[1] <= height <= high[1]):
-            continue
-        if patch.within[box.cells].mean() < config.min_fill:
-            continue
-        handle = hull(blobs)
-        seen = _seen(layer, box, handle, floor)
-        if not layer.sharp and not _reachable(seen):
-            continue
-        region = _region(surface, layer, box, grow)
-        if region is None or seen.middle < config.min_middle or _recessed(layer, box):
-            continue
-        opens = motion(seen)
-        out = max(relief[blob] for blob in blobs)
-        yield Item(
-            region,
-            joint=_joint(region, opens),
-            handle=_handle(surface, layer, region, handle),
-            proposed=True,
-            score=_score(out, config),
-        )
+def _item(
+    surface: SplitSurface, layer: Layer, front: SeenFront, config: ProposeConfig, grow: GrowConfig
+) -> Item | None:
+    """Return a front as a part; None where it is too small, or hardly scanned."""
+    size = np.array(front.box.sides) * config.cell
+    if (size < config.min_front).any():
+        return None
+    region = _region(surface, layer, front.box, grow)
+    if region is None:
+        return None
+    grip = _grip(layer, front.handle) if front.handle else None
+    return Item(region, joint=_joint(region, front.motion), proposed=True, score=front.score, grip=grip)
 
 
-def _leaf(surface: SplitSurface, layer: Layer, box: CellBox, lever: CellBox, grow: GrowConfig) -> Iterator[Item]:
-    """Yield the leaf of a door or window, on its own plane: before the wall's, or behind it."""
-    region = _rectangle(layer, box)
-    place = region.local(surface.middles)
-    mine = (np.abs(place[:, :2]) < region.size / 2).all(axis=1) & (np.abs(place[:, 2]) < REVEAL)
-    mine &= surface.normals @ region.normal > FACING
-    if not mine.any():
-        return
-    count, edges = np.histogram(place[mine, 2], np.arange(-REVEAL, REVEAL, 0.01), weights=surface.areas[mine])
-    offset = float(edges[np.argmax(count)]) + 0.005
-    leaf = mine & (np.abs(place[:, 2] - offset) < grow.distance)
-    if surface.areas[leaf].sum() < 0.15 * region.size.prod():
-        return
-    if box.height * layer.cell < MIN_DOOR:  # a window: its glass and its frame, at different depths
-        near, far = np.quantile(place[mine, 2], (0.05, 0.95))
-        region = replace(region, center=region.center + (near + far) / 2 * region.normal)
-        region = replace(region, faces=inside(surface, region, grow.thickness))
-    else:
-        low, high = np.quantile(place[leaf, :2], (0.01, 0.99), axis=0)
-        center = region.center + region.axes @ (low + high) / 2 + offset * region.normal
-        region = replace(region, center=center, size=high - low)
-        region = replace(region, faces=inside(surface, region, grow.distance))
-    if box.height * layer.cell >= MIN_DOOR > region.size[1]:
-        return
-    if layer.sharp and region.size[1] < MIN_DOOR and surface.areas[region.faces].sum() > GLAZED * region.size.prod():
-        return
-    opens: Motion = "left" if lever.middle[0] > box.middle[0] else "right"
-    handle = _handle(surface, layer, region, lever)
-    yield Item(region, joint=_joint(region, opens), handle=handle, proposed=True)
+def _grip(layer: Layer, handle: CellBox) -> np.ndarray:
+    """Return the middle of a handle, as far out as it stands [m], shape [3]."""
+    out = float(np.quantile(layer.ahead[handle.cells], 0.9))
+    return np.asarray(_place(layer, *handle.middle) + out * layer.normal)
 
 
-def _reachable(seen: FrontShape) -> bool:
-    """Return whether a handle is in the middle or at a side of its front: elsewhere it is something else."""
-    return abs(seen.x - 0.5) < CENTERED or min(seen.x, 1 - seen.x) * seen.width < AT_SIDE
-
-
-def _recessed(layer: Layer, box: CellBox) -> bool:
-    """Return whether walls stand before both sides of a box: it is the back of an open compartment."""
-    rows = slice(max(int(box.bottom), 0), int(box.top))
-    sides = [layer.wall[rows, max(int(x) - BESIDE, 0) : int(x) + BESIDE] for x in (box.left, box.right)]
-    return all(side.size and side.any(axis=1).mean() > WALLED for side in sides)
-
-
-def _score(relief: float, config: ProposeConfig) -> float:
-    """Return how sure a front is, 0 to 1: a handle that stands out is one, a patch of another colour may be none."""
-    return float(0.5 + 0.5 * np.clip(relief / (3 * config.relief), 0.0, 1.0))
-
-
-def _joint(region: FrontRegion, opens: Motion) -> Joint:
-    return joints.slide(region) if opens == "slide" else joints.hinge_at(region, SIDES[opens])
-
-
-def _seen(layer: Layer, box: CellBox, handle: CellBox, floor: float) -> FrontShape:
-    x, y = handle.middle
-    return FrontShape(
-        width=box.width * layer.cell,
-        height=box.height * layer.cell,
-        middle=float(layer.low[1] + box.middle[1] * layer.cell - floor),
-        x=(x - box.left) / box.width,
-        y=(y - box.bottom) / box.height,
-        handle_width=handle.width * layer.cell,
-        handle_height=handle.height * layer.cell,
-    )
+def _joint(region: FrontRegion, motion: Motion) -> Joint:
+    if motion[0] == "slide":
+        return joints.slide(region, motion[1])
+    return joints.hinge_at(region, SIDES[motion[1]])
 
 
 def _place(layer: Layer, column: float, row: float) -> np.ndarray:
@@ -189,7 +112,7 @@ def _region(surface: SplitSurface, layer: Layer, box: CellBox, grow: GrowConfig)
     offset = float(np.median(surface.middles[faces] @ normal))
     center = region.center + (offset - float(region.center @ normal)) * normal
     turned = replace(region, normal=normal, center=center, axes=np.stack([right, region.axes[:, 1]], axis=1))
-    return replace(turned, faces=inside(surface, turned, grow.distance))
+    return replace(turned, faces=inside(surface, turned, grow.thickness))
 
 
 def inside(surface: SplitSurface, region: FrontRegion, distance: float) -> np.ndarray:
@@ -197,20 +120,6 @@ def inside(surface: SplitSurface, region: FrontRegion, distance: float) -> np.nd
     place = region.local(surface.middles)
     flat = (np.abs(place[:, :2]) < region.size / 2).all(axis=1) & (np.abs(place[:, 2]) < distance)
     return np.flatnonzero(flat & (surface.normals @ region.normal > FACING))
-
-
-def _handle(surface: SplitSurface, layer: Layer, region: FrontRegion, handle: CellBox) -> np.ndarray:
-    """Return the faces of a handle: what stands out in its box; none where it is in the colours alone, or smeared."""
-    out = standing_out(surface, region)
-    place = surface.middles - layer.offset * layer.normal
-    u = (place @ layer.right - layer.low[0]) / layer.cell
-    v = (surface.middles[:, 2] - layer.low[1]) / layer.cell
-    within = (u > handle.left - 1) & (u < handle.right + 1) & (v > handle.bottom - 1) & (v < handle.top + 1)
-    faces = np.flatnonzero(out & within)
-    if len(faces):
-        height = region.local(surface.middles[faces])[:, 2]
-        faces = faces[height > ground(surface, region, faces) + RELIEF]
-    return faces if resolved(surface, region, faces) else faces[:0]
 
 
 def _best(surface: SplitSurface, found: list[Item]) -> tuple[Item, ...]:

@@ -23,8 +23,8 @@ from scipy import ndimage
 from s2a import config
 from s2a.annotate import files
 from s2a.annotate.propose import ProposeConfig
-from s2a.annotate.propose.layers import FACING, Layer, Points, layers, spread
-from s2a.annotate.propose.network import MOTIONS, channels
+from s2a.annotate.propose.layers import FACING, Layer, Points, floor_of, layers, spread
+from s2a.annotate.propose.network import MOTIONS, image
 from s2a.annotate.surface import SplitSurface
 from s2a.outputs import atomic_write
 from s2a.scan import folder, parts
@@ -34,7 +34,7 @@ ON_PLANE, HARDLY = 0.5, 0.15
 """Fraction of a front's surface on a plane from which on it is to be found there; between the two neither is asked for."""
 MIN_POINTS, MIN_CELLS = 400, 30
 """Of a front on a plane."""
-AHEAD = (-0.02, 0.15)
+HELD = (-0.02, 0.15)
 """[m] Where a handle is, over its plane."""
 
 
@@ -109,13 +109,11 @@ def planes(path: Path) -> Planes:
         number = int(name.rpartition("_")[2])
         own = faces[np.isin(source[faces], annotated[number].faces)] if number in annotated else faces[:0]
         fronts.append((joint, *(_spread(surface, some, settings.density) for some in (own, np.setdiff1d(faces, own)))))
-    floor = float(np.quantile(surface.vertices[:, 2], 0.01))
+    floor = floor_of(surface)
     found = Planes([], [], [], settings.cell)
     for layer in layers(spread(surface, settings.density), settings):
-        rows = layer.low[1] - floor + layer.cell * np.arange(layer.height.shape[0])
-        seen = channels(layer.color, layer.height, layer.ahead, layer.relief, layer.wall, rows)
         boxes, handles = _true_fronts(layer, fronts, settings)
-        found.images.append(seen.astype(np.float16))
+        found.images.append(image(layer, floor).astype(np.float16))
         found.boxes.append(boxes)
         found.handles.append(handles)
     return found
@@ -143,7 +141,7 @@ def _true_fronts(
         if asked:
             cells, height, within = _cells(layer, grip)
             held = np.zeros_like(handles)
-            held[tuple(cells[within & (height > AHEAD[0]) & (height < AHEAD[1])].T[::-1])] = True
+            held[tuple(cells[within & (height > HELD[0]) & (height < HELD[1])].T[::-1])] = True
             handles |= ndimage.binary_closing(held)
     return np.array(boxes).reshape(-1, 6), handles
 

@@ -18,7 +18,7 @@ import torch
 from proposal_images import Planes
 from torch import nn
 
-from s2a.annotate.propose.network import CHANNELS, COARSE, MOTIONS, FrontNetwork
+from s2a.annotate.propose.network import CHANNELS, COARSE, MOTIONS, FrontNetwork, load
 from s2a.outputs import atomic_write
 from s2a.progress import track
 
@@ -30,7 +30,8 @@ MARGIN = 1.5
 """Cells beside a front's sides that count as neither front nor not, so that neighbours are told apart."""
 UNSURE = 0.3
 """Weight of these."""
-MIRRORED = torch.tensor([0, 2, 1, 4, 3, 5, 6, -1])
+OTHER = {"left": "right", "right": "left"}
+MIRRORED = torch.tensor([*(MOTIONS.index((kind, OTHER.get(way, way))) for kind, way in MOTIONS), -1])
 """Index in MOTIONS of each motion in a mirror; -1 stays."""
 RATE = 2e-3
 """Highest learning rate of AdamW; it falls as a cosine."""
@@ -72,9 +73,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     torch.manual_seed(args.seed)
-    network = FrontNetwork()
-    if args.init:
-        network.load_state_dict({k: v.float() for k, v in torch.load(args.init, weights_only=True).items()})
+    network = load(args.init).train() if args.init else FrontNetwork()
     network = network.to(args.device, memory_format=torch.channels_last)
     crops = torch.utils.data.DataLoader(Crops(args.images, args.seed), args.batch, num_workers=args.helpers)
     optimizer = torch.optim.AdamW(network.parameters(), RATE, weight_decay=1e-4)
@@ -90,7 +89,7 @@ def main() -> None:
         nn.utils.clip_grad_norm_(network.parameters(), 5.0)
         optimizer.step()
         schedule.step()
-        mean += 0.02 * (float(total) - mean)
+        mean += 0.02 * (float(total.detach()) - mean)
         if step + 1 == args.steps:
             break
         if step % 500 == 499:
@@ -219,5 +218,4 @@ def _mirrored(random: np.random.Generator, *crop: np.ndarray) -> tuple[torch.Ten
 
 
 if __name__ == "__main__":
-    assert len(MIRRORED) == len(MOTIONS) + 1
     main()

@@ -2,7 +2,7 @@
 
     python experiments/proposals.py runs/homes/* --out experiments/results/proposals.json
 
-Each folder holds a scan of s2a sample virtual=varied. A proposal's faces, its handle included, are matched with those of a
+Each folder holds a scan of s2a sample virtual=varied. A proposal's faces are matched with those of a
 moving part by intersection over union of areas, best pairs first, one to one. Parts of which the scan shows less than MIN_AREA
 are left out. Faces are those of the careful annotator; joints are compared with the truth. Of a phone's scan the textured GLB is
 imported, as s2a import mesh=scan.glb floor=false does; each face has the part of the face that it was split from.
@@ -29,7 +29,7 @@ from s2a.scan.labels import parents
 from s2a.scene import Joint
 
 TEXEL = 0.01
-"""[m] The default of s2a import. At 0.02 fewer parts are found (docs/annotate.md)."""
+"""[m] The default of s2a import, at which the network was trained."""
 MIN_AREA, MATCH = 0.005, 0.5
 """[m^2] of the scanned faces of a part, and intersection over union."""
 

@@ -34,7 +34,7 @@ COMMANDS = {
     "import": "turn a mesh file into a scan, or predictions for a scan into an annotated one",
     "sample": "furnish a virtual room and scan it: writes an annotated scan",
     "check": "compare an annotated scan with its own surface; exit with 1 if they contradict each other",
-    "annotate": "annotate a scan in the browser, or propose parts by geometry alone",
+    "annotate": "annotate a scan in the browser, or let a network propose parts",
     "register": "find the parts that stand open in a second scan of a room, and their joints",
     "export": "turn an annotated scan into two flavours of USD, descriptive and geometric",
     "insert": "insert objects into a room where they belong, as a layer over its stage",

@@ -27,11 +27,6 @@ class CellBox:
         return self.top - self.bottom
 
     @property
-    def sides(self) -> tuple[float, float]:
-        """Columns and rows."""
-        return self.width, self.height
-
-    @property
     def cells(self) -> tuple[slice, slice]:
         """What it selects of an image: rows and columns."""
         return slice(int(self.bottom), int(np.ceil(self.top))), slice(int(self.left), int(np.ceil(self.right)))

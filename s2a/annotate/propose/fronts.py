@@ -20,6 +20,11 @@ AGREES = 0.5
 NEAR = 0.05
 """[m] A cell's word on a side counts half as much at this distance as beside it: what is near is seen well."""
 
+THIN = 1e-3
+"""[m] A cell is farther from each side of its front: a rectangle has an area."""
+BESIDE = 0.2
+"""A handle this far from the middle of a door, as a fraction of its width, tells its hinge more surely than the door does."""
+
 
 @dataclass(frozen=True, eq=False)
 class SeenFront:
@@ -39,11 +44,11 @@ class SeenFront:
 
 
 def fronts(layer: Layer, floor: float, network: FrontNetwork, config: ProposeConfig) -> Iterator[SeenFront]:
-    """Yield the fronts that a network sees on a plane, with a score of `min_score` or more."""
+    """Yield the fronts that a network sees on a plane, of `min_score` and `min_front` or more."""
     probability, sides, motion, handle = network.see(image(layer, floor))
     rows, columns = np.nonzero(probability > SEEN)
     p = probability[rows, columns]
-    away = sides[:, rows, columns] / config.cell
+    away = sides[:, rows, columns].clip(THIN) / config.cell
     middle = COARSE * (np.stack([columns, rows]) + 0.5)
     boxes = np.concatenate([middle - away[:2], middle + away[2:]])
     sure = p * np.sqrt(_balance(away[0], away[2]) * _balance(away[1], away[3]))
@@ -55,11 +60,10 @@ def fronts(layer: Layer, floor: float, network: FrontNetwork, config: ProposeCon
         box = (boxes[:, group] * weight).sum(axis=1) / weight.sum(axis=1)
         within = (middle > box[:2, None]).all(axis=0) & (middle < box[2:, None]).all(axis=0)
         agree = within & (_overlap(boxes, box) > AGREES)
-        score = float(p[agree].sum() / (box[2:] - box[:2]).prod() * COARSE**2)
+        score = float(p[agree].sum() / max(_cells(box), 1))
         opens = MOTIONS[int(np.argmax(motion[:, rows[group], columns[group]].mean(axis=1)))]
         left &= ~group
-        left[best] = False  # also where its rectangle has no area
-        if score < config.min_score:
+        if score < config.min_score or ((box[2:] - box[:2]) * config.cell < config.min_front).any():
             continue
         left &= ~within  # those that are wrong about their rectangle
         found = CellBox(*map(float, box))
@@ -68,10 +72,19 @@ def fronts(layer: Layer, floor: float, network: FrontNetwork, config: ProposeCon
 
 
 def _opposite(motion: Motion, box: CellBox, handle: CellBox | None) -> Motion:
-    """Return a motion, that of a door as its handle says, which is seen more surely than its hinge."""
+    """Return a motion; a door turns about the side away from a handle that is beside its middle."""
     if handle is None or motion not in (("hinge", "left"), ("hinge", "right")):
         return motion
-    return ("hinge", "left") if handle.middle[0] > box.middle[0] else ("hinge", "right")
+    off = (handle.middle[0] - box.middle[0]) / box.width
+    if abs(off) < BESIDE:
+        return motion
+    return ("hinge", "left") if off > 0 else ("hinge", "right")
+
+
+def _cells(box: np.ndarray) -> int:
+    """Return how many of the network's cells have their middle in a rectangle (left, bottom, right, top)."""
+    low, high = box[:2] / COARSE - 0.5, box[2:] / COARSE - 0.5
+    return int((np.ceil(high) - np.floor(low) - 1).clip(0).prod())
 
 
 def _balance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -88,13 +101,14 @@ def _overlap(boxes: np.ndarray, one: np.ndarray) -> np.ndarray:
 
 
 def _handle(probability: np.ndarray, box: CellBox) -> CellBox | None:
-    """Return the rectangle around the blob that is most of a handle."""
-    area = np.zeros_like(probability)
-    cells = tuple(slice(max(one.start, 0), one.stop) for one in box.cells)
-    area[cells] = probability[cells]
+    """Return the rectangle around the blob that is most of a handle, of the cells whose middles lie in a front."""
+    low, high = (max(round(x), 0) for x in (box.left, box.bottom)), (max(round(x), 0) for x in (box.right, box.top))
+    (left, bottom), (right, top) = low, high
+    area = np.pad(probability[bottom:top, left:right], 1)  # closing takes away from what touches the image's border
     labels, count = ndimage.label(ndimage.binary_closing(area > SEEN, np.ones((3, 3))))
     if not count:
         return None
-    best = 1 + int(np.argmax(ndimage.sum_labels(area, labels, np.arange(1, count + 1))))
-    rows, columns = ndimage.find_objects(labels)[best - 1]
-    return CellBox(columns.start, rows.start, columns.stop, rows.stop)
+    best = int(np.argmax(ndimage.sum_labels(area, labels, np.arange(1, count + 1))))
+    rows, columns = ndimage.find_objects(labels)[best]
+    x, y = left - 1, bottom - 1
+    return CellBox(x + columns.start, y + rows.start, x + columns.stop, y + rows.stop)

@@ -96,10 +96,17 @@ def spread(surface: SplitSurface, density: float, seed: int = 0) -> Points:
     return Points(place, surface.normals[faces], np.einsum("pk,pkd->pd", weights, surface.colors[corners]))
 
 
+def floor_of(surface: SplitSurface) -> float:
+    """Return the height of the floor of a scan [m]: some of it lies lower, by noise."""
+    return float(np.quantile(surface.vertices[:, 2], 0.01))
+
+
 def azimuths(points: Points) -> list[float]:
     """Return the azimuths to which most upright surface looks [rad], most first."""
     upright = np.abs(points.normal[:, 2]) < UPRIGHT
     angle = np.arctan2(points.normal[upright, 1], points.normal[upright, 0])
+    if not len(angle):
+        return []
     count = np.bincount(((angle + np.pi) / (2 * np.pi) * BINS).astype(int) % BINS, minlength=BINS).astype(float)
     smooth = gaussian_filter1d(count, 2.0, mode="wrap")
     found: list[float] = []

@@ -12,6 +12,7 @@ from torch import nn
 
 from s2a.annotate import joints
 from s2a.annotate.propose.layers import Layer
+from s2a.errors import InputError
 
 CHANNELS = 9
 """Of what the network sees of a cell: seen, RGB, height, what stands out, its relief, walls, height over the floor."""
@@ -77,7 +78,8 @@ class FrontNetwork(nn.Module):
             image: shape [CHANNELS row column].
 
         Returns:
-            What `forward` does, without its first axis.
+            Shapes as `forward` has them, without the first axis; the first three go on beyond the image, to a multiple of
+            MULTIPLE.
         """
         pad = [(0, 0), *((0, -size % MULTIPLE) for size in image.shape[1:])]
         with torch.inference_mode():
@@ -97,24 +99,22 @@ def image(layer: Layer, floor: float) -> np.ndarray:
         layer: the plane's image.
         floor: height of the floor [m].
     """
-    rows = layer.low[1] - floor + layer.cell * np.arange(layer.height.shape[0])
-    return channels(layer.color, layer.height, layer.ahead, layer.relief, layer.wall, rows)
-
-
-def channels(
-    color: np.ndarray, height: np.ndarray, ahead: np.ndarray, relief: np.ndarray, wall: np.ndarray, rows: np.ndarray
-) -> np.ndarray:
-    """Return the same of a Layer's values; `rows` are the heights of its rows over the floor [m]."""
-    seen = ~np.isnan(height)
-    rgb = np.where(seen[..., None], color / 255.0 - 0.5, 0.0)
-    high = np.broadcast_to(rows[:, None] - 1.0, seen.shape)
-    planes = (np.where(seen, height, 0.0) / 0.01, ahead / 0.03, np.clip(relief, -0.03, 0.09) / 0.03, wall, high)
-    return np.stack([seen, *np.moveaxis(rgb, -1, 0), *planes]).astype(np.float32)
+    seen = ~np.isnan(layer.height)
+    color = np.where(seen[..., None], layer.color / 255.0 - 0.5, 0.0)
+    rows = layer.low[1] - floor + layer.cell * np.arange(len(seen)) - 1.0
+    high = np.broadcast_to(rows[:, None], seen.shape)
+    relief = np.clip(layer.relief, -0.03, 0.09) / 0.03
+    planes = (np.where(seen, layer.height, 0.0) / 0.01, layer.ahead / 0.03, relief, layer.wall, high)
+    return np.stack([seen, *np.moveaxis(color, -1, 0), *planes]).astype(np.float32)
 
 
 @cache
 def load(file: Path = FILE) -> FrontNetwork:
-    """Return a trained network."""
+    """Return a trained network; InputError where the file is missing, damaged or of another network."""
     network = FrontNetwork()
-    network.load_state_dict({name: value.float() for name, value in torch.load(file, weights_only=True).items()})
+    try:
+        network.load_state_dict({name: value.float() for name, value in torch.load(file, weights_only=True).items()})
+    except Exception as error:  # of torch, pickle, zipfile: whatever a damaged or foreign file makes them raise
+        why = (str(error) or type(error).__name__).splitlines()[0]
+        raise InputError(f"{file}: not a network that proposes fronts ({why}); install s2a again") from error
     return network.eval()

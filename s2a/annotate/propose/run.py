@@ -11,7 +11,7 @@ from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.propose.cells import CellBox
 from s2a.annotate.propose.config import ProposeConfig
 from s2a.annotate.propose.fronts import SeenFront, fronts
-from s2a.annotate.propose.layers import Layer, layers, spread
+from s2a.annotate.propose.layers import Layer, floor_of, layers, spread
 from s2a.annotate.propose.network import FrontNetwork, Motion, load
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
@@ -22,8 +22,8 @@ SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}
 """Index of a side in `joints.hinge_at`."""
 OVERLAP = 0.5
 """Fraction of the smaller front that two proposals may share; the better one stays."""
-FACING = 0.6
-"""Cosine between a face of a front and its plane."""
+LOOKS_ALONG = 0.6
+"""Cosine between a face of a front and its plane, at least."""
 
 
 def propose(
@@ -38,12 +38,12 @@ def propose(
         network: what sees fronts; None: the one that comes with s2a.
     """
     network = network or load()
-    floor = float(np.quantile(surface.vertices[:, 2], 0.01))
+    floor = floor_of(surface)
     found = [
         item
         for layer in layers(spread(surface, config.density), config)
         for front in fronts(layer, floor, network, config)
-        if (item := _item(surface, layer, front, config, grow))
+        if (item := _item(surface, layer, front, grow))
     ]
     return _best(surface, found)
 
@@ -58,13 +58,8 @@ def cut(surface: SplitSurface, items: tuple[Item, ...], grow: GrowConfig) -> Dra
     return annotation
 
 
-def _item(
-    surface: SplitSurface, layer: Layer, front: SeenFront, config: ProposeConfig, grow: GrowConfig
-) -> Item | None:
-    """Return a front as a part; None where it is too small, or hardly scanned."""
-    size = np.array(front.box.sides) * config.cell
-    if (size < config.min_front).any():
-        return None
+def _item(surface: SplitSurface, layer: Layer, front: SeenFront, grow: GrowConfig) -> Item | None:
+    """Return a front as a part; None where it is hardly scanned."""
     region = _region(surface, layer, front.box, grow)
     if region is None:
         return None
@@ -119,7 +114,7 @@ def inside(surface: SplitSurface, region: FrontRegion, distance: float) -> np.nd
     """Return the faces whose middles lie in a region's rectangle, nearer to its plane than [m], and facing as it does."""
     place = region.local(surface.middles)
     flat = (np.abs(place[:, :2]) < region.size / 2).all(axis=1) & (np.abs(place[:, 2]) < distance)
-    return np.flatnonzero(flat & (surface.normals @ region.normal > FACING))
+    return np.flatnonzero(flat & (surface.normals @ region.normal > LOOKS_ALONG))
 
 
 def _best(surface: SplitSurface, found: list[Item]) -> tuple[Item, ...]:

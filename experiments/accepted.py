@@ -6,8 +6,8 @@ Each folder holds a scan of s2a sample virtual=varied detail=phone; its GLB is i
 accepts those that match a part (intersection over union of 0.5, kind and direction right) and rejects the others; where one has
 no handle, or one without sides to press on, or whose middle is more than OFF beside that of the true one, it clicks on that: what
 stands out there becomes the handle, or a bar that is added. Then come s2a export, prepare and the planner, EPISODES for each
-part, long enough for its plan. A part is opened where every episode succeeds; one that export or prepare lost counts as not
-opened.
+part, long enough for its plan. A part without a handle in the truth stays as proposed. A part is opened where every episode
+succeeds; one that export or prepare lost counts as not opened.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}
 """Index of a side in `joints.hinge_at`."""
 OVERLAP = 0.5
 """Fraction of the smaller front that two proposals may share; the better one stays."""
-LOOKS_ALONG = 0.6
+ALIGNED = 0.6
 """Cosine between a face of a front and its plane, at least."""
 
 
@@ -114,7 +114,7 @@ def inside(surface: SplitSurface, region: FrontRegion, distance: float) -> np.nd
     """Return the faces whose middles lie in a region's rectangle, nearer to its plane than [m], and facing as it does."""
     place = region.local(surface.middles)
     flat = (np.abs(place[:, :2]) < region.size / 2).all(axis=1) & (np.abs(place[:, 2]) < distance)
-    return np.flatnonzero(flat & (surface.normals @ region.normal > LOOKS_ALONG))
+    return np.flatnonzero(flat & (surface.normals @ region.normal > ALIGNED))
 
 
 def _best(surface: SplitSurface, found: list[Item]) -> tuple[Item, ...]:

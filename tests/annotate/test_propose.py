@@ -17,7 +17,7 @@ from s2a.annotate.propose import ProposeConfig, run
 from s2a.annotate.propose.cells import CellBox
 from s2a.annotate.propose.fronts import SeenFront, fronts
 from s2a.annotate.propose.layers import Layer
-from s2a.annotate.propose.network import CHANNELS, COARSE, FILE, MOTIONS, FrontNetwork, image, load
+from s2a.annotate.propose.network import CHANNELS, COARSE, FILE, MOTIONS, MULTIPLE, FrontNetwork, image, load
 from s2a.annotate.propose.run import propose
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
@@ -54,7 +54,7 @@ class Told(FrontNetwork):
 
     def forward(self, image: torch.Tensor) -> tuple[torch.Tensor, ...]:
         rows, columns = image.shape[2:]
-        assert rows % 32 == 0 and columns % 32 == 0
+        assert rows % MULTIPLE == 0 and columns % MULTIPLE == 0
         size = (rows // COARSE, columns // COARSE)
         front, sides, motion = torch.full(size, -9.0), torch.ones(4, *size), torch.zeros(len(MOTIONS), *size)
         x, y = (COARSE * (torch.arange(n) + 0.5) for n in reversed(size))

@@ -19,7 +19,6 @@ AGREES = 0.5
 """Intersection over union of two cells' rectangles from which on they are of one front."""
 NEAR = 0.05
 """[m] A cell's word on a side counts half as much at this distance as beside it: what is near is seen well."""
-
 THIN = 1e-3
 """[m] A cell is farther from each side of its front: a rectangle has an area."""
 BESIDE = 0.2
@@ -68,11 +67,11 @@ def fronts(layer: Layer, floor: float, network: FrontNetwork, config: ProposeCon
         left &= ~within  # those that are wrong about their rectangle
         found = CellBox(*map(float, box))
         held = _handle(handle, found)
-        yield SeenFront(found, _opposite(opens, found, held), score, held)
+        yield SeenFront(found, _hinged(opens, found, held), score, held)
 
 
-def _opposite(motion: Motion, box: CellBox, handle: CellBox | None) -> Motion:
-    """Return a motion; a door turns about the side away from a handle that is beside its middle."""
+def _hinged(motion: Motion, box: CellBox, handle: CellBox | None) -> Motion:
+    """Return a motion, of a door about the side away from a handle that is beside its middle."""
     if handle is None or motion not in (("hinge", "left"), ("hinge", "right")):
         return motion
     off = (handle.middle[0] - box.middle[0]) / box.width

@@ -116,5 +116,7 @@ def load(file: Path = FILE) -> FrontNetwork:
         network.load_state_dict({name: value.float() for name, value in torch.load(file, weights_only=True).items()})
     except Exception as error:  # of torch, pickle, zipfile: whatever a damaged or foreign file makes them raise
         why = (str(error) or type(error).__name__).splitlines()[0]
-        raise InputError(f"{file}: not a network that proposes fronts ({why}); install s2a again") from error
+        raise InputError(
+            f"{file}: not a network that proposes fronts ({why}); give another file, or install s2a again"
+        ) from error
     return network.eval()

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from s2a.planner.contact import SLOPING
 from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.object_grasps import SAMPLES, matrix, object_grasps
 from s2a.robot.spec import RobotSpec
@@ -21,7 +22,7 @@ def refuse_ungraspable(room: SimRoom, target: str, spec: RobotSpec, seed: int = 
     body = room.free[target]
     up = matrix(np.array([*body.position, *body.orientation]))[2, :3]
     hulls = [c.mesh for c in body.colliders]
-    found = object_grasps(hulls, np.array(body.mass.center), spec.gripper, seed, SAMPLES[-1], up=up)
+    found = object_grasps(hulls, np.array(body.mass.center), spec.gripper, seed, SAMPLES[-1], SLOPING, up)
     if not len(found.tool):
         points = np.concatenate([hull.vertices for hull in hulls])
         raise ungraspable(target, float(np.ptp(points, axis=0).min()), spec)

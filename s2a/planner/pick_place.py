@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from s2a.planner.contact import FIRM, Contact
 from s2a.planner.free_motion import free_motion
+from s2a.planner.grasp_cache import GraspCache
 from s2a.planner.graspable import failure
 from s2a.planner.gripper_shape import gripper_spheres, is_near
 from s2a.planner.misses import Misses
-from s2a.planner.object_grasps import SAMPLES, ObjectGrasps, matrix, object_grasps
+from s2a.planner.object_grasps import SAMPLES, ObjectGrasps, matrix
 from s2a.planner.obstacles import HELD_RADIUS, RoomHulls, surface_points
 from s2a.planner.pick_base import arm_depth, bases, chunks, reached
 from s2a.planner.pick_plan import PickPlan, StraightPaths
@@ -62,42 +63,41 @@ def plan_pick(
     seed: int = 0,
     fits: Fits | None = None,
     contacts: Sequence[Contact] = (FIRM,),
+    known: GraspCache | None = None,
 ) -> PickPlan:
     """Return how a robot picks an object at a pose and places it at another; 7-vectors of its body frame, scene frame.
 
     `fits` says which bases will do, of those where the robot can stand; `contacts` how the object may be held, those that come
-    first where there is a plan with them.
+    first where there is a plan with them; `known` are the object's grasps, for several calls.
 
     Raises:
         Unreachable: no grasp, base or path was found.
     """
-    return _Search(room, target, start, goal, spec, seed).plan(fits, contacts)
+    known = known or GraspCache(room.free[target], spec.gripper, seed)
+    return _Search(room, target, start, goal, spec, known).plan(fits, contacts)
 
 
 class _Search:
     """The search for base, grasp and path, cheapest tests first."""
 
     def __init__(
-        self, room: SimRoom, target: str, start: np.ndarray, goal: np.ndarray, spec: RobotSpec, seed: int
+        self, room: SimRoom, target: str, start: np.ndarray, goal: np.ndarray, spec: RobotSpec, known: GraspCache
     ) -> None:
-        self._spec, self._seed, self._target = spec, seed, target
+        self._spec, self._known, self._seed, self._target = spec, known, known.seed, target
         self._shape: RobotShape = robot_shape(spec)
         self._object = room.free[target]
         self._start, self._goal = matrix(start), matrix(goal)
         self._near = RoomHulls(room, {target}, (start[:3] + goal[:3]) / 2)
-        hulls = [c.mesh for c in self._object.colliders]
-        self._points = surface_points(hulls)
-        self._misses = Misses()
-        self._hulls, self._center = hulls, np.array(self._object.mass.center)
+        self._points, self._misses = surface_points([c.mesh for c in self._object.colliders]), Misses()
 
     def plan(self, fits: Fits | None, contacts: Sequence[Contact]) -> PickPlan:
         """Return the first plan found."""
         nearest, up = math.inf, self._start[2, :3]
         for contact in contacts:
             for samples in SAMPLES:
-                every = object_grasps(self._hulls, self._center, self._spec.gripper, self._seed, samples, contact, up)
-                kept, least = self._diverse(every)
-                nearest = min(nearest, least)
+                every = self._known(samples, contact, up)
+                kept = self._diverse(every)
+                nearest = 0.0 if kept else min(nearest, self._least(every))
                 if kept and (found := self._of(every[kept], fits)) is not None:
                     return found
                 if len(kept) >= ENOUGH:
@@ -123,32 +123,38 @@ class _Search:
                     later.append((base, pedestal, k))
         yield from later
 
-    def _diverse(self, grasps: ObjectGrasps) -> tuple[list[int], float]:
-        """Return up to GRASPS of them, in order, that keep clear, and the least penetration depth [m].
+    def _least(self, grasps: ObjectGrasps) -> float:
+        """Return the penetration depth [m] of the grasp that comes nearest to being clear, inf of none."""
+        blocks = (grasps[list(block)] for block in chunks(iter(range(len(grasps.tool))), BLOCK))
+        return min((float(self._depth(each, whole=True).min()) for each in blocks), default=math.inf)
+
+    def _depth(self, grasps: ObjectGrasps, whole: bool = False) -> np.ndarray:
+        """Return how deep the gripper reaches into what is around start and place, shape [grasp]; see `_gripper_depth`."""
+        ends = (self._start, self._goal)
+        return np.maximum(*(self._gripper_depth(at @ grasps.tool, grasps.opened, whole) for at in ends))
+
+    def _diverse(self, grasps: ObjectGrasps) -> list[int]:
+        """Return up to GRASPS of them, in order, that keep clear.
 
         No two have nearly the same direction, so that those near to one that is kept need not be looked at.
         """
         kept: list[int] = []
-        least = math.inf
-        for first in range(0, len(grasps.tool), BLOCK):
-            block = range(first, min(first + BLOCK, len(grasps.tool)))
+        for block in chunks(iter(range(len(grasps.tool))), BLOCK):
             some = [k for k in block if not is_near(grasps.tool[k], grasps.tool[kept])]
-            depth = np.zeros(len(some))
-            for at in (self._start, self._goal) if some else ():
-                depth = np.maximum(depth, self._gripper_depth(at @ grasps.tool[some], grasps.opened[some]))
-            least = min(least, float(depth.min(initial=math.inf)))
+            depth = self._depth(grasps[some]) if some else np.zeros(0)
             for k, reached_into in zip(some, depth, strict=True):
                 # Only those that keep clear; the arm comes from somewhere above or beside, never from below.
                 if reached_into <= 0.0 and not is_near(grasps.tool[k], grasps.tool[kept]):
                     kept.append(k)
                 if len(kept) == GRASPS:
-                    return kept, least
-        return kept, least
+                    return kept
+        return kept
 
-    def _gripper_depth(self, tool: np.ndarray, opened: np.ndarray) -> np.ndarray:
+    def _gripper_depth(self, tool: np.ndarray, opened: np.ndarray, whole: bool = False) -> np.ndarray:
         """Return how deep the gripper reaches into the room at tool poses [grasp 4 4] and on the straight paths from them.
 
-        With its pads at distances `opened` [grasp] back from the object, and its body alone as it lifts the object or lowers it.
+        With its pads at distances `opened` [grasp] back from the object, and its body alone as it lifts the object or lowers it:
+        the greatest depth if `whole`, else that at the first place where there is any.
         """
         depth, still = np.zeros(len(tool)), np.zeros((len(tool), 3))
         # A few of the spheres find most of what is hit, which is not looked at again.
@@ -156,7 +162,7 @@ class _Search:
         ways += [(True, 1, -back * tool[:, :3, 2]) for back in np.linspace(0.0, APPROACH, 4)]
         ways += [(False, 1, still + [0.0, 0.0, up]) for up in (LIFT / 2, LIFT)]
         for fingers, every, shift in ways:
-            left = np.flatnonzero(depth <= 0.0)
+            left = np.flatnonzero((depth <= 0.0) | whole)
             gripper = gripper_spheres(self._spec.gripper, fingers)
             places = gripper.placed(tool[left], opened[left], every) + shift[left][:, None]
             depth[left] = np.maximum(depth[left], self._near.depth(places, gripper.radii[::every] + 0.002))
@@ -186,7 +192,7 @@ class _Search:
         bases = np.stack([base for base, _, _ in pairs])
         todo, downs = [], []
         for (base, pedestal, k), paths in zip(pairs, follow(kin, ups, bases, IK_SEEDS, self._seed), strict=True):
-            for path in self._free_paths(paths, base, home, "approach and lift", 1):
+            for path in itertools.islice(self._free_paths(paths, base, home, "approach and lift", 1), BRANCHES):
                 held = np.linalg.inv(kin.tool(path[at : at + 1])[0]) @ np.linalg.inv(base) @ self._start
                 tool = self._goal @ np.linalg.inv(held)
                 tool[2, 3] += DROP
@@ -197,7 +203,8 @@ class _Search:
         lifted = np.stack([path[-1] for _, _, path, *_ in todo])
         lowers = follow(kin, np.stack(downs), np.stack([base for base, *_ in todo]), IK_SEEDS, self._seed, lifted)
         for (base, pedestal, path, held, opened), down, paths in zip(todo, downs, lowers, strict=True):
-            for lower in self._free_paths(unflipped(kin, paths, base, down), base, path[-1], "lowering and retreat", 2):
+            ways = self._free_paths(unflipped(kin, paths, base, down), base, path[-1], "lowering and retreat", 2)
+            for lower in itertools.islice(ways, BRANCHES):
                 yield base, pedestal, path, held, opened, lower
 
     def _joined(
@@ -220,24 +227,22 @@ class _Search:
     def _free_paths(
         self, paths: np.ndarray, base: np.ndarray, near: np.ndarray, name: str, stage: int
     ) -> Iterator[np.ndarray]:
-        """Yield up to BRANCHES of joint paths [path pose arm] on which the arm collides with nothing, nearest to joints first."""
+        """Yield joint paths of some [path pose arm] on which the arm collides with nothing, nearest to joints first."""
         if not len(paths):
-            text = f"{name}: the arm cannot follow the straight path; choose a place with more room"
-            self._misses.note(stage, 1.0, text)
-        left = BRANCHES
+            self._misses.note(
+                stage, 1.0, f"{name}: the arm cannot follow the straight path; choose a place with more room"
+            )
         for path in paths[np.argsort(np.abs(paths[:, 0] - near).max(axis=1))] if len(paths) else ():
             depth = max(
                 float(arm_depth(self._shape, self._near, path, base, fingers=False).max()),
                 self._shape.self_penetration(path)[0],
             )
             if depth > SLACK:
-                text = f"{name}: the arm reaches {1000 * depth:.0f} mm into the room or itself"
-                self._misses.note(stage, depth, text)
-                continue
-            yield path
-            left -= 1
-            if not left:
-                return
+                self._misses.note(
+                    stage, depth, f"{name}: the arm reaches {1000 * depth:.0f} mm into the room or itself"
+                )
+            else:
+                yield path
 
     def _held_depth(self, base: np.ndarray, opened: float, held: np.ndarray) -> Depth:
         """Return how deep the arm, or what it holds at `held` [4 4] and HELD_RADIUS around it, reaches into the room."""
@@ -266,8 +271,7 @@ class _Search:
 
     def _move(self, start: np.ndarray, goal: np.ndarray, depth: Depth, name: str, stage: int) -> np.ndarray | None:
         """Return a collision-free motion [pose arm]; None where there is none, which is noted."""
-        path = self._widest(start, goal, depth)
-        if path is not None:
+        if (path := self._widest(start, goal, depth)) is not None:
             return path
         worst = float(depth(np.stack([start, goal]), 0.0).max())
         text = f"{name}: an end of the motion reaches {1000 * worst:.0f} mm into something"

@@ -8,7 +8,7 @@ import trimesh
 from cabinet import box
 
 from s2a import robot
-from s2a.planner.contact import FIRM, HANGING
+from s2a.planner.contact import FIRM, HANGING, SLOPING
 from s2a.planner.gripper_shape import gripper_boxes, gripper_spheres
 from s2a.planner.object_grasps import ObjectGrasps, object_grasps
 from s2a.scene import Mesh
@@ -192,3 +192,19 @@ def test_the_pads_end_before_a_ledge_rather_than_at_it() -> None:
     bad = wedged(found, hulls)
     assert bad.any(), "there are such grasps"
     assert not bad[:50].any()
+
+
+@pytest.mark.parametrize(("lean", "firm", "sloping"), [(3.0, True, True), (7.0, False, True), (20.0, False, False)])
+def test_a_head_that_narrows_is_held_by_sloping_faces_but_not_by_steep_ones(
+    lean: float, firm: bool, sloping: bool
+) -> None:
+    """Over the pads' 17 mm each side recedes by 0.9, 2.0 and 6.0 mm. Away from its ends, where no pad reaches past an edge."""
+    high, low = 0.04, 0.034
+    top = low - 2 * high * np.tan(np.radians(lean))
+    corners = [[x * h, y * h, z] for z, h in ((-high, low), (high, top)) for x in (-1, 1) for y in (-1, 1)]
+    head = trimesh.convex.convex_hull(np.array(corners))
+    hull = Mesh(np.asarray(head.vertices, np.float32), np.asarray(head.faces))
+    up = np.array([0.0, 0.0, 1.0])
+    for contact, holds in ((FIRM, firm), (SLOPING, sloping)):
+        tool = object_grasps([hull], np.zeros(3), GRIPPER, samples=1000, contact=contact, up=up).tool
+        assert (np.abs(tool[:, 2, 3]) < 0.02).any() == holds

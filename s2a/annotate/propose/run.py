@@ -10,8 +10,9 @@ from s2a.annotate import joints
 from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.propose.cells import CellBox
 from s2a.annotate.propose.config import ProposeConfig
+from s2a.annotate.propose.flaps import is_flap
 from s2a.annotate.propose.fronts import SeenFront, fronts
-from s2a.annotate.propose.layers import Layer, floor_of, layers, spread
+from s2a.annotate.propose.layers import Layer, Points, floor_of, layers, spread
 from s2a.annotate.propose.network import FrontNetwork, Motion, load
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
@@ -38,12 +39,12 @@ def propose(
         network: what sees fronts; None: the one that comes with s2a.
     """
     network = network or load()
-    floor = floor_of(surface)
+    floor, points = floor_of(surface), spread(surface, config.density)
     found = [
         item
-        for layer in layers(spread(surface, config.density), config)
+        for layer in layers(points, config)
         for front in fronts(layer, floor, network, config)
-        if (item := _item(surface, layer, front, grow))
+        if (item := _item(surface, points, layer, front, config, grow))
     ]
     return _best(surface, found)
 
@@ -58,13 +59,17 @@ def cut(surface: SplitSurface, items: tuple[Item, ...], grow: GrowConfig) -> Dra
     return annotation
 
 
-def _item(surface: SplitSurface, layer: Layer, front: SeenFront, grow: GrowConfig) -> Item | None:
+def _item(
+    surface: SplitSurface, points: Points, layer: Layer, front: SeenFront, config: ProposeConfig, grow: GrowConfig
+) -> Item | None:
     """Return a front as a part; None where it is hardly scanned."""
     region = _region(surface, layer, front.box, grow)
     if region is None:
         return None
+    tips = front.motion == ("slide", "out") and is_flap(region, points, config.density)
+    joint = _joint(region, ("hinge", "bottom") if tips else front.motion)
     grip = _grip(layer, front.handle) if front.handle else None
-    return Item(region, joint=_joint(region, front.motion), proposed=True, score=front.score, grip=grip)
+    return Item(region, joint=joint, proposed=True, score=front.score, grip=grip)
 
 
 def _grip(layer: Layer, handle: CellBox) -> np.ndarray:

@@ -11,6 +11,9 @@ import numpy as np
 from s2a import robot as robots
 from s2a.errors import InputError
 from s2a.geometry.mesh_ops import merge
+from s2a.planner.contact import FIRM, SLOPING, Contact
+from s2a.planner.grasp_cache import GraspCache
+from s2a.planner.misses import Unreachable
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import surface_points
 from s2a.planner.part_plan import PlannerConfig
@@ -20,6 +23,7 @@ from s2a.planner.places import first_planned, free_object, place_poses, scanned
 from s2a.planner.segments import Segments
 from s2a.planner.straight_paths import LIFT
 from s2a.planner.trajectory import Picked, Trajectory
+from s2a.robot.spec import RobotSpec
 from s2a.scene import Joint
 from s2a.sim.nearby import Workspace
 from s2a.sim.simulation import Simulation
@@ -65,9 +69,7 @@ def read_stage(
     room = sim_stage.read(path, visuals=False)
     target, name = free_object(room, part), robot or DEFAULT_ROBOT
     spec = robots.load(name)
-    (start, goal), plan = first_planned(
-        room, target, spec, _ends(room, target, config), lambda ends: plan_pick(room, target, *ends, spec)
-    )
+    (start, goal), plan = _planned(room, target, spec, config)
     near = neighbours(room, target, start, goal)
     surface = merge([c.mesh for c in room.free[target].colliders])
     return PickStage(
@@ -86,6 +88,32 @@ def read_stage(
         goal=goal,
         plan=plan,
     )
+
+
+def _planned(
+    room: sim_stage.SimRoom, target: str, spec: RobotSpec, config: PickPlaceConfig
+) -> tuple[tuple[np.ndarray, np.ndarray], PickPlan]:
+    """Return start and place of an object, and the plan: with a firm grasp wherever there is one, else by sloping faces.
+
+    Raises:
+        InputError: there is neither, or no start or place.
+    """
+    known = GraspCache(room.free[target], spec.gripper)
+
+    def first(contact: Contact) -> tuple[tuple[np.ndarray, np.ndarray], PickPlan]:
+        ends = _ends(room, target, config)
+        return first_planned(
+            room,
+            target,
+            spec,
+            ends,
+            lambda each: plan_pick(room, target, *each, spec, contacts=(contact,), known=known),
+        )
+
+    try:
+        return first(FIRM)
+    except Unreachable:
+        return first(SLOPING)
 
 
 def neighbours(room: sim_stage.SimRoom, target: str, start: np.ndarray, goal: np.ndarray) -> list[str]:

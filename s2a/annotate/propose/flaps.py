@@ -1,0 +1,48 @@
+"""Flaps that look like drawers from the front, told apart by how deep the furniture is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from s2a.annotate.propose.layers import Points
+from s2a.annotate.region import FrontRegion
+
+SHALLOW = 0.4
+"""[m] Shoe cabinets whose flaps tip forward are no deeper: 0.17 to 0.35 m, and a front."""
+TALL = 0.8
+"""A drawer is lower than this fraction of its furniture's depth, or is a box in a shelf, which is about as wide as high."""
+WIDE = 1.3
+"""Width over height from which on a front is no such box."""
+NEAREST, FARTHEST, SLICE = 0.1, 1.0, 0.02
+"""[m] How far behind a front the wall is looked for, and in slices of which thickness."""
+WALL = 0.1
+"""[m] Height of the strip of a wall that tells where it is."""
+FACING = 0.8
+"""Cosine between the wall and the front, at least."""
+
+
+def is_flap(region: FrontRegion, points: Points, density: float) -> bool:
+    """Return whether a front that could slide out tips forward about its lower side instead.
+
+    Args:
+        region: the front.
+        points: spread over the whole surface.
+        density: of these, per m^2.
+    """
+    wide, high = region.size
+    if wide < WIDE * high:
+        return False
+    depth = depth_behind(region, points, density)
+    return depth is not None and depth <= SHALLOW and high >= TALL * depth
+
+
+def depth_behind(region: FrontRegion, points: Points, density: float) -> float | None:
+    """Return how far behind a front the wall is [m]: the farthest surface that faces as it does; None where none is seen."""
+    place = region.local(points.place)
+    behind = -place[:, 2]
+    beside = np.abs(place[:, 0]) < region.size[0] / 2
+    facing = points.normal @ region.normal > FACING
+    near = beside & facing & (behind > NEAREST) & (behind < FARTHEST)
+    slices = np.bincount((behind[near] / SLICE).astype(int), minlength=round(FARTHEST / SLICE))
+    walls = np.flatnonzero(np.convolve(slices, np.ones(3), "same") > WALL * region.size[0] * density)
+    return float(SLICE * walls[-1]) if len(walls) else None

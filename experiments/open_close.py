@@ -58,8 +58,7 @@ def _row(args: argparse.Namespace, room: str, part: str) -> Row:
     begun, stage = time.perf_counter(), read_stage(args.inputs / room / "room.usd", part)
     row: Row = {"room": room, "part": part, "kind": stage.joint.kind, "travel": round(stage.travel, 3)}
     row["episodes"] = 2 * args.num_envs * len(args.seeds)
-    most = SLIDE if stage.joint.kind == "prismatic" else TURN * stage.lever_arm
-    goal = min(FRACTION * stage.travel, most)
+    goal = goal_of(stage)
     row["goal"] = round(goal, 4)
     failed = _both(stage, goal, args, row)
     counts = [count for name in ("opened", "shut") for count in row.get(name, [])]
@@ -68,20 +67,28 @@ def _row(args: argparse.Namespace, room: str, part: str) -> Row:
     return row | {"cause": " and ".join(failed)}
 
 
+def goal_of(stage: Any) -> float:
+    """Return how far a part is to be opened [m], along the handle's path."""
+    most = SLIDE if stage.joint.kind == "prismatic" else TURN * stage.lever_arm
+    return min(FRACTION * stage.travel, most)
+
+
+def both_tasks(goal: float) -> list[tuple[str, str, dict[str, float]]]:
+    """Return what is done with a part: name, task, and its keys of s2a evaluate."""
+    ahead = {"planner.opening": goal + BEYOND, "metrics.success_opening": goal, "metrics.full_travel": 1e-3}
+    away = {"task.termination_opening": 10.0, "task.full_travel": 1e-3}
+    return [("opened", "open_part", ahead | away), ("shut", "close_part", {"task.start_opening": goal})]
+
+
 def _both(stage: Any, goal: float, args: argparse.Namespace, row: Row) -> list[str]:
     """Open and shut a part; fill the row, and return what failed."""
     from s2a.errors import InputError
 
-    ahead = {"planner.opening": goal + BEYOND, "metrics.success_opening": goal, "metrics.full_travel": 1e-3}
-    away = {"task.termination_opening": 10.0, "task.full_travel": 1e-3}
     failed = []
-    for name, task, keys in (
-        ("opened", "open_part", ahead | away),
-        ("shut", "close_part", {"task.start_opening": goal}),
-    ):
-        settings = _settings(stage, task, keys, args)
+    for name, task, keys in both_tasks(goal):
+        settings = settings_of(stage, task, keys, args)
         try:
-            row |= _episodes(_based(stage, settings, row, name), settings, args, row, name)
+            row |= _episodes(based(stage, settings, row, name), settings, args, row, name)
         except InputError as error:
             row |= {f"{name}_{key}": text for key, text in cause_of(error).items()}
         if any(count < args.num_envs for count in row.get(name, [0])):
@@ -89,7 +96,7 @@ def _both(stage: Any, goal: float, args: argparse.Namespace, row: Row) -> list[s
     return failed
 
 
-def _based(stage: Any, settings: Any, row: Row, name: str) -> Any:
+def based(stage: Any, settings: Any, row: Row, name: str) -> Any:
     """Return the stage with a base for all of a task; the row notes which, and the seconds."""
     from s2a import robot, tasks
     from s2a.planner.hold_or_push import ready_to_move
@@ -105,7 +112,8 @@ def _based(stage: Any, settings: Any, row: Row, name: str) -> Any:
     return found
 
 
-def _settings(stage: Any, task: str, keys: dict[str, float], args: argparse.Namespace) -> Any:
+def settings_of(stage: Any, task: str, keys: dict[str, float], args: argparse.Namespace) -> Any:
+    """Return the settings of s2a evaluate."""
     from s2a import config
     from s2a.commands.evaluate import Config
 

@@ -30,7 +30,8 @@ class Contact:
 FIRM = Contact(0.0007, 0.3, 0.003)
 """5 degrees over half a pad, and a rod of 8 mm. With twice as much a perfume bottle turned by 20 degrees in the gripper."""
 SLOPING = replace(FIRM, flat=0.0014, centered=0.005)
-"""A doll's head, a lamp, a tube: their sides recede too much to be FIRM. Only where no firm grasp has a plan."""
+"""A doll's head, a lamp, a tube: their sides recede too much to be FIRM, and what holds lies nearer to one edge of the pads. They
+may turn in the gripper, as the perfume bottle did; it is that or no plan."""
 HANGING = tuple(
     replace(FIRM, held=held, lever=0.008, body_gap=body_gap)
     for held, body_gap in ((0.9, 0.012), (0.7, 0.006), (0.7, 0.0))

@@ -11,17 +11,17 @@ from s2a.usd.sim_scene import SimBody
 
 
 class GraspCache:
-    """Grasps of one free object, each found once, wherever it is to stand."""
+    """Grasps of one free object by one gripper, found once for each way up, and number of points, and contact."""
 
     def __init__(self, body: SimBody, gripper: GripperSpec, seed: int = 0) -> None:
         """Take the object, the gripper, and the seed of the points."""
-        self.seed = seed
-        self._of = [c.mesh for c in body.colliders], np.array(body.mass.center), gripper, seed
+        self._hulls, self._center = [c.mesh for c in body.colliders], np.array(body.mass.center)
+        self._gripper, self._seed = gripper, seed
         self._found: dict[tuple[object, ...], ObjectGrasps] = {}
 
     def __call__(self, samples: int, contact: Contact, up: np.ndarray) -> ObjectGrasps:
-        """Return what `object_grasps` does."""
+        """Return what `object_grasps` does; `up` is a unit vector in the body's frame, shape [3]."""
         key = (samples, contact, *up.round(6))
         if key not in self._found:
-            self._found[key] = object_grasps(*self._of, samples, contact, up)
+            self._found[key] = object_grasps(self._hulls, self._center, self._gripper, self._seed, samples, contact, up)
         return self._found[key]

@@ -14,7 +14,8 @@ from s2a.planner.contact import FIRM, Contact
 from s2a.planner.free_motion import free_motion
 from s2a.planner.grasp_cache import GraspCache
 from s2a.planner.graspable import failure
-from s2a.planner.gripper_shape import gripper_spheres, is_near
+from s2a.planner.gripper_depth import gripper_depth
+from s2a.planner.gripper_shape import is_near
 from s2a.planner.misses import Misses
 from s2a.planner.object_grasps import SAMPLES, ObjectGrasps, matrix
 from s2a.planner.obstacles import HELD_RADIUS, RoomHulls, surface_points
@@ -30,8 +31,6 @@ DROP = 0.001
 """[m] Above the planned place the fingers open, so that the object is not pressed onto its support."""
 GRASPS, BASES, PAIRS = 16, 24, 96
 """Grasps and bases that are tried, and pairs of both that are planned to the end."""
-COARSE = 7
-"""Every so many of the gripper's spheres are looked at first."""
 BLOCK = 256
 """Grasps that are looked at together."""
 ENOUGH = 8
@@ -68,22 +67,29 @@ def plan_pick(
     """Return how a robot picks an object at a pose and places it at another; 7-vectors of its body frame, scene frame.
 
     `fits` says which bases will do, of those where the robot can stand; `contacts` how the object may be held, those that come
-    first where there is a plan with them; `known` are the object's grasps, for several calls.
+    first where there is a plan with them; `known` are the grasps of this object by this robot, for several calls.
 
     Raises:
         Unreachable: no grasp, base or path was found.
     """
-    known = known or GraspCache(room.free[target], spec.gripper, seed)
-    return _Search(room, target, start, goal, spec, known).plan(fits, contacts)
+    known = known or GraspCache(room.free[target], spec.gripper)
+    return _Search(room, target, start, goal, spec, known, seed).plan(fits, contacts)
 
 
 class _Search:
     """The search for base, grasp and path, cheapest tests first."""
 
     def __init__(
-        self, room: SimRoom, target: str, start: np.ndarray, goal: np.ndarray, spec: RobotSpec, known: GraspCache
+        self,
+        room: SimRoom,
+        target: str,
+        start: np.ndarray,
+        goal: np.ndarray,
+        spec: RobotSpec,
+        known: GraspCache,
+        seed: int,
     ) -> None:
-        self._spec, self._known, self._seed, self._target = spec, known, known.seed, target
+        self._spec, self._known, self._seed, self._target = spec, known, seed, target
         self._shape: RobotShape = robot_shape(spec)
         self._object = room.free[target]
         self._start, self._goal = matrix(start), matrix(goal)
@@ -92,16 +98,17 @@ class _Search:
 
     def plan(self, fits: Fits | None, contacts: Sequence[Contact]) -> PickPlan:
         """Return the first plan found."""
-        nearest, up = math.inf, self._start[2, :3]
+        up, tried = self._start[2, :3], []
         for contact in contacts:
             for samples in SAMPLES:
                 every = self._known(samples, contact, up)
                 kept = self._diverse(every)
-                nearest = 0.0 if kept else min(nearest, self._least(every))
+                tried.append((every, bool(kept)))
                 if kept and (found := self._of(every[kept], fits)) is not None:
                     return found
                 if len(kept) >= ENOUGH:
                     break
+        nearest = 0.0 if any(clear for _, clear in tried) else self._least([every for every, _ in tried])
         raise failure(self._target, nearest, float(np.ptp(self._points, axis=0).min()), self._misses, self._spec)
 
     def _of(self, grasps: ObjectGrasps, fits: Fits | None) -> PickPlan | None:
@@ -123,15 +130,20 @@ class _Search:
                     later.append((base, pedestal, k))
         yield from later
 
-    def _least(self, grasps: ObjectGrasps) -> float:
+    def _least(self, tried: list[ObjectGrasps]) -> float:
         """Return the penetration depth [m] of the grasp that comes nearest to being clear, inf of none."""
-        blocks = (grasps[list(block)] for block in chunks(iter(range(len(grasps.tool))), BLOCK))
-        return min((float(self._depth(each, whole=True).min()) for each in blocks), default=math.inf)
+        least = math.inf
+        for grasps in tried:
+            for block in chunks(iter(range(len(grasps.tool))), BLOCK):
+                least = min(least, float(self._depth(grasps[block], least).min()))
+        return least
 
-    def _depth(self, grasps: ObjectGrasps, whole: bool = False) -> np.ndarray:
-        """Return how deep the gripper reaches into what is around start and place, shape [grasp]; see `_gripper_depth`."""
+    def _depth(self, grasps: ObjectGrasps, limit: float = 0.0) -> np.ndarray:
+        """Return how deep the gripper reaches into what is around start and place, shape [grasp]; see `gripper_depth`."""
         ends = (self._start, self._goal)
-        return np.maximum(*(self._gripper_depth(at @ grasps.tool, grasps.opened, whole) for at in ends))
+        return np.maximum(
+            *(gripper_depth(self._near, self._spec.gripper, at @ grasps.tool, grasps.opened, limit) for at in ends)
+        )
 
     def _diverse(self, grasps: ObjectGrasps) -> list[int]:
         """Return up to GRASPS of them, in order, that keep clear.
@@ -149,24 +161,6 @@ class _Search:
                 if len(kept) == GRASPS:
                     return kept
         return kept
-
-    def _gripper_depth(self, tool: np.ndarray, opened: np.ndarray, whole: bool = False) -> np.ndarray:
-        """Return how deep the gripper reaches into the room at tool poses [grasp 4 4] and on the straight paths from them.
-
-        With its pads at distances `opened` [grasp] back from the object, and its body alone as it lifts the object or lowers it:
-        the greatest depth if `whole`, else that at the first place where there is any.
-        """
-        depth, still = np.zeros(len(tool)), np.zeros((len(tool), 3))
-        # A few of the spheres find most of what is hit, which is not looked at again.
-        ways = [(True, COARSE, still)]
-        ways += [(True, 1, -back * tool[:, :3, 2]) for back in np.linspace(0.0, APPROACH, 4)]
-        ways += [(False, 1, still + [0.0, 0.0, up]) for up in (LIFT / 2, LIFT)]
-        for fingers, every, shift in ways:
-            left = np.flatnonzero((depth <= 0.0) | whole)
-            gripper = gripper_spheres(self._spec.gripper, fingers)
-            places = gripper.placed(tool[left], opened[left], every) + shift[left][:, None]
-            depth[left] = np.maximum(depth[left], self._near.depth(places, gripper.radii[::every] + 0.002))
-        return depth
 
     def _found(self, blocks: Iterator[list[tuple[np.ndarray, float, int]]], grasps: ObjectGrasps) -> Iterator[PickPlan]:
         """Yield plans; those for which the arm turns far between start and place after a look at MORE further blocks of pairs."""

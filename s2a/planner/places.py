@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.errors import InputError
+from s2a.planner.contact import FIRM, Contact
 from s2a.planner.graspable import refuse_ungraspable
 from s2a.planner.misses import Unreachable
 from s2a.planner.object_grasps import matrix
@@ -223,9 +224,16 @@ def footprint(points: np.ndarray) -> np.ndarray:
 
 
 def first_planned(
-    room: SimRoom, name: str, spec: RobotSpec, ends: Iterable[Ends], plan: Callable[[Ends], Plan]
+    room: SimRoom,
+    name: str,
+    spec: RobotSpec,
+    ends: Iterable[Ends],
+    plan: Callable[[Ends], Plan],
+    contact: Contact = FIRM,
 ) -> tuple[Ends, Plan]:
     """Return the first of some starts and places of an object for which there is a plan, and that plan.
+
+    Where there is none for any, it is asked whether the gripper finds a contact on the object at all.
 
     Raises:
         Unreachable: of the first ones, where there is none for any; Ungraspable where the object is why.
@@ -239,8 +247,8 @@ def first_planned(
             except Unreachable as error:
                 first = first or error
     except InputError:  # no spot is free; the object may be too large for the gripper as well
-        refuse_ungraspable(room, name, spec)
+        refuse_ungraspable(room, name, spec, contact)
         raise
-    refuse_ungraspable(room, name, spec)
+    refuse_ungraspable(room, name, spec, contact)
     assert first is not None, "`place_poses` yields a pose, or raises"
     raise first

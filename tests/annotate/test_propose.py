@@ -16,7 +16,7 @@ from s2a.annotate.annotation import Item
 from s2a.annotate.propose import ProposeConfig, run
 from s2a.annotate.propose.cells import CellBox
 from s2a.annotate.propose.fronts import SeenFront, fronts
-from s2a.annotate.propose.layers import Layer
+from s2a.annotate.propose.layers import Layer, Points, layers
 from s2a.annotate.propose.network import CHANNELS, COARSE, FILE, MOTIONS, MULTIPLE, FrontNetwork, image, load
 from s2a.annotate.propose.run import propose
 from s2a.annotate.region import GrowConfig
@@ -236,3 +236,47 @@ def test_the_command_writes_proposals_without_a_page(tmp_path: Path, capsys: pyt
     assert count >= 1 and f"{count} parts" in said
     assert cli.main(["annotate", *keys[:2], "page=false"]) == 2
     assert "auto=true" in capsys.readouterr().err
+
+
+def plane_points(front: float, left: float, right: float, top: float) -> Points:
+    """Return points of an upright plane that faces x, from the floor on, with 2 mm of noise."""
+    random = np.random.default_rng(0)
+    count = round(PROPOSE.density * (right - left) * top)
+    place = random.uniform((0.0, left, 0.0), (0.0, right, top), (count, 3))
+    place[:, 0] = front + random.normal(0.0, 0.002, count)
+    return Points(place, np.tile([1.0, 0.0, 0.0], (count, 1)), np.full((count, 3), 128.0))
+
+
+def together(*some: Points) -> Points:
+    return Points(*(np.concatenate([getattr(each, name) for each in some]) for name in ("place", "normal", "color")))
+
+
+def test_a_door_2_cm_before_its_wall_has_an_image_of_its_own() -> None:
+    """The wall is seven times as large, and its plane lies nearer to it than two planes can be told apart."""
+    wall = together(plane_points(0.0, -3.0, 0.0, 2.5), plane_points(0.0, 0.8, 3.0, 2.5))
+    found = list(layers(together(wall, plane_points(0.02, 0.0, 0.8, 2.0)), PROPOSE))
+    offsets = sorted(each.offset for each in found)
+    assert offsets == pytest.approx([0.0, 0.02], abs=0.002)
+    door = max(found, key=lambda each: each.offset)
+    assert door.low[0] == pytest.approx(0.0, abs=0.05)
+    assert door.height.shape == pytest.approx((200, 80), abs=6)
+
+
+def test_what_another_plane_takes_is_not_looked_at_again() -> None:
+    """Shelves and fronts 28 mm apart: each lies within reach of the other, and each is one image."""
+    both = together(plane_points(0.0, -1.0, 0.0, 1.0), plane_points(0.028, 0.0, 1.0, 1.0))
+    assert sorted(each.offset for each in layers(both, PROPOSE)) == pytest.approx([0.0, 0.028], abs=0.002)
+
+
+@pytest.mark.parametrize("flap", [True, False])
+def test_what_slides_out_of_shallow_furniture_becomes_a_flap(monkeypatch: pytest.MonkeyPatch, flap: bool) -> None:
+    """The board's left half, 0.8 by 0.9 m: as a flap it turns about its lower side, at the floor."""
+    mesh = plain_room.room()
+    monkeypatch.setattr(run, "layers", lambda points, config: [on_the_board()])
+    monkeypatch.setattr(run, "is_flap", lambda region, points, density: flap)
+    surface = SplitSurface.of(mesh.vertices, mesh.faces, mesh.colors)
+    (item,) = propose(surface, PROPOSE, GROW, Told([(CellBox(0, 0, 80, 90), SLIDES)]))
+    assert item.joint.kind == ("revolute" if flap else "prismatic")
+    assert abs(item.joint.axis[1 if flap else 0]) == pytest.approx(1.0)
+    if flap:
+        assert item.joint.origin[2] == pytest.approx(0.0, abs=0.01)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import itertools
 import json
+import math
 import re
 import weakref
 from collections.abc import Iterator
@@ -18,12 +19,15 @@ from cabinet import box, free_cube, write_cabinet
 from s2a import robot
 from s2a.errors import InputError
 from s2a.geometry import convex
-from s2a.planner import pick_place
+from s2a.planner import grasp_cache, pick_place
+from s2a.planner.contact import FIRM, SLOPING, Contact
 from s2a.planner.free_motion import free_motion
+from s2a.planner.grasp_cache import GraspCache
 from s2a.planner.graspable import Ungraspable
+from s2a.planner.gripper_depth import gripper_depth
 from s2a.planner.gripper_shape import gripper_boxes
 from s2a.planner.misses import Misses, Unreachable
-from s2a.planner.object_grasps import matrix, object_grasps
+from s2a.planner.object_grasps import SAMPLES, matrix, object_grasps
 from s2a.planner.obstacles import RoomHulls, surface_points
 from s2a.planner.pick_base import arm_depth, bases, reached
 from s2a.planner.pick_place import WIDE, plan_pick
@@ -43,6 +47,7 @@ from s2a.robot.collision import robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
 from s2a.scene import Mesh
+from s2a.tasks.pick_place import skill
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import SimRoom
 
@@ -163,11 +168,72 @@ def test_a_narrow_place_takes_grasps_that_fit_into_it(tmp_path: Path) -> None:
     assert abs(closing[0]) > 0.9
 
 
-def test_a_place_in_something_is_said(tmp_path: Path) -> None:
+def test_a_place_in_something_is_said_with_the_nearest_miss(tmp_path: Path) -> None:
+    """Of every grasp the worst of all places on its way at both ends, and of these the least."""
     walls = [box((0.2, -0.2 + y, 0.9), (0.06, 0.01, 0.098)) for y in (-0.045, 0.045)]
     walls += [box((0.2 + x, -0.2, 0.9), (0.01, 0.06, 0.098)) for x in (-0.045, 0.045)]
-    with pytest.raises(Unreachable, match=r"the gripper reaches at least [\d.]+ mm into"):
-        plan_pick(room_of(tmp_path, beside=walls), "cube_9", START, GOAL, PANDA)
+    room, gripper = room_of(tmp_path, beside=walls), PANDA.gripper
+    with pytest.raises(Unreachable, match=r"with 2 mm around it the gripper reaches at least [\d.]+ mm into") as error:
+        plan_pick(room, "cube_9", START, GOAL, PANDA)
+    near, known = RoomHulls(room, {"cube_9"}, (START[:3] + GOAL[:3]) / 2), GraspCache(room.free["cube_9"], gripper)
+    least = []
+    for samples in SAMPLES:
+        found = known(samples, FIRM, np.array([0.0, 0.0, 1.0]))[::7]
+        ends = [gripper_depth(near, gripper, matrix(at) @ found.tool, found.opened, math.inf) for at in (START, GOAL)]
+        least.append(np.maximum(*ends).min())
+    said = float(re.search(r"at least ([\d.]+) mm", str(error.value))[1])
+    assert 1.0 < said <= 1000 * min(least) + 0.05
+
+
+def test_what_is_deeper_than_a_limit_somewhere_is_known_to_be_so(tmp_path: Path) -> None:
+    room, gripper = room_of(tmp_path, beside=narrow(0.025)), PANDA.gripper
+    near = RoomHulls(room, {"cube_9"}, GOAL[:3])
+    found = GraspCache(room.free["cube_9"], gripper)(SAMPLES[0], FIRM, np.array([0.0, 0.0, 1.0]))
+    whole, first, some = (
+        gripper_depth(near, gripper, matrix(GOAL) @ found.tool, found.opened, limit) for limit in (math.inf, 0.0, 0.01)
+    )
+    assert (whole > 0.0).any() and (whole == 0.0).any()
+    np.testing.assert_array_equal(whole > 0.0, first > 0.0)
+    np.testing.assert_array_equal(whole[whole <= 0.01], some[whole <= 0.01])
+    assert (some[whole > 0.01] > 0.01).all() and (whole >= first).all()
+
+
+def test_grasps_of_an_object_are_found_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    body, up = room_of(tmp_path).free["cube_9"], np.array([0.0, 0.0, 1.0])
+    known = GraspCache(body, PANDA.gripper)
+    first = known(50, FIRM, up)
+    alone = object_grasps([c.mesh for c in body.colliders], np.zeros(3), PANDA.gripper, 0, 50, FIRM, up)
+    np.testing.assert_array_equal(first.tool, alone.tool)
+    monkeypatch.setattr(grasp_cache, "object_grasps", lambda *args: alone[:1])
+    assert known(50, FIRM, up + 1e-9) is first
+    assert all(len(known(*other).tool) == 1 for other in ((51, FIRM, up), (50, SLOPING, up), (50, FIRM, -up)))
+
+
+@pytest.mark.parametrize("last", [FIRM, SLOPING, None])
+def test_sloping_faces_are_held_where_no_start_has_a_firm_plan(
+    last: Contact | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of two starts the second has a plan, with a firm grasp, with a sloping one, or with none."""
+    tried: list[tuple[float, Contact]] = []
+
+    def plan(room, target, start, goal, spec, contacts, known):  # noqa: ANN001, ANN202
+        tried.append((start[0], *contacts))
+        if start[0] != 2.0 or contacts != (last,):
+            raise Unreachable(f"no plan from {start[0]}")
+        return "a plan"
+
+    ends = [(np.full(7, start), GOAL) for start in (1.0, 2.0)]
+    monkeypatch.setattr(skill, "plan_pick", plan)
+    monkeypatch.setattr(skill, "_ends", lambda *args: iter(ends))
+    room = room_of(tmp_path)
+    if last is None:
+        with pytest.raises(Unreachable, match="no plan from 1.0"):
+            skill._planned(room, "cube_9", PANDA, None)
+    else:
+        found = skill._planned(room, "cube_9", PANDA, None)
+        assert found[0] is ends[1] and found[1] == "a plan"
+    firm, sloping = [(1.0, FIRM), (2.0, FIRM)], [(1.0, SLOPING), (2.0, SLOPING)]
+    assert tried == (firm if last is FIRM else firm + sloping)
 
 
 def test_a_free_placement_is_level_apart_and_on_the_support(tmp_path: Path) -> None:

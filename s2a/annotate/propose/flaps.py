@@ -8,14 +8,14 @@ from s2a.annotate.propose.layers import Points
 from s2a.annotate.region import FrontRegion
 
 SHALLOW = 0.4
-"""[m] Shoe cabinets whose flaps tip forward are no deeper: 0.17 to 0.35 m, and a front."""
+"""[m] Shoe cabinets whose flaps tip forward are no deeper; sold ones have 0.17 to 0.35 m."""
 TALL = 0.8
-"""A drawer is lower than this fraction of its furniture's depth, or is a box in a shelf, which is about as wide as high."""
+"""A front at least this fraction as high as its furniture is deep is a flap: of 206 drawers of 29 virtual homes one is."""
 WIDE = 1.3
 """Width over height from which on a front is no such box."""
-NEAREST, FARTHEST, SLICE = 0.1, 1.0, 0.02
-"""[m] How far behind a front the wall is looked for, and in slices of which thickness."""
-WALL = 0.1
+NEAREST, FARTHEST, THICK = 0.1, 1.0, 0.02
+"""[m] How far behind a front the wall is looked for, and how thick it may seem."""
+STRIP = 0.1
 """[m] Height of the strip of a wall that tells where it is."""
 FACING = 0.8
 """Cosine between the wall and the front, at least."""
@@ -26,7 +26,7 @@ def is_flap(region: FrontRegion, points: Points, density: float) -> bool:
 
     Args:
         region: the front.
-        points: spread over the whole surface.
+        points: spread over the upright surface of the scan.
         density: of these, per m^2.
     """
     wide, high = region.size
@@ -43,6 +43,9 @@ def depth_behind(region: FrontRegion, points: Points, density: float) -> float |
     beside = np.abs(place[:, 0]) < region.size[0] / 2
     facing = points.normal @ region.normal > FACING
     near = beside & facing & (behind > NEAREST) & (behind < FARTHEST)
-    slices = np.bincount((behind[near] / SLICE).astype(int), minlength=round(FARTHEST / SLICE))
-    walls = np.flatnonzero(np.convolve(slices, np.ones(3), "same") > WALL * region.size[0] * density)
-    return float(SLICE * walls[-1]) if len(walls) else None
+    found = np.sort(behind[near])
+    count = max(round(STRIP * region.size[0] * density), 1)
+    if len(found) < count:
+        return None
+    enough = np.flatnonzero(found[count - 1 :] - found[: len(found) - count + 1] < THICK)
+    return float(np.median(found[enough[-1] : enough[-1] + count])) if len(enough) else None

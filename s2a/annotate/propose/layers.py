@@ -127,20 +127,27 @@ def layers(points: Points, config: ProposeConfig) -> Iterator[Layer]:
         facing = points.normal @ normal
         flat = facing > FACING
         offset = points.place @ normal
-        for peak in _peaks(offset[flat], config):
+        peaks = np.array(_peaks(offset[flat], config))
+        for peak in peaks:
             near = np.abs(offset - peak) < 2 * AHEAD
-            for level in _levelled(
-                points[near].place[flat[near] & (np.abs(offset - peak)[near] < 2 * config.layer)], normal, peak, config
-            ):
+            places = points[near].place[flat[near] & (np.abs(offset - peak)[near] < 2 * config.layer)]
+            for level in _levelled(places, normal, peak, peaks[peaks != peak], config):
                 yield _image(points[near], flat[near], *level, config)
 
 
 def _levelled(
-    places: np.ndarray, normal: np.ndarray, offset: float, config: ProposeConfig
+    places: np.ndarray,
+    normal: np.ndarray,
+    offset: float,
+    others: np.ndarray,
+    config: ProposeConfig,
+    again: bool = True,
 ) -> Iterator[tuple[np.ndarray, float, np.ndarray]]:
     """Yield normal, offset [m] and corners [m] (low, high: along the plane, and upwards) of each connected piece of a plane.
 
-    Furniture is not quite parallel, and a scan drifts: over two metres the heights over one common plane differ by 2 cm.
+    Furniture is not quite parallel, and a scan drifts: over two metres the heights over one common plane differ by 2 cm. What
+    a piece leaves, and none of the `others` takes [m], is looked at `again`: a door lies 2 cm before its wall, which is ten
+    times as large and hides it.
     """
     right = np.array([-normal[1], normal[0], 0.0])
     u, height = places @ right, places @ normal - offset
@@ -161,6 +168,10 @@ def _levelled(
         best = places[mine][flat]
         place = np.stack([best @ along, best[:, 2]], axis=1)
         yield turned, float(np.median(best @ turned)), np.stack([place.min(axis=0), place.max(axis=0)])
+        rest = places[mine][~flat]
+        rest = rest[(np.abs((rest @ normal)[:, None] - others) > config.layer).all(axis=1)]
+        if again and len(rest) >= config.min_layer * config.density:
+            yield from _levelled(rest, normal, offset, others, config, again=False)
 
 
 def _line(x: np.ndarray, y: np.ndarray, near: float) -> np.ndarray:

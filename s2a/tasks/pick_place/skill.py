@@ -32,6 +32,8 @@ from s2a.tasks.pick_place.config import PickPlaceConfig
 from s2a.usd import sim_stage
 from s2a.usd.sim_scene import DEFAULT_ROBOT
 
+Ends = tuple[np.ndarray, np.ndarray]
+"""Start and place of an object's body frame, 7-vectors, scene frame."""
 NEIGHBOURS = 0.4
 """[m] From start or place: free objects up to there can move."""
 
@@ -90,30 +92,24 @@ def read_stage(
     )
 
 
-def _planned(
-    room: sim_stage.SimRoom, target: str, spec: RobotSpec, config: PickPlaceConfig
-) -> tuple[tuple[np.ndarray, np.ndarray], PickPlan]:
+def _planned(room: sim_stage.SimRoom, target: str, spec: RobotSpec, config: PickPlaceConfig) -> tuple[Ends, PickPlan]:
     """Return start and place of an object, and the plan: with a firm grasp wherever there is one, else by sloping faces.
 
     Raises:
-        InputError: there is neither, or no start or place.
+        InputError: there is neither, for the reason that holds with sloping faces, or no start or place.
     """
     known = GraspCache(room.free[target], spec.gripper)
 
-    def first(contact: Contact) -> tuple[tuple[np.ndarray, np.ndarray], PickPlan]:
-        ends = _ends(room, target, config)
-        return first_planned(
-            room,
-            target,
-            spec,
-            ends,
-            lambda each: plan_pick(room, target, *each, spec, contacts=(contact,), known=known),
-        )
+    def planned_with(contact: Contact) -> tuple[Ends, PickPlan]:
+        def plan(ends: Ends) -> PickPlan:
+            return plan_pick(room, target, *ends, spec, contacts=(contact,), known=known)
+
+        return first_planned(room, target, spec, _ends(room, target, config), plan, contact)
 
     try:
-        return first(FIRM)
+        return planned_with(FIRM)
     except Unreachable:
-        return first(SLOPING)
+        return planned_with(SLOPING)
 
 
 def neighbours(room: sim_stage.SimRoom, target: str, start: np.ndarray, goal: np.ndarray) -> list[str]:
@@ -124,7 +120,7 @@ def neighbours(room: sim_stage.SimRoom, target: str, start: np.ndarray, goal: np
     ]  # fmt: skip
 
 
-def _ends(room: sim_stage.SimRoom, target: str, config: PickPlaceConfig) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _ends(room: sim_stage.SimRoom, target: str, config: PickPlaceConfig) -> Iterator[Ends]:
     """Yield where the object may start and where it is to be placed, 7-vectors."""
     if config.start == config.place:
         raise InputError(

@@ -12,7 +12,7 @@ SHALLOW = 0.4
 TALL = 0.8
 """A front at least this fraction as high as its furniture is deep is a flap: of 206 drawers of 29 virtual homes one is."""
 WIDE = 1.3
-"""Width over height from which on a front is no such box."""
+"""Width over height from which on a front is no box of a shelf, which is about as wide as high."""
 NEAREST, FARTHEST, THICK = 0.1, 1.0, 0.02
 """[m] How far behind a front the wall is looked for, and how thick it may seem."""
 STRIP = 0.1

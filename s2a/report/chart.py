@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from s2a.report.document import Markup, text
 
 WIDTH, HEIGHT = 640, 300
-LEFT, RIGHT, TOP, BOTTOM = 62, 16, 12, 46
-"""[px] Of a chart, and its margins."""
+LEFT, RIGHT, TOP, BOTTOM = 76, 36, 12, 46
+"""[px] Of a chart, and its margins, which have room for numbers of eight characters."""
 POINTS = 400
 """Of a line at most; of a longer one the means of neighbours are drawn."""
 BAR = 180

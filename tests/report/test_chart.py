@@ -27,7 +27,8 @@ def test_ticks_are_few_round_and_cover_the_range(low: float, high: float) -> Non
 
 def test_a_line_breaks_where_nothing_was_logged_and_ends_at_the_axes_corner() -> None:
     figure = chart.lines("t", "x", [chart.Line("a", [0.0, 1.0, 2.0, 10.0], [0.0, math.nan, 50.0, 100.0])], 1.0, 100.0)
-    assert re.search(r"d='M62.0 254.0M\d+.\d 133.0L624.0 12.0'", figure)
+    left, right = chart.LEFT, chart.WIDTH - chart.RIGHT
+    assert re.search(rf"d='M{left}.0 254.0M\d+.\d 133.0L{right}.0 12.0'", figure)
     assert "no values" in chart.lines("t", "x", [chart.Line("a", [1.0], [math.nan])])
 
 

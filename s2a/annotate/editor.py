@@ -89,14 +89,14 @@ class Editor:
             annotation = annotation.changed(self.selected, joint=joints.hinge_at(item.region, edge))
         self._do(annotation)
 
-    def rectangle_around(self, face: int, corners: Callable[[FrontRegion], np.ndarray | None]) -> None:
+    def rectangle_around(self, faces: np.ndarray, corners: Callable[[FrontRegion], np.ndarray | None]) -> None:
         """Make a part of a rectangle.
 
         Args:
-            face: at its middle.
+            faces: that are seen in it, the one at its middle first.
             corners: of the rectangle on the plane of a region [m], shape [4 3]; None where that is seen from its edge.
         """
-        found = region.grow(self.annotation.surface, face, self.config)
+        found = region.grow_most(self.annotation.surface, faces, self.config)
         places = corners(found)
         if places is not None:
             self._make(found, places)

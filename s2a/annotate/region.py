@@ -93,6 +93,30 @@ def grow(surface: SplitSurface, face: int, config: GrowConfig) -> FrontRegion:
     return around(surface, np.union1d(faces, [face]))
 
 
+def grow_most(surface: SplitSurface, faces: np.ndarray, config: GrowConfig) -> FrontRegion:
+    """Return the flat region around one of some faces, on whose plane most of them lie.
+
+    A handle, or an edge that a phone has rounded, can lie at the middle of a rectangle and is another plane than the front.
+
+    Args:
+        surface: the scan.
+        faces: that a rectangle shows, evenly spread; of two equal regions the one of the first face is taken.
+        config: how a region grows.
+    """
+    best, most, grown = None, -1, np.empty(0, int)
+    for face in faces:
+        if face in grown:
+            continue
+        found = grow(surface, int(face), config)
+        grown = np.union1d(grown, found.faces)
+        near = np.abs(surface.middles[faces] @ found.normal - found.offset) < config.distance
+        near &= surface.normals[faces] @ found.normal > np.cos(np.radians(config.angle))
+        if near.sum() > most:
+            best, most = found, int(near.sum())
+    assert best is not None
+    return best
+
+
 def around(surface: SplitSurface, faces: np.ndarray) -> FrontRegion:
     """Return faces as a region: the plane through them, and the rectangle around them but for ragged ends."""
     normal, offset = _plane(surface, faces)

@@ -13,7 +13,8 @@ from s2a import config, scan
 from s2a.annotate import checks, files, handle
 from s2a.annotate.annotation import Draft
 from s2a.annotate.editor import Editor
-from s2a.annotate.region import GrowConfig, around
+from s2a.annotate.page import pick
+from s2a.annotate.region import GrowConfig, around, grow, grow_most
 from s2a.annotate.surface import ADDED, SplitSurface
 from s2a.evidence import annotation as evidence
 from s2a.evidence.bounds import Bounds
@@ -135,11 +136,26 @@ def test_undo_goes_back_to_the_bare_scan(editor: Editor) -> None:
 
 def test_the_next_front_takes_no_faces_of_the_first(editor: Editor) -> None:
     drawer(editor)
-    editor.rectangle_around(click(editor, 0.0, -0.4, 0.55), lambda region: DRAWER - [0, 0, 0.1])
+    editor.rectangle_around(np.array([click(editor, 0.0, -0.4, 0.55)]), lambda region: DRAWER - [0, 0, 0.1])
     one, other = editor.annotation.items
     assert not np.intersect1d(one.region.faces, other.region.faces).size
     assert editor.annotation.surface.areas[one.region.faces].sum() == pytest.approx(0.6 * 0.174, abs=1e-6)
     assert editor.annotation.surface.areas[other.region.faces].sum() == pytest.approx(0.6 * 0.1, abs=1e-6)
+
+
+def test_a_rectangle_lies_on_the_plane_that_most_of_it_shows(editor: Editor) -> None:
+    """Its middle shows the handle, or an edge that a phone has rounded."""
+    pytest.importorskip("newton", reason="newton is not installed", exc_type=ImportError)
+    surface = editor.annotation.surface
+    eye = np.array([1.5, plain_room.BAR[1], plain_room.BAR[2]])
+    view = pick.CameraView(eye, np.array([(0, 0, -1), (1, 0, 0), (0, -1, 0)], float), 0.8, 1.0)
+    half = 0.1 / (1.5 * np.tan(0.4)) / 2
+    faces = pick.seen(view, surface.mesh(), (0.5 - half, 0.5 - half), (0.5 + half, 0.5 + half))
+    at_handle = grow(surface, int(faces[0]), GROW)
+    assert len(faces) == 49 and at_handle.offset > 0.01
+    found = grow_most(surface, faces, GROW)
+    np.testing.assert_allclose(found.normal, (1, 0, 0), atol=1e-9)
+    assert found.offset == pytest.approx(0.0, abs=1e-9)
 
 
 def test_what_is_written_is_what_was_annotated(editor: Editor, tmp_path: Path) -> None:
@@ -148,7 +164,7 @@ def test_what_is_written_is_what_was_annotated(editor: Editor, tmp_path: Path) -
     drawer(editor).handle(np.array([0.0, -0.6, 0.64]))  # a bar that is given up again
     editor.handle(plain_room.BAR)
     door = np.array([(0, y, z) for y in (0.2, 0.6) for z in (0.1, 0.5)], float)
-    editor.rectangle_around(click(editor, 0, 0.4, 0.3), lambda region: door)
+    editor.rectangle_around(np.array([click(editor, 0, 0.4, 0.3)]), lambda region: door)
     editor.hinge(np.array([(0, 0.21, 0.3)]))
     editor.handle(np.array([0.0, 0.55, 0.4]), "knob")
     files.write(editor.annotation, bare, tmp_path / "out")

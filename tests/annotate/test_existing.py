@@ -33,7 +33,7 @@ def annotated(tmp_path: Path) -> Path:
     bare = files.read(plain_room.write(tmp_path / "scan"))
     editor = Editor(Draft(bare.surface), GROW)
     for corners, handle, kind in ((DRAWER, plain_room.BAR, None), (LOWER, np.array([0.0, -0.4, 0.4]), "knob")):
-        editor.rectangle_around(at(editor, *corners.mean(axis=0)), lambda region, corners=corners: corners)
+        editor.rectangle_around(np.array([at(editor, *corners.mean(axis=0))]), lambda region, corners=corners: corners)
         editor.slide()
         editor.handle(handle, kind)
     files.write(editor.annotation, bare, tmp_path / "annotated")
@@ -112,7 +112,7 @@ def test_a_deleted_part_leaves_its_faces_and_takes_its_added_handle_along(annota
 def test_a_new_part_and_a_new_border_take_faces_of_what_was_there(annotated: Path, tmp_path: Path) -> None:
     editor, bare, known = edit(annotated)
     door = np.array([(0, y, z) for y in (0.2, 0.6) for z in (0.1, 0.5)], float)
-    editor.rectangle_around(at(editor, 0, 0.4, 0.3), lambda region: door)
+    editor.rectangle_around(np.array([at(editor, 0, 0.4, 0.3)]), lambda region: door)
     editor.hinge(np.array([(0, 0.21, 0.3)]))
     editor.handle(np.array([0.0, 0.55, 0.4]), "bar")
     editor.select(0)

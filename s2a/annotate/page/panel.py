@@ -158,11 +158,13 @@ class AnnotationPanel:
             view = pick.CameraView(np.array(camera.position), rotation, camera.fov, camera.aspect)
             item = self._editor.item
             edits = item is not None and (self._mode == RECTANGLE or item.joint is None)
-            face = None if edits else pick.middle(view, self._mesh(), event.screen_min, event.screen_max)
             if item is None or not edits:
-                if face is None:
+                faces = pick.seen(view, self._mesh(), event.screen_min, event.screen_max)
+                if not len(faces):
                     return
-                self._editor.rectangle_around(face, lambda r: pick.corners(view, event.screen_min, event.screen_max, r))
+                self._editor.rectangle_around(
+                    faces, lambda r: pick.corners(view, event.screen_min, event.screen_max, r)
+                )
             elif (corners := pick.corners(view, event.screen_min, event.screen_max, item.region)) is not None:
                 self._editor.rectangle(corners)
             self._mode = FRONT

@@ -14,6 +14,8 @@ FAR = 3.5
 """[m] From farther away a wide front is not faced: rooms end."""
 MIN_COSINE = 0.05
 """Of a ray with a front's normal; at less, the front is seen from its edge."""
+GRID = np.linspace(0.1, 0.9, 7)
+"""Fractions of a rectangle's sides at which is asked what it shows."""
 
 
 @dataclass(frozen=True)
@@ -66,10 +68,12 @@ def corners(
     return np.array(found)
 
 
-def middle(view: CameraView, mesh: Mesh, low: tuple[float, float], high: tuple[float, float]) -> int | None:
-    """Return the face that is seen at the middle of a rectangle of the image, or None."""
-    found = place(mesh, view.position, view.ray((low[0] + high[0]) / 2, (low[1] + high[1]) / 2))
-    return None if found is None else found[0]
+def seen(view: CameraView, mesh: Mesh, low: tuple[float, float], high: tuple[float, float]) -> np.ndarray:
+    """Return the faces that are seen on a grid of places within a rectangle of the image, that at its middle first."""
+    grid = np.array([(x, y) for x in GRID for y in GRID])
+    places = np.array(low) + grid[np.argsort(np.abs(grid - 0.5).max(axis=1), kind="stable")] * np.subtract(high, low)
+    found = [place(mesh, view.position, view.ray(x, y)) for x, y in places]
+    return np.array([face for face, _ in filter(None, found)], dtype=int)
 
 
 def facing(region: FrontRegion, fov: float) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from s2a.geometry.mesh_query import RayMesh, first_hits, ray_mesh
 from s2a.ranges import Fraction
 from s2a.robot.spec import GripperSpec
 from s2a.scene import Mesh
-from s2a.usd.stage import read_mesh
+from s2a.usd.stage import read_attribute, read_mesh
 from s2a.usd.visuals import visible
 
 MARGIN = 0.002
@@ -49,7 +49,7 @@ class Gap:
     Attributes:
         free_fraction: of each finger's space, free as scanned; the minimum of both, 0 to 1.
         fill_ratio: fraction of the free space that colliders fill, 0 to 1; NaN where nothing is free.
-        thickness: of the region between the fingers [m].
+        thickness: of the region between the fingers, or of closed fingers within it [m].
         max_opening: of the gripper [m].
         body_penetration: max depth of scanned surfaces in the path of the gripper body [m], and the name of the deepest.
     """
@@ -89,7 +89,7 @@ class Gap:
 def gap(path: Path, held: Contents, gripper: GripperSpec) -> Gap:
     """Measure the finger gap beside the grasp region of a valid sim.usd.
 
-    A point there is free as scanned if a straight line along the gripper's approach reaches it without meeting the scan.
+    Of a recessed pull it is the space of closed fingers within it. A point there is free as scanned if a straight line along the gripper's approach reaches it without meeting the scan.
     """
     assert held.target is not None
     site = held.target.GetChild("grasp")
@@ -102,18 +102,26 @@ def gap(path: Path, held: Contents, gripper: GripperSpec) -> Gap:
     if len(here) < 50:
         return Gap(0.0, float("nan"), float("nan"), gripper.max_opening)
     (low, face), (high, _) = np.quantile(here[:, 1:], [0.02, 0.98], axis=0)
+    internal = read_attribute(site, "internal", bool, False)
     scene = visible(path)
     colliders = [mesh for _, mesh in scene.colliders if _near(mesh, origin)]
     whole = merge(list(scene.surfaces.values()))
     surface = ray_mesh(whole.vertices, whole.faces)
-    sides = [
-        _fill(y, (min(face, 0.0), gripper.tip_ahead), gripper) for y in ((low - MARGIN, -1.0), (high + MARGIN, 1.0))
-    ]
+    if internal:  # closed, in the middle; as thick as they are
+        thick = 2 * gripper.finger_box[1]
+        starts, depth = ((0.0, -1.0), (0.0, 1.0)), (0.0, gripper.tip_ahead)
+    else:
+        thick, starts, depth = (
+            float(high - low),
+            ((low - MARGIN, -1.0), (high + MARGIN, 1.0)),
+            (min(face, 0.0), gripper.tip_ahead),
+        )
+    sides = [_fill(start, depth, gripper) for start in starts]
     free = [_reached(points, surface, origin, frame) for points in sides]
     open_points = np.concatenate([points[mask] for points, mask in zip(sides, free, strict=True)])
     filled = fraction_inside(colliders, origin + open_points @ frame.T) if len(open_points) else float("nan")
     found = max((_body_penetration(mesh, origin, frame, gripper), name) for name, mesh in scene.surfaces.items())
-    return Gap(float(min(mask.mean() for mask in free)), filled, float(high - low), gripper.max_opening, found)
+    return Gap(float(min(mask.mean() for mask in free)), filled, thick, gripper.max_opening, found)
 
 
 def _body_penetration(mesh: Mesh, origin: np.ndarray, frame: np.ndarray, gripper: GripperSpec) -> float:

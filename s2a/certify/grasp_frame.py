@@ -35,7 +35,8 @@ def grasp_frame(path: str, grasp: Grasp, surface: Mesh, max_distance: float, max
     along = (sample(region, 5000, seed=0) - np.array(grasp.point)) @ Rotation.from_quat(grasp.orientation).as_matrix()
     low, high = np.quantile(along, [0.02, 0.98], axis=0)
     length, thickness, _ = high - low
-    ratio = float(thickness / max(length, 1e-6)) if thickness > max_opening or length > max_opening else 0.0
+    wide = not grasp.internal and max(thickness, length) > max_opening
+    ratio = float(thickness / max(length, 1e-6)) if wide else 0.0
     return [
         check_bound(
             "grasp_on_region", away, max_distance, "m", prim=f"{path}/grasp", message="from the grasp point to the region",

@@ -77,6 +77,8 @@ def grip(world: World, config: GripConfig) -> Grip:
     thin = 0.5 * float(world.stage.grasp_size[1])
     widest = world.robot.gripper.finger_joint_open
     finger_openings = [widest, *(min(widest, thin + margin) for margin in config.margins)]
+    if world.stage.internal:  # the fingers go into the pocket closed
+        finger_openings = [0.0]
     attempts = []
     for depth in config.depths:
         attempt = _first_approach(world, q, depth, finger_openings, config)
@@ -114,7 +116,7 @@ def _obstacle(world: World, q: float, depth: float, opening: float, config: Grip
 
 
 def _hold(world: World, q: float, depth: float, opening: float, config: GripConfig) -> Grip:
-    """Close the fingers on the part, pull it, and measure its slip.
+    """Close the fingers on the part, or spread them within it, pull it, and measure its slip.
 
     Its weight is carried until the gripper has closed, since a lid would fall shut before; then the gripper carries it, and
     the pull. Each finger closes by itself, as a compliant arm lets them; then they are geared to each other, as the gripper's
@@ -124,7 +126,7 @@ def _hold(world: World, q: float, depth: float, opening: float, config: GripConf
     data = world.data(q, opening)
     world.mj.opt.timestep, world.mj.dof_damping[dofs] = config.dt, config.damping
     world.place_gripper(data, _gripper_pose(world, q, depth))
-    pull = -world.sign * config.pull * world.lever_arm
+    pull, towards = -world.sign * config.pull * world.lever_arm, 1.0 if stage.internal else -1.0
 
     mujoco.mj_forward(world.mj, data)
 
@@ -132,17 +134,18 @@ def _hold(world: World, q: float, depth: float, opening: float, config: GripConf
         closed = data.qpos[fingers].copy()
         for _ in range(round(seconds / config.dt)):
             moved = data.qpos[fingers] - closed
-            data.qfrc_applied[dofs] = -config.force - gear * (moved - moved.mean())
+            data.qfrc_applied[dofs] = towards * config.force - gear * (moved - moved.mean())
             data.qfrc_applied[world.dof] = torque + carried * data.qfrc_bias[world.dof]
             mujoco.mj_step(world.mj, data)
 
     region = f"/scene/{stage.target}/region"
+    grips = "opens" if stage.internal else "closes"
     run(config.close_time, 0.0, carried=True)
     pressing = [_presses(world, data, finger) for finger in world.robot.gripper.links]
     if not all(pressing):
         missing = "neither finger presses" if not any(pressing) else "only one finger presses"
         return Grip(
-            False, f"the gripper closes to {1000 * data.qpos[fingers].sum():.0f} mm, but {missing}", None, region
+            False, f"the gripper {grips} to {1000 * data.qpos[fingers].sum():.0f} mm, but {missing}", None, region
         )
     before, width = float(data.qpos[joint]), float(data.qpos[fingers].sum())
     run(config.pull_time, pull, config.gear)

@@ -9,13 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
 from s2a.certify.check import Check, check_bound, decide
 from s2a.certify.contents import Contents, faces, points
 from s2a.ranges import CountFromZero, NotNegative
 from s2a.usd.sim_scene import PREPARE_AGAIN
-from s2a.usd.stage import ROOT
+from s2a.usd.stage import ROOT, read_attribute
 
+DEEPEST = 0.03
+"""[m] How far the region of a recessed pull may lie behind its grasp site, which is where a tool frame is: behind fingertips."""
 OPEN = 0.02
 """Fraction of its hull's volume that a collider may lack: more is a hole or a dent."""
 
@@ -28,11 +31,13 @@ class ShapeConfig:
         dent: how far a point or face of a collider may lie inside of its convex hull [m].
         target_hulls: most colliders of the part.
         site: how far the grasp site may lie from the middle of the grasp region [m].
+        recess_site: the same of a recessed pull, across the approach [m].
     """
 
     dent: NotNegative
     target_hulls: CountFromZero
     site: NotNegative
+    recess_site: NotNegative
 
 
 def finite(contents: Contents, config: ShapeConfig) -> Check:
@@ -129,7 +134,7 @@ def grasp_and_base(contents: Contents, config: ShapeConfig) -> Check:
 
 
 def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
-    """The grasp site is the mean of the annotated grasp region."""
+    """The grasp site is the mean of the annotated grasp region; of a recessed pull before its middle, seen along the approach."""
     name = "grasp_site"
     site, region = (contents.target and contents.target.GetChild(key) for key in ("grasp", "region"))
     if not site or not region or not len(faces(region)):
@@ -137,9 +142,13 @@ def grasp_site(contents: Contents, config: ShapeConfig) -> Check:
     place = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractTranslation()
     a, b, c = np.moveaxis(points(region)[faces(region)], 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    middle = np.average((a + b + c) / 3.0, axis=0, weights=areas)
+    away, limit = np.average((a + b + c) / 3.0, axis=0, weights=areas) - np.array(Gf.Vec3d(place)), config.site
+    if read_attribute(site, "internal", bool, False):
+        turn = UsdGeom.Xformable(site).ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractRotationQuat()
+        away = Rotation.from_quat([*turn.GetImaginary(), turn.GetReal()]).inv().apply(away)
+        away, limit = away * ([1, 1, 0] if 0.0 <= away[2] <= DEEPEST else [1, 1, 1]), config.recess_site
     return check_bound(
-        name, float(np.linalg.norm(middle - np.array(Gf.Vec3d(place)))), config.site, "m", prim=str(site.GetPath()),
+        name, float(np.linalg.norm(away)), limit, "m", prim=str(site.GetPath()),
         message="from the middle of the grasp region", remedy="put the site where the region is; " + PREPARE_AGAIN,
     )  # fmt: skip
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from s2a.articulation import displace, lever_arm, open_limit, pose_at, transform
 from s2a.scene import Joint, Mesh, Vec3
 from s2a.usd import sim_stage
-from s2a.usd.sim_scene import Articulation, Collider, Grasp, Quat, SimBody, SimRoom
+from s2a.usd.sim_scene import Articulation, Collider, Quat, SimBody, SimRoom
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,8 @@ def _moved_part(part: Articulation, joint: Joint, q: float) -> Articulation:
     axis = transform(joint, q)[:3, :3] @ np.array(own.axis)
     (origin,) = displace(np.array([own.origin]), joint, q)
     pose = pose_at(joint, np.array([*grasp.point, *grasp.orientation]), q)
-    held = Grasp(_vector(pose[:3]), _quaternion(pose[3:]), grasp.size, _moved_mesh(grasp.region, joint, q))
+    moved = _moved_mesh(grasp.region, joint, q)
+    held = replace(grasp, point=_vector(pose[:3]), orientation=_quaternion(pose[3:]), region=moved)
     return replace(
         part, joint=replace(own, axis=_vector(axis / np.linalg.norm(axis)), origin=_vector(origin)), grasp=held
     )

@@ -79,6 +79,20 @@ def _acting(s: State, m: Motion, world: int, joint: int):
     return s.action[world, joint]
 
 
+@wp.func
+def sense(s: State, world: int, joint: int):
+    """Return -1 for a finger that holds by opening, else 1."""
+    return wp.where(joint >= s.arm and s.internal[world] == 1, -1.0, 1.0)
+
+
+@wp.func
+def finger_position(s: State, world: int, joint: int, position: float):
+    """Return a joint's position [rad, m], that of a finger which holds by opening counted from its other limit."""
+    if sense(s, world, joint) < 0.0:
+        return s.lower[joint] + s.upper[joint] - position
+    return position
+
+
 @wp.kernel
 def act(s: State, m: Motion):
     """Clamp the action; move the joint targets by it, or keep the velocities that it asks for where the controller has limits.
@@ -101,9 +115,9 @@ def act(s: State, m: Motion):
         if m.limited == 1:
             if i >= s.arm:
                 a = 0.5 * (_acting(s, m, world, s.arm) + _acting(s, m, world, s.arm + 1))
-            s.asked[world, i] = wp.where(wp.isnan(a), 0.0, a) * m.velocity[i]
+            s.asked[world, i] = sense(s, world, i) * wp.where(wp.isnan(a), 0.0, a) * m.velocity[i]
         elif not wp.isnan(a):
-            target = s.target_q[world, i] + wp.where(i < s.arm, m.step, m.finger_step) * a
+            target = s.target_q[world, i] + wp.where(i < s.arm, m.step, m.finger_step) * sense(s, world, i) * a
             s.target_q[world, i] = wp.clamp(target, s.lower[i], s.upper[i])
 
 

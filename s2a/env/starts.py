@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from s2a.cache import UNREADABLE
-from s2a.env.kernels import Motion
+from s2a.env.kernels import Motion, finger_position
 from s2a.env.state import State
 from s2a.errors import InputError
 from s2a.sim import pool
@@ -113,7 +113,8 @@ def reset(s: State, m: Motion, world_mask: wp.array(dtype=bool), articulation_ma
         for i in range(s.joints):
             noise = (1.0 - near) * wp.randf(rng, -m.noise, m.noise)
             led = m.demo_targets[stage, at, i]
-            target = wp.clamp(m.home[i] + near * (led - m.home[i]) + noise, s.lower[i], s.upper[i])
+            home = finger_position(s, world, i, m.home[i])
+            target = wp.clamp(home + near * (led - home) + noise, s.lower[i], s.upper[i])
             if m.coupled == 1 and i > s.arm:  # the fingers stand alike
                 target = s.target_q[world, s.arm]
             s.target_q[world, i] = target

@@ -16,6 +16,8 @@ class State:
         body_q: poses, shape [world body].
         torque: forces of the joints' drives [N m or N], shape [world dof].
         lower, upper: limits of the robot's joints [rad, m], shape [joint].
+        internal: 1 where the gripper holds by opening, shape [world]. There an action, and what a policy observes of the fingers, are
+            mirrored, so that both mean the same: an action of -1 grips, and a finger that grips moves towards its lower limit.
         target_q: joint targets, shape [world coord].
         target_qd: commanded velocities of the robot's joints [rad/s, m/s], shape [world dof].
         asked: those that the action asks for.
@@ -46,6 +48,7 @@ class State:
     torque: wp.array2d(dtype=float)
     lower: wp.array(dtype=float)
     upper: wp.array(dtype=float)
+    internal: wp.array(dtype=int)
     target_q: wp.array2d(dtype=float)
     target_qd: wp.array2d(dtype=float)
     asked: wp.array2d(dtype=float)
@@ -88,6 +91,7 @@ def allocate(sim: Simulation, observations: int, privileged: int, terms: int, co
     s.target_qd = sim.control.joint_target_qd.reshape((n, -1))
     s.lower = wp.array(sim.model.joint_limit_lower.numpy()[: s.joints], dtype=float)
     s.upper = wp.array(sim.model.joint_limit_upper.numpy()[: s.joints], dtype=float)
+    s.internal = wp.array([int(sim.stages[i].internal) for i in sim.stage_of_env], dtype=int)
     for name, width in (
         ("asked", s.joints),
         ("action", s.joints),

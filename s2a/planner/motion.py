@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 import torch
+import warp as wp
 
 from s2a.env.starts import Demonstration, padded
 from s2a.env.vec_env import VecEnv
@@ -86,6 +87,10 @@ class Planner:
         self._corrections = None if motions else Corrections(sim, self.trajectories[0], rate(sim))
         self._start = self._last = sim.joint_target_q[:, : self._targets.shape[2]].clone()
         self._clock = torch.zeros(env.num_envs, dtype=torch.float64, device=sim.device)
+        internal = wp.to_torch(env.state.internal)[:, None] == 1
+        fingers = torch.arange(self._targets.shape[2], device=sim.device) >= self._arm
+        self._sense = torch.where(internal & fingers, -1.0, 1.0)
+        """Of each joint's action [world joint]: fingers that hold by opening are mirrored (`State.internal`)."""
 
     def state_dict(self) -> dict[str, torch.Tensor]:
         """Return copies of what differs between control steps: where on its trajectory each world is, and where it began."""
@@ -122,7 +127,7 @@ class Planner:
             following = torch.lerp(following, self._target((index + 1).clamp(max=self._targets.shape[1] - 1)), past)
         following = torch.where((step < reach)[:, None], reaching, following)
         self._last = torch.where(began[:, None], now, self._last)
-        action = (following - now - (1.0 - self._gain) * (self._last - now)) / self._env.action_step
+        action = self._sense * (following - now - (1.0 - self._gain) * (self._last - now)) / self._env.action_step
         behind = (following - now)[:, : self._arm] / self._env.action_step[: self._arm]
         goes_on = behind.abs().amax(dim=1) <= self._behind
         self._clock = torch.where(goes_on, self._after(self._clock), self._clock)

@@ -78,9 +78,16 @@ def demonstration(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> D
     positions = np.concatenate([trajectory.targets, trajectory.part[:, None]], axis=1)
     opened, held = position_limits(sim.robot)[1][arm:], sim.stage.grasp_size[1] / 2 + MARGIN
     if trajectory.targets[0, arm:].any():  # what pushes is closed all the time
-        positions[: trajectory.closed, arm:-1] = opened
-        positions[trajectory.closed :, arm:-1] = np.minimum(held, opened)
+        before, after = (0.0, held_from_within(sim)) if sim.stage.internal else (opened, np.minimum(held, opened))
+        positions[: trajectory.closed, arm:-1] = before
+        positions[trajectory.closed :, arm:-1] = after
     return Demonstration(trajectory.targets, positions, trajectory.closed)
+
+
+def held_from_within(sim: Simulation) -> float:
+    """Return the finger joints' coordinate at which the fingers are MARGIN off the walls of the pocket that they hold [m]."""
+    gripper = sim.robot.gripper
+    return float(np.clip(sim.stage.grasp_size[1] / 2 - gripper.finger_box[1] - MARGIN, 0.0, gripper.finger_joint_open))
 
 
 def plan(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Trajectory:
@@ -134,8 +141,11 @@ def _trajectory(sim: Simulation, path: ToolPath, arm: np.ndarray, config: Planne
     fingers = np.zeros(0) if path.pushes else closing(spec.gripper, config.close_time, frequency)
     pull, progress = _pull(sim, path, arm[path.grasp :], config)
     arms = np.concatenate([arm[:1], approach, np.tile(arm[path.grasp], (len(fingers), 1)), pull])
-    before = np.full(1 + len(approach), 0.0 if path.pushes else spec.gripper.finger_joint_open)
+    opened = spec.gripper.finger_joint_open
+    before = np.full(1 + len(approach), 0.0 if path.pushes else opened)
     both = np.concatenate([before, fingers, np.zeros(len(pull))])[:, None]
+    if sim.stage.internal and not path.pushes:  # they go in closed and press outwards
+        both = opened - both
     reach = reach_steps(np.array(spec.home), arm[0], config.start_noise, config.reach_time, limits, frequency)
     moved = sampled(path.q[path.grasp :, None], len(pull), lambda time: np.minimum(progress(time), 1.0))
     part = np.append(np.full(len(arms) - len(pull), path.q[path.grasp]), moved)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from s2a.prepare.target import bodies, parent_body
 from s2a.ranges import NotNegative
 from s2a.robot.spec import RobotSpec
 from s2a.scene import Mesh, Scene
-from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, Grasp, SimBody, SimRoom
+from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, SimBody, SimRoom
 
 __all__ = ["ALL", "PrepareConfig", "prepare"]
 
@@ -243,7 +243,7 @@ def _articulation(
     return Articulation(
         joint=target.joint,
         parent=parent,
-        grasp=Grasp(grasp.point, grasp.orientation, grasp.size, Mesh(region.vertices, region.faces)),
+        grasp=replace(grasp, region=Mesh(region.vertices, region.faces)),
         bases={
             spec.name: Base(base.position, base.orientation, base.reason, base.free, base.pedestal, spec.base.radius)
         },

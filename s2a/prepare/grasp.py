@@ -10,16 +10,22 @@ from scipy.spatial.transform import Rotation
 from s2a import robot
 from s2a.articulation import opening_direction
 from s2a.geometry.handles.bar import bar_profile
+from s2a.geometry.handles.panel import front_behind
+from s2a.geometry.handles.pocket import Pocket, find_pocket
 from s2a.geometry.mesh_ops import centroids, merge, normals
 from s2a.geometry.simplify import is_structure
 from s2a.prepare.gripper_roll import ROUND, free_roll, free_side, is_round
 from s2a.robot.collision import robot_shape
-from s2a.robot.spec import RobotSpec
+from s2a.robot.spec import GripperSpec, RobotSpec
 from s2a.scene import Mesh, Scene, Vec3
 from s2a.usd.sim_scene import DEFAULT_ROBOT, Grasp, Quat
 
 SLICES = 12
 """Places along a bar at which its thickness is measured."""
+ROOM = 0.003
+"""[m] Between closed fingers and the walls of a pocket on either side: a scan's are off by so much."""
+OFF_FLOOR = 0.0015
+"""[m] Between the fingertips and a pocket's floor."""
 FLOOR = ("floor", "floors")
 """Last words of a label that make it the floor's."""
 
@@ -28,15 +34,18 @@ def find_grasp(scene: Scene, target: str, spec: RobotSpec | None = None) -> Gras
     """Return the grasp of a movable part: point, frame and extents of its annotated region.
 
     The gripper approaches in the direction in which the part closes; if it would collide there, and the region is a bar,
-    from another side of the bar.
+    from another side of the bar. A recessed pull is held from within, where closed fingers fit into it and reach its walls.
 
     Raises:
         InputError: the part is unknown, does not move, or has no surface.
     """
     point = scene.grasp_point(target)
     region = merge([scene.parts[i].mesh for i in scene.handle_parts(target)])
-    shape = robot_shape(spec or robot.load(DEFAULT_ROBOT))
+    spec = spec or robot.load(DEFAULT_ROBOT)
+    shape = robot_shape(spec)
     first = _grasp(point, region, -opening_direction(scene.joint(target), point))
+    if (internal := _internal(scene, target, region, first, spec.gripper)) is not None:
+        return internal
     if is_round(first):
         return free_roll(scene, target, first, shape)
     across = Rotation.from_quat(first.orientation).as_matrix()[:, 1]
@@ -51,6 +60,34 @@ def _grasp(point: np.ndarray, region: Mesh, inwards: np.ndarray) -> Grasp:
     if profile is not None:
         size[1] = profile.thickness
     return Grasp(_vec3(point), _quat(frame), _vec3(size), region)
+
+
+def _internal(scene: Scene, target: str, region: Mesh, grasp: Grasp, gripper: GripperSpec) -> Grasp | None:
+    """Return the grasp from within of a region that lines a pocket of the front, None where it does not, or no gripper fits."""
+    front = scene.parts[target].mesh
+    if target in scene.handle_parts(target) or not len(front.faces):
+        return None
+    frame = Rotation.from_quat(grasp.orientation).as_matrix()
+    plane = front_behind(front, region, frame)
+    pocket = None if plane is None else find_pocket(region, frame, plane)
+    side = None if pocket is None else spread_side(pocket, gripper)
+    if pocket is None or side is None:
+        return None
+    x, y, z = pocket.frame.T
+    turned = np.stack([x, y, z] if side == 1 else [-y, x, z], axis=1)
+    size = (*(pocket.size if side == 1 else pocket.size[::-1]), pocket.depth)
+    point = pocket.center + (pocket.depth - OFF_FLOOR - gripper.tip_ahead) * z
+    return Grasp(_vec3(point), _quat(turned), _vec3(np.array(size)), region, internal=True)
+
+
+def spread_side(pocket: Pocket, gripper: GripperSpec) -> int | None:
+    """Return along which side of a pocket a gripper's fingers spread, the shorter one (1) first; None: it fits neither way."""
+    width, closed = gripper.finger_box[0], 2 * gripper.finger_box[1]
+    for side in (1, 0):
+        along, across = pocket.size[side], pocket.size[1 - side]
+        if closed + 2 * ROOM <= along <= closed + gripper.max_opening - 2 * ROOM and across >= width + 2 * ROOM:
+            return side
+    return None
 
 
 def grasp_frame(region: Mesh, inwards: np.ndarray) -> np.ndarray:

@@ -130,7 +130,7 @@ def _packed(result: PartResult) -> Arrays:
     grasp = result.target.grasp
     facts = {
         "owners": [collider.part for collider in result.colliders],
-        "grasp": {"point": grasp.point, "orientation": grasp.orientation, "size": grasp.size},
+        "grasp": {k: getattr(grasp, k) for k in ("point", "orientation", "size", "internal")},
         "base": dataclasses.asdict(result.base),
     }
     return {**arrays, "facts": np.array(json.dumps(facts))}

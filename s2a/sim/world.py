@@ -73,6 +73,7 @@ class SimStage:
         grasp: pose of the grasp frame at joint zero, 7-vector, scene frame: z into the furniture, y across the grasp
             region's thin side.
         grasp_size: extents of the grasp region along the grasp frame's axes [m], shape [3].
+        internal: the gripper holds the region from within, by opening.
         region: the annotated surface to grasp, in the target's body frame, which at joint zero is the scene's.
         pedestal: height and radius of the column under the robot's base [m]; no height: it stands on the floor.
         robot: name of the robot that the base pose is for.
@@ -95,6 +96,7 @@ class SimStage:
     also: tuple[str, ...] = ()
     estimates: np.ndarray | None = field(default=None, repr=False)
     push: np.ndarray | None = None
+    internal: bool = False
     room: SimRoom = field(kw_only=True, repr=False)
 
     @property
@@ -155,6 +157,7 @@ def stage_of(
         grasp=np.array([*grasp.point, *grasp.orientation]),
         grasp_size=np.array(grasp.size),
         region=grasp.region,
+        internal=grasp.internal,
         pedestal=(base.pedestal, base.radius),
         robot=robot,
         also=tuple(also),

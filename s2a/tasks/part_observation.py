@@ -5,6 +5,7 @@ import math
 
 import warp as wp
 
+from s2a.env.kernels import finger_position, sense
 from s2a.env.state import State
 from s2a.sim.simulation import Simulation
 from s2a.tasks.observation import observe_joints, observe_vector
@@ -131,8 +132,8 @@ def _track(s: State, h: PartHandles):
     holds = wp.length(tool - wp.transform_get_translation(grasp_at(t, opening))) < HOLD_DISTANCE
     width = float(0.0)
     for i in range(s.arm, s.joints):
-        width += s.joint_q[world, i]
-        closes = s.target_q[world, i] < s.joint_q[world, i] - HOLD_GAP
+        width += finger_position(s, world, i, s.joint_q[world, i])
+        closes = sense(s, world, i) * (s.joint_q[world, i] - s.target_q[world, i]) > HOLD_GAP
         holds = holds and closes and wp.abs(s.joint_qd[world, i]) < HOLD_SPEED
     gained = float(0.0)
     if holds and width > HOLD_GAP and wp.isfinite(h.tool_before[world][0]):
@@ -232,9 +233,9 @@ def _describe(s: State, h: PartHandles):
     world = wp.tid()
     base, f, d, limit = h.part[world].base, frames(s, h, world), seen_part(s, h, world), h.observation_limit
     for i in range(s.joints):
-        ahead = 10.0 * (s.target_q[world, i] - s.joint_q[world, i])
+        ahead = 10.0 * sense(s, world, i) * (s.target_q[world, i] - s.joint_q[world, i])
         s.observation[world, 2 * s.joints + 5 + i] = wp.clamp(ahead, -limit, limit)
-        commanded = h.velocity_scale * s.target_qd[world, i]
+        commanded = h.velocity_scale * sense(s, world, i) * s.target_qd[world, i]
         s.observation[world, 3 * s.joints + 5 + i] = wp.clamp(commanded, -limit, limit)
     grasp = wp.transform_inverse(f.tool) * d.grasp
     y, z = wp.vec3(0.0, 1.0, 0.0), wp.vec3(0.0, 0.0, 1.0)

@@ -154,7 +154,7 @@ def _grasp(prim: Usd.Prim) -> Grasp:
     if size is None or not region:
         raise InputError(f"{where(prim)} moves, but lacks a grasp with s2a:size and a region; {PREPARE_AGAIN}")
     point, orientation = _pose(site)
-    return Grasp(point, orientation, size, read_mesh(region))
+    return Grasp(point, orientation, size, read_mesh(region), read_attribute(site, "internal", bool, False))
 
 
 def _base(prim: Usd.Prim) -> tuple[str, Base]:

@@ -93,12 +93,15 @@ class Grasp:
             (fingers close along it), x along the region.
         size: extent of the region along x, y, z of that frame [m].
         region: the annotated surface, as scanned.
+        internal: the fingers go in closed and hold the region from within, by opening: a recessed pull. Then the point is where
+            the tool frame is while the fingertips are just before the pocket's floor, and size is that of the pocket.
     """
 
     point: Vec3
     orientation: Quat
     size: Vec3
     region: Mesh
+    internal: bool = False
 
 
 @dataclass(frozen=True)

@@ -207,6 +207,8 @@ def _write_grasp(stage: Usd.Stage, body: str, grasp: Grasp) -> None:
     site = write_site(stage, f"{body}/grasp", np.array(grasp.point))
     site.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(_quat(Gf.Quatd, grasp.orientation))
     write_attribute(site.GetPrim(), "size", Types.Double3, grasp.size)
+    if grasp.internal:
+        write_attribute(site.GetPrim(), "internal", Types.Bool, True)
     write_mesh(stage, f"{body}/region", grasp.region, purpose=UsdGeom.Tokens.guide)
 
 

@@ -25,6 +25,8 @@ PACE = 3.0
 """[s] A person's time for an action: to look, to move the mouse, to click."""
 SETTLE = 30.0
 """[s] In which the scan is there."""
+NO_NOTICE = "document.querySelectorAll('[class*=otification]').forEach(e => e.remove())"
+"""Takes viser's note away that nothing but the processor draws, which covers a corner."""
 
 
 class Person:
@@ -119,6 +121,7 @@ def annotate(
         page.open(f"http://localhost:{PORT}")
         page.wait(lambda: "Click a front" in page.text(), 120.0)
         time.sleep(SETTLE)  # no screenshot: without a graphics processor the first takes longer than the driver waits
+        page.driver.execute_script(NO_NOTICE)
         person = Person(page, eye, target, camera.fov)
         for number, (part, handle) in enumerate(parts.items(), start=1):
             began, person.actions = time.monotonic(), 0

@@ -15,6 +15,7 @@ from s2a.geometry.handles.bar_hulls import bar_hulls
 from s2a.geometry.handles.finger_gap import FingerSpace, finger_space
 from s2a.geometry.handles.knob import knob_hulls
 from s2a.geometry.handles.panel import facing_frame, front_behind, front_coordinate, patch, reassign_border, slab
+from s2a.geometry.handles.pocket import Pocket, find_pocket, pocket_hulls, pocketed
 from s2a.geometry.handles.sheet import before_wall, hidden_wall, sheet_hulls, sheet_opening
 from s2a.geometry.handles.straight_sheet import straight_sheet
 from s2a.prepare.target import Target
@@ -63,6 +64,7 @@ class Handle:
         front: where the line through the grasp point along z meets that plane: its coordinate on z [m]; without a plane
             that of the grasp point.
         space: where the fingers go.
+        pocket: that the region lines, where it is a recessed pull.
     """
 
     frame: np.ndarray
@@ -70,6 +72,7 @@ class Handle:
     plane: tuple[np.ndarray, float] | None
     front: float
     space: FingerSpace
+    pocket: Pocket | None = None
 
 
 def find_handle(target: Target) -> tuple[Handle, dict[str, Mesh]]:
@@ -81,6 +84,9 @@ def find_handle(target: Target) -> tuple[Handle, dict[str, Mesh]]:
         return Handle(frame, region, None, float(point @ frame[:, 2]), FingerSpace(None, ())), others
     others[target.id], region = reassign_border(others[target.id], region, frame, plane)
     front = front_coordinate(plane, frame, point)
+    pocket = find_pocket(region, frame, plane)
+    if pocket is not None:
+        return Handle(frame, region, plane, front, FingerSpace(None, ()), pocket), others
     return Handle(frame, region, plane, front, finger_space(region, point, frame, front)), others
 
 
@@ -100,10 +106,16 @@ def target_colliders(
     plate = _plate(handle, others.get(target.base_plate or ""))
     for i, mesh in others.items():
         hulls = _front_panel_hulls(mesh, handle, config) if i == target.id else _rough_hulls(mesh, config)
+        if handle.pocket is not None:
+            hulls = [piece for whole in hulls for piece in pocketed(whole, handle.pocket)]
         if plate is not None and i == target.base_plate:  # noise and the handle's foot at its border stand out of it
             hulls = [piece for whole in hulls if (piece := clip(whole, *plate)) is not None]
         found += [Collider(i, piece) for piece in flatten(hulls, handle)]
-    hulls = _handle_hulls(handle, others.get(target.id), _ground(handle, plate), config)
+    hulls = (
+        _handle_hulls(handle, others.get(target.id), _ground(handle, plate), config)
+        if handle.pocket is None
+        else pocket_hulls(handle.pocket)
+    )
     found += [Collider(target.grasp_parts[0], piece) for piece in free_fingers(hulls, handle.space)]
     return tuple(found)
 

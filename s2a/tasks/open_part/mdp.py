@@ -8,6 +8,7 @@ paper trains. A reward term is one Warp function; REWARDS below lists them, and 
 import numpy as np
 import warp as wp
 
+from s2a.env.kernels import finger_position
 from s2a.env.state import State
 from s2a.sim.simulation import Simulation
 from s2a.tasks.open_part.config import OpenPartConfig
@@ -145,7 +146,7 @@ def closing(s: State, h: OpenPart, world: int):
     between = wp.dot(f.left - point, up) > 0.0 and wp.dot(f.right - point, up) < 0.0
     closed = float(0.0)
     for i in range(s.arm, s.joints):
-        closed += s.upper[i] - s.joint_q[world, i]
+        closed += s.upper[i] - finger_position(s, world, i, s.joint_q[world, i])
     return wp.where(between and tool_distance(f) <= h.close_distance, closed, 0.0)
 
 

@@ -23,7 +23,9 @@ import clicking
 from s2a import cli, scan
 from s2a.annotate import files
 from s2a.annotate.page import pick, serve
+from s2a.annotate.region import FrontRegion
 from s2a.annotate.surface import SplitSurface
+from s2a.mesh import Mesh
 from s2a.outputs import atomic_write
 from s2a.provenance import provenance
 
@@ -32,8 +34,8 @@ NEAR, SEEN = 0.03, 0.06
 """[m] From a place to what the camera sees there, of the first part and of the others."""
 EDGE = 20.0
 """[pixel] To the window's border."""
-SHAKE = 4.0
-"""[pixel] A hand clicks as exactly as this."""
+SHAKE = 8.0
+"""[pixel] A click may be so far off: by a hand, and since a phone's scan is bent."""
 
 
 def main() -> None:
@@ -98,15 +100,10 @@ def choose(surface: SplitSurface, truth: dict, shift: float) -> tuple[float, dic
             place = middle - 0.4 * right - 0.5 * high
             if not sees(eye, target, camera.fov, [place]):
                 continue
-            pixel = 2 * np.tan(camera.fov / 2) / size[1] * np.linalg.norm(place - eye)
-            away = (place - eye) / np.linalg.norm(place - eye)
-            steep = -float(away @ outward)
-            around = [
-                place + SHAKE * pixel / max(steep, 1e-3) * sign * high / np.linalg.norm(high) for sign in (-1, 0, 1)
-            ]
-            if steep < 0.25 or not all(hits(eye, each, NEAR) for each in around):
+            found = clicking.grown(surface, eye, place)
+            if not hits(eye, place, NEAR) or not _safe(mesh, eye, place, found, 2 * np.tan(camera.fov / 2) / size[1]):
                 continue
-            there, aim = pick.facing(clicking.grown(surface, eye, place), camera.fov)
+            there, aim = pick.facing(found, camera.fov)
             seen = []
             for part, handle in handles.items():
                 middle_, right_, high_ = clicking.front(truth, part)
@@ -119,6 +116,17 @@ def choose(surface: SplitSurface, truth: dict, shift: float) -> tuple[float, dic
             if len(seen) >= 3 and first in [part for *_, part in seen]:
                 return float(azimuth), {part: handles[part] for *_, part in sorted(seen)[:3]}
     return 0.0, {}
+
+
+def _safe(mesh: Mesh, eye: np.ndarray, place: np.ndarray, region: FrontRegion, pixel: float) -> bool:
+    """Return whether clicks SHAKE off a place are on the same region; pixel: size of one a metre away [m]."""
+    ray = place - eye
+    aside = np.cross(ray, (0.0, 0.0, 1.0))
+    ways = [way / np.linalg.norm(way) for way in (aside, np.cross(ray, aside))]
+    off = SHAKE * pixel * np.linalg.norm(ray)
+    rays = [ray + sign * off * way for way in ways for sign in (-1, 1)]
+    found = [pick.place(mesh, eye, each / np.linalg.norm(each)) for each in rays]
+    return all(each is not None and each[0] in region.faces for each in found)
 
 
 def _handles(truth: dict) -> dict[str, str]:

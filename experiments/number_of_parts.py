@@ -1,11 +1,13 @@
 """How well a policy does on unseen furniture against the number of parts that it was trained on -> a row a training.
 
     python experiments/number_of_parts.py pools/train/pool.json pools/test/fourth.json --parts 1 4 16 64 256 --seeds 0 1 2 \
-        [--iterations 500] [--episodes 8] [--runs runs/number_of_parts] [--device cuda:0] [--out FILE] [KEY=VALUE ...]
+        [--iterations 500] [--episodes 8] [--runs runs/number_of_parts] [--device cuda:0] [--out FILE] \
+        [--image FILE] [KEY=VALUE ...]
 
 Every training begins from nothing, with `+experiment=many` and the same number of environment steps. The parts of a seed are
 the first ones of one random order, so that those of a smaller number are among those of a larger one. A row that is there is not
-run again, and a training that was cut goes on from its last checkpoint. KEY=VALUE are keys of `s2a train`.
+run again, and a training that was cut goes on from its last checkpoint. KEY=VALUE are keys of `s2a train`. --image FILE draws the
+rows that are there.
 """
 
 from __future__ import annotations
@@ -36,8 +38,12 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("runs/number_of_parts"))
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--out", type=Path, default=Path("experiments/results/number_of_parts.json"))
+    parser.add_argument("--image", type=Path, help="to draw, instead of training")
     parser.add_argument("keys", nargs="*")
     args = parser.parse_intermixed_args()
+    if args.image:
+        _draw(json.loads(args.out.read_text())["rows"], args.image)
+        return
     for seed in args.seeds:
         for count in args.parts:
             rows = json.loads(args.out.read_text())["rows"] if args.out.is_file() else []
@@ -85,6 +91,29 @@ def _row(args: argparse.Namespace, count: int, seed: int) -> dict[str, object]:
     about = json.loads((run / "metrics.json").read_text())
     kept = {key: about[key] for key in ("env_steps", "seconds", "commit", "device") if key in about}
     return {"parts": count, "seed": seed, "iterations": args.iterations, **measured, **kept}
+
+
+def _draw(rows: list[dict], image: Path) -> None:
+    """Draw unseen parts and those trained on beside each other: every training, and the mean over seeds."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.0), sharey=True, layout="constrained")
+    for axis, name, title in zip(axes, ("test", "train"), ("41 unseen parts", "the parts trained on"), strict=True):
+        for rate, label, color in (("success", "opened", "#57606a"), ("grasp_success", "grasped", "#2a8a3c")):
+            counts = sorted({row["parts"] for row in rows})
+            found = [[100 * row[name][rate]["rate"] for row in rows if row["parts"] == count] for count in counts]
+            axis.plot(counts, [np.mean(each) for each in found], color=color, label=f"{label}, mean over seeds")
+            for count, each in zip(counts, found, strict=True):
+                axis.plot([count] * len(each), each, "o", color=color, markersize=4, alpha=0.6)
+        axis.set(xscale="log", xticks=counts, xlabel="parts in training", title=title, ylim=(-3, 103))
+        axis.set_xticks(counts, [str(count) for count in counts])
+        axis.minorticks_off()
+    axes[0].set_ylabel("episodes [%]")
+    axes[1].legend(frameon=False)
+    figure.savefig(image, dpi=110)
 
 
 def _s2a(*arguments: str) -> None:

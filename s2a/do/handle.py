@@ -68,15 +68,16 @@ def _motion(env: VecEnv, config: PlannerConfig, fraction: float) -> HandleMotion
     back = round(fraction * path.grasp)
     last = len(path.poses) - 1 - back
     rate = 1.0 / (sim.config.dt * sim.config.substeps)
-    around = detour(sim.stage, sim.robot, arm[0], float(path.q[0]), config.start_noise, config.seed)
+    opened = 0.0 if sim.stage.internal else None
+    around = detour(sim.stage, sim.robot, arm[0], float(path.q[0]), config.start_noise, config.seed, opened)
     reach = arm[:1] if around is None else around
-    found = Segments(reach[0], sim.robot, sim.plan_limits, rate, config.close_time)
+    found = Segments(reach[0], sim.robot, sim.plan_limits, rate, config.close_time, closed=sim.stage.internal)
     if around is not None:
         found.between(around, config.reach_time)
     found.go(arm[: path.grasp + 1], config.approach_time)
-    found.close()
+    found.hold(sim.stage.internal)
     found.go(arm[path.grasp : last + 1], config.pull_time)
-    found.open()
+    found.release(sim.stage.internal)
     if back:
         found.go(arm[last:], config.approach_time)
     targets = found.trajectory(config.start_noise, config.reach_time).targets

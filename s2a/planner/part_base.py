@@ -63,7 +63,7 @@ class _Search:
 
     def __init__(self, stage: SimStage, path: ToolPath, spec: RobotSpec, noise: float, seed: int) -> None:
         self._stage, self._path, self._spec, self._seed = stage, path, spec, seed
-        self._opened = 0.0 if path.pushes else None
+        self._opened = 0.0 if path.pushes or stage.internal else None
         self._shape, self._misses = robot_shape(spec), Misses()
         self._starts = noisy_starts(spec, noise, seed)
         room, target = stage.room, stage.target

@@ -94,7 +94,7 @@ def plan(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Trajectory
     """Return the trajectory that does a task in a simulation's stage; InputError: out of reach."""
     path, arm = planned_path(sim, config, tool_path)
     trajectory = _trajectory(sim, path, arm, config)
-    opened = 0.0 if path.pushes else None
+    opened = 0.0 if path.pushes or sim.stage.internal else None
     around = detour(sim.stage, sim.robot, arm[0], float(path.q[0]), config.start_noise, config.seed, opened)
     if around is None:
         return trajectory

@@ -107,6 +107,15 @@ class Segments:
         """Open the fingers until their pads are at a distance [m]; None: fully."""
         self._grip(self._wide if distance is None else distance / self._spec.gripper.max_opening * self._wide)
 
+    def hold(self, internal: bool) -> None:
+        """Close the fingers on a handle, or spread them in the pocket that they are in."""
+        self._grip(self._wide if internal else 0.0)
+        self.closed = self.closed or self._count()
+
+    def release(self, internal: bool) -> None:
+        """Let go of a handle, or be ready to hold it so."""
+        self._grip(0.0 if internal else self._wide)
+
     def align(self, held: np.ndarray) -> None:
         """Stand, and make up for how the object, planned at `held` [4 4] in the tool frame, has slipped in the gripper."""
         seen, steps = self._count() - 1, math.ceil(ALIGN * self._rate)

@@ -62,7 +62,7 @@ class PartGeometry:
         coord, dof: index of the joint's coordinate and of its velocity within the world.
         travel: opening at the open limit [m].
         size: extents of the grasp region along the grasp frame's axes [m].
-        pinchable: 1 where the region is thinner than the gripper opens.
+        pinchable: 1 where two fingers can hold the region: it is thinner than the gripper opens, or held from within.
     """
 
     grasp: wp.transform
@@ -237,5 +237,5 @@ def _part(stage: SimStage, max_opening: float, coord: int, dof: int) -> PartGeom
     p.lever_arm, p.travel = opening_sign(joint) * stage.lever_arm, stage.travel
     p.axis, p.origin, p.slides = wp.vec3(*joint.axis), wp.vec3(*joint.origin), int(joint.kind == "prismatic")
     p.size = wp.vec3(*stage.grasp_size)
-    p.pinchable = int(stage.grasp_size[1] < max_opening)
+    p.pinchable = int(stage.internal or stage.grasp_size[1] < max_opening)
     return p

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from box_room import bar
-from part_worlds import make_env
+from part_worlds import contacts, grasped, make_env
 from pxr import Gf, Usd, UsdGeom
 from recessed_drawer import HEIGHT, recessed_drawer
 from scipy.spatial.transform import Rotation
@@ -60,10 +60,14 @@ def test_what_stands_before_a_front_or_hardly_behind_it_is_no_pocket() -> None:
 def test_its_walls_are_solid_and_its_inside_is_free() -> None:
     found = pocket()
     assert found is not None
-    inside = np.random.default_rng(0).uniform((-0.0099, -0.0635, HEIGHT - 0.0235), (0.02, 0.0635, HEIGHT + 0.0235), (500, 3))
+    inside = np.random.default_rng(0).uniform(
+        (-0.0099, -0.0635, HEIGHT - 0.0235), (0.02, 0.0635, HEIGHT + 0.0235), (500, 3)
+    )
     hulls = pocket_hulls(found)
     assert not any(contains(piece, inside).any() for piece in hulls)
-    beside = np.array([(-0.005, 0.0, HEIGHT + 0.027), (-0.005, 0.0, HEIGHT - 0.027), (-0.005, 0.067, HEIGHT), (-0.012, 0, HEIGHT)])
+    beside = np.array(
+        [(-0.005, 0.0, HEIGHT + 0.027), (-0.005, 0.0, HEIGHT - 0.027), (-0.005, 0.067, HEIGHT), (-0.012, 0, HEIGHT)]
+    )
     assert np.any([contains(piece, beside) for piece in hulls], axis=0).all()
 
 
@@ -87,7 +91,9 @@ def test_a_prepared_room_keeps_the_pocket_and_the_grasp(room: Path) -> None:
     read = sim_stage.read(room)
     assert read.articulations["drawer_3"].grasp.internal and read_stage(room).internal
     colliders = [each.mesh for body in read.bodies.values() for each in body.colliders]
-    inside = np.random.default_rng(0).uniform((-0.0099, -0.063, HEIGHT - 0.023), (0.02, 0.063, HEIGHT + 0.023), (500, 3))
+    inside = np.random.default_rng(0).uniform(
+        (-0.0099, -0.063, HEIGHT - 0.023), (0.02, 0.063, HEIGHT + 0.023), (500, 3)
+    )
     assert colliders and not any(contains(piece, inside).any() for piece in colliders)
 
 
@@ -129,3 +135,14 @@ def test_validation_passes_and_finds_a_grasp_beside_the_pocket(room: Path, tmp_p
     stage.Export(str(moved))
     (wrong,) = certify(moved, settings)
     assert {check.name: check for check in wrong.checks}["grasp_site"].status == "fail"
+
+
+def test_one_finger_in_a_long_pocket_or_a_fist_is_no_grasp(room: Path) -> None:
+    """Wider than the gripper opens between the pads, a pocket is still held by two fingers or not at all."""
+    stage = replace(read_stage(room), internal=True, grasp_size=np.array([0.03, 0.105, 0.01]))
+    env = make_env(stage, 3)
+    found = contacts(env)
+    found["on_region"][:] = torch.tensor([[5.0, 0.0], [5.0, 5.0], [5.0, 5.0]])
+    up, down = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]
+    found["normal"][:] = torch.tensor([[up, down], [up, up], [up, down]])
+    assert grasped(env) == [0, 0, 1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
@@ -77,15 +78,17 @@ def edge(truth: dict, part: str) -> np.ndarray:
 
 
 @contextmanager
-def page_of(scan_folder: Path, out: Path, keys: Sequence[str]) -> Iterator[None]:
-    """Run `s2a annotate` with further keys until the block ends."""
+def page_of(scan_folder: Path, out: Path, keys: Sequence[str]) -> Iterator[str]:
+    """Run `s2a annotate` with further keys until the block ends; yield the page's address."""
     command = [sys.executable, "-m", "s2a", "annotate", f"scan={scan_folder}", f"out={out}", f"port={PORT}", *keys]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
         assert process.stderr is not None
         while "Ctrl-C ends it" not in (line := process.stderr.readline()):
             assert line, "the command ended"
-        yield
+        found = re.search(r"http://localhost:\d+", line)
+        assert found
+        yield found[0]
     finally:
         process.terminate()
         process.wait(30)
@@ -117,8 +120,8 @@ def annotate(
     up = np.array([0.0, 0.0, shift])
     figures = []
     keys = [f"camera.azimuth={azimuth}", "max_faces=60000"]
-    with page_of(scan_folder, out, keys), browser.browser(WIDTH, HEIGHT) as page:
-        page.open(f"http://localhost:{PORT}")
+    with page_of(scan_folder, out, keys) as address, browser.browser(WIDTH, HEIGHT) as page:
+        page.open(address)
         page.wait(lambda: "Click a front" in page.text(), 120.0)
         time.sleep(SETTLE)  # no screenshot: without a graphics processor the first takes longer than the driver waits
         page.driver.execute_script(NO_NOTICE)

@@ -103,13 +103,18 @@ def trajectory(sim: Simulation, stage: PutStage, config: PlannerConfig) -> Traje
     """Return the joint targets that do a stage's plan, from home on."""
     put, (first, last) = stage.put, stage.put.held
     opening = np.linspace(0.0, stage.opened, last - first + 1)
+    internal = stage.room.articulations[stage.part].grasp.internal
     found = skill.segments(sim, put.to_shut[0], config)
+    if internal:
+        found.release(internal)
     found.between(put.to_shut, config.reach_time)
     found.go(put.handle[: first + 1], config.approach_time)
-    found.close()
+    found.hold(internal)
     found.go(put.handle[first : last + 1], config.pull_time, opening)
-    found.open()
+    found.release(internal)
     found.go(put.handle[last:], config.approach_time)
+    if internal:
+        found.open()
     found.between(put.leave, config.reach_time)
     skill.pick(found, put.pick, config)
     found.between(put.home, config.reach_time)
@@ -118,10 +123,12 @@ def trajectory(sim: Simulation, stage: PutStage, config: PlannerConfig) -> Traje
     near = found.last
     back = put.handle[::-1]
     first, last = len(back) - 1 - last, len(back) - 1 - first
+    if internal:
+        found.release(internal)
     found.go(back[: first + 1], config.approach_time)
-    found.close()
+    found.hold(internal)
     found.go(back[first : last + 1], config.pull_time, opening[::-1])
     found.shutting = Shutting(stage.part, begin, near, found.last)
-    found.open()
+    found.release(internal)
     found.go(back[last:], config.approach_time)
     return found.trajectory(config.start_noise, config.reach_time)

@@ -71,7 +71,14 @@ def _room(name: str, work: Path) -> dict[str, object]:
     _s2a("prepare", f"stage={work / 'geometric.usd'}", "targets=all", f"out={work / 'room.usd'}")
     for row, part in zip(figures, scan.read(out).movable, strict=True):
         report = work / f"{part}.json"
-        _s2a("evaluate", f"stage={work / 'room.usd'}", f"part={part}", "num_envs=2", f"out={report}")
+        _s2a(
+            "evaluate",
+            f"stage={work / 'room.usd'}",
+            f"part={part}",
+            "num_envs=2",
+            "task.episode_steps=1200",
+            f"out={report}",
+        )
         found = json.loads(report.read_text())
         row |= {"seconds_at_3_s": clicking.PACE * row["actions"], "opening_m": round(found["opening"]["mean"], 3)}
         row |= {rate: found[rate]["rate"] for rate in ("success", "grasp_success")}

@@ -89,7 +89,8 @@ class Gap:
 def gap(path: Path, held: Contents, gripper: GripperSpec) -> Gap:
     """Measure the finger gap beside the grasp region of a valid sim.usd.
 
-    Of a recessed pull it is the space of closed fingers within it. A point there is free as scanned if a straight line along the gripper's approach reaches it without meeting the scan.
+    Of a recessed pull it is the space of closed fingers within it. A point there is free as scanned if a straight line along
+    the gripper's approach reaches it without meeting the scan.
     """
     assert held.target is not None
     site = held.target.GetChild("grasp")

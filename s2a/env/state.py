@@ -16,8 +16,8 @@ class State:
         body_q: poses, shape [world body].
         torque: forces of the joints' drives [N m or N], shape [world dof].
         lower, upper: limits of the robot's joints [rad, m], shape [joint].
-        internal: 1 where the gripper holds by opening, shape [world]. There an action, and what a policy observes of the fingers, are
-            mirrored, so that both mean the same: an action of -1 grips, and a finger that grips moves towards its lower limit.
+        internal: 1 where the gripper holds by opening, shape [world]. There an action of the fingers, and what a policy observes
+            of them, are mirrored, so that they mean the same: an action of -1 grips, and a finger that grips is seen to close.
         target_q: joint targets, shape [world coord].
         target_qd: commanded velocities of the robot's joints [rad/s, m/s], shape [world dof].
         asked: those that the action asks for.

@@ -107,8 +107,10 @@ def choose(surface: SplitSurface, truth: dict, shift: float) -> tuple[float, dic
             place = middle - 0.4 * right - 0.5 * high
             if not sees(eye, target, camera.fov, [place]):
                 continue
+            if not hits(eye, place, NEAR):
+                continue
             found = clicking.grown(surface, eye, place)
-            if not hits(eye, place, NEAR) or not _safe(mesh, eye, place, found, 2 * np.tan(camera.fov / 2) / size[1]):
+            if not _safe(mesh, eye, place, found, 2 * np.tan(camera.fov / 2) / size[1]):
                 continue
             there, aim = pick.facing(found, camera.fov)
             seen = []

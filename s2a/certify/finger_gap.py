@@ -103,21 +103,14 @@ def gap(path: Path, held: Contents, gripper: GripperSpec) -> Gap:
     if len(here) < 50:
         return Gap(0.0, float("nan"), float("nan"), gripper.max_opening)
     (low, face), (high, _) = np.quantile(here[:, 1:], [0.02, 0.98], axis=0)
-    internal = read_attribute(site, "internal", bool, False)
     scene = visible(path)
     colliders = [mesh for _, mesh in scene.colliders if _near(mesh, origin)]
     whole = merge(list(scene.surfaces.values()))
     surface = ray_mesh(whole.vertices, whole.faces)
-    if internal:  # closed, in the middle; as thick as they are
-        thick = 2 * gripper.finger_box[1]
-        starts, depth = ((0.0, -1.0), (0.0, 1.0)), (0.0, gripper.tip_ahead)
-    else:
-        thick, starts, depth = (
-            float(high - low),
-            ((low - MARGIN, -1.0), (high + MARGIN, 1.0)),
-            (min(face, 0.0), gripper.tip_ahead),
-        )
-    sides = [_fill(start, depth, gripper) for start in starts]
+    thick, deep, starts = float(high - low), min(face, 0.0), ((low - MARGIN, -1.0), (high + MARGIN, 1.0))
+    if read_attribute(site, "internal", bool, False):  # closed, in the middle; as thick as they are
+        thick, deep, starts = 2 * gripper.finger_box[1], 0.0, ((0.0, -1.0), (0.0, 1.0))
+    sides = [_fill(start, (deep, gripper.tip_ahead), gripper) for start in starts]
     free = [_reached(points, surface, origin, frame) for points in sides]
     open_points = np.concatenate([points[mask] for points, mask in zip(sides, free, strict=True)])
     filled = fraction_inside(colliders, origin + open_points @ frame.T) if len(open_points) else float("nan")

@@ -69,7 +69,8 @@ SAME_GOAL = 1e-3
 def demonstration(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> Demonstration:
     """Return the planned motion as one on which episodes start.
 
-    The fingers stand open until the part moves, then MARGIN off what they hold, on which they close at once.
+    The fingers stand open until the part moves, then MARGIN off what they hold, on which they close at once; those that hold a
+    pocket from within stand closed, then MARGIN off its walls.
 
     Raises:
         InputError: the arm cannot reach along the whole path.
@@ -77,7 +78,7 @@ def demonstration(sim: Simulation, config: PlannerConfig, tool_path: Skill) -> D
     trajectory, arm = plan(sim, config, tool_path), len(sim.robot.arm_joints)
     positions = np.concatenate([trajectory.targets, trajectory.part[:, None]], axis=1)
     opened, held = position_limits(sim.robot)[1][arm:], sim.stage.grasp_size[1] / 2 + MARGIN
-    if trajectory.targets[0, arm:].any():  # what pushes is closed all the time
+    if trajectory.targets[:, arm:].any():  # what pushes is closed all the time
         before, after = (0.0, held_from_within(sim)) if sim.stage.internal else (opened, np.minimum(held, opened))
         positions[: trajectory.closed, arm:-1] = before
         positions[trajectory.closed :, arm:-1] = after

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +22,11 @@ from s2a.evaluate import evaluate
 from s2a.geometry.convex import contains
 from s2a.geometry.handles.pocket import find_pocket, pocket_hulls
 from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.planner.part_plan import PlannerConfig, demonstration
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.grasp import find_grasp, grasp_frame
 from s2a.sim.world import read_stage
+from s2a.tasks.open_part.skill import tool_path
 from s2a.usd import sim_stage
 
 FRONT = (np.array([1.0, 0.0, 0.0]), 0.0)
@@ -101,6 +103,16 @@ def test_the_planner_opens_it_by_a_grasp(room: Path) -> None:
     env = make_env(read_stage(room), episode_steps=1200, sim="sim/planner")
     result = evaluate(env, Planner(env, load(PlannerConfig, "planner/default")))
     assert result["grasp_success"]["rate"] == 1.0 and result["opening"]["min"] > 0.25
+
+
+def test_an_episode_may_start_in_the_grip(room: Path) -> None:
+    """Closed on the way, then 2 mm off the walls of a pocket of 50 mm: half of it less a finger of 15.2 mm."""
+    env = make_env(read_stage(room), sim="sim/planner")
+    motion = demonstration(env.sim, load(PlannerConfig, "planner/default"), partial(tool_path, config=None))
+    fingers = motion.positions[:, 7:9]
+    assert (fingers[: motion.grasped] == 0.0).all()
+    assert fingers[motion.grasped :] == pytest.approx(0.025 - 0.0152 - 0.002, abs=1e-3)
+    assert (motion.targets[motion.grasped :, 7:9] == GRIPPER.finger_joint_open).all()
 
 
 def test_gripping_and_its_observation_mean_the_same_from_within(room: Path) -> None:

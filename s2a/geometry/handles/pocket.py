@@ -28,7 +28,7 @@ class Pocket:
     """A rectangular pocket.
 
     Attributes:
-        frame: axes as columns [3 3], square on the front: x along the longer side, z into it.
+        frame: axes as columns [3 3], square on the front: x and y along its sides, z into it.
         center: of its opening, on the front's plane [m], shape [3].
         size: of its opening along x and y [m], shape [2].
         depth: of its floor behind the front's plane [m].
@@ -51,7 +51,7 @@ def find_pocket(region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float]
 
     Args:
         region: the annotated surface.
-        frame: its grasp frame, axes as columns: x along it, z into the furniture.
+        frame: its grasp frame, axes as columns: x and y along the pocket's sides, z into the furniture.
         plane: of the front, as outward normal and offset [m].
     """
     normal, offset = plane

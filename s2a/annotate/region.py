@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a.annotate.surface import SplitSurface, connected
+from s2a.geometry.mesh_ops import weighted_quantile
 from s2a.geometry.planes import fit_plane, plane_axes
 from s2a.ranges import Positive
 
@@ -124,7 +125,7 @@ def around(surface: SplitSurface, faces: np.ndarray) -> FrontRegion:
     axes = rectangle_axes(normal, points)
     areas = surface.areas[faces]
     flat = points @ axes
-    low, high = (np.array([_quantile(flat[:, k], areas, q) for k in (0, 1)]) for q in (TRIM, 1 - TRIM))
+    low, high = (np.array([weighted_quantile(flat[:, k], areas, q) for k in (0, 1)]) for q in (TRIM, 1 - TRIM))
     center = axes @ (low + high) / 2 + normal * offset
     return FrontRegion(normal, center, axes, np.maximum(high - low, 1e-3), np.sort(faces))
 
@@ -184,9 +185,3 @@ def _grown(
     flat = np.einsum("ij,ij->i", facing[pairs[:, 0]], facing[pairs[:, 1]]) > np.cos(np.radians(config.edge))
     number = connected(pairs[flat], len(some))
     return np.asarray(some[number == number[np.searchsorted(some, face)]])
-
-
-def _quantile(values: np.ndarray, weights: np.ndarray, fraction: float) -> float:
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][min(np.searchsorted(total, fraction * total[-1]), len(values) - 1)])

@@ -96,3 +96,20 @@ def sample_with_faces(mesh: Mesh, count: int, seed: int) -> tuple[np.ndarray, np
     u, v = np.sort(random.random((2, count)), axis=0)
     weights = np.stack([u, v - u, 1 - v], axis=1)
     return np.einsum("pk,pkd->pd", weights, mesh.vertices[mesh.faces[chosen]].astype(np.float64)), chosen
+
+
+def weighted_quantile(values: np.ndarray, weights: np.ndarray, fraction: float) -> float:
+    """Return the first of some values up to which a fraction of the weights lies."""
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return float(values[order][min(np.searchsorted(total, fraction * total[-1]), len(values) - 1)])
+
+
+def extents(mesh: Mesh, axes: np.ndarray, tail: float = 0.005) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and highest coordinates [m] of a surface along the columns of `axes` [3 axis], shape [axis] each.
+
+    Leaves out `tail` of the area at either end: single stray triangles are common at the borders of annotations.
+    """
+    along, weights = mesh.vertices[mesh.faces.ravel()] @ axes, np.repeat(mesh.face_areas, 3)
+    low, high = ([weighted_quantile(values, weights, end) for values in along.T] for end in (tail, 1 - tail))
+    return np.array(low), np.array(high)

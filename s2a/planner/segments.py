@@ -100,8 +100,7 @@ class Segments:
 
     def close(self) -> None:
         """Close the fingers on what is between them."""
-        self._grip(0.0)
-        self.closed = self.closed or self._count()
+        self.hold(internal=False)
 
     def open(self, distance: float | None = None) -> None:
         """Open the fingers until their pads are at a distance [m]; None: fully."""

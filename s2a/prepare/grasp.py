@@ -12,7 +12,7 @@ from s2a.articulation import opening_direction
 from s2a.geometry.handles.bar import bar_profile
 from s2a.geometry.handles.panel import front_behind
 from s2a.geometry.handles.pocket import Pocket, find_pocket
-from s2a.geometry.mesh_ops import centroids, merge, normals
+from s2a.geometry.mesh_ops import centroids, extents, merge, normals
 from s2a.geometry.simplify import is_structure
 from s2a.prepare.gripper_roll import ROUND, free_roll, free_side, is_round
 from s2a.robot.collision import robot_shape
@@ -106,22 +106,6 @@ def grasp_frame(region: Mesh, inwards: np.ndarray) -> np.ndarray:
     if y[2] < -1e-6 or (abs(y[2]) <= 1e-6 and y[0] < 0):
         y = -y
     return np.stack([np.cross(y, inwards), y, inwards], axis=1)
-
-
-def extents(region: Mesh, frame: np.ndarray, tail: float = 0.005) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest and highest coordinates [m] of a surface along the columns of a frame, shape [3] each.
-
-    Leaves out `tail` of the area at either end: single stray triangles are common at the borders of annotations.
-    """
-    along = region.vertices[region.faces.ravel()] @ frame
-    weights = np.repeat(region.face_areas, 3)
-    bounds = []
-    for values in along.T:
-        order = np.argsort(values, kind="stable")
-        share = np.cumsum(weights[order]) / weights.sum()
-        bounds.append(values[order[np.searchsorted(share, [tail, 1 - tail])]])
-    low, high = np.array(bounds).T
-    return low, high
 
 
 def heading(scene: Scene, target: str) -> np.ndarray:

@@ -6,8 +6,7 @@ import numpy as np
 
 from s2a.articulation import open_limit, opening_direction
 from s2a.geometry.convex import box
-from s2a.geometry.mesh_ops import sample
-from s2a.prepare.grasp import extents
+from s2a.geometry.mesh_ops import extents, sample
 from s2a.prepare.target import Target
 from s2a.scene import Mesh
 

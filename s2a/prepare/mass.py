@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from s2a.articulation import open_limit, opening_direction
 from s2a.errors import InputError
 from s2a.geometry.convex import hull, volume
+from s2a.geometry.mesh_ops import extents
 from s2a.geometry.planes import plane_axes
-from s2a.prepare.grasp import extents
 from s2a.prepare.interior import HEIGHT
 from s2a.ranges import NotNegative, Positive
 from s2a.scene import Joint, Mesh, Scene

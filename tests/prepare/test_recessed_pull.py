@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 import torch
 from box_room import bar
+from cabinet import write_cabinet
 from part_worlds import contacts, grasped, make_env
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom
 from recessed_drawer import HEIGHT, recessed_drawer
 from scipy.spatial.transform import Rotation
 from settings import load
@@ -158,3 +159,12 @@ def test_one_finger_in_a_long_pocket_or_a_fist_is_no_grasp(room: Path) -> None:
     up, down = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]
     found["normal"][:] = torch.tensor([[up, down], [up, up], [up, down]])
     assert grasped(env) == [0, 0, 1]
+
+
+def test_validation_finds_a_bar_that_is_said_to_be_a_pocket(tmp_path: Path) -> None:
+    stage = Usd.Stage.Open(str(write_cabinet(tmp_path / "room.usda")))
+    site = stage.GetPrimAtPath("/scene/drawer_2/grasp")
+    site.CreateAttribute("s2a:internal", Sdf.ValueTypeNames.Bool, custom=True).Set(True)
+    stage.Save()
+    (wrong,) = certify(tmp_path / "room.usda", load(CertifyConfig, "certify/default"))
+    assert {check.name: check for check in wrong.checks}["grasp_internal"].status == "fail"

@@ -26,10 +26,10 @@ def recessed_drawer(length: float = 0.13, width: float = 0.05, depth: float = 0.
     inwards = (-depth, 0, 0)
     lining = joined(
         plate(-depth, -y, y, h - z, h + z),
-        sheet((0, -y, h - z), inwards, (0, length, 0), cell / 2),
-        sheet((0, -y, h + z), (0, length, 0), inwards, cell / 2),
-        sheet((0, -y, h - z), (0, 0, width), inwards, cell / 2),
-        sheet((0, y, h - z), inwards, (0, 0, width), cell / 2),
+        sheet((0, -y, h - z), (0, length, 0), inwards, cell / 2),
+        sheet((0, -y, h + z), inwards, (0, length, 0), cell / 2),
+        sheet((0, -y, h - z), inwards, (0, 0, width), cell / 2),
+        sheet((0, y, h - z), (0, 0, width), inwards, cell / 2),
     )
     slide = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, h), (0.0, 0.4))
     parts = {

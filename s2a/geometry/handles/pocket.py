@@ -8,7 +8,7 @@ import numpy as np
 
 from s2a.geometry.convex import box, subtract
 from s2a.geometry.handles.panel import FLUSH, facing_frame
-from s2a.geometry.mesh_ops import centroids, normals
+from s2a.geometry.mesh_ops import centroids, extents, keep, normals, weighted_quantile
 from s2a.scene import Mesh
 
 SHALLOWEST = 0.006
@@ -17,8 +17,6 @@ WALL = 0.004
 """[m] Thickness of the walls and the floor as colliders."""
 FACING = 0.7
 """Of a face's normal with the front's, from which on it is the pocket's floor; less: a wall."""
-TAIL = 0.02
-"""Fraction of the walls' area that may lie beyond an end: rims and noise."""
 AHEAD = 0.02
 """[m] How far before the front the space of the pocket is kept free."""
 
@@ -63,15 +61,12 @@ def find_pocket(region: Mesh, frame: np.ndarray, plane: tuple[np.ndarray, float]
     floor = (behind > FLUSH) & (normals(region) @ normal > FACING)
     if areas[floor].sum() < 0.25 * areas.sum():
         return None
-    depth = _quantile(behind[floor], areas[floor], 0.5)
+    depth = weighted_quantile(behind[floor], areas[floor], 0.5)
     if depth < SHALLOWEST:
         return None
     # A scan's walls lean: half-way down they stand where the true ones do.
-    edges = region.vertices[region.faces].reshape(-1, 3)
-    inner = (offset - edges @ normal > 0.5 * depth).reshape(-1, 3).all(axis=1)
-    flat = region.vertices[region.faces[inner]].reshape(-1, 3) @ frame[:, :2]
-    weights = np.repeat(areas[inner], 3)
-    low, high = (np.array([_quantile(flat[:, k], weights, q) for k in (0, 1)]) for q in (TAIL / 4, 1 - TAIL / 4))
+    deep = offset - region.vertices @ normal > 0.5 * depth
+    low, high = extents(keep(region, deep[region.faces].all(axis=1)), frame[:, :2])
     center = frame[:, :2] @ (low + high) / 2 + normal * offset
     return Pocket(frame, center, high - low, depth)
 
@@ -86,9 +81,3 @@ def pocket_hulls(pocket: Pocket) -> list[Mesh]:
     deep = pocket.depth + WALL
     center = pocket.center + pocket.frame[:, 2] * deep / 2
     return subtract(box(center, pocket.frame, np.array([*(pocket.size + 2 * WALL), deep])), pocket.space())
-
-
-def _quantile(values: np.ndarray, weights: np.ndarray, fraction: float) -> float:
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][min(np.searchsorted(total, fraction * total[-1]), len(values) - 1)])

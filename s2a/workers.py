@@ -121,11 +121,14 @@ def _spare_cores(limit: int) -> Iterator[int]:
     """Claim cores for helpers, at most so many, that no other command's helpers have claimed; yield their number.
 
     The claims are locks on files beside the cache, one for each core but the first that this process may use; they end with
-    this process.
+    this process. Of several processes that torchrun started on this machine each claims its share, or the first would leave
+    the others to work alone.
     """
     claims: list[int] = []
     try:
-        for core in sorted(os.sched_getaffinity(0))[1:]:
+        cores = sorted(os.sched_getaffinity(0))
+        limit = min(limit, max(1, len(cores) // int(os.environ.get("LOCAL_WORLD_SIZE", "1"))))
+        for core in cores[1:]:
             if len(claims) >= limit:
                 break
             if (claim := _claim(core)) is not None:

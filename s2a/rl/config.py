@@ -37,7 +37,7 @@ class PpoConfig:
         entropy_coef: weight of the entropy.
         max_grad_norm: where the gradient is cut.
         hidden_dims: widths of the layers of actor and critic (ELU).
-        init_std: standard deviation of the first policy's actions.
+        init_std: standard deviation of the first policy's actions; of another run's too, where this one begins with it.
         imitation_iterations: number of the first iterations, in which the policy does not improve by its own reward, but imitates
             the planner in the states to which it comes itself, as DAgger does (Ross et al. 2011); the critic learns meanwhile.
             Needs `cuda_graph`. A run that begins with another's policy does not imitate.

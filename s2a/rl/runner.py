@@ -75,13 +75,19 @@ class Runner(OnPolicyRunner):
         return loaded["infos"]
 
     def begin_with(self, checkpoint: Path) -> None:
-        """Take a checkpoint's networks, or an .onnx policy's; InputError where they do not fit, or the file is damaged."""
+        """Take a checkpoint's networks, or an .onnx policy's, with as much noise as this run asks for.
+
+        Raises:
+            InputError: they do not fit, or the file is damaged.
+        """
+        noise = {"distribution.std_param": self.alg.get_policy().state_dict()["distribution.std_param"].clone()}
         try:
             if checkpoint.suffix != ".pt":
                 actor = self.alg.get_policy()
                 actor.load_state_dict(actor.state_dict() | policy_file.weights(checkpoint))
                 return
             self.load(str(checkpoint), {"actor": True, "critic": True}, map_location=str(self.device))
+            self.alg.get_policy().load_state_dict(noise, strict=False)
         except Exception as error:  # of torch, pickle, zipfile: whatever a damaged or foreign file makes them raise
             why = (str(error) or type(error).__name__).splitlines()[0]
             raise InputError(f"key 'init': {checkpoint} has no networks that fit this run ({why})") from error

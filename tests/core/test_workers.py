@@ -68,6 +68,13 @@ def test_commands_side_by_side_have_fewer_helpers_than_cores() -> None:
         assert none == 0
 
 
+def test_processes_of_one_training_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers.os, "sched_getaffinity", lambda _: set(range(9)))
+    monkeypatch.setenv("LOCAL_WORLD_SIZE", "3")
+    with workers._spare_cores(99) as first, workers._spare_cores(99) as second, workers._spare_cores(99) as third:
+        assert (first, second, third) == (3, 3, 2)
+
+
 def test_where_no_claim_can_be_made_the_work_is_done_alone(tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("no folder")
     with workers._spare_cores(9) as helpers:

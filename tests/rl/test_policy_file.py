@@ -72,6 +72,14 @@ def test_a_policy_that_a_run_begins_with_goes_on_to_see_as_before(exported: Path
     assert torch.equal(last["obs_normalizer._mean"], before["obs_normalizer._mean"])
 
 
+@pytest.mark.parametrize("suffix", [".pt", ".onnx"])
+def test_a_run_explores_as_much_as_it_asks_whoever_it_begins_with(suffix: str, exported: Path, tmp_path: Path) -> None:
+    config = load(PpoConfig, "ppo/default", **SMALL, init_std=0.37, learning_rate=1e-9, desired_kl=1e-9)
+    train(CountingEnv(), config, tmp_path / "next", init=exported.with_suffix(suffix))
+    actor = torch.load(tmp_path / "next/model_0.pt", weights_only=True)["actor_state_dict"]
+    assert actor["distribution.std_param"].numpy() == pytest.approx(0.37, abs=1e-2)
+
+
 def test_a_policy_of_other_widths_is_refused(exported: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no networks that fit"):
         train(

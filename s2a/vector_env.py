@@ -12,10 +12,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from s2a import config, tasks
+from s2a.env.task import Task
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
+from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation, device_of
-from s2a.sim.world import read_stage
+from s2a.sim.world import SimStage
 
 
 class TaskVectorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
@@ -89,23 +91,34 @@ def make(
     seed: int = 0,
     overrides: tuple[str, ...] | list[str] = (),
 ) -> TaskVectorEnv:
-    """Return a task in worlds of a simulation-ready room.
+    """Return a task in worlds of a simulation-ready room, or of the parts of many.
 
     Args:
         task: its name, such as "open_part".
-        room: the sim.usd that `prepare` wrote.
-        part: id of the part to move, such as "drawer_7"; None: the room's only one.
+        room: the sim.usd that `prepare` wrote; or the index that `s2a pool` wrote, *.json: world i has its part i modulo their
+            number.
+        part: id of the part or object to move, such as "drawer_7"; None: the room's only one, or all of the index.
         num_envs: worlds that are stepped together.
         device: "cpu", "cuda:0", or "auto": a GPU where there is one.
         seed: of the start noise.
         overrides: settings as `s2a train` takes them, such as "sim=real", "reward=grasped", "task.start_noise=0".
 
     Raises:
-        InputError: an unknown task, part or setting; not a simulation-ready room.
+        InputError: an unknown task, part or setting; not a simulation-ready room; a part of an index.
     """
     kind = tasks.task(task)
     values = config.compose("train", [f"task={task}", "stage=-", "out=-", *overrides])
     mdp = config.load(kind.Config, values["task"])
     metrics: Any = config.load(kind.Metrics, values["metrics"])
-    sim = Simulation(read_stage(Path(room), part), config.load(SimConfig, values["sim"]), num_envs, device_of(device))
+    stages = _stages(kind, Path(room), part, values["robot"]["name"], mdp)
+    sim = Simulation(stages, config.load(SimConfig, values["sim"]), num_envs, device_of(device))
     return TaskVectorEnv(tasks.make_env(sim, mdp, metrics, values["reward"], seed, final_observation=True))
+
+
+def _stages(kind: type[Task], room: Path, part: str | None, robot: str, mdp: Any) -> list[SimStage]:
+    """Return the stages of a room's part, as the task reads it, or of an index's."""
+    if not pool.is_index(room):
+        return [kind.read_stage(room, part, robot, (), mdp)]
+    if part is not None:
+        raise InputError(f"part {part!r} chooses from a room; {room} has the parts of a pool: leave it out")
+    return pool.stages(room, robot)

@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
-from cabinet import write_cabinet
+from cabinet import HANDLE, write_cabinet
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from settings import load
@@ -19,8 +19,12 @@ from settings import load
 from s2a.errors import InputError
 from s2a.rl.config import PpoConfig
 from s2a.rl.ppo import train
+from s2a.scene import Joint
+from s2a.sim import pool
+from s2a.sim.pool import PoolPart
 from s2a.vector_env import TaskVectorEnv, make
 
+HINGE = Joint("revolute", (0.0, 0.0, 1.0), (HANDLE[0] - 0.02, 0.37, 0.7), (0.0, 1.2))
 SHORT = ("task.episode_steps=6",)
 
 
@@ -96,6 +100,20 @@ def test_rsl_rl_trains_in_it(room: Path, tmp_path: Path) -> None:
     small = {"num_steps_per_env": 4, "iterations": 2, "num_mini_batches": 2, "hidden_dims": [8]}
     report = train(env.worlds, load(PpoConfig, "ppo/default", **small), tmp_path / "run")
     assert report["env_steps"] == 2 * 4 * 4 and (tmp_path / "run/model_1.pt").is_file()
+
+
+def test_the_worlds_of_an_index_have_its_parts_in_turn(room: Path, tmp_path: Path) -> None:
+    door = write_cabinet(tmp_path / "door.usda", joint=HINGE)
+    parts = [
+        PoolPart(str(room), "drawer_2", "prismatic", "bar", ""),
+        PoolPart(door.name, "drawer_2", "revolute", "bar", ""),
+    ]
+    pool.write(tmp_path / "pool.json", parts, {}, {})
+    env = make("open_part", tmp_path / "pool.json", num_envs=3, device="cpu", overrides=SHORT)
+    assert [stage.joint.kind for stage in env.worlds.sim.stages] == ["prismatic", "revolute"]
+    assert env.worlds.sim.stage_of_env.tolist() == [0, 1, 0]
+    with pytest.raises(InputError, match="part 'drawer_2' chooses from a room; .*pool.json has the parts of a pool"):
+        make("open_part", tmp_path / "pool.json", part="drawer_2", device="cpu")
 
 
 @pytest.mark.parametrize(

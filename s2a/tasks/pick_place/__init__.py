@@ -27,8 +27,8 @@ class PickPlaceTask(Task):
     Config: ClassVar[type[MdpConfig]] = PickPlaceConfig
     Metrics: ClassVar[type] = PickPlaceMetrics
     Handles: ClassVar[Any] = mdp.PickPlace
-    PERSISTENT: ClassVar[tuple[str, ...]] = ("progress", "last", "released", "origin")
-    REWARDS, METRICS_VERSION = mdp.REWARDS, 1
+    PERSISTENT: ClassVar[tuple[str, ...]] = ("progress", "last", "released", "origin", "rested")
+    REWARDS, METRICS_VERSION = mdp.REWARDS, 2
     METRICS: ClassVar[tuple[str, ...]] = mdp.METRICS
     VALUES: ClassVar[tuple[str, ...]] = mdp.VALUES
     INSTRUCTION = "pick up the {part} and put it down at its place"
@@ -77,10 +77,11 @@ class PickPlaceTask(Task):
         h.others = wp.array(others, dtype=int)
         h.progress = wp.zeros((n, mdp.PROGRESS), dtype=float)
         h.last, h.released = wp.zeros(n, dtype=wp.vec3), wp.zeros(n, dtype=wp.vec3)
+        h.rested = wp.zeros(n, dtype=wp.transform)
         h.origin = wp.zeros((n, max(1, len(others))), dtype=wp.vec3)
         for name in (
-            "contact_force", "velocity_scale", "observation_limit", "position_tolerance", "angle_tolerance", "rest_speed",
-            "rest_rate", "clear_distance",
+            "contact_force", "velocity_scale", "observation_limit", "position_tolerance", "angle_tolerance", "rest_shift",
+            "rest_turn", "clear_distance",
         ):  # fmt: skip
             setattr(h, name, getattr(config, name))
         h.rest_steps, h.settle_steps = round(config.rest_time * rate), round(config.settle_time * rate)
@@ -130,7 +131,7 @@ class PickPlaceTask(Task):
 
     def update(self, state: State) -> None:
         """Count the steps at rest at the place."""
-        self.launch(self.KERNELS.update, state, self.sim.state.body_qd.reshape(state.body_q.shape))
+        self.launch(self.KERNELS.update, state)
 
     def observe(self, state: State) -> None:
         """Write the observations."""

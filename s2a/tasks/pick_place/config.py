@@ -29,8 +29,8 @@ class PickPlaceConfig(MdpConfig):
         settle_time: at the start of an episode, in which objects come to rest before displacements count [s].
         position_tolerance: of the object at its place [m].
         angle_tolerance: likewise [rad].
-        rest_speed: of the object's origin, up to which it is at rest [m/s].
-        rest_rate: of its rotation, likewise [rad/s].
+        rest_shift: displacement of the object's origin in `rest_time`, up to which it is at rest [m].
+        rest_turn: of its rotation, likewise [rad].
         clear_distance: of the tool frame's origin and both fingers from the object's surface, from which the gripper is gone [m].
     """
 
@@ -46,8 +46,8 @@ class PickPlaceConfig(MdpConfig):
     settle_time: NotNegative
     position_tolerance: Positive
     angle_tolerance: Positive
-    rest_speed: Positive
-    rest_rate: Positive
+    rest_shift: Positive
+    rest_turn: Positive
     clear_distance: NotNegative
 
 

@@ -24,7 +24,8 @@ METRICS = (
     "drift",
     "disturbance",
 )
-"""success: all of the next four, and physics held. placed: at the end at rest at its place, the gripper gone, for `rest_time`.
+"""success: all of the next four, and physics held. placed: at the end for `rest_time` at its place, the gripper gone, and at
+rest: not moved by more than `rest_shift` or turned by more than `rest_turn` in that time; what trembles in place rests too.
 carried: a pinch held over enough of the object's path. released_at_rest: after the robot's last touch the object stayed where
 it was. undisturbed: nothing else moved by more than `max_disturbance`. grasped: pinched at any time. Numbers at the end:
 position_error [m], angle_error [rad], carried_fraction, drift [m], disturbance [m]."""
@@ -54,7 +55,8 @@ class PickPlace:
         last: the object's position where its path was last measured [m], shape [world].
         released: where the robot last touched it [m], shape [world].
         origin: where the others were at the start [m], shape [world other].
-        contact_force, velocity_scale, observation_limit, position_tolerance, angle_tolerance, rest_speed, rest_rate,
+        rested: the object's pose since which its steps at rest are counted, shape [world].
+        contact_force, velocity_scale, observation_limit, position_tolerance, angle_tolerance, rest_shift, rest_turn,
         clear_distance: of the settings.
         rest_steps, settle_steps: of the settings, in control steps.
         carried_fraction, max_drift, max_disturbance: of the metrics.
@@ -74,13 +76,14 @@ class PickPlace:
     last: wp.array(dtype=wp.vec3)
     released: wp.array(dtype=wp.vec3)
     origin: wp.array2d(dtype=wp.vec3)
+    rested: wp.array(dtype=wp.transform)
     contact_force: float
     velocity_scale: float
     observation_limit: float
     position_tolerance: float
     angle_tolerance: float
-    rest_speed: float
-    rest_rate: float
+    rest_shift: float
+    rest_turn: float
     clear_distance: float
     rest_steps: int
     settle_steps: int
@@ -106,10 +109,30 @@ def position_error(s: State, h: PickPlace, world: int):
 
 
 @wp.func
+def angle_between(a: wp.transform, b: wp.transform):
+    """Return the angle by which one pose is turned against another [rad]."""
+    turn = wp.quat_inverse(wp.transform_get_rotation(a)) * wp.transform_get_rotation(b)
+    return 2.0 * wp.atan2(wp.length(wp.vec3(turn[0], turn[1], turn[2])), wp.abs(turn[3]))
+
+
+@wp.func
 def angle_error(s: State, h: PickPlace, world: int):
     """Return the angle between the object's rotation and the planned one [rad]."""
-    turn = wp.quat_inverse(wp.transform_get_rotation(h.goal)) * wp.transform_get_rotation(s.body_q[world, h.body])
-    return 2.0 * wp.atan2(wp.length(wp.vec3(turn[0], turn[1], turn[2])), wp.abs(turn[3]))
+    return angle_between(h.goal, s.body_q[world, h.body])
+
+
+@wp.func
+def steps_at_rest(s: State, h: PickPlace, before: float, there: bool, world: int):
+    """Return the number of control steps for which the object has been at rest there, from that of the step before.
+
+    It counts from a pose that is kept: a speed at an instant says that what trembles by a tenth of a millimetre moves.
+    """
+    now, since = s.body_q[world, h.body], h.rested[world]
+    moved = wp.length(wp.transform_get_translation(now) - wp.transform_get_translation(since))
+    if there and moved <= h.rest_shift and angle_between(since, now) <= h.rest_turn:
+        return before + 1.0
+    h.rested[world] = now
+    return float(0.0)
 
 
 @wp.func
@@ -212,17 +235,12 @@ def track(body_q: wp.array2d(dtype=wp.transform), h: PickPlace):
 
 
 @wp.kernel
-def update(s: State, h: PickPlace, body_qd: wp.array2d(dtype=wp.spatial_vector)):
+def update(s: State, h: PickPlace):
     """Count the steps in which the object rests at its place; end the episode after enough of them."""
     world = wp.tid()
-    twist = body_qd[world, h.body]
-    slow = wp.length(wp.spatial_top(twist)) <= h.rest_speed and wp.length(wp.spatial_bottom(twist)) <= h.rest_rate
     at_place = position_error(s, h, world) <= h.position_tolerance and angle_error(s, h, world) <= h.angle_tolerance
     gone = h.progress[world, TOUCHED] == 0.0 and gripper_clearance(s, h, world) >= h.clear_distance
-    if at_place and gone and slow:
-        h.progress[world, STILL] += 1.0
-    else:
-        h.progress[world, STILL] = 0.0
+    h.progress[world, STILL] = steps_at_rest(s, h, h.progress[world, STILL], at_place and gone, world)
     for i in range(h.others.shape[0]):
         at = wp.transform_get_translation(s.body_q[world, h.others[i]])
         if s.step[world] <= h.settle_steps:

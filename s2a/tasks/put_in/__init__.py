@@ -28,7 +28,7 @@ class PutInTask(PickPlaceTask):
 
     Config, Metrics, Handles = PutInConfig, PutInMetrics, handles.PutIn
     PERSISTENT = ("progress", "last", "last_in", "released", "released_in", "origin")
-    REWARDS, METRICS, VALUES, METRICS_VERSION = mdp.REWARDS, mdp.METRICS, mdp.VALUES, 1
+    REWARDS, METRICS, VALUES, METRICS_VERSION = mdp.REWARDS, mdp.METRICS, mdp.VALUES, 2
     INSTRUCTION = "put the {part} into the {into}"
     Stage: ClassVar[type[SimStage]] = skill.PutStage
     LOGGED = ("success", "stored", "carried", "grasped")
@@ -95,6 +95,10 @@ class PutInTask(PickPlaceTask):
         poses = self.sim.state.body_q.reshape(state.body_q.shape)
         coords = self.sim.state.joint_q.reshape(state.joint_q.shape)
         wp.launch(mdp.track, dim=len(state.done), inputs=[poses, coords, self.handles])
+
+    def persistent(self) -> dict[str, wp.array]:
+        """Return the arrays that a later step reads, those of picking among them."""
+        return {**super().persistent(), "rested": self.handles.p.rested}
 
     def observe(self, state: State) -> None:
         """Write the observations."""

@@ -10,7 +10,7 @@ from s2a.env.kernels import is_sound
 from s2a.env.state import State
 from s2a.env.task import columns
 from s2a.tasks.part_functions import squared_action
-from s2a.tasks.pick_place.mdp import STRIDE, is_pinched, tool_of
+from s2a.tasks.pick_place.mdp import STRIDE, is_pinched, steps_at_rest, tool_of
 from s2a.tasks.pick_place.start import start_of
 from s2a.tasks.put_in.handles import Progress, PutIn, gripper_clearance, in_part, is_inside, place_error, turn_error
 
@@ -131,22 +131,17 @@ def track(body_q: wp.array2d(dtype=wp.transform), joint_q: wp.array2d(dtype=floa
 
 
 @wp.kernel
-def update(s: State, h: PutIn, body_qd: wp.array2d(dtype=wp.spatial_vector)):
+def update(s: State, h: PutIn):
     """Count the steps in which the object rests at its place in the shut part; end the episode after enough of them."""
     world = wp.tid()
     p = h.p
-    twist, slide = body_qd[world, p.body], body_qd[world, h.part]
-    slow = wp.length(wp.spatial_top(twist)) <= p.rest_speed and wp.length(wp.spatial_bottom(twist)) <= p.rest_rate
-    slow = slow and wp.length(wp.spatial_top(slide)) <= p.rest_speed
     now = in_part(s.body_q[world, p.body], s.body_q[world, h.part])
     at_place = place_error(s, h, world) <= p.position_tolerance and turn_error(s, h, world) <= p.angle_tolerance
     at_place = at_place and is_inside(h, wp.transform_get_translation(now))
     shut = wp.abs(s.joint_q[world, h.coord]) <= h.shut
     gone = h.progress[world, Progress.touched] == 0.0 and gripper_clearance(s, h, world) >= p.clear_distance
-    if at_place and gone and slow and shut:
-        h.progress[world, Progress.still] += 1.0
-    else:
-        h.progress[world, Progress.still] = 0.0
+    there = at_place and gone and shut
+    h.progress[world, Progress.still] = steps_at_rest(s, p, h.progress[world, Progress.still], there, world)
     for i in range(h.others.shape[0]):
         at = wp.transform_get_translation(s.body_q[world, h.others[i]])
         if s.step[world] <= p.settle_steps:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -45,6 +45,8 @@ class Config:
         out: folder of the pool; rooms that are in it already are kept.
         jobs: rooms that are made at once.
         leave_out: families or styles of handles that are not taken.
+        rare: those whose parts the index names `repeat` times, so that as many more worlds of a training have them.
+        repeat: see `rare`.
         frames: of a depth camera that are taken of each part, for s2a perceive; 0: none.
         depth_camera: the camera that takes them.
         sample: how rooms are drawn and scanned; its room, seed and out are not used.
@@ -61,6 +63,8 @@ class Config:
     out: Path
     jobs: Count
     leave_out: tuple[str, ...]
+    rare: tuple[str, ...]
+    repeat: Count
     frames: CountFromZero
     depth_camera: DepthCameraConfig
     sample: SampleConfig
@@ -84,22 +88,21 @@ def run(config: Config) -> str:
     specs: list[tuple[RoomKind, int]] = [(kind, seed) for seed in seeds for kind in config.rooms]
     config.out.mkdir(parents=True, exist_ok=True)
     made = list(track(_all(config, specs), "rooms", len(specs)))
-    entries = [
-        pool.PoolPart(**entry)
-        for room in made
-        for entry in room["parts"]
-        if is_taken(entry["handle"], config.leave_out)
-    ]
+    parts = [pool.PoolPart(**entry) for room in made for entry in room["parts"]]
+    entries = [part for part in parts for _ in range(times(part.handle, config))]
     left_out = {part: why for room in made for part, why in room["left_out"].items()}
-    about = {"first": config.first, "count": config.count, "rooms": config.rooms, "leave_out": config.leave_out}
+    about = {key: getattr(config, key) for key in ("first", "count", "rooms", "leave_out", "rare", "repeat")}
     pool.write(config.out / INDEX, entries, left_out, {**about, **provenance("cpu")})
     slides = sum(entry.kind == "prismatic" for entry in entries)
     return f"{config.out / INDEX}: {len(entries)} parts of {len(specs)} rooms, {slides} of them slide; {len(left_out)} left out"
 
 
-def is_taken(handle: str, leave_out: Collection[str]) -> bool:
-    """Return whether none of a part's handles, "bar, knob", is of a family or style that is left out."""
-    return not set(handle.split(", ")) & set(leave_out)
+def times(handle: str, config: Config) -> int:
+    """Return how often the index names a part with these handles, "bar, knob"; 0 where one is left out."""
+    kinds = set(handle.split(", "))
+    if kinds & set(config.leave_out):
+        return 0
+    return config.repeat if kinds & set(config.rare) else 1
 
 
 def _all(config: Config, specs: list[tuple[RoomKind, int]]) -> Iterator[Made]:
@@ -164,7 +167,7 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
 def _settings(config: Config) -> Any:
     """Return what a room depends on besides its kind and seed, as JSON reads it."""
     values = asdict(config)
-    for key in ("rooms", "first", "count", "out", "jobs", "leave_out"):
+    for key in ("rooms", "first", "count", "out", "jobs", "leave_out", "rare", "repeat"):
         values.pop(key)
     return json.loads(json.dumps(values, default=str))
 

@@ -9,8 +9,8 @@ import pytest
 import torch
 from cabinet import HANDLE, write_cabinet
 
-from s2a import cli
-from s2a.commands.pool import is_taken
+from s2a import cli, config
+from s2a.commands.pool import Config, times
 from s2a.errors import InputError
 from s2a.scene import Joint
 from s2a.sim import pool
@@ -97,9 +97,11 @@ def test_what_a_pool_cannot_do_is_said(
     assert says in capsys.readouterr().err
 
 
-def test_a_part_with_one_handle_that_is_left_out_is_not_taken() -> None:
-    assert is_taken("bar, knob", ["edge"]) and not is_taken("bar, edge", ["edge"])
-    assert is_taken("edge", []) and is_taken("wedge", ["edge"])
+def test_a_part_with_one_handle_that_is_left_out_is_not_taken_and_a_rare_one_is_named_often() -> None:
+    values = config.compose("pool", ["out=-", "leave_out=[edge]", "rare=[cup,edge]", "repeat=3"])
+    settings = config.load(Config, values)
+    counts = {"bar, knob": 1, "bar, edge": 0, "wedge": 1, "edge, cup": 0, "bar, cup": 3}
+    assert {handle: times(handle, settings) for handle in counts} == counts
 
 
 @pytest.mark.slow

@@ -121,13 +121,13 @@ def _spare_cores(limit: int) -> Iterator[int]:
     """Claim cores for helpers, at most so many, that no other command's helpers have claimed; yield their number.
 
     The claims are locks on files beside the cache, one for each core but the first that this process may use; they end with
-    this process. Of several processes that torchrun started on this machine each claims its share, or the first would leave
-    the others to work alone.
+    this process. None claims more than half of the cores, and of several processes that torchrun started on this machine each
+    its share, or the first would leave the others to work alone.
     """
     claims: list[int] = []
     try:
         cores = sorted(os.sched_getaffinity(0))
-        limit = min(limit, max(1, len(cores) // int(os.environ.get("LOCAL_WORLD_SIZE", "1"))))
+        limit = min(limit, max(1, len(cores) // max(2, int(os.environ.get("LOCAL_WORLD_SIZE", "1")))))
         for core in cores[1:]:
             if len(claims) >= limit:
                 break

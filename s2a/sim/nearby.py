@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
@@ -45,6 +46,17 @@ class Workspace:
     reach: float
     planned: bool = False
     resting: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+
+    @cached_property
+    def _ball(self) -> tuple[np.ndarray, float]:
+        """Centre [m] and radius [m] of a ball around the points."""
+        center = (self.points.min(axis=0) + self.points.max(axis=0)) / 2.0
+        return center, float(np.linalg.norm(self.points - center, axis=1).max())
+
+    def may_touch(self, planes: np.ndarray) -> bool:
+        """Return False only where no point is as near to a hull, of planes [plane 4], as what a world may need."""
+        center, radius = self._ball
+        return _distance(center[None], planes) - radius <= max(AROUND, BESIDE)
 
     @classmethod
     def around(
@@ -99,8 +111,13 @@ def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, 
         What is left out though the arm could touch it, or a plan passes it; None where there is none such.
     """
     planes = [_planes(prim) for prim in colliders]
-    distance = np.array([_distance(space.points, p) for p in planes])
     reached = np.array([_distance(space.shoulder[None], p) for p in planes]) <= space.reach
+    distance = np.array(
+        [
+            _distance(space.points, p) if r or space.may_touch(p) else np.inf
+            for p, r in zip(planes, reached, strict=True)
+        ]
+    )
     structure = np.array([bool(prim.GetAttribute("s2a:structure").Get()) for prim in colliders], bool)
     ground = _carrying(space.resting, planes)
     for k in np.flatnonzero(structure).tolist():

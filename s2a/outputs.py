@@ -10,7 +10,7 @@ import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -21,6 +21,8 @@ MARK = "s2a-"
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What a full disk answers."""
 ATTEMPTS = 50
+PART = ".part"
+"""Ending of a file that is being written by `replace_file`."""
 
 
 def refuse_loss(path: Path, earlier: str, read: Iterable[Path]) -> None:
@@ -35,6 +37,18 @@ def refuse_loss(path: Path, earlier: str, read: Iterable[Path]) -> None:
     for file in read:
         if Path(os.path.realpath(path)) in Path(os.path.realpath(file)).parents:
             raise InputError(f"out {str(path)!r} would be replaced with {str(file)!r} in it; choose another path")
+
+
+@contextmanager
+def full_disk_told(path: Path) -> Iterator[None]:
+    """Raise an InputError that names an output where the block fails because the disk is full; other errors as they are."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in FULL and "requested and" not in str(error):  # the latter is NumPy's
+            raise
+        reason = error.strerror or "the disk is full"
+        raise InputError(f"{path}: cannot be written: {reason}; free some space, or choose another path") from error
 
 
 @contextmanager
@@ -54,28 +68,37 @@ def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
     _refuse_foreign(path, earlier)
     made = _make_parents(path)
     try:
-        with temporary_folder(path) as room:
-            yield room / path.name
-            _swap(room, path)
+        with full_disk_told(path):
+            yield from _replacing(path)
         made = []
-    except InputError as error:
-        raise InputError(str(error).replace(str(room / path.name), str(path))) from error
-    except OSError as error:
-        if (told := full_disk(path, error)) is None:
-            raise
-        raise told from error
     finally:
         for folder in made:
             with suppress(OSError):  # somebody else's file is in it
                 folder.rmdir()
 
 
-def full_disk(path: Path, error: OSError) -> InputError | None:
-    """Return the InputError that names an output for an error that says that the disk is full; None for any other."""
-    if error.errno not in FULL and "requested and" not in str(error):  # the latter is NumPy's
-        return None
-    reason = error.strerror or "the disk is full"
-    return InputError(f"{path}: cannot be written: {reason}; free some space, or choose another path")
+def _replacing(path: Path) -> Iterator[Path]:
+    with temporary_folder(path) as room:
+        try:
+            yield room / path.name
+        except InputError as error:
+            raise InputError(str(error).replace(str(room / path.name), str(path))) from error
+        _swap(room, path)
+
+
+def replace_file(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file under another name first, ending in PART, so that it is there whole or not at all.
+
+    For one of many in a folder of ours: unlike `atomic_write` it neither looks for what others left nor keeps them out.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + PART)
+    with full_disk_told(path):
+        try:
+            write(part)
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from s2a.cache import UNREADABLE
 from s2a.collect.encoders import Key
 from s2a.collect.video import ImageFile, Images
 from s2a.errors import InputError
-from s2a.outputs import atomic_write
+from s2a.outputs import replace_file
 
 ABOUT = "meta/s2a.json"
 """What a dataset is of; the first file that is written."""
@@ -105,11 +105,14 @@ def is_foreign(root: Path) -> bool:
 def write_replay(root: Path, index: int, episode: Episode) -> None:
     """Write what it takes to play an episode again."""
     path = root / REPLAY.format(index=index)
-    path.parent.mkdir(parents=True, exist_ok=True)
     groups: dict[str, Mapping[str, Any]] = {"start": episode.start, "origin": episode.origin, "result": episode.result}
     content: dict[str, Any] = {"actions": episode.actions}
     content |= {f"{group}.{name}": value for group, values in groups.items() for name, value in values.items()}
-    with atomic_write(path) as out, out.open("wb") as file:
+    replace_file(path, lambda part: _save(part, content))
+
+
+def _save(path: Path, content: Mapping[str, Any]) -> None:
+    with path.open("wb") as file:  # to a path, NumPy adds an ending of its own
         np.savez_compressed(file, **content)
 
 

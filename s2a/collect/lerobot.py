@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 
 from s2a.collect.episode import is_foreign
 from s2a.errors import InputError
-from s2a.outputs import atomic_write
+from s2a.outputs import PART, replace_file
 
 VERSION = "v3.0"
 CHUNK = 1000
@@ -79,6 +79,9 @@ class LeRobotDataset:
                 "features": expected,
             }
         self._delete_unfinished()
+        stats, tasks = root / "meta/stats.json", root / "meta/tasks.parquet"
+        self._stats: Stats = _read(stats) if self.count and stats.is_file() else {}
+        self._tasks: list[str] = pq.read_table(tasks)["task"].to_pylist() if self.count and tasks.is_file() else []
 
     @property
     def count(self) -> int:
@@ -96,7 +99,7 @@ class LeRobotDataset:
         """
         i, length = self.count, len(next(iter(columns.values())))
         place = {"chunk_index": i // CHUNK, "file_index": i % CHUNK}
-        tasks = self._tasks(task)
+        self._know(task)
         for key, source in videos.items():
             target = self.root / VIDEO.format(video_key=key, **place)
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -108,7 +111,7 @@ class LeRobotDataset:
             "frame_index": frames,
             "episode_index": np.full(length, i),
             "index": first + frames,
-            "task_index": np.full(length, tasks.index(task)),
+            "task_index": np.full(length, self._tasks.index(task)),
         }
         table = {name: _column(values) for name, values in columns.items()}
         _write(self.root / DATA.format(**place), pa.table({**table, **{k: pa.array(v) for k, v in counted.items()}}))
@@ -127,29 +130,28 @@ class LeRobotDataset:
             row |= {f"videos/{key}/from_timestamp": 0.0, f"videos/{key}/to_timestamp": length / self.info["fps"]}
         row |= {f"stats/{name}/{kind}": value for name, each in every.items() for kind, value in each.items()}
         _write(self.root / EPISODES.format(**place), pa.table({name: [value] for name, value in row.items()}))
-        self._finish(tasks, every, length)
+        self._finish(every, length)
 
-    def _finish(self, tasks: list[str], stats: Stats, length: int) -> None:
+    def _finish(self, stats: Stats, length: int) -> None:
         """Write what is kept of all episodes; the count last."""
         self.info["total_episodes"] += 1
         self.info["total_frames"] += length
-        self.info |= {"total_tasks": len(tasks), "splits": {"train": f"0:{self.count}"}}
-        _write(self.root / "meta/tasks.parquet", _task_table(tasks))
-        file = self.root / "meta/stats.json"
-        known = _read(file) if self.count > 1 else {}
-        merged = {name: _merged(known[name], each) if name in known else each for name, each in stats.items()}
-        for path, content in ((file, merged), (self.root / "meta/info.json", self.info)):
-            with atomic_write(path) as out:
-                out.write_text(json.dumps(content, indent=1))
+        self.info |= {"total_tasks": len(self._tasks), "splits": {"train": f"0:{self.count}"}}
+        known = self._stats
+        self._stats = {name: _merged(known[name], each) if name in known else each for name, each in stats.items()}
+        _write_json(self.root / "meta/stats.json", self._stats)
+        _write_json(self.root / "meta/info.json", self.info)
 
-    def _tasks(self, task: str) -> list[str]:
-        """Return all tasks so far and this one."""
-        file = self.root / "meta/tasks.parquet"
-        known = pq.read_table(file)["task"].to_pylist() if self.count and file.is_file() else []
-        return known if task in known else [*known, task]
+    def _know(self, task: str) -> None:
+        """Write a task that is new before an episode names it."""
+        if task not in self._tasks:
+            self._tasks.append(task)
+            _write(self.root / "meta/tasks.parquet", _task_table(self._tasks))
 
     def _delete_unfinished(self) -> None:
-        """Delete files of episodes that info.json does not count."""
+        """Delete files of episodes that info.json does not count, and what was only begun."""
+        for file in self.root.glob(f"**/*{PART}"):
+            file.unlink()
         for file in [*self.root.glob("data/*/*.parquet"), *self.root.glob("meta/episodes/*/*.parquet")]:
             if _index(file) >= self.count:
                 file.unlink()
@@ -173,9 +175,11 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def _write(path: Path, table: pa.Table) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(path) as out:
-        pq.write_table(table, out)
+    replace_file(path, lambda part: pq.write_table(table, part))
+
+
+def _write_json(path: Path, content: Mapping[str, Any]) -> None:
+    replace_file(path, lambda part: part.write_text(json.dumps(content, indent=1)))
 
 
 def _column(values: np.ndarray) -> pa.Array:

@@ -17,7 +17,7 @@ from s2a.env.starts import Demonstration, DemoStarts
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
-from s2a.outputs import atomic_write, full_disk
+from s2a.outputs import atomic_write, full_disk_told
 from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.estimate import seen
 from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner
@@ -98,7 +98,7 @@ def run(config: Config) -> str:
     teacher = (
         Planner(env, config.planner, motions, TEACHING_GAIN, TEACHING_BEHIND, knows_grasp=True) if imitates else None
     )
-    try:
+    with full_disk_told(config.out):  # checkpoints and logs are not written by atomic_write
         if lead:
             config.out.mkdir(parents=True, exist_ok=True)
             run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(sim.stages))
@@ -106,10 +106,6 @@ def run(config: Config) -> str:
             write_world(config.sim, config.task, config.out)
         metrics = ppo.train(env, ppo_config, config.out, checkpoint, config.init, teacher)
         return _report(config, env, metrics | {"starts": begun}) if lead else ""
-    except OSError as error:  # checkpoints and logs are not written by atomic_write
-        if (told := full_disk(config.out, error)) is None:
-            raise
-        raise told from error
 
 
 def _ppo_of(config: Config) -> PpoConfig:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
 
 from s2a.errors import InputError
-from s2a.outputs import atomic_write
+from s2a.outputs import atomic_write, replace_file
 
 
 def write_folder(path: Path, **files: str) -> None:
@@ -96,3 +98,16 @@ def test_an_output_below_a_file_is_refused(tmp_path: Path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="not a folder"), atomic_write(tmp_path / "file" / "x.usd"):
         pass
+
+
+def test_one_of_many_files_is_there_whole_or_as_it_was(tmp_path: Path):
+    file = tmp_path / "chunk/a.txt"
+    replace_file(file, lambda part: part.write_text("first"))
+
+    def fails(part: Path) -> None:
+        part.write_text("sec")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(InputError, match=r"a\.txt: cannot be written: No space left on device; free some space"):
+        replace_file(file, fails)
+    assert [(path.name, path.read_text()) for path in file.parent.iterdir()] == [("a.txt", "first")]

@@ -40,7 +40,7 @@ def refuse_loss(path: Path, earlier: str, read: Iterable[Path]) -> None:
 
 
 @contextmanager
-def full_disk_told(path: Path) -> Iterator[None]:
+def full_disk_reported(path: Path) -> Iterator[None]:
     """Raise an InputError that names an output where the block fails because the disk is full; other errors as they are."""
     try:
         yield
@@ -68,7 +68,7 @@ def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
     _refuse_foreign(path, earlier)
     made = _make_parents(path)
     try:
-        with full_disk_told(path):
+        with full_disk_reported(path):
             yield from _replacing(path)
         made = []
     finally:
@@ -93,7 +93,7 @@ def replace_file(path: Path, write: Callable[[Path], object]) -> None:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + PART)
-    with full_disk_told(path):
+    with full_disk_reported(path):
         try:
             write(part)
             os.replace(part, path)

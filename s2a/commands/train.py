@@ -17,7 +17,7 @@ from s2a.env.starts import Demonstration, DemoStarts
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
 from s2a.evaluate import rate, warn_of_errors
-from s2a.outputs import atomic_write, full_disk_told
+from s2a.outputs import atomic_write, full_disk_reported
 from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.estimate import seen
 from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner
@@ -98,7 +98,7 @@ def run(config: Config) -> str:
     teacher = (
         Planner(env, config.planner, motions, TEACHING_GAIN, TEACHING_BEHIND, knows_grasp=True) if imitates else None
     )
-    with full_disk_told(config.out):  # checkpoints and logs are not written by atomic_write
+    with full_disk_reported(config.out):  # checkpoints and logs are not written by atomic_write
         if lead:
             config.out.mkdir(parents=True, exist_ok=True)
             run_folder.keep_settings(asdict(config), config.out, lambda: _without_effect(sim.stages))

@@ -53,7 +53,7 @@ class Workspace:
         center = (self.points.min(axis=0) + self.points.max(axis=0)) / 2.0
         return center, float(np.linalg.norm(self.points - center, axis=1).max())
 
-    def may_touch(self, planes: np.ndarray) -> bool:
+    def may_need(self, planes: np.ndarray) -> bool:
         """Return False only where no point is as near to a hull, of planes [plane 4], as what a world may need."""
         center, radius = self._ball
         return _distance(center[None], planes) - radius <= max(AROUND, BESIDE)
@@ -113,10 +113,7 @@ def drop_far(stage: Usd.Stage, colliders: Sequence[Usd.Prim], space: Workspace, 
     planes = [_planes(prim) for prim in colliders]
     reached = np.array([_distance(space.shoulder[None], p) for p in planes]) <= space.reach
     distance = np.array(
-        [
-            _distance(space.points, p) if r or space.may_touch(p) else np.inf
-            for p, r in zip(planes, reached, strict=True)
-        ]
+        [_distance(space.points, p) if r or space.may_need(p) else np.inf for p, r in zip(planes, reached, strict=True)]
     )
     structure = np.array([bool(prim.GetAttribute("s2a:structure").Get()) for prim in colliders], bool)
     ground = _carrying(space.resting, planes)

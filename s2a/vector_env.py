@@ -12,13 +12,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from s2a import config, tasks
-from s2a.env.task import Task
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
-from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation, device_of
-from s2a.sim.world import SimStage
-from s2a.usd.sim_scene import DEFAULT_ROBOT
 
 
 class TaskVectorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):
@@ -112,15 +108,6 @@ def make(
     mdp = config.load(kind.Config, values["task"])
     metrics: Any = config.load(kind.Metrics, values["metrics"])
     asked = any(each.startswith("robot=") for each in overrides)  # else the one that the room was prepared for
-    stages = _stages(kind, Path(room), part, values["robot"]["name"] if asked else None, mdp)
+    stages = tasks.read_stages(kind, Path(room), part, values["robot"]["name"] if asked else None, (), mdp)
     sim = Simulation(stages, config.load(SimConfig, values["sim"]), num_envs, device_of(device))
     return TaskVectorEnv(tasks.make_env(sim, mdp, metrics, values["reward"], seed, final_observation=True))
-
-
-def _stages(kind: type[Task], room: Path, part: str | None, robot: str | None, mdp: Any) -> list[SimStage]:
-    """Return the stages of a room's part, as the task reads it, or of an index's."""
-    if not pool.is_index(room):
-        return [kind.read_stage(room, part, robot, (), mdp)]
-    if part is not None:
-        raise InputError(f"part {part!r} chooses from a room; {room} has the parts of a pool: leave it out")
-    return pool.stages(room, robot or DEFAULT_ROBOT)

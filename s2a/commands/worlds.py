@@ -14,7 +14,6 @@ from s2a.sim import pool
 from s2a.sim.simulation import SimConfig
 from s2a.sim.world import SimStage
 from s2a.tasks import MdpSettings, MetricSettings
-from s2a.usd.sim_check import refuse_unphysical
 
 
 @dataclass(frozen=True)
@@ -49,14 +48,10 @@ class WorldsConfig:
 
     def read_stages(self) -> list[SimStage]:
         """Read the stages of all parts; InputError as for one, or where a pool is to have one part."""
-        if not pool.is_index(self.stage):
-            return [self.read_stage()]
-        if self.part or self.also:
-            raise InputError(
-                f"keys 'part' and 'also' choose from a room; {self.stage} has the parts of a pool: leave them out"
-            )
+        kind = tasks.task(self.task.name)
+        stages = tasks.read_stages(kind, self.stage, self.part, self.robot.name, self.also, self.task)
         robot.check_unchanged(self.robot)
-        return pool.stages(self.stage, self.robot.name)
+        return stages
 
     def read_stage(self) -> SimStage:
         """Read the stage; InputError for a wrong or unphysical one, or a robot that was changed on the command line."""
@@ -64,8 +59,4 @@ class WorldsConfig:
             raise InputError(
                 f"{self.stage} is the index of a pool, which s2a train and s2a evaluate take; give a sim.usd"
             )
-        refuse_unphysical(self.stage)
-        reader = tasks.task(self.task.name).read_stage
-        stage = reader(self.stage, self.part, self.robot.name, self.also, self.task)
-        robot.check_unchanged(self.robot)
-        return stage
+        return self.read_stages()[0]

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 from s2a import config
 from s2a.env.task import MdpConfig, Task, meanings
 from s2a.env.vec_env import VecEnv
 from s2a.errors import InputError
+from s2a.sim import pool
 from s2a.sim.simulation import Simulation
+from s2a.sim.world import SimStage
+from s2a.usd.sim_check import refuse_unphysical
+from s2a.usd.sim_scene import DEFAULT_ROBOT
 
 
 def names() -> list[str]:
@@ -45,3 +50,27 @@ def make_env(
 ) -> VecEnv:
     """Return the environment of the task that `mdp.name` says; `more` goes to VecEnv."""
     return VecEnv(sim, task(mdp.name)(sim, mdp, metrics), reward, seed, **more)
+
+
+def read_stages(
+    kind: type[Task], path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any
+) -> list[SimStage]:
+    """Return the stage of a room's part, as the task reads it; of the index of a pool those of all its parts.
+
+    Args:
+        kind: the task.
+        path: a sim.usd, or an index.
+        part: of a room; None: its only one.
+        robot: its name; None: the one that the room was prepared for.
+        also: ids of further parts and free objects of a room that move.
+        config: the task's settings.
+
+    Raises:
+        InputError: as the task's; an unphysical room; an index of which something is to be chosen.
+    """
+    if not pool.is_index(path):
+        refuse_unphysical(path)
+        return [kind.read_stage(path, part, robot, also, config)]
+    if part or also:
+        raise InputError(f"keys 'part' and 'also' choose from a room; {path} has the parts of a pool: leave them out")
+    return pool.stages(path, robot or DEFAULT_ROBOT)

@@ -112,7 +112,9 @@ def test_the_worlds_of_an_index_have_its_parts_in_turn(room: Path, tmp_path: Pat
     env = make("open_part", tmp_path / "pool.json", num_envs=3, device="cpu", overrides=SHORT)
     assert [stage.joint.kind for stage in env.worlds.sim.stages] == ["prismatic", "revolute"]
     assert env.worlds.sim.stage_of_env.tolist() == [0, 1, 0]
-    with pytest.raises(InputError, match="part 'drawer_2' chooses from a room; .*pool.json has the parts of a pool"):
+    with pytest.raises(
+        InputError, match="keys 'part' and 'also' choose from a room; .*pool.json has the parts of a pool"
+    ):
         make("open_part", tmp_path / "pool.json", part="drawer_2", device="cpu")
 
 

@@ -107,10 +107,20 @@ def times(handle: str, config: Config) -> int:
 
 def _all(config: Config, specs: list[tuple[RoomKind, int]]) -> Iterator[Made]:
     if config.jobs == 1:
-        yield from map(partial(_room, config), specs)
+        yield from map(partial(_quiet_room, config), specs)
         return
     with ProcessPoolExecutor(config.jobs, mp_context=get_context("spawn")) as helpers:
-        yield from helpers.map(partial(_room, config), specs)
+        yield from helpers.map(partial(_quiet_room, config), specs)
+
+
+def _quiet_room(config: Config, spec: tuple[RoomKind, int]) -> Made:
+    """Return a room's parts without a warning of each of its steps; warnings of this process go on afterwards."""
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        return _room(config, spec)
+    finally:
+        logging.disable(before)
 
 
 def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
@@ -123,7 +133,6 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
         if earlier["settings"] != _settings(config):
             raise InputError(f"{done}: made with other settings; give another out, or delete that folder")
         return earlier
-    logging.disable(logging.WARNING)
     file = config.out / f"{name}.usd"
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "scan"

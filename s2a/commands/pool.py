@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, cast, get_args
 
 from s2a import scan
 from s2a.env import starts
@@ -42,11 +42,10 @@ class Config:
         rooms: kinds of rooms.
         first: first seed.
         count: how many seeds of each kind.
+        homes: further rooms by kind and seed, kitchen_22.
         out: folder of the pool; rooms that are in it already are kept.
         jobs: rooms that are made at once.
         leave_out: families or styles of handles that are not taken.
-        rare: those whose parts the index names `repeat` times, so that as many more worlds of a training have them.
-        repeat: see `rare`.
         frames: of a depth camera that are taken of each part, for s2a perceive; 0: none.
         depth_camera: the camera that takes them.
         sample: how rooms are drawn and scanned; its room, seed and out are not used.
@@ -60,11 +59,10 @@ class Config:
     rooms: tuple[RoomKind, ...]
     first: CountFromZero
     count: Count
+    homes: tuple[str, ...]
     out: Path
     jobs: Count
     leave_out: tuple[str, ...]
-    rare: tuple[str, ...]
-    repeat: Count
     frames: CountFromZero
     depth_camera: DepthCameraConfig
     sample: SampleConfig
@@ -76,33 +74,38 @@ class Config:
 
 
 INDEX = "pool.json"
+WHICH = ("rooms", "first", "count", "homes", "leave_out")
+"""Keys that say which rooms and parts, not what a room is like."""
 Made = dict[str, Any]
 """A room's entries, and why others of its parts are left out."""
 
 
 def run(config: Config) -> str:
     """Make the rooms that are missing, write the index, and return what is in it."""
-    if not config.rooms:
-        raise InputError("key 'rooms' is empty; give one kind of room or more: rooms=[kitchen,office]")
-    seeds = range(config.first, config.first + config.count)
-    specs: list[tuple[RoomKind, int]] = [(kind, seed) for seed in seeds for kind in config.rooms]
+    specs = rooms_of(config)
     config.out.mkdir(parents=True, exist_ok=True)
     made = list(track(_all(config, specs), "rooms", len(specs)))
     parts = [pool.PoolPart(**entry) for room in made for entry in room["parts"]]
-    entries = [part for part in parts for _ in range(times(part.handle, config))]
+    entries = [part for part in parts if not set(part.handle.split(", ")) & set(config.leave_out)]
     left_out = {part: why for room in made for part, why in room["left_out"].items()}
-    about = {key: getattr(config, key) for key in ("first", "count", "rooms", "leave_out", "rare", "repeat")}
+    about = {key: getattr(config, key) for key in WHICH}
     pool.write(config.out / INDEX, entries, left_out, {**about, **provenance("cpu")})
     slides = sum(entry.kind == "prismatic" for entry in entries)
     return f"{config.out / INDEX}: {len(entries)} parts of {len(specs)} rooms, {slides} of them slide; {len(left_out)} left out"
 
 
-def times(handle: str, config: Config) -> int:
-    """Return how often the index names a part with these handles, "bar, knob"; 0 where one is left out."""
-    kinds = set(handle.split(", "))
-    if kinds & set(config.leave_out):
-        return 0
-    return config.repeat if kinds & set(config.rare) else 1
+def rooms_of(config: Config) -> list[tuple[RoomKind, int]]:
+    """Return kind and seed of each room, once; InputError where there is none, or for a home that is none."""
+    seeds = range(config.first, config.first + config.count)
+    specs: dict[tuple[RoomKind, int], None] = dict.fromkeys((kind, seed) for seed in seeds for kind in config.rooms)
+    for home in config.homes:
+        kind, _, seed = home.rpartition("_")
+        if kind not in get_args(RoomKind) or not seed.isdecimal():
+            raise InputError(f"key 'homes' has {home!r}; give a kind of room and a seed, as kitchen_22")
+        specs[cast(RoomKind, kind), int(seed)] = None
+    if not specs:
+        raise InputError("keys 'rooms' and 'homes' are empty; give one kind of room or more: rooms=[kitchen,office]")
+    return list(specs)
 
 
 def _all(config: Config, specs: list[tuple[RoomKind, int]]) -> Iterator[Made]:
@@ -176,7 +179,7 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
 def _settings(config: Config) -> Any:
     """Return what a room depends on besides its kind and seed, as JSON reads it."""
     values = asdict(config)
-    for key in ("rooms", "first", "count", "out", "jobs", "leave_out", "rare", "repeat"):
+    for key in (*WHICH, "out", "jobs"):
         values.pop(key)
     return json.loads(json.dumps(values, default=str))
 

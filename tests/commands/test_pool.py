@@ -10,7 +10,7 @@ import torch
 from cabinet import HANDLE, write_cabinet
 
 from s2a import cli, config
-from s2a.commands.pool import Config, times
+from s2a.commands.pool import Config, rooms_of
 from s2a.errors import InputError
 from s2a.scene import Joint
 from s2a.sim import pool
@@ -97,11 +97,15 @@ def test_what_a_pool_cannot_do_is_said(
     assert says in capsys.readouterr().err
 
 
-def test_a_part_with_one_handle_that_is_left_out_is_not_taken_and_a_rare_one_is_named_often() -> None:
-    values = config.compose("pool", ["out=-", "leave_out=[edge]", "rare=[cup,edge]", "repeat=3"])
-    settings = config.load(Config, values)
-    counts = {"bar, knob": 1, "bar, edge": 0, "wedge": 1, "edge, cup": 0, "bar, cup": 3}
-    assert {handle: times(handle, settings) for handle in counts} == counts
+def test_homes_are_added_to_the_seeds_of_each_kind_once() -> None:
+    values = config.compose("pool", ["out=-", "rooms=[study,office]", "count=1", "first=3", "homes=[study_22,office_3]"])
+    assert rooms_of(config.load(Config, values)) == [("study", 3), ("office", 3), ("study", 22)]
+
+
+@pytest.mark.parametrize("home", ["attic_3", "study", "study_", "study_-1", "kitchen_2x"])
+def test_a_home_that_is_none_is_refused(home: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["pool", f"homes=[{home}]", f"out={tmp_path}"]) == 2
+    assert f"'{home}'" in capsys.readouterr().err and not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow

@@ -98,7 +98,9 @@ def test_what_a_pool_cannot_do_is_said(
 
 
 def test_homes_are_added_to_the_seeds_of_each_kind_once() -> None:
-    values = config.compose("pool", ["out=-", "rooms=[study,office]", "count=1", "first=3", "homes=[study_22,office_3]"])
+    values = config.compose(
+        "pool", ["out=-", "rooms=[study,office]", "count=1", "first=3", "homes=[study_22,office_3]"]
+    )
     assert rooms_of(config.load(Config, values)) == [("study", 3), ("office", 3), ("study", 22)]
 
 

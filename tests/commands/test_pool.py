@@ -104,6 +104,14 @@ def test_homes_are_added_to_the_seeds_of_each_kind_once() -> None:
     assert rooms_of(config.load(Config, values)) == [("study", 3), ("office", 3), ("study", 22)]
 
 
+@pytest.mark.parametrize("split", ["train", "train_rare"])
+def test_no_split_to_train_on_has_a_home_or_handle_of_the_test(split: str) -> None:
+    settings = config.load(Config, config.compose("pool", ["out=-", f"+split={split}"]))
+    rooms = rooms_of(settings)
+    assert all(kind != "living_room" and seed < 60 for kind, seed in rooms) and "edge" in settings.leave_out
+    assert len(set(rooms)) == len(rooms) >= 72
+
+
 @pytest.mark.parametrize("home", ["attic_3", "study", "study_", "study_-1", "kitchen_2x"])
 def test_a_home_that_is_none_is_refused(home: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["pool", f"homes=[{home}]", f"out={tmp_path}"]) == 2

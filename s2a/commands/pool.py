@@ -86,7 +86,7 @@ def run(config: Config) -> str:
     config.out.mkdir(parents=True, exist_ok=True)
     made = list(track(_all(config, specs), "rooms", len(specs)))
     parts = [pool.PoolPart(**entry) for room in made for entry in room["parts"]]
-    entries = [part for part in parts if not set(part.handle.split(", ")) & set(config.leave_out)]
+    entries = [part for part in parts if is_taken(part.handle, config)]
     left_out = {part: why for room in made for part, why in room["left_out"].items()}
     about = {key: getattr(config, key) for key in WHICH}
     pool.write(config.out / INDEX, entries, left_out, {**about, **provenance("cpu")})
@@ -106,6 +106,11 @@ def rooms_of(config: Config) -> list[tuple[RoomKind, int]]:
     if not specs:
         raise InputError("keys 'rooms' and 'homes' are empty; give one kind of room or more: rooms=[kitchen,office]")
     return list(specs)
+
+
+def is_taken(handle: str, config: Config) -> bool:
+    """Return whether no handle of a part, "bar, knob", is of those that are left out."""
+    return not set(handle.split(", ")) & set(config.leave_out)
 
 
 def _all(config: Config, specs: list[tuple[RoomKind, int]]) -> Iterator[Made]:

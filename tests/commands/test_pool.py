@@ -10,7 +10,7 @@ import torch
 from cabinet import HANDLE, write_cabinet
 
 from s2a import cli, config
-from s2a.commands.pool import Config, rooms_of
+from s2a.commands.pool import Config, is_taken, rooms_of
 from s2a.errors import InputError
 from s2a.scene import Joint
 from s2a.sim import pool
@@ -95,6 +95,12 @@ def test_what_a_pool_cannot_do_is_said(
     small = SMALL if command == "train" else ["device=cpu"]
     assert cli.main([command, f"stage={index}", *small, *keys, f"out={tmp_path / 'out'}"]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_a_part_with_one_handle_that_is_left_out_is_not_taken() -> None:
+    settings = config.load(Config, config.compose("pool", ["out=-", "leave_out=[edge]"]))
+    taken = {"bar, knob": True, "bar, edge": False, "wedge": True, "edge, cup": False}
+    assert {handle: is_taken(handle, settings) for handle in taken} == taken
 
 
 def test_homes_are_added_to_the_seeds_of_each_kind_once() -> None:

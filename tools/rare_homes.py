@@ -1,27 +1,28 @@
-"""Homes whose design has most parts with given families of handles: `python tools/rare_homes.py recess cup`.
+"""Homes to train on whose design has most parts with given families of handles: `python tools/rare_homes.py recess cup`.
 
-Only the rooms are drawn, not scanned: some 75 s for the seeds 0 to 59 that may be trained on.
+Only the rooms are drawn, not scanned: some 75 s for the seeds 0 to 59.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections import Counter
-from typing import get_args
+from dataclasses import replace
 
+from s2a import config
+from s2a.commands.pool import Config, rooms_of
 from s2a.progress import track
-from s2a.synth import RoomKind
+from s2a.synth import SampleConfig
 from s2a.synth.catalog import catalog
-from s2a.synth.homes import furnish, stream
-from s2a.synth.truth import part_truth
+from s2a.synth.sample import furnished, streams
+from s2a.synth.truth import handle_of, part_truth
 
 
-def families(kind: RoomKind, seed: int) -> Counter[str]:
+def handles(home: SampleConfig) -> Counter[str | None]:
     """Return how many parts of a home have each family or style of handle."""
-    entries = catalog(furnish(kind, stream(kind, seed).spawn(1)[0]).pieces)
+    entries = catalog(furnished(home, streams(home)[0]).pieces)
     ids = {entry.number: entry.part_id for entry in entries}
-    truths = [part_truth(entry, ids) for entry in entries]
-    return Counter(truth.get("facts", {}).get("family", truth["style"]) for truth in truths)
+    return Counter(handle_of(part_truth(entry, ids)) for entry in entries)
 
 
 def main() -> None:
@@ -31,8 +32,12 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=60, help="seeds 0 to this, without it")
     parser.add_argument("--first", type=int, default=30, help="how many homes are printed of each family")
     args = parser.parse_args()
-    homes = [(kind, seed) for kind in get_args(RoomKind) if kind != "living_room" for seed in range(args.seeds)]
-    counts = {f"{kind}_{seed}": families(kind, seed) for kind, seed in track(homes, "homes", len(homes))}
+    pool = config.load(Config, config.compose("pool", ["+split=train", f"count={args.seeds}", "out=unused"]))
+    homes = rooms_of(pool)
+    counts = {
+        f"{kind}_{seed}": handles(replace(pool.sample, room=kind, seed=seed))
+        for kind, seed in track(homes, "homes", len(homes))
+    }
     for family in args.family:
         most = sorted(counts, key=lambda home: -counts[home][family])[: args.first]
         print(family, " ".join(f"{home}:{counts[home][family]}" for home in most))

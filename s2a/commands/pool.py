@@ -30,6 +30,7 @@ from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage, stage_of
 from s2a.synth import RoomKind, SampleConfig, sample
+from s2a.synth.truth import handle_of
 from s2a.tasks import MdpSettings, task
 from s2a.usd import sim_stage
 
@@ -163,7 +164,7 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
             made["left_out"][f"{name}/{part}"] = str(error).removeprefix(f"{file}: ")
             continue
         facts = [truth[i] for i in scene.grasp_parts(part) if i in truth]
-        handles = {one.get("facts", {}).get("family", one["style"]) for one in facts} - {None}
+        handles = {style for one in facts if (style := handle_of(one))}
         handle = ", ".join(sorted(handles)) or "none"
         seen = ""
         if visible is not None:

@@ -29,3 +29,9 @@ def part_truth(entry: Entry, ids: Mapping[int, str]) -> dict[str, Any]:
     if entry.piece.facts:
         facts["facts"] = dict(entry.piece.facts)
     return facts
+
+
+def handle_of(truth: Mapping[str, Any]) -> str | None:
+    """Return the family of a part's handle, or its style where no family is known; None: it has none. `truth`: of part_truth."""
+    found: str | None = truth.get("facts", {}).get("family", truth["style"])
+    return found

@@ -134,6 +134,7 @@ ADDED = {
     "sim.limits.drives": False,
     "sim.vary": None,
     "task.describe_part": False,
+    "task.fine_grasp": False,
     "task.grasp_error": (0.0, 0.0),
     "task.grasp_turn": (0.0, 0.0),
     "task.action_delay": (0, 0),

@@ -18,6 +18,7 @@ from s2a.rl.adapter import RslRlEnv
 from s2a.rl.config import BROKEN
 from s2a.rl.logger import LazyLogger
 from s2a.rl.run_folder import BEST
+from s2a.rl.widened import widened
 
 
 class Runner(OnPolicyRunner):
@@ -77,6 +78,9 @@ class Runner(OnPolicyRunner):
     def begin_with(self, checkpoint: Path) -> None:
         """Take a checkpoint's networks, or an .onnx policy's, with as much noise as this run asks for.
 
+        They may have been told less; what is new among the observations is at their end, and in a critic's before what it
+        alone is told.
+
         Raises:
             InputError: they do not fit, or the file is damaged.
         """
@@ -84,9 +88,12 @@ class Runner(OnPolicyRunner):
         try:
             if checkpoint.suffix != ".pt":
                 actor = self.alg.get_policy()
-                actor.load_state_dict(actor.state_dict() | policy_file.weights(checkpoint))
+                actor.load_state_dict(widened(policy_file.weights(checkpoint), actor.state_dict()))
                 return
-            self.load(str(checkpoint), {"actor": True, "critic": True}, map_location=str(self.device))
+            saved = torch.load(checkpoint, weights_only=True, map_location=str(self.device))
+            known = saved["actor_state_dict"]["obs_normalizer._mean"].shape[1]
+            for name, network in (("actor", self.alg.get_policy()), ("critic", self.alg.critic)):
+                network.load_state_dict(widened(saved[f"{name}_state_dict"], network.state_dict(), known))
             self.alg.get_policy().load_state_dict(noise, strict=False)
         except Exception as error:  # of torch, pickle, zipfile: whatever a damaged or foreign file makes them raise
             why = (str(error) or type(error).__name__).splitlines()[0]

@@ -32,6 +32,7 @@ class PartMdp(MdpConfig):
         tcp_offset: shift of the tool frame from the point between the pads, in that frame [m].
         describe_part: for a policy of many parts: observe also what tells one from another, and tell the critic what no sensor
             does (`s2a.tasks.part_observation`).
+        fine_grasp: of these, observe the way to the grasp in fine too, and whether the gripper holds from within.
         grasp_error: least and greatest distance of the grasp that is seen from the true one [m], drawn for an episode; it has any
             direction.
         grasp_turn: least and greatest angle between them [degree], about any axis.
@@ -43,6 +44,7 @@ class PartMdp(MdpConfig):
     observation_limit: Positive
     tcp_offset: tuple[float, float, float]
     describe_part: bool
+    fine_grasp: bool
     grasp_error: tuple[NotNegative, NotNegative]
     grasp_turn: tuple[NotNegative, NotNegative]
     contact_distance: NotNegative

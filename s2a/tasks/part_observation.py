@@ -14,6 +14,11 @@ from s2a.tasks.part_handles import EstimatedPart, PartHandles, PartMdp
 
 DESCRIBED = wp.constant(22)
 """Numbers that tell one part from another."""
+FINE = wp.constant(4)
+"""Numbers that tell where the last centimetres of the way lead."""
+FINE_LENGTH = wp.constant(0.02)
+"""[m] Told as 1, where a policy is told the way in fine; from FINE_LIMIT of it on it is told the direction alone."""
+FINE_LIMIT = wp.constant(2.5)
 PRIVILEGED = wp.constant(16)
 """Numbers that a critic is told."""
 HOLD_DISTANCE = wp.constant(0.1)
@@ -29,7 +34,8 @@ FORCE = wp.constant(0.05)
 def length(sim: Simulation, config: PartMdp) -> int:
     """Return the length of an observation."""
     joints = sim.layout.robot_joints
-    return 2 * joints + 5 + (2 * joints + int(DESCRIBED) if config.describe_part else 0)
+    described = 2 * joints + int(DESCRIBED) + (int(FINE) if config.fine_grasp else 0)
+    return 2 * joints + 5 + (described if config.describe_part else 0)
 
 
 def privileged_length(config: PartMdp) -> int:
@@ -43,6 +49,8 @@ def observe(state: State, h: PartHandles, config: PartMdp) -> None:
     wp.launch(_observe, dim=worlds, inputs=[state, h])
     if config.describe_part:
         wp.launch(_describe, dim=worlds, inputs=[state, h])
+        if config.fine_grasp:
+            wp.launch(_describe_finely, dim=worlds, inputs=[state, h])
         wp.launch(_tell_critic, dim=worlds, inputs=[state, h])
 
 
@@ -239,7 +247,7 @@ def _describe(s: State, h: PartHandles):
         s.observation[world, 3 * s.joints + 5 + i] = wp.clamp(commanded, -limit, limit)
     grasp = wp.transform_inverse(f.tool) * d.grasp
     y, z = wp.vec3(0.0, 1.0, 0.0), wp.vec3(0.0, 0.0, 1.0)
-    first = s.observation.shape[1] - DESCRIBED
+    first = 4 * s.joints + 5
     observe_vector(s, world, first, wp.transform_get_translation(grasp), limit)
     observe_vector(s, world, first + 3, wp.transform_vector(grasp, y), limit)
     observe_vector(s, world, first + 6, wp.transform_vector(grasp, z), limit)
@@ -248,6 +256,20 @@ def _describe(s: State, h: PartHandles):
     observe_vector(s, world, first + 15, d.size, limit)
     observe_vector(s, world, first + 18, wp.vec3(d.slides, d.lever_arm, d.travel), limit)
     s.observation[world, first + 21] = wp.clamp(d.opening, -limit, limit)
+
+
+@wp.kernel
+def _describe_finely(s: State, h: PartHandles):
+    """Write the seen grasp point in the tool frame [FINE_LENGTH], at most FINE_LIMIT, and 1 where the gripper holds from within.
+
+    Among distances of half a metre a network hardly sees that the fingers are still a centimetre outside of a pocket.
+    """
+    world = wp.tid()
+    f, d = frames(s, h, world), seen_part(s, h, world)
+    point = wp.transform_get_translation(wp.transform_inverse(f.tool) * d.grasp) / FINE_LENGTH
+    first = 4 * s.joints + 5 + DESCRIBED
+    observe_vector(s, world, first, point, FINE_LIMIT)
+    s.observation[world, first + 3] = float(s.internal[world])
 
 
 @wp.kernel

@@ -80,6 +80,25 @@ def test_a_run_explores_as_much_as_it_asks_whoever_it_begins_with(suffix: str, e
     assert actor["distribution.std_param"].numpy() == pytest.approx(0.37, abs=1e-2)
 
 
+@pytest.mark.parametrize("suffix", [".pt", ".onnx"])
+def test_a_run_that_is_told_more_begins_as_the_policy_that_was_told_less(
+    suffix: str, exported: Path, tmp_path: Path
+) -> None:
+    def told_more() -> CountingEnv:
+        env = CountingEnv()
+        env.observation = torch.zeros(2, 25)
+        return env
+
+    config = load(PpoConfig, "ppo/default", **SMALL, learning_rate=1e-12, desired_kl=1e-9)
+    train(told_more(), config, tmp_path / "next", init=exported.with_suffix(suffix))
+    observation = torch.randn(5, 25, generator=torch.Generator().manual_seed(2)) + 10.0
+    before = PolicyFile(exported).bound(CountingEnv())(observation[:, :23])
+    after = load_policy(told_more(), tmp_path / "next/model_0.pt")(observation).detach()
+    assert torch.allclose(after, before, atol=1e-2) and float(before.abs().max()) > 0.1
+    with pytest.raises(InputError, match="no networks that fit"):
+        train(CountingEnv(), config, tmp_path / "less", init=tmp_path / "next/model_0.pt")
+
+
 def test_a_policy_of_other_widths_is_refused(exported: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no networks that fit"):
         train(

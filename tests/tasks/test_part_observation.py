@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 import warp as wp
 from cabinet import write_cabinet
-from part_worlds import make_env
+from part_worlds import make_env, task_settings
+from settings import load
 
+from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
+from s2a.tasks.part_observation import observe
 
 WORLDS = 32
 POINT = slice(-22, -19)
@@ -39,6 +43,24 @@ def test_the_seen_grasp_is_off_by_the_asked_distance_and_the_critic_knows_the_tr
 def test_without_an_error_the_true_grasp_is_seen(stage: SimStage) -> None:
     env = make_env(stage, num_envs=2, describe_part=True)
     assert torch.allclose(env.observation[:, POINT], env.privileged[:, :3], atol=1e-6)
+
+
+def test_the_way_is_told_in_fine_within_five_centimetres_and_whether_to_hold_from_within(stage: SimStage) -> None:
+    """Of two worlds the one is held from within; an observation of 1 is 20 mm, and none is beyond 2.5."""
+    stages = [stage, replace(stage, internal=True)]
+    coarse, env = (
+        make_env(stages, sim=Simulation(stages, load(SimConfig, "sim/paper"), 2), describe_part=True, fine_grasp=fine)
+        for fine in (False, True)
+    )
+    assert torch.equal(env.observation[:, :-4], coarse.observation), "what a policy without it is told stays"
+    point, y, z = coarse.observation[:, POINT], coarse.observation[:, -19:-16], coarse.observation[:, -16:-13]
+    assert torch.allclose(env.observation[:, -4:-1], (point / 0.02).clamp(-2.5, 2.5), atol=1e-5)
+    assert (point.abs() > 0.05).any() and env.observation[:, -1].tolist() == [0.0, 1.0]
+    grasp_from_tool = torch.stack([torch.linalg.cross(y, z), y, z], dim=1)
+    near = torch.tensor([0.004, -0.01, 0.012])
+    wp.to_torch(env.task.handles.p.seen)[:, :3] = (grasp_from_tool @ (near - point)[:, :, None])[:, :, 0]
+    observe(env.state, env.task.handles.p, task_settings(describe_part=True, fine_grasp=True))
+    assert env.observation[0, -4:-1].tolist() == pytest.approx([0.2, -0.5, 0.6], abs=1e-3)
 
 
 @pytest.mark.parametrize("delay", [0, 1, 3])

@@ -158,7 +158,9 @@ class PartHandles:
 
 
 def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles:
-    """Return the shared handles of worlds."""
+    """Return the shared handles of worlds; InputError where the way to the grasp is asked for in fine and not in coarse."""
+    if config.fine_grasp and not config.describe_part:
+        raise InputError("key 'task.fine_grasp' adds to what task.describe_part=true observes; give that, too")
     h, b, (left, right) = PartHandles(), Bodies(), sim.layout.finger_bodies
     b.tool_link, b.left, b.right, b.part = sim.layout.tool_body, left, right, sim.layout.part_body
     b.tool = wp.transform(wp.vec3(*np.add(sim.robot.tool_offset, config.tcp_offset)), wp.quat_identity())

@@ -12,6 +12,7 @@ from cabinet import write_cabinet
 from part_worlds import make_env, task_settings
 from settings import load
 
+from s2a.errors import InputError
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.part_observation import observe
@@ -61,6 +62,11 @@ def test_the_way_is_told_in_fine_within_five_centimetres_and_whether_to_hold_fro
     wp.to_torch(env.task.handles.p.seen)[:, :3] = (grasp_from_tool @ (near - point)[:, :, None])[:, :, 0]
     observe(env.state, env.task.handles.p, task_settings(describe_part=True, fine_grasp=True))
     assert env.observation[0, -4:-1].tolist() == pytest.approx([0.2, -0.5, 0.6], abs=1e-3)
+
+
+def test_the_way_in_fine_alone_is_refused(stage: SimStage) -> None:
+    with pytest.raises(InputError, match="describe_part"):
+        make_env(stage, fine_grasp=True)
 
 
 @pytest.mark.parametrize("delay", [0, 1, 3])

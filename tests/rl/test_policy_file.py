@@ -167,14 +167,23 @@ def test_the_policy_in_the_box_is_small_and_was_trained_as_it_is_said(tmp_path: 
     path = Path(__file__).parents[2] / "s2a/policies/open_part.onnx"
     assert path.stat().st_size < 2e6
     env = CountingEnv(4)
-    env.observation = torch.zeros(4, 63)
-    actions = file.bound(env)(torch.randn(4, 63, generator=torch.Generator().manual_seed(0)))
+    env.observation = torch.zeros(4, 67)
+    actions = file.bound(env)(torch.randn(4, 67, generator=torch.Generator().manual_seed(0)))
     assert actions.shape == (4, 9) and np.isfinite(actions.numpy()).all()
 
 
 def test_the_policy_in_the_package_tells_of_no_file_of_the_machine_that_made_it() -> None:
     path = Path(__file__).parents[2] / "s2a/policies/open_part.onnx"
     assert b"site-packages" not in path.read_bytes() and b".py" not in path.read_bytes()
+
+
+def test_the_published_checkpoint_is_of_the_policy_in_the_box_and_has_a_critic() -> None:
+    path = Path(__file__).parents[2] / "experiments/checkpoints/many_parts.pt"
+    saved = torch.load(path, weights_only=True)
+    assert path.stat().st_size < 2_000_000
+    for name, value in weights(Path(PRETRAINED)).items():
+        assert torch.allclose(saved["actor_state_dict"][name].to(value.dtype), value, atol=1e-6) or name.endswith("count")
+    assert set(saved["critic_state_dict"]) >= {"mlp.0.weight", "obs_normalizer._mean"}
 
 
 def test_what_the_exporter_notes_of_its_source_is_forgotten(tmp_path: Path) -> None:

@@ -182,7 +182,9 @@ def test_the_published_checkpoint_is_of_the_policy_in_the_box_and_has_a_critic()
     saved = torch.load(path, weights_only=True)
     assert path.stat().st_size < 2_000_000
     for name, value in weights(Path(PRETRAINED)).items():
-        assert torch.allclose(saved["actor_state_dict"][name].to(value.dtype), value, atol=1e-6) or name.endswith("count")
+        assert torch.allclose(saved["actor_state_dict"][name].to(value.dtype), value, atol=1e-6) or name.endswith(
+            "count"
+        )
     assert set(saved["critic_state_dict"]) >= {"mlp.0.weight", "obs_normalizer._mean"}
 
 

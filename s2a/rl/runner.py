@@ -84,17 +84,25 @@ class Runner(OnPolicyRunner):
         Raises:
             InputError: they do not fit, or the file is damaged.
         """
-        noise = {"distribution.std_param": self.alg.get_policy().state_dict()["distribution.std_param"].clone()}
+        actor, critic = self.alg.get_policy(), self.alg.critic
+        noise = {"distribution.std_param": actor.state_dict()["distribution.std_param"].clone()}
         try:
-            if checkpoint.suffix != ".pt":
-                actor = self.alg.get_policy()
-                actor.load_state_dict(widened(policy_file.weights(checkpoint), actor.state_dict()))
-                return
-            saved = torch.load(checkpoint, weights_only=True, map_location=str(self.device))
-            known = saved["actor_state_dict"]["obs_normalizer._mean"].shape[1]
-            for name, network in (("actor", self.alg.get_policy()), ("critic", self.alg.critic)):
-                network.load_state_dict(widened(saved[f"{name}_state_dict"], network.state_dict(), known))
-            self.alg.get_policy().load_state_dict(noise, strict=False)
+            if checkpoint.suffix == ".pt":
+                saved = torch.load(checkpoint, weights_only=True, map_location=str(self.device))
+                saved = {"actor": saved["actor_state_dict"] | noise, "critic": saved["critic_state_dict"]}
+            else:
+                saved = {"actor": policy_file.weights(checkpoint)}
+            known, given = (each["obs_normalizer._mean"].shape[1] for each in (saved["actor"], actor.state_dict()))
+            if known > given:
+                raise InputError(
+                    f"key 'init': {checkpoint} observes {known} numbers, and this run gives {given}; give the keys of its task, "
+                    "as task.describe_part=true task.fine_grasp=true"
+                )
+            for name, network in (("actor", actor), ("critic", critic)):
+                if name in saved:
+                    network.load_state_dict(widened(saved[name], network.state_dict(), known))
+        except InputError:
+            raise
         except Exception as error:  # of torch, pickle, zipfile: whatever a damaged or foreign file makes them raise
             why = (str(error) or type(error).__name__).splitlines()[0]
             raise InputError(f"key 'init': {checkpoint} has no networks that fit this run ({why})") from error

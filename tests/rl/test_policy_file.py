@@ -96,7 +96,7 @@ def test_a_run_that_is_told_more_begins_as_the_policy_that_was_told_less(
     before = PolicyFile(exported).bound(CountingEnv())(observation[:, :23])
     after = load_policy(told_more(), tmp_path / "next/model_0.pt")(observation).detach()
     assert torch.allclose(after, before, atol=1e-2) and float(before.abs().max()) > 0.1
-    with pytest.raises(InputError, match="no networks that fit"):
+    with pytest.raises(InputError, match="observes 25 numbers, and this run gives 23; give the keys of its task"):
         train(CountingEnv(), config, tmp_path / "less", init=tmp_path / "next/model_0.pt")
 
 
@@ -164,8 +164,8 @@ def test_the_policy_in_the_box_is_small_and_was_trained_as_it_is_said(tmp_path: 
     file = PolicyFile(Path(PRETRAINED))
     sim, task = file.world
     assert isinstance(task, OpenPartConfig) and task.describe_part and sim.limits is not None and sim.vary is not None
-    path = Path(__file__).parents[2] / "s2a/policies/open_part.onnx"
-    assert path.stat().st_size < 2e6
+    files = (Path(__file__).parents[2] / "s2a/policies").glob("*.onnx")
+    assert sum(path.stat().st_size for path in files) < 2e6
     env = CountingEnv(4)
     env.observation = torch.zeros(4, 67)
     actions = file.bound(env)(torch.randn(4, 67, generator=torch.Generator().manual_seed(0)))
@@ -173,8 +173,8 @@ def test_the_policy_in_the_box_is_small_and_was_trained_as_it_is_said(tmp_path: 
 
 
 def test_the_policy_in_the_package_tells_of_no_file_of_the_machine_that_made_it() -> None:
-    path = Path(__file__).parents[2] / "s2a/policies/open_part.onnx"
-    assert b"site-packages" not in path.read_bytes() and b".py" not in path.read_bytes()
+    for path in (Path(__file__).parents[2] / "s2a/policies").glob("*.onnx"):
+        assert b"site-packages" not in path.read_bytes() and b".py" not in path.read_bytes()
 
 
 def test_the_published_checkpoint_is_of_the_policy_in_the_box_and_has_a_critic() -> None:

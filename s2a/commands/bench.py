@@ -45,7 +45,8 @@ class Config:
 
     Attributes:
         stage: the index of the parts, as `s2a pool +split=test` makes them.
-        policy: planner, random, pretrained, or the file of a trained policy: model_N.onnx or model_N.pt.
+        policy: planner, random, pretrained (with `perception` another one than without), or the file of a trained policy:
+            model_N.onnx or model_N.pt.
         out: the results, a JSON file.
         episodes: of each part.
         steps: control steps of an episode, the same for all policies.

@@ -51,7 +51,7 @@ class Config(WorldsConfig):
         out: the metrics.json to write.
         checkpoint: model_N.pt of a training run, or null: the planner.
         policy: who acts instead: a trained policy as `s2a train export=true` writes it, model_N.onnx; or pretrained: the one
-            that comes with s2a and opens parts that it has never seen; or null.
+            that comes with s2a and opens parts that it has never seen, another one with `perception` than without; or null.
         agent: who acts instead, as a baseline: zero (actions of 0), random (uniform in [-1, 1]), extreme (-1 and 1, held for up
             to four seconds); or null.
         perception: who sees the part with a depth camera instead of being told the truth: pretrained, or what s2a perceive wrote;

@@ -38,6 +38,7 @@ class PpoConfig:
         max_grad_norm: where the gradient is cut.
         hidden_dims: widths of the layers of actor and critic (ELU).
         init_std: standard deviation of the first policy's actions; of another run's too, where this one begins with it.
+        min_std: below it no action's standard deviation falls.
         imitation_iterations: number of the first iterations, in which the policy does not improve by its own reward, but imitates
             the planner in the states to which it comes itself, as DAgger does (Ross et al. 2011); the critic learns meanwhile.
             Needs `cuda_graph`. A run that begins with another's policy does not imitate.
@@ -68,6 +69,7 @@ class PpoConfig:
     max_grad_norm: Positive
     hidden_dims: Annotated[tuple[Count, ...], NotEmpty()]
     init_std: Positive
+    min_std: Positive
     imitation_iterations: CountFromZero
     critic_iterations: CountFromZero
     save_interval: Count
@@ -91,7 +93,7 @@ def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, An
         "compile_mode": config.torch_compile_mode,
         "critic_rate": config.critic_learning_rate,
     }
-    distribution = {"class_name": gaussian, "init_std": config.init_std, "std_type": "scalar"}
+    noise = {"init_std": config.init_std, "std_range": (config.min_std, 1.0e6), "std_type": "scalar"}
     return {
         "num_steps_per_env": config.num_steps_per_env,
         "save_interval": config.save_interval,
@@ -114,6 +116,6 @@ def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, An
             "max_grad_norm": config.max_grad_norm,
             **(own if config.cuda_graph else {}),
         },
-        "actor": {**network, "distribution_cfg": distribution},
+        "actor": {**network, "distribution_cfg": {"class_name": gaussian, **noise}},
         "critic": network,
     }

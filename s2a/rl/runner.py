@@ -78,8 +78,7 @@ class Runner(OnPolicyRunner):
     def begin_with(self, checkpoint: Path) -> None:
         """Take a checkpoint's networks, or an .onnx policy's, with as much noise as this run asks for.
 
-        They may have been told less; what is new among the observations is at their end, and in a critic's before what it
-        alone is told.
+        They may have been told less; see `widened`.
 
         Raises:
             InputError: they do not fit, or the file is damaged.
@@ -100,7 +99,7 @@ class Runner(OnPolicyRunner):
                 )
             for name, network in (("actor", actor), ("critic", critic)):
                 if name in saved:
-                    network.load_state_dict(widened(saved[name], network.state_dict(), known))
+                    network.load_state_dict(widened(saved[name], network.state_dict(), known, given))
         except InputError:
             raise
         except Exception as error:  # of torch, pickle, zipfile: whatever a damaged or foreign file makes them raise

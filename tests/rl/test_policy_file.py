@@ -103,11 +103,11 @@ def test_a_run_that_is_told_more_begins_as_the_policy_that_was_told_less(
 def test_a_critics_new_inputs_lie_before_what_it_alone_is_told() -> None:
     saved = {"mlp.0.weight": torch.tensor([[1.0, 2.0, 3.0]]), "mlp.0.bias": torch.tensor([4.0])}
     saved |= {f"obs_normalizer.{name}": torch.tensor([[5.0, 6.0, 7.0]]) for name in ("_mean", "_var", "_std")}
-    own = {name: torch.full((1, 5), 9.0) for name in saved if name != "mlp.0.bias"} | {"mlp.0.bias": torch.zeros(1)}
-    wide = widened(saved, own, 2)
-    assert wide["mlp.0.weight"].tolist() == [[1.0, 2.0, 0.0, 0.0, 3.0]] and wide["mlp.0.bias"].tolist() == [4.0]
-    assert wide["obs_normalizer._mean"].tolist() == [[5.0, 6.0, 0.0, 0.0, 7.0]]
-    assert wide["obs_normalizer._std"].tolist() == [[5.0, 6.0, 1.0, 1.0, 7.0]]
+    own = {name: torch.full((1, 6), 9.0) for name in saved if name != "mlp.0.bias"} | {"mlp.0.bias": torch.zeros(1)}
+    wide = widened(saved, own, 2, 4)  # two more are observed, and a critic is told one more besides
+    assert wide["mlp.0.weight"].tolist() == [[1.0, 2.0, 0.0, 0.0, 3.0, 0.0]] and wide["mlp.0.bias"].tolist() == [4.0]
+    assert wide["obs_normalizer._mean"].tolist() == [[5.0, 6.0, 0.0, 0.0, 7.0, 0.0]]
+    assert wide["obs_normalizer._std"].tolist() == [[5.0, 6.0, 1.0, 1.0, 7.0, 1.0]]
 
 
 def test_a_policy_of_other_widths_is_refused(exported: Path, tmp_path: Path) -> None:

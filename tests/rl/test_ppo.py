@@ -30,6 +30,14 @@ def test_stored_observations_are_those_the_policy_saw() -> None:
     assert stored.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
 
 
+@pytest.mark.parametrize("cuda_graph", [False, True])
+def test_noise_does_not_fall_below_its_floor(cuda_graph: bool) -> None:
+    config = load(PpoConfig, "ppo/default", **SMALL, cuda_graph=cuda_graph, init_std=0.3, min_std=0.5)
+    runner = make_runner(RslRlEnv(CountingEnv(), 1.0), config, None)
+    runner.learn(1)
+    assert runner.alg.get_policy().output_std.min() >= 0.5
+
+
 class ShortEnv(CountingEnv):
     """An environment of short episodes, in each step of which one world succeeds early."""
 

@@ -141,6 +141,7 @@ def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, 
         "grip": grip,
         "pinch": pinch,
         "grasped_opening": pinch * opening,
+        "grasped_way": pinch * ((opening.clamp(travel * 0.01, travel * 0.2) - travel * 0.01) / (travel * 0.19)) ** 2,
         "closing": torch.zeros(WORLDS).double(),
         "joint_speed": speed.square().sum(dim=1).double(),
         "torque": wp.to_torch(env.state.torque)[:, :7].double().square().sum(dim=1),
@@ -195,7 +196,7 @@ def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(stage:
         return torch.stack(seen)
 
     first = run(0)
-    assert first.shape == (20, 2, 23 + 2 + 13)
+    assert first.shape == (20, 2, 23 + 2 + 14)
     assert first[:, :, 24].sum() == 2.0
     assert torch.equal(first, run(0))
     assert not torch.equal(first[0, 1], run(1)[0, 1])  # world 1 began where its seed says
@@ -214,6 +215,46 @@ def test_a_grasp_is_paid_for_what_it_opened_until_it_closes_again(stage: SimStag
     assert term(env, "grasped_opening").tolist() == pytest.approx([0.15, 0.05, 0.0, 0.0], abs=1e-6)
     open_to(env, 0.10)
     assert term(env, "grasped_opening").tolist() == pytest.approx([0.10, 0.05, 0.0, 0.0], abs=1e-6)
+
+
+def test_the_way_is_paid_where_it_was_grasped_the_first_time(stage: SimStage) -> None:
+    env = hold_still(make_env(stage, 3, episode_steps=20, bonus_openings=(0.01, 0.2, 0.35)))
+    scale = wp.to_torch(env.task.handles.scale)[0].item()
+    contacts(env)["normal"][:, 0, 2], contacts(env)["normal"][:, 1, 2] = 1.0, -1.0
+
+    def openings(*steps: tuple[float, list[bool]]) -> list[float]:
+        for opening, held in steps:
+            pressed = 2.0 * torch.tensor(held).float()[:, None].expand(3, 2)
+            open_to(env, scale * opening, lambda pressed=pressed: contacts(env)["on_region"].copy_(pressed))
+        return term(env, "grasped_way").tolist()
+
+    yes, no = True, False
+    # The first centimetre counts for nothing; of the 19 that follow, grasped: all ten, the last five, none.
+    assert openings((0.01, [yes, no, no])) == [0.0, 0.0, 0.0]
+    paid = openings((0.06, [yes, no, no]), (0.11, [yes, yes, no]))
+    assert paid == pytest.approx([(10 / 19) ** 2, (5 / 19) ** 2, 0.0], abs=1e-5)
+    # Who pushed it, closes it and opens it again in a grasp, gets nothing for it; closing takes nothing away.
+    again = openings((0.02, [yes, yes, yes]), (0.11, [yes, yes, yes]))
+    assert again == pytest.approx(paid, abs=1e-5) and term(env, "grasped_opening")[2] > 0.08 * scale
+    told = env.task.handles.grasped.numpy()[:, 3] / (0.2 * scale)
+    assert told == pytest.approx([0.5, 0.25, 0.0], abs=1e-5)
+    # Beyond 20 cm nothing counts.
+    end = openings((0.25, [yes, yes, yes]), (0.3, [yes, yes, yes]))
+    assert end == pytest.approx([1.0, (14 / 19) ** 2, (9 / 19) ** 2], abs=1e-5)
+
+
+def test_a_critic_is_told_how_far_the_part_was_grasped(stage: SimStage) -> None:
+    env = hold_still(make_env(stage, 2, describe_part=True, bonus_openings=(0.01, 0.2, 0.35)))
+    scale = wp.to_torch(env.task.handles.scale)[0].item()
+    contacts(env)["normal"][:, 0, 2], contacts(env)["normal"][:, 1, 2] = 1.0, -1.0
+    for opening, held in ((0.06, [2.0, 0.0]), (0.11, [2.0, 2.0])):
+        pressed = torch.tensor(held)[:, None].expand(2, 2)
+        open_to(env, scale * opening, lambda pressed=pressed: contacts(env)["on_region"].copy_(pressed))
+    assert env.privileged.shape == (2, 18)
+    assert env.privileged[:, 16].tolist() == pytest.approx(
+        [0.11 / 0.2, 0.05 / 0.2], abs=1e-5
+    )  # in second bonus openings
+    assert env.privileged[:, 17].tolist() == pytest.approx([0.10 / 0.2, 0.05 / 0.2], abs=1e-5)
 
 
 def test_a_firmer_grasp_is_paid_more_up_to_the_firm_angle(stage: SimStage) -> None:

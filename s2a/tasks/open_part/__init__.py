@@ -35,7 +35,8 @@ class OpenPartTask(part.PartTask):
             self.handles = mdp.bind(sim, part_handles.bind(sim, self.sensor, config), config)
             self.thresholds = metrics.bind(sim, self.handles, metrics_config)
         self.observations = part_observation.length(sim, config)
-        self.privileged = part_observation.privileged_length(config)
+        told = part_observation.privileged_length(config)
+        self.privileged = told + int(mdp.TOLD) if told else 0
 
     def before_step(self, state: State) -> None:
         """Forget the contacts of the control step before."""
@@ -54,6 +55,12 @@ class OpenPartTask(part.PartTask):
         """Keep what the reward reads, and whether the part stands open."""
         super().update(state)
         self.launch(metrics.notice_standing, state)
+
+    def observe(self, state: State) -> None:
+        """Write the observations, and what a critic alone is told."""
+        super().observe(state)
+        if self.privileged:
+            self.launch(mdp.tell_critic, state)
 
     def result(self, state: State) -> None:
         """Write how finished episodes went."""

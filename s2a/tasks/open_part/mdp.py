@@ -10,10 +10,18 @@ import warp as wp
 
 from s2a.env.kernels import finger_position
 from s2a.env.state import State
+from s2a.env.task import columns
 from s2a.sim.simulation import Simulation
 from s2a.tasks.open_part.config import OpenPartConfig
 from s2a.tasks.part_functions import firmness, frames, opening_of, squared_action, tool_distance
 from s2a.tasks.part_handles import PartHandles
+from s2a.tasks.part_observation import PRIVILEGED
+
+Grasped = columns(("before", "opening", "maximum", "way"))
+"""What is kept of a running episode's grasp: the opening of the last physics step and how much of it the part was grasped over,
+by how firmly; the maximum opening so far, and how much of the way to it `grasped_way` pays [m]."""
+TOLD = wp.constant(2)
+"""Numbers that a critic is told of it."""
 
 
 @wp.struct
@@ -28,7 +36,7 @@ class OpenPart:
         close_distance: [m].
         gentle_force: [N].
         firm: cosine between the fingers' forces from which a grasp is paid in full.
-        grasped: opening (0) and how much of it the part was grasped over (1), by how firmly [m], shape [world 2].
+        grasped: how the part was grasped so far [m], shape [world Grasped].
         progress: of the running episode, see metrics, shape [world column].
         limits: thresholds of the metrics, shape [world limit].
         force: from which a contact counts in the metrics [N].
@@ -58,7 +66,7 @@ def bind(sim: Simulation, shared: PartHandles, config: OpenPartConfig) -> OpenPa
     h.termination, h.close_distance = config.termination_opening, config.close_distance
     h.gentle_force, h.firm = config.gentle_force, float(np.cos(np.deg2rad(config.firm_angle)))
     h.scale = wp.array(travel_scale(sim, config.full_travel), dtype=float)
-    h.grasped = wp.zeros((sim.num_envs, 2), dtype=float)
+    h.grasped = wp.zeros((sim.num_envs, len(Grasped)), dtype=float)
     return h
 
 
@@ -135,7 +143,25 @@ def pinch(s: State, h: OpenPart, world: int):
 @wp.func
 def grasped_opening(s: State, h: OpenPart, world: int):
     """Weight of how far the part was opened while it was grasped, by how firmly [m]; never more than it is open."""
-    return h.grasped[world, 1]
+    return h.grasped[world, Grasped.opening]
+
+
+@wp.func
+def paid_way(h: OpenPart, world: int, opening: float):
+    """Return how much of an opening lies on the way from the first to the second of task.bonus_openings [m]."""
+    first, second = h.scale[world] * h.bonus[0], h.scale[world] * h.bonus[1]
+    return wp.clamp(opening, first, second) - first
+
+
+@wp.func
+def grasped_way(s: State, h: OpenPart, world: int):
+    """Weight of how much of that way the part was grasped over, by how firmly, when it came there first: from 0 to 1, squared.
+
+    As in the metrics what was pushed is lost for the episode: to close the part and to open it again in a grasp pays nothing.
+    Squared, the last tenths count most, as the metrics ask for nine of ten.
+    """
+    way = h.grasped[world, Grasped.way] / wp.max(paid_way(h, world, wp.inf), 1.0e-6)
+    return way * way
 
 
 @wp.func
@@ -184,6 +210,7 @@ REWARDS = (
     grip,
     pinch,
     grasped_opening,
+    grasped_way,
     closing,
     joint_speed,
     torque,
@@ -196,9 +223,14 @@ def accumulate_grasped_opening(joint_q: wp.array2d(dtype=float), h: OpenPart):
     """Keep how far the part was opened while it was grasped; joint_q is that after the physics step."""
     world = wp.tid()
     now = joint_q[world, h.p.part[world].coord] * h.p.part[world].lever_arm
-    gained = firmness(h.p, h.firm, world) * wp.max(now - h.grasped[world, 0], 0.0)
-    h.grasped[world, 1] = wp.clamp(h.grasped[world, 1] + gained, 0.0, wp.max(now, 0.0))
-    h.grasped[world, 0] = now
+    firm, maximum = firmness(h.p, h.firm, world), h.grasped[world, Grasped.maximum]
+    gained = firm * wp.max(now - h.grasped[world, Grasped.before], 0.0)
+    opening = wp.clamp(h.grasped[world, Grasped.opening] + gained, 0.0, wp.max(now, 0.0))
+    h.grasped[world, Grasped.opening] = opening
+    h.grasped[world, Grasped.before] = now
+    if now > maximum:
+        h.grasped[world, Grasped.way] += firm * (paid_way(h, world, now) - paid_way(h, world, maximum))
+        h.grasped[world, Grasped.maximum] = now
 
 
 @wp.kernel
@@ -210,12 +242,26 @@ def update(s: State, h: OpenPart):
 
 
 @wp.kernel
+def tell_critic(s: State, h: OpenPart):
+    """Write what a critic is told of the grasp so far, in second bonus openings: how much of the opening, and of the way, counts.
+
+    Both are paid in every step that follows: a critic that did not know them would credit a grasp for twenty steps alone.
+    """
+    world = wp.tid()
+    unit = h.scale[world] * h.bonus[1]
+    s.privileged[world, PRIVILEGED] = h.grasped[world, Grasped.opening] / unit
+    s.privileged[world, PRIVILEGED + 1] = h.grasped[world, Grasped.way] / unit
+
+
+@wp.kernel
 def reset(s: State, h: OpenPart):
     """Clear the last episode's progress; a part that a demonstration has opened was grasped."""
     world = wp.tid()
     if s.done[world] == 1:
         now = opening_of(s, h.p, world)
-        h.grasped[world, 0] = now
-        h.grasped[world, 1] = now
+        h.grasped[world, Grasped.before] = now
+        h.grasped[world, Grasped.opening] = now
+        h.grasped[world, Grasped.maximum] = now
+        h.grasped[world, Grasped.way] = paid_way(h, world, now)
         for i in range(h.progress.shape[1]):
             h.progress[world, i] = 0.0

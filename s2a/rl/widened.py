@@ -18,8 +18,9 @@ def widened(
     Args:
         saved: of a network and its normaliser, under rsl-rl's names.
         own: those of the network that is to begin so; what the saved one lacks stays.
-        known, given: how many numbers the policy observed, and observes: what is new of these comes after them; what else is
-            new, which a critic alone is told, at the end.
+        known: how many numbers the policy observed.
+        given: how many it observes; the further ones come after these, and what else is new, which a critic alone is told, at
+            the end.
     """
     weights = dict(own) | dict(saved)
     for name, value in UNSEEN.items():

@@ -141,7 +141,7 @@ def test_reward_terms_equal_a_plain_reference_on_random_states(stage: SimStage, 
         "grip": grip,
         "pinch": pinch,
         "grasped_opening": pinch * opening,
-        "grasped_way": pinch * ((opening.clamp(travel * 0.01, travel * 0.2) - travel * 0.01) / (travel * 0.19)) ** 2,
+        "grasped_path": pinch * ((opening.clamp(travel * 0.01, travel * 0.2) - travel * 0.01) / (travel * 0.19)) ** 2,
         "closing": torch.zeros(WORLDS).double(),
         "joint_speed": speed.square().sum(dim=1).double(),
         "torque": wp.to_torch(env.state.torque)[:, :7].double().square().sum(dim=1),
@@ -226,7 +226,7 @@ def test_the_way_is_paid_where_it_was_grasped_the_first_time(stage: SimStage) ->
         for opening, held in steps:
             pressed = 2.0 * torch.tensor(held).float()[:, None].expand(3, 2)
             open_to(env, scale * opening, lambda pressed=pressed: contacts(env)["on_region"].copy_(pressed))
-        return term(env, "grasped_way").tolist()
+        return term(env, "grasped_path").tolist()
 
     yes, no = True, False
     # The first centimetre counts for nothing; of the 19 that follow, grasped: all ten, the last five, none.

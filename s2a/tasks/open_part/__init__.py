@@ -36,7 +36,7 @@ class OpenPartTask(part.PartTask):
             self.thresholds = metrics.bind(sim, self.handles, metrics_config)
         self.observations = part_observation.length(sim, config)
         told = part_observation.privileged_length(config)
-        self.privileged = told + int(mdp.TOLD) if told else 0
+        self.privileged = told + int(mdp.PRIVILEGED_GRASP) if told else 0
 
     def before_step(self, state: State) -> None:
         """Forget the contacts of the control step before."""

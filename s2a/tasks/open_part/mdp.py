@@ -17,10 +17,10 @@ from s2a.tasks.part_functions import firmness, frames, opening_of, squared_actio
 from s2a.tasks.part_handles import PartHandles
 from s2a.tasks.part_observation import PRIVILEGED
 
-Grasped = columns(("before", "opening", "maximum", "way"))
+Grasped = columns(("before", "opening", "maximum", "path"))
 """What is kept of a running episode's grasp: the opening of the last physics step and how much of it the part was grasped over,
-by how firmly; the maximum opening so far, and how much of the way to it `grasped_way` pays [m]."""
-TOLD = wp.constant(2)
+by how firmly; the maximum opening so far, and how much of the way to it `grasped_path` pays [m]."""
+PRIVILEGED_GRASP = wp.constant(2)
 """Numbers that a critic is told of it."""
 
 
@@ -147,21 +147,21 @@ def grasped_opening(s: State, h: OpenPart, world: int):
 
 
 @wp.func
-def paid_way(h: OpenPart, world: int, opening: float):
+def paid_path(h: OpenPart, world: int, opening: float):
     """Return how much of an opening lies on the way from the first to the second of task.bonus_openings [m]."""
     first, second = h.scale[world] * h.bonus[0], h.scale[world] * h.bonus[1]
     return wp.clamp(opening, first, second) - first
 
 
 @wp.func
-def grasped_way(s: State, h: OpenPart, world: int):
+def grasped_path(s: State, h: OpenPart, world: int):
     """Weight of how much of that way the part was grasped over, by how firmly, when it came there first: from 0 to 1, squared.
 
     As in the metrics what was pushed is lost for the episode: to close the part and to open it again in a grasp pays nothing.
-    Squared, the last tenths count most, as the metrics ask for nine of ten.
+    Squared, the last tenths count most.
     """
-    way = h.grasped[world, Grasped.way] / wp.max(paid_way(h, world, wp.inf), 1.0e-6)
-    return way * way
+    path = h.grasped[world, Grasped.path] / wp.max(paid_path(h, world, wp.inf), 1.0e-6)
+    return path * path
 
 
 @wp.func
@@ -210,7 +210,7 @@ REWARDS = (
     grip,
     pinch,
     grasped_opening,
-    grasped_way,
+    grasped_path,
     closing,
     joint_speed,
     torque,
@@ -229,7 +229,7 @@ def accumulate_grasped_opening(joint_q: wp.array2d(dtype=float), h: OpenPart):
     h.grasped[world, Grasped.opening] = opening
     h.grasped[world, Grasped.before] = now
     if now > maximum:
-        h.grasped[world, Grasped.way] += firm * (paid_way(h, world, now) - paid_way(h, world, maximum))
+        h.grasped[world, Grasped.path] += firm * (paid_path(h, world, now) - paid_path(h, world, maximum))
         h.grasped[world, Grasped.maximum] = now
 
 
@@ -250,7 +250,7 @@ def tell_critic(s: State, h: OpenPart):
     world = wp.tid()
     unit = h.scale[world] * h.bonus[1]
     s.privileged[world, PRIVILEGED] = h.grasped[world, Grasped.opening] / unit
-    s.privileged[world, PRIVILEGED + 1] = h.grasped[world, Grasped.way] / unit
+    s.privileged[world, PRIVILEGED + 1] = h.grasped[world, Grasped.path] / unit
 
 
 @wp.kernel
@@ -262,6 +262,6 @@ def reset(s: State, h: OpenPart):
         h.grasped[world, Grasped.before] = now
         h.grasped[world, Grasped.opening] = now
         h.grasped[world, Grasped.maximum] = now
-        h.grasped[world, Grasped.way] = paid_way(h, world, now)
+        h.grasped[world, Grasped.path] = paid_path(h, world, now)
         for i in range(h.progress.shape[1]):
             h.progress[world, i] = 0.0

@@ -135,7 +135,7 @@ def _actor(config: Config) -> tuple[str, MdpConfig, Actor]:
     if path.suffix == ".pt":
         known, name = read_world(path), f"{path.absolute().parent.name}_{path.stem}"
     else:
-        file = PolicyFile(path, seen=config.perception is not None)
+        file = PolicyFile(path)
         known, name = file.world, Path(file.name).stem
     if known is None:
         raise InputError(

@@ -183,7 +183,7 @@ def run(config: Config) -> str:
     _refuse_contradictions(config)
     if config.physics == "soft":
         return _run_soft(config)
-    file = PolicyFile(config.policy, seen=config.perception is not None) if config.policy else None
+    file = PolicyFile(config.policy) if config.policy else None
     world = file.world if file else read_world(config.checkpoint) if config.checkpoint else None
     sim_config, task = world or (config.sim, config.task)
     with atomic_write(config.out) as out:

@@ -1,4 +1,4 @@
-"""A trained policy as one ONNX file that knows its world: any run's export, or one that comes with s2a."""
+"""A trained policy as one ONNX file that knows its world: any run's export, or the one that comes with s2a."""
 
 from __future__ import annotations
 
@@ -37,17 +37,13 @@ class PolicyFile:
         world: how physics is stepped and what the robot has to do where it was trained.
     """
 
-    def __init__(self, path: Path, seen: bool = False) -> None:
-        """Open a file, or one that comes with s2a where `path` is "pretrained".
-
-        Args:
-            path: the file.
-            seen: it will observe a camera's estimates, for which s2a comes with another policy.
+    def __init__(self, path: Path) -> None:
+        """Open a file, or the one that comes with s2a where `path` is "pretrained".
 
         Raises:
             InputError: there is no such file, it is no ONNX file, or none that s2a wrote.
         """
-        file = _found(path, seen)
+        file = _found(path)
         self.name = PRETRAINED if str(path) == PRETRAINED else file.name
         self._session = _opened(file)
         known = self._session.get_modelmeta().custom_metadata_map
@@ -72,10 +68,9 @@ class PolicyFile:
         return act
 
 
-def _found(path: Path, seen: bool = False) -> Path:
+def _found(path: Path) -> Path:
     """Return the file that a path means; InputError where there is none."""
-    own = Path(__file__).parents[1] / "policies" / ("open_seen_part.onnx" if seen else "open_part.onnx")
-    file = own if str(path) == PRETRAINED else path
+    file = Path(__file__).parents[1] / "policies/open_part.onnx" if str(path) == PRETRAINED else path
     if not file.is_file():
         raise InputError(f"policy {str(path)!r}: no such file; give an .onnx that s2a train wrote, or {PRETRAINED}")
     return file

@@ -16,7 +16,6 @@ from s2a.commands import bench
 from s2a.env import starts
 from s2a.env.starts import Demonstration
 from s2a.planner.part_plan import PlannerConfig, demonstration
-from s2a.rl.policy_file import PolicyFile
 from s2a.scene import Joint
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation
@@ -93,26 +92,6 @@ def test_policies_see_the_grasp_as_far_off_as_asked(
     assert np.allclose(2 * np.degrees(np.arccos(np.abs(seen[0][:, 6]))), 10.0, atol=0.01)
     assert cli.main(["bench", f"stage={index}", "policy=random", out, *QUICK]) == 0
     assert seen[1] is None
-
-
-def test_with_a_camera_the_policy_acts_that_was_measured_with_one(
-    index: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    observed = []
-
-    def watched(env: object, policy: object) -> dict[str, torch.Tensor]:
-        observed.append(env.observation.shape[1])
-        return {name: torch.zeros(env.num_envs) for name in env.task.METRICS}
-
-    monkeypatch.setattr(bench, "run_episodes", watched)
-    monkeypatch.setattr(bench, "seen_pool", lambda index, stages, perception, device: stages)
-    monkeypatch.setattr(bench, "fused", lambda estimates, frames: estimates)
-    for keys in ([], ["perception=pretrained"]):
-        out = f"out={tmp_path / 'o.json'}"
-        assert cli.main(["bench", f"stage={index}", "policy=pretrained", out, *QUICK, *keys]) == 0
-    told, seen = (PolicyFile(Path("pretrained"), seen).world[1] for seen in (False, True))
-    assert (told.fine_grasp, seen.fine_grasp) == (True, False)
-    assert observed[0] == observed[1] + 4  # of task.fine_grasp
 
 
 @pytest.mark.slow

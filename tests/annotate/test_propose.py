@@ -175,6 +175,7 @@ def test_a_scan_of_a_floor_alone_has_no_planes_and_no_proposals() -> None:
     assert propose(SplitSurface.of(floor.vertices, floor.faces, floor.colors), PROPOSE, GROW) == ()
 
 
+@pytest.mark.slow
 def test_most_proposals_in_an_office_that_the_network_was_not_trained_on_are_parts(
     office_scan: Path, office: Scene
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -136,21 +137,42 @@ def test_the_help_shows_values_as_they_are_typed_and_every_choice():
     assert usage.meaning_of("weights.left", meanings) == "of the walls."
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_option_of_every_group_composes(command: str):
-    cls = cli._module(command).Config
-    required = [f"{k}=given" for k, value in config.leaves(config.compose(command)) if value == config.REQUIRED]
-    for line in usage.options(command, cls)[1:]:
-        group, names = re.fullmatch(r"  ([\w/]+)=...  one of: (.*)", line).groups()  # type: ignore[union-attr]
-        for name in names.split(", "):
-            config.load(cls, config.compose(command, [*required, f"{group}={name}"]))
+@cache
+def options(command: str) -> dict[str, set[str]]:
+    """Return what the help of a command lists by group, which are the files that it can load."""
+    lines = usage.options(command, cli._module(command).Config)[1:]
+    found = (re.fullmatch(r"  ([\w/]+)=...  one of: (.*)", line).groups() for line in lines)  # type: ignore[union-attr]
+    return {group: set(names.split(", ")) for group, names in found}
+
+
+def files(group: str) -> set[str]:
+    """Return the names of a group's files."""
+    return {path.stem for path in (config.folder() / group).glob("*.yaml")}
+
+
+def test_every_file_of_every_group_is_an_option_of_a_command():
+    listed: dict[str, set[str]] = {"evidence": {"floor"}}  # evidence@floor, which has no line in a help
+    for command in COMMANDS:
+        for group, names in options(command).items():
+            listed[group] = listed.get(group, set()) | names
+    for name in files("task"):  # what belongs to another task than a command begins with is loaded with that task alone
+        known = [group for group in ("task", "metrics", "reward") if name in files(group)]
+        overrides = ["stage=a.usd", "out=b", *(f"{group}={name}" for group in known)]
+        config.load(train.Config, config.compose("train", overrides))
+        for group in known:
+            listed[group].add(name)
+    assert {group: files(group) for group in listed} == listed
+
+
+@pytest.mark.parametrize("path", sorted((config.folder() / "experiment").glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_experiment_is_one_that_train_loads(path: Path):
+    loaded = config.load(train.Config, config.compose("train", ["stage=a.usd", "out=b", f"+experiment={path.stem}"]))
+    assert loaded.reward
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_key_shares_its_name_with_a_folder_because_hydra_would_look_for_the_value_there(command: str):
-    cls = cli._module(command).Config
-    groups = [line.split("=")[0].strip() for line in usage.options(command, cls)[1:]]
-    folders = {path.name for path in config.folder().iterdir() if path.is_dir()} - set(groups)
+    folders = {path.name for path in config.folder().iterdir() if path.is_dir()} - set(options(command))
     assert folders.isdisjoint(config.compose(command))
 
 

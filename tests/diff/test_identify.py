@@ -116,6 +116,7 @@ def test_a_drawer_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert mass.mass == pytest.approx(rows["mass"]["value"] * 5.32) and mass.source == "identified"
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_of_drawers_doors_and_lids() -> None:
     rng = np.random.default_rng(5)
     bodies = [DRAWER, DOOR, LID] * 4

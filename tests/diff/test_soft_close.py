@@ -58,6 +58,7 @@ def simulated(layer: Path) -> np.ndarray:
     return np.interp(times, np.arange(len(seen)) * config.dt * config.substeps, seen)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", [SLIDE, HINGE], ids=["drawer", "door"])
 def test_the_simulation_of_what_was_identified_predicts_another_pull(tmp_path: Path, joint: Joint) -> None:
     stage, layer = write_room(tmp_path / "room.usd", joint), tmp_path / "identified.usda"

@@ -179,7 +179,8 @@ def test_what_is_seen_from_a_sofa_is_before_it_and_not_behind_a_wall() -> None:
     assert not met(scene, at(CUP, 0.0, -0.3, 0.9), wish.relations[0])
 
 
-def test_a_place_is_found_by_trying_all_where_there_is_one_and_nowhere_else() -> None:
+def test_a_place_is_found_by_trying_all_where_there_is_one_and_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("any_place.STEP", 0.05)
     relations = parse_wish("on the desk, right of the crate", LABELS).relations  # 10 cm are left there
     found = any_place(room(), CUP, relations)
     assert found is not None

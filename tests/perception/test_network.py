@@ -99,6 +99,7 @@ def clouds(count: int, random: np.random.Generator) -> tuple[list[PartPoints], t
     return made, truth
 
 
+@pytest.mark.slow
 def test_it_learns_where_the_handle_is_on_fronts_that_it_has_not_seen() -> None:
     random = np.random.default_rng(0)
     seen, truth = clouds(128, random)

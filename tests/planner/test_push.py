@@ -79,6 +79,7 @@ def test_what_pushes_touches_the_outer_face_alone(tmp_path: Path, joint: Joint |
     assert (reached <= surface.vertices[:, 0].max() - PRESS + 1e-6).all()
 
 
+@pytest.mark.slow
 def test_what_cannot_be_held_is_pushed_shut_from_where_it_fell(tmp_path: Path) -> None:
     motion = load(PlannerConfig, "planner/default")
     config = load(ClosePartConfig, "task/close_part", start_opening=0.05)

@@ -100,6 +100,7 @@ def test_a_prepared_room_keeps_the_pocket_and_the_grasp(room: Path) -> None:
     assert colliders and not any(contains(piece, inside).any() for piece in colliders)
 
 
+@pytest.mark.slow
 def test_the_planner_opens_it_by_a_grasp(room: Path) -> None:
     env = make_env(read_stage(room), episode_steps=1200, sim="sim/planner")
     result = evaluate(env, Planner(env, load(PlannerConfig, "planner/default")))

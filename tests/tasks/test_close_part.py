@@ -14,6 +14,7 @@ from s2a.planner.motion import Planner
 from s2a.planner.part_plan import PlannerConfig
 
 
+@pytest.mark.slow
 def test_the_planner_closes_the_drawer(tmp_path: Path) -> None:
     env = make_env(tmp_path)
     assert env.sim.joint_q[:, env.sim.layout.part_coord].tolist() == pytest.approx([0.2, 0.2])

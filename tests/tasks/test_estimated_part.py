@@ -60,6 +60,7 @@ def test_an_estimate_off_by_a_centimetre_is_observed_there_and_the_critic_knows_
     assert seen is not None and np.linalg.norm(seen[:, :3], axis=1) == pytest.approx([0.01, 0.01], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_the_opening_is_followed_while_the_gripper_holds_the_handle_and_not_before(tmp_path: Path) -> None:
     stage = read_stage(write_cabinet(tmp_path / "room.usda"))
     env = make_env(told(stage, truth(stage)), num_envs=2, sim="sim/planner", describe_part=True)

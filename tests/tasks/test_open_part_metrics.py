@@ -208,6 +208,7 @@ def test_an_overflow_is_counted_in_the_episodes_that_it_concerns(
     assert caplog.messages == []
 
 
+@pytest.mark.slow
 def test_the_planner_opens_by_a_grasp_and_the_thresholds_are_reported(stage: SimStage) -> None:
     env = make_env(stage, 2, sim="sim/planner")
     result = evaluate(env, Planner(env, load(PlannerConfig, "planner/default")))

@@ -169,9 +169,11 @@ def _carried(object: Mesh, mesh: Mesh) -> bool:
     foot = foot[:: max(1, len(foot) // 200)].astype(float)
     middle = np.append(foot[:, :2].mean(axis=0), low)
     points = np.concatenate([foot, (foot + middle) / 2, middle[None]]) + (0.0, 0.0, 0.02)
-    seen, _ = visible_distance(
-        ray_mesh(mesh.vertices, mesh.faces), points, np.array([0.0, 0.0, -1.0]), 0.02 + CONTACT + 0.01
-    )
+    reach = 0.02 + CONTACT + 0.01
+    below = points - (0.0, 0.0, reach)
+    if (below.min(axis=0) > mesh.bounds[1]).any() or (points.max(axis=0) < mesh.bounds[0]).any():
+        return False  # no ray comes near it, and to ask them takes milliseconds
+    seen, _ = visible_distance(ray_mesh(mesh.vertices, mesh.faces), points, np.array([0.0, 0.0, -1.0]), reach)
     return bool((seen < 0.02 + CONTACT + 0.009).mean() > 0.2)
 
 

@@ -15,7 +15,7 @@ demo: $(INSTALLED)
 	$(BIN)/python tools/run_demo.py $(DEMO) --robot $(ROBOT)
 
 test: $(INSTALLED)
-	$(BIN)/pytest -q -n auto --maxprocesses 4 --dist loadfile -m "not slow and not gpu"
+	OMP_NUM_THREADS=1 $(BIN)/pytest -q -n auto --maxprocesses 4 --dist loadfile -m "not slow and not gpu"
 
 check: $(INSTALLED)
 	$(BIN)/ruff format --check

@@ -69,16 +69,21 @@ def typed(value: Any) -> str:
     return json.dumps(value) if value is None or isinstance(value, bool) else f"{value}"
 
 
+def groups(name: str) -> dict[str, list[str]]:
+    """Return the files of the config groups that a command composes from sub-folders, by group."""
+    text = (config.folder() / f"{name}.yaml").read_text()
+    found = re.findall(r"^\s*- (?:override )?/?([\w/]+)(?:@\w+)?: ", text, flags=re.MULTILINE)
+    return {group: sorted(path.stem for path in (config.folder() / group).glob("*.yaml")) for group in found}
+
+
 def options(name: str, cls: type) -> list[str]:
-    """List the options of the config groups that a command composes from sub-folders: of shared groups those that it can load.
+    """List the options of the config groups of a command: of shared groups those that it can load.
 
     Args:
         name: the command.
         cls: its settings.
     """
-    text = (config.folder() / f"{name}.yaml").read_text()
-    groups = re.findall(r"^\s*- (?:override )?/?([\w/]+)(?:@\w+)?: ", text, flags=re.MULTILINE)
-    found = {group: sorted(path.stem for path in (config.folder() / group).glob("*.yaml")) for group in groups}
+    found = groups(name)
     required = [f"{key}=given" for key, value in config.leaves(config.compose(name)) if value == config.REQUIRED]
     for group, names in found.items():
         found[group] = [each for each in names if _loads(name, cls, [*required, f"{group}={each}"])]

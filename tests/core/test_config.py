@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shlex
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -137,7 +136,6 @@ def test_the_help_shows_values_as_they_are_typed_and_every_choice():
     assert usage.meaning_of("weights.left", meanings) == "of the walls."
 
 
-@cache
 def options(command: str) -> dict[str, set[str]]:
     """Return what the help of a command lists by group, which are the files that it can load."""
     lines = usage.options(command, cli._module(command).Config)[1:]
@@ -150,6 +148,7 @@ def files(group: str) -> set[str]:
     return {path.stem for path in (config.folder() / group).glob("*.yaml")}
 
 
+@pytest.mark.slow
 def test_every_file_of_every_group_is_an_option_of_a_command():
     listed: dict[str, set[str]] = {"evidence": {"floor"}}  # evidence@floor, which has no line in a help
     for command in COMMANDS:
@@ -172,7 +171,7 @@ def test_every_experiment_is_one_that_train_loads(path: Path):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_key_shares_its_name_with_a_folder_because_hydra_would_look_for_the_value_there(command: str):
-    folders = {path.name for path in config.folder().iterdir() if path.is_dir()} - set(options(command))
+    folders = {path.name for path in config.folder().iterdir() if path.is_dir()} - set(usage.groups(command))
     assert folders.isdisjoint(config.compose(command))
 
 

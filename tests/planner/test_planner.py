@@ -102,6 +102,7 @@ def test_a_moved_part_is_in_the_grip_of_who_starts_there(tmp_path: Path, sim: st
     assert float(env.task.handles.p.region_force.numpy().min()) > 5.0
 
 
+@pytest.mark.slow
 def test_a_planner_that_teaches_goes_on_from_where_an_episode_began(tmp_path: Path) -> None:
     sims = Simulation(read_stage(write_cabinet(tmp_path / "sim.usda")), load(SimConfig, "sim/planner"), 16)
     task, metrics = task_settings(start_noise=0.0), metric_settings()
@@ -117,6 +118,7 @@ def test_a_planner_that_teaches_goes_on_from_where_an_episode_began(tmp_path: Pa
     assert torch.allclose(action[:, :7], (ahead / env.action_step)[:, :7], atol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_planner_that_teaches_corrects_by_its_gain_and_waits_for_who_is_behind(tmp_path: Path) -> None:
     env = planner_env(write_cabinet(tmp_path / "sim.usda"))
     settings = load(PlannerConfig, "planner/default")

@@ -14,6 +14,7 @@ ROBOT ?= panda
 demo: $(INSTALLED)
 	$(BIN)/python tools/run_demo.py $(DEMO) --robot $(ROBOT)
 
+# A thread for each worker: as many as cores would stand in each other's way.
 test: $(INSTALLED)
 	OMP_NUM_THREADS=1 $(BIN)/pytest -q -n auto --maxprocesses 4 --dist loadfile -m "not slow and not gpu"
 

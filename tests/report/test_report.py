@@ -219,7 +219,8 @@ def test_only_the_papers_weights_have_the_papers_figure() -> None:
     assert paper.reported(weights, "twin.usd") == paper.TABLE[0]
     assert paper.reported(weights, "room.usd") == paper.TABLE[1]
     assert paper.reported(weights | {"finger": 3.0}, "room.usd") is None
-    assert paper.reported(weights | {"pinch": 4.0}, "room.usd") is None
+    for further in ("pinch", "grasped_path"):
+        assert paper.reported(weights | {further: 4.0}, "room.usd") is None
 
 
 def test_a_column_that_another_repeats_is_left_out(tmp_path: Path) -> None:

@@ -42,5 +42,7 @@ def reported(reward: Mapping[str, Any], stage: str) -> Reported | None:
     """
     weights = tuple(float(reward.get(term, 0.0)) for term in TERMS)
     asset = TWIN if "twin" in stage else SCAN
-    own = any(reward.get(term) for term in ("pinch", "grasped_opening", "grasped_path", "led_opening", "closing", "grip"))
+    own = any(
+        reward.get(term) for term in ("pinch", "grasped_opening", "grasped_path", "led_opening", "closing", "grip")
+    )
     return None if own else next((row for row in TABLE if (row.asset, row.weights) == (asset, weights)), None)

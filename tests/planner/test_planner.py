@@ -102,7 +102,6 @@ def test_a_moved_part_is_in_the_grip_of_who_starts_there(tmp_path: Path, sim: st
     assert float(env.task.handles.p.region_force.numpy().min()) > 5.0
 
 
-@pytest.mark.slow
 def test_a_planner_that_teaches_goes_on_from_where_an_episode_began(tmp_path: Path) -> None:
     sims = Simulation(read_stage(write_cabinet(tmp_path / "sim.usda")), load(SimConfig, "sim/planner"), 16)
     task, metrics = task_settings(start_noise=0.0), metric_settings()

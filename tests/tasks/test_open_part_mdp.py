@@ -251,9 +251,8 @@ def test_a_critic_is_told_how_far_the_part_was_grasped(stage: SimStage) -> None:
         pressed = torch.tensor(held)[:, None].expand(2, 2)
         open_to(env, scale * opening, lambda pressed=pressed: contacts(env)["on_region"].copy_(pressed))
     assert env.privileged.shape == (2, 18)
-    assert env.privileged[:, 16].tolist() == pytest.approx(
-        [0.11 / 0.2, 0.05 / 0.2], abs=1e-5
-    )  # in second bonus openings
+    # In second bonus openings, of 0.2 m: of the opening, and of the way from the first centimetre.
+    assert env.privileged[:, 16].tolist() == pytest.approx([0.11 / 0.2, 0.05 / 0.2], abs=1e-5)
     assert env.privileged[:, 17].tolist() == pytest.approx([0.10 / 0.2, 0.05 / 0.2], abs=1e-5)
 
 

@@ -79,8 +79,8 @@ class LeRobotDataset:
                 "features": expected,
             }
         self._delete_unfinished()
-        stats, tasks = root / "meta/stats.json", root / "meta/tasks.parquet"
-        self._stats: Stats = _read(stats) if self.count and stats.is_file() else {}
+        tasks = root / "meta/tasks.parquet"
+        self._stats = self._stats_of_counted()
         self._tasks: list[str] = pq.read_table(tasks)["task"].to_pylist() if self.count and tasks.is_file() else []
 
     @property
@@ -137,8 +137,7 @@ class LeRobotDataset:
         self.info["total_episodes"] += 1
         self.info["total_frames"] += length
         self.info |= {"total_tasks": len(self._tasks), "splits": {"train": f"0:{self.count}"}}
-        known = self._stats
-        self._stats = {name: _merged(known[name], each) if name in known else each for name, each in stats.items()}
+        self._stats = _together(self._stats, stats)
         _write_json(self.root / "meta/stats.json", self._stats)
         _write_json(self.root / "meta/info.json", self.info)
 
@@ -147,6 +146,22 @@ class LeRobotDataset:
         if task not in self._tasks:
             self._tasks.append(task)
             _write(self.root / "meta/tasks.parquet", _task_table(self._tasks))
+
+    def _stats_of_counted(self) -> Stats:
+        """Return the statistics of the episodes that info.json counts.
+
+        stats.json is written before it, and where a run was killed between the two it has an episode more; each episode has its
+        own beside it.
+        """
+        file, frames = self.root / "meta/stats.json", int(self.info["total_frames"])
+        stats: Stats = _read(file) if self.count and file.is_file() else {}
+        if not self.count or (stats and all(each["count"] == [frames] for each in stats.values())):
+            return stats
+        stats = {}
+        for i in range(self.count):
+            file = self.root / EPISODES.format(chunk_index=i // CHUNK, file_index=i % CHUNK)
+            stats = _together(stats, _stats_of_episode(file))
+        return stats
 
     def _delete_unfinished(self) -> None:
         """Delete files of episodes that info.json does not count, and what was only begun."""
@@ -205,6 +220,25 @@ def _stats(values: np.ndarray) -> dict[str, Any]:
     numbers = values.reshape(len(values), -1).astype(float)
     found = {kind: getattr(numbers, kind)(axis=0).tolist() for kind in ("min", "max", "mean", "std")}
     return {**found, "count": [len(values)]}
+
+
+def _stats_of_episode(file: Path) -> Stats:
+    """Return the statistics of an episode, columns stats/NAME/KIND of its row; InputError where it is damaged."""
+    try:
+        (row,) = pq.read_table(file).to_pylist()
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: not of a dataset ({error}); choose another place") from error
+    stats: Stats = {}
+    for key, value in row.items():
+        if key.startswith("stats/"):
+            name, kind = key.removeprefix("stats/").rsplit("/", 1)
+            stats.setdefault(name, {})[kind] = value
+    return stats
+
+
+def _together(known: Stats, more: Stats) -> Stats:
+    """Return the statistics of each column in two sets together."""
+    return {name: _merged(known[name], each) if name in known else each for name, each in more.items()}
 
 
 def _merged(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -94,7 +95,11 @@ def test_a_kill_at_any_write_loses_no_finished_episode(kind: type[Dataset], tmp_
         again = kind(root, FEATURES)
         assert again.count in ((1, 2) if killed else (2,)), at
         add(again, images, 3)
-        assert levels(kind(root, FEATURES)) == [{1}, *([{2}] if again.count == 3 else []), {3}], at
+        kept = [1, *([2] if again.count == 3 else []), 3]
+        assert levels(kind(root, FEATURES)) == [{level} for level in kept], at
+        if kind is LeRobot:
+            stats = json.loads((root / "meta/stats.json").read_text())["action"]
+            assert stats["count"] == [3 * len(kept)] and stats["mean"] == pytest.approx([np.mean(kept)]), at
         if not killed:
             break
         at += 1

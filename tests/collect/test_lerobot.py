@@ -103,6 +103,31 @@ def test_a_dataset_is_gone_on_with_and_an_unfinished_episode_is_deleted(tmp_path
     assert (second.count, second.info["total_frames"], second.info["total_tasks"]) == (2, 7, 2)
 
 
+@pytest.mark.parametrize("lost", ["info.json", "stats.json"])
+def test_statistics_count_no_episode_twice_and_none_too_few(lost: str, tmp_path: Path) -> None:
+    whole, cut = begun(tmp_path / "whole"), begun(tmp_path / "cut")
+    for dataset in (whole, cut):
+        dataset.root.parent.mkdir()
+        add(dataset, dataset.root.parent, 3, 0.0)
+    counted = (cut.root / "meta/info.json").read_text()
+    add(cut, tmp_path / "cut", 4, 7.0)
+    (cut.root / "meta/info.json").write_text(counted)  # killed between the two files, of which info.json counts
+    if lost == "stats.json":
+        (cut.root / "meta/stats.json").unlink()
+    cut = begun(tmp_path / "cut")
+    for dataset in (whole, cut):
+        add(dataset, dataset.root.parent, 2, -5.0)
+    assert cut.info == whole.info
+    (cut.root / "meta/stats.json").rename(tmp_path / "stats.json")
+    (cut.root / "meta/episodes/chunk-000/file-000.parquet").write_bytes(b"half")
+    with pytest.raises(InputError, match=r"file-000\.parquet: not of a dataset"):
+        begun(tmp_path / "cut")
+    (tmp_path / "stats.json").rename(cut.root / "meta/stats.json")
+    assert json.loads((cut.root / "meta/stats.json").read_text()) == json.loads(
+        (whole.root / "meta/stats.json").read_text()
+    )
+
+
 def test_folders_that_hold_something_else_are_left_alone(tmp_path: Path) -> None:
     (tmp_path / "set").mkdir()
     (tmp_path / "set/thesis.txt").write_text("mine")

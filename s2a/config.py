@@ -192,7 +192,26 @@ def _unknown(name: str, known: list[str]) -> str:
     """Return the message about a key that does not exist: its present name, if it has been renamed, or the closest ones."""
     if renamed := aliases.current(name, known):
         return f"key {name!r} is now {renamed!r}"
-    return f"key {name!r} is unknown{nearest(name, known)}"
+    return f"key {name!r} is unknown{_nearest_key(name, known)}"
+
+
+def _nearest_key(name: str, known: list[str]) -> str:
+    """Return the end of an error message: keys that end as a mistyped one or nearly so, else of its group.
+
+    A command has hundreds of keys: of a group inside the group its name is enough.
+    """
+    group, _, last = name.rpartition(".")
+    ends = [key.rpartition(".")[2] for key in known]
+    meant = set([last] if last in ends else difflib.get_close_matches(last, ends, n=3, cutoff=0.8))
+    found = [key for key, end in zip(known, ends, strict=True) if end in meant]
+    close = sorted(found, key=lambda key: key.rpartition(".")[0] != group)[:3]
+    while group and not any(key.startswith(f"{group}.") for key in known):
+        group = group.rpartition(".")[0]
+    start = f"{group}." if group else ""
+    inside = [key.removeprefix(start).partition(".") for key in known if key.startswith(start)]
+    beside = {first: f"{start}{first}{dot and '.*'}" for first, dot, _ in inside}
+    close = close or [beside[each] for each in difflib.get_close_matches(last, beside, n=3, cutoff=0.5)]
+    return f"; did you mean: {', '.join(close)}" if close else f"; known: {', '.join(beside.values())}"
 
 
 def expected(kind: Any) -> str:

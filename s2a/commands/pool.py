@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import tempfile
@@ -22,7 +23,7 @@ from s2a.perception.depth_camera import DepthCameraConfig
 from s2a.perception.visible_room import VisibleRoom
 from s2a.planner.part_plan import PlannerConfig, demonstration
 from s2a.prepare import ALL, PrepareConfig, prepare
-from s2a.progress import track
+from s2a.progress import StdoutFilter, track
 from s2a.provenance import provenance
 from s2a.ranges import Count, CountFromZero
 from s2a.robot.spec import RobotSpec
@@ -123,11 +124,12 @@ def _all(config: Config, specs: list[tuple[RoomKind, int]]) -> Iterator[Made]:
 
 
 def _quiet_room(config: Config, spec: tuple[RoomKind, int]) -> Made:
-    """Return a room's parts without a warning of each of its steps; warnings of this process go on afterwards."""
+    """Return a room's parts without a warning of each of its steps or what libraries print; both go on afterwards."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
-        return _room(config, spec)
+        with contextlib.redirect_stdout(StdoutFilter()):  # a helper has none of its own
+            return _room(config, spec)
     finally:
         logging.disable(before)
 

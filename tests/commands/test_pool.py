@@ -10,6 +10,7 @@ import torch
 from cabinet import HANDLE, write_cabinet
 
 from s2a import cli, config
+from s2a.commands import pool as pool_command
 from s2a.commands.pool import Config, is_taken, rooms_of
 from s2a.errors import InputError
 from s2a.scene import Joint
@@ -50,6 +51,14 @@ def test_one_policy_is_trained_on_slides_and_hinges(index: Path, tmp_path: Path)
     assert cli.main(["train", f"stage={index}", "task.describe_part=true", *SMALL, f"out={out}"]) == 0
     assert json.loads((out / "metrics.json").read_text())["env_steps"] == 16
     assert (out / "model_0.pt").is_file()
+
+
+def test_a_room_is_made_without_what_libraries_print(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(pool_command, "_room", lambda *given: print("Module loaded") or {"given": given})
+    assert pool_command._quiet_room("config", ("office", 0)) == {"given": ("config", ("office", 0))}
+    assert capsys.readouterr().out == ""
 
 
 def test_an_evaluation_tells_of_each_part(index: Path, tmp_path: Path) -> None:

@@ -212,6 +212,27 @@ def test_keys_that_depend_on_the_task_are_told_by_their_whole_names(override: st
     assert str(error.value).startswith(message)
 
 
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("frame=4", "key 'frame' is unknown; did you mean: frames"),
+        ("voxel=0.01", "key 'voxel' is unknown; did you mean: sample.scanner.demo.fusion.voxel, "),
+        (
+            "prepare.free.mass.qqq=1",
+            "key 'prepare.free.mass.qqq' is unknown; known: prepare.free.mass.families.*, prepare.free.mass.default.*, ",
+        ),
+        (
+            "zzz=1",
+            "key 'zzz' is unknown; known: sample.*, robot.*, depth_camera.*, prepare.*, sim.*, task.*, planner.*, rooms, first, ",
+        ),
+    ],
+)
+def test_an_unknown_key_is_answered_by_a_line_that_can_be_read(override: str, message: str) -> None:
+    with pytest.raises(InputError) as error:
+        config.compose("pool", [override])
+    assert str(error.value).startswith(message) and len(str(error.value)) < 250
+
+
 def test_numbers_that_the_tree_says_twice_are_equal():
     prepare, certify, plan = (config.compose(name) for name in ("prepare", "certify", "planner/default"))
     base, planner = prepare["prepare"]["base"], plan["planner"]

@@ -155,7 +155,8 @@ class LeRobotDataset:
         """
         file, frames = self.root / "meta/stats.json", int(self.info["total_frames"])
         stats: Stats = _read(file) if self.count and file.is_file() else {}
-        if not self.count or (stats and all(each["count"] == [frames] for each in stats.values())):
+        counts = [each.get("count") if isinstance(each, dict) else None for each in stats.values()]
+        if not self.count or (counts and all(count == [frames] for count in counts)):
             return stats
         stats = {}
         for i in range(self.count):

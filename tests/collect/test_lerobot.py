@@ -103,7 +103,7 @@ def test_a_dataset_is_gone_on_with_and_an_unfinished_episode_is_deleted(tmp_path
     assert (second.count, second.info["total_frames"], second.info["total_tasks"]) == (2, 7, 2)
 
 
-@pytest.mark.parametrize("lost", ["info.json", "stats.json"])
+@pytest.mark.parametrize("lost", ["info.json", "stats.json", "statistics of grip"])
 def test_statistics_count_no_episode_twice_and_none_too_few(lost: str, tmp_path: Path) -> None:
     whole, cut = begun(tmp_path / "whole"), begun(tmp_path / "cut")
     for dataset in (whole, cut):
@@ -114,6 +114,8 @@ def test_statistics_count_no_episode_twice_and_none_too_few(lost: str, tmp_path:
     (cut.root / "meta/info.json").write_text(counted)  # killed between the two files, of which info.json counts
     if lost == "stats.json":
         (cut.root / "meta/stats.json").unlink()
+    elif lost == "statistics of grip":
+        (cut.root / "meta/stats.json").write_text('{"grip": 1}')
     cut = begun(tmp_path / "cut")
     for dataset in (whole, cut):
         add(dataset, dataset.root.parent, 2, -5.0)

@@ -7,6 +7,7 @@ A command is a module of `s2a.commands` with a `Config` and a `run(config) -> st
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib
 import itertools
 import keyword
@@ -16,7 +17,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -159,9 +160,27 @@ def _module(command: str) -> Any:
     Raises:
         InputError: it needs an extra that is not installed.
     """
-    with extras.required():
-        # A keyword of Python's names no module that a statement could import.
-        return importlib.import_module(f"s2a.commands.{command}{'_' * keyword.iskeyword(command)}")
+    # A keyword of Python's names no module that a statement could import.
+    name = f"s2a.commands.{command}{'_' * keyword.iskeyword(command)}"
+    if name in sys.modules:
+        return sys.modules[name]
+    with extras.required(), _uncollected():
+        return importlib.import_module(name)
+
+
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """Keep Python's collector from the objects that are made meanwhile.
+
+    To go through those of torch and Newton, while they are imported and once more at the end, takes half of the ten seconds
+    that a command needs to start and end.
+    """
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def _refuse_replacing_input(settings: Any) -> None:

@@ -218,3 +218,20 @@ def test_a_failing_job_of_a_sweep_does_not_stop_the_others(
 def test_a_quick_command_imports_nothing_slow(module: str, heavy: list[str]):
     code = f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])"
     assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "[]"
+
+
+def test_what_a_command_imports_is_frozen_once_and_the_collector_goes_on() -> None:
+    code = """
+import gc
+from s2a import cli
+cli._module("view")
+frozen = gc.get_freeze_count()
+cli._module("view")
+print(gc.isenabled(), frozen > 10_000, gc.get_freeze_count() == frozen)
+try:
+    cli._module("nothing")
+except ModuleNotFoundError:
+    print(gc.isenabled())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    assert done.stdout.split() == ["True"] * 4, done.stderr

@@ -196,22 +196,30 @@ def _unknown(name: str, known: list[str]) -> str:
 
 
 def _nearest_key(name: str, known: list[str]) -> str:
-    """Return the end of an error message: keys that end as a mistyped one or nearly so, else of its group.
+    """Return the end of an error message: keys that end as a mistyped one does or nearly so, else those of its group."""
+    group, _, last = name.rpartition(".")
+    ends = [key.rpartition(".")[2] for key in known]
+    meant = [last] if last in ends else difflib.get_close_matches(last, ends, n=3, cutoff=0.8)
+    found = [key for key, end in zip(known, ends, strict=True) if end in meant]
+    if found:  # those of its own group first
+        return f"; did you mean: {', '.join(sorted(found, key=lambda key: key.rpartition('.')[0] != group)[:3])}"
+    beside = _beside(group, known)
+    close = difflib.get_close_matches(last, beside, n=3, cutoff=0.5)
+    if close:
+        return f"; did you mean: {', '.join(beside[each] for each in close)}"
+    return f"; known: {', '.join(beside.values())}"
+
+
+def _beside(group: str, known: list[str]) -> dict[str, str]:
+    """Return what lies in a group of keys, or in the innermost around it that there is: the last parts, and keys or `group.*`.
 
     A command has hundreds of keys: of a group inside the group its name is enough.
     """
-    group, _, last = name.rpartition(".")
-    ends = [key.rpartition(".")[2] for key in known]
-    meant = set([last] if last in ends else difflib.get_close_matches(last, ends, n=3, cutoff=0.8))
-    found = [key for key, end in zip(known, ends, strict=True) if end in meant]
-    close = sorted(found, key=lambda key: key.rpartition(".")[0] != group)[:3]
     while group and not any(key.startswith(f"{group}.") for key in known):
         group = group.rpartition(".")[0]
     start = f"{group}." if group else ""
     inside = [key.removeprefix(start).partition(".") for key in known if key.startswith(start)]
-    beside = {first: f"{start}{first}{dot and '.*'}" for first, dot, _ in inside}
-    close = close or [beside[each] for each in difflib.get_close_matches(last, beside, n=3, cutoff=0.5)]
-    return f"; did you mean: {', '.join(close)}" if close else f"; known: {', '.join(beside.values())}"
+    return {first: f"{start}{first}{dot and '.*'}" for first, dot, _ in inside}
 
 
 def expected(kind: Any) -> str:

@@ -120,14 +120,18 @@ def test_statistics_count_no_episode_twice_and_none_too_few(lost: str, tmp_path:
     for dataset in (whole, cut):
         add(dataset, dataset.root.parent, 2, -5.0)
     assert cut.info == whole.info
-    (cut.root / "meta/stats.json").rename(tmp_path / "stats.json")
-    (cut.root / "meta/episodes/chunk-000/file-000.parquet").write_bytes(b"half")
+    stats = [json.loads((dataset.root / "meta/stats.json").read_text()) for dataset in (cut, whole)]
+    assert stats[0] == stats[1]
+
+
+def test_an_episode_whose_statistics_are_needed_and_damaged_is_named(tmp_path: Path) -> None:
+    dataset = begun(tmp_path)
+    add(dataset, tmp_path, 3, 0.0)
+    (dataset.root / "meta/episodes/chunk-000/file-000.parquet").write_bytes(b"half")
+    assert begun(tmp_path).count == 1
+    (dataset.root / "meta/stats.json").unlink()
     with pytest.raises(InputError, match=r"file-000\.parquet: not of a dataset"):
-        begun(tmp_path / "cut")
-    (tmp_path / "stats.json").rename(cut.root / "meta/stats.json")
-    assert json.loads((cut.root / "meta/stats.json").read_text()) == json.loads(
-        (whole.root / "meta/stats.json").read_text()
-    )
+        begun(tmp_path)
 
 
 def test_folders_that_hold_something_else_are_left_alone(tmp_path: Path) -> None:

@@ -20,14 +20,15 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 import browser
 import clicking
 
-from s2a import cli, scan
+from s2a import scan
 from s2a.annotate import files
 from s2a.annotate.page import pick, serve
 from s2a.annotate.region import FrontRegion
 from s2a.annotate.surface import SplitSurface
-from s2a.mesh import Mesh
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
+from s2a.commands import cli
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.scene.mesh import Mesh
 
 AZIMUTHS = np.arange(-3.0, 3.2, 0.2)
 NEAR, SEEN = 0.03, 0.06

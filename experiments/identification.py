@@ -24,15 +24,15 @@ import numpy as np
 import robot_pulls
 from recorded_pulls import Truth, record
 
-from s2a.diff import known_motion
-from s2a.diff.dynamics import Dynamics
-from s2a.diff.identify import identify
-from s2a.diff.joint_kernels import PARAMETERS
-from s2a.diff.moving_body import Moving, moving
-from s2a.diff.pull import Noise, Pull
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
-from s2a.usd import sim_stage
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.joints import known_motion
+from s2a.joints.dynamics import Dynamics
+from s2a.joints.identify import identify
+from s2a.joints.joint_kernels import PARAMETERS
+from s2a.joints.moving_body import Moving, moving
+from s2a.joints.pull import Noise, Pull
+from s2a.scene.usd import sim_stage
 
 RESULTS = Path(__file__).parent / "results/identification.json"
 NOISE = Noise(0.001, 0.5)

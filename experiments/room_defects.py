@@ -19,15 +19,15 @@ from defects_of_files import EDITS
 from defects_of_rooms import CHANGES
 from pxr import Sdf, Usd
 
-from s2a import config
 from s2a.certify import contents, portability, shapes, static
 from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.certify.scan_evidence import Evidence
 from s2a.commands.certify import Config
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
-from s2a.usd import sim_stage
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.scene.usd import sim_stage
 
 RESULTS = Path(__file__).parent / "results/room_defects.json"
 UNDECIDABLE = {

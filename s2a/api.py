@@ -8,7 +8,7 @@
     reports = s2a.certify("demo/sim.usd")
 
 Lengths are metres, angles radians, masses kilograms, z is up. `overrides` are `key=value` texts, as on the command line.
-Every function raises `s2a.errors.InputError` for bad input and for an extra that is not installed.
+Every function raises `s2a.core.errors.InputError` for bad input and for an extra that is not installed.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from s2a import config, extras
-from s2a.outputs import atomic_write
+from s2a.core import config, extras
+from s2a.core.outputs import atomic_write
 from s2a.scan import read as read_scan
-from s2a.scene import Scene
-from s2a.usd import descriptive, geometric
+from s2a.scene.scene import Scene
+from s2a.scene.usd import descriptive, geometric
 
 if TYPE_CHECKING:
     from s2a.certify.check import ValidationReport
-    from s2a.insert.batch import Insertion
+    from s2a.language.insert.batch import Insertion
 
 File = str | PathLike[str]
 
@@ -103,8 +103,8 @@ def insert(
         InputError: no place was found, no usable answer, or bad input; nothing is written.
     """
     with extras.required():
-        from s2a.insert.batch import insert_all
-        from s2a.insert.settings import InsertSettings
+        from s2a.language.insert.batch import insert_all
+        from s2a.language.insert.settings import InsertSettings
 
         given = {"stage": stage, "object": object, "label": label, "out": out, "prompt": hint or None}
         return insert_all(_load(InsertSettings, "insert", given, [f"llm={llm}", *overrides]))

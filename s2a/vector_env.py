@@ -11,9 +11,10 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from s2a import config, tasks
+from s2a import tasks
+from s2a.core import config
+from s2a.core.errors import InputError
 from s2a.env.vec_env import VecEnv
-from s2a.errors import InputError
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 
 

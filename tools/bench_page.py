@@ -26,10 +26,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests/support"))
 from browser import Page, browser  # type: ignore[import-not-found]
 
-from s2a.page import notes
-from s2a.page.read import read
-from s2a.page.thin import thinned
-from s2a.provenance import provenance
+from s2a.core.provenance import provenance
+from s2a.view.page import notes
+from s2a.view.page.read import read
+from s2a.view.page.thin import thinned
 
 ROOT = Path(__file__).parents[1]
 SIZE, PANEL = (1280, 800), 390

@@ -1,1 +1,4 @@
-"""Annotating a bare scan: regions grown from clicks, joints, handles, proposals, and the page on which that is done."""
+"""Annotation of a bare scan: regions, joints and handles from clicks or from a network's proposals.
+
+In: a scan. Out: an annotated scan in Articulate3D's files.
+"""

@@ -12,7 +12,7 @@ from s2a.annotate.region import FrontRegion, GrowConfig, cut_out
 from s2a.annotate.surface import SplitSurface
 from s2a.scan.joint_records import TYPES
 from s2a.scan.predictions import USUAL_LABEL
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 
 NO_FACES = np.empty(0, np.int64)
 

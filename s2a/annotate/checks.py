@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from s2a.annotate.annotation import Draft
-from s2a.evidence import annotation as evidence
-from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding
-from s2a.evidence.front import front
-from s2a.evidence.surface import ScanSurface
 from s2a.scan import labels
+from s2a.scan.evidence import annotation as evidence
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.evidence.finding import Finding
+from s2a.scan.evidence.front import front
+from s2a.scan.evidence.surface import ScanSurface
 from s2a.scan.rest import UNANNOTATED
-from s2a.scene import Part, Scene
+from s2a.scene.scene import Part, Scene
 
 
 def scene(annotation: Draft, name: str = "scan") -> tuple[Scene, dict[int, str]]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from s2a.annotate.region import FrontRegion
 from s2a.scan.predictions import USUAL_RANGE
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 
 Direction = Literal["out", "right", "left", "up", "down"]
 DIRECTIONS: tuple[Direction, ...] = ("out", "right", "left", "up", "down")

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a.annotate.surface import SplitSurface, connected
-from s2a.geometry.mesh_ops import weighted_quantile
-from s2a.geometry.planes import fit_plane, plane_axes
-from s2a.ranges import Positive
+from s2a.core.ranges import Positive
+from s2a.scene.geometry.mesh_ops import weighted_quantile
+from s2a.scene.geometry.planes import fit_plane, plane_axes
 
 START = 0.08
 """[m] Faces within this distance of the clicked place make the first plane."""

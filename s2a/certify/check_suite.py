@@ -20,10 +20,10 @@ from s2a.certify.physics_grip import Grip, GripConfig
 from s2a.certify.physics_motion import MotionConfig, motion
 from s2a.certify.scan_evidence import REASON, Evidence, EvidenceConfig, doubts
 from s2a.certify.shapes import ShapeConfig
-from s2a.errors import InputError
-from s2a.provenance import provenance
-from s2a.usd.stage import ROOT
-from s2a.usd.stamp import content_hash
+from s2a.core.errors import InputError
+from s2a.core.provenance import provenance
+from s2a.scene.usd.stage import ROOT
+from s2a.scene.usd.stamp import content_hash
 
 
 @dataclass(frozen=True)

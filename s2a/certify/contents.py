@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
-from s2a.errors import InputError
-from s2a.usd.sim_stage import FLAVOUR
-from s2a.usd.stage import ROOT, reading
+from s2a.core.errors import InputError
+from s2a.scene.usd.sim_stage import FLAVOUR
+from s2a.scene.usd.stage import ROOT, reading
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.certify.check import Check, check_bound
-from s2a.geometry.mesh_ops import keep, merge, normals, sample, sample_with_faces
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
-from s2a.ranges import Fraction, Positive
-from s2a.scene import Mesh
-from s2a.usd.sim_scene import PREPARE_AGAIN, SimRoom
+from s2a.core.ranges import Fraction, Positive
+from s2a.scene.geometry.mesh_ops import keep, merge, normals, sample, sample_with_faces
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.sim_scene import PREPARE_AGAIN, SimRoom
 
 POINTS, ROOM_POINTS = 4000, 100_000
 """Samples of a body's surface, and of the room's, of which only the nearest are asked."""

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.certify.check import Check, check_bound
-from s2a.geometry.mesh_ops import centroids, normals, sample
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
-from s2a.scene import Mesh
-from s2a.usd.sim_scene import PREPARE_AGAIN, Grasp
+from s2a.scene.geometry.mesh_ops import centroids, normals, sample
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.sim_scene import PREPARE_AGAIN, Grasp
 
 ROUND = 1.5
 """A region whose extents differ by less than this factor can be held any way round."""

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.geometry.mesh_ops import painted
-from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
-from s2a.geometry.render import render
-from s2a.scene import Mesh
-from s2a.usd import sim_stage
-from s2a.usd.visuals import hulls, visible_room
+from s2a.scan.visuals import hulls, visible_room
+from s2a.scene.geometry.mesh_ops import painted
+from s2a.scene.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
+from s2a.scene.geometry.render import render
+from s2a.scene.scene import Mesh
+from s2a.scene.usd import sim_stage
 
 TARGET = ((230, 120, 40), (250, 170, 60), (205, 90, 60), (245, 140, 100))
 """Colours of the moving part's colliders, one after the other."""

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.certify.check import Check, check_bound, decide
-from s2a.evidence.floor import FloorConfig, floor_fraction
-from s2a.geometry.mesh_query import RayMesh, first_hits
-from s2a.ranges import Positive
+from s2a.core.ranges import Positive
 from s2a.robot.spec import RobotSpec
-from s2a.usd.sim_scene import PREPARE_AGAIN, Base
+from s2a.scan.evidence.floor import FloorConfig, floor_fraction
+from s2a.scene.geometry.mesh_query import RayMesh, first_hits
+from s2a.scene.usd.sim_scene import PREPARE_AGAIN, Base
 
 RAYS = 32
 """Directions around the base's axis in which what stands there is looked for."""

@@ -16,17 +16,17 @@ from s2a.certify.check import Check, Status
 from s2a.certify.fidelity import FidelityConfig, collider_fidelity, scanned
 from s2a.certify.grasp_frame import grasp_frame
 from s2a.certify.robot_base import BaseCheckConfig, robot_base
-from s2a.evidence.annotation import moving_part
-from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding
-from s2a.evidence.front import Front, front
-from s2a.evidence.room import findings as room_findings
-from s2a.evidence.surface import ScanSurface
-from s2a.geometry.mesh_ops import keep
-from s2a.scene import Joint, Mesh, Part, Scene
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimRoom, in_scene
-from s2a.usd.stage import ROOT
+from s2a.scan.evidence.annotation import moving_part
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.evidence.finding import Finding
+from s2a.scan.evidence.front import Front, front
+from s2a.scan.evidence.room import findings as room_findings
+from s2a.scan.evidence.surface import ScanSurface
+from s2a.scene.geometry.mesh_ops import keep
+from s2a.scene.scene import Joint, Mesh, Part, Scene
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import SimRoom, in_scene
+from s2a.scene.usd.stage import ROOT
 
 REASON = "handle_relief"
 """A doubt that is no failure by itself: why a part cannot be held. Every other doubt about a part is one: it would move as no

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from s2a.certify.check import Check, check_bound, decide
 from s2a.certify.contents import Contents, faces, points
-from s2a.ranges import CountFromZero, NotNegative
-from s2a.usd.sim_scene import PREPARE_AGAIN
-from s2a.usd.stage import ROOT, read_attribute
+from s2a.core.ranges import CountFromZero, NotNegative
+from s2a.scene.usd.sim_scene import PREPARE_AGAIN
+from s2a.scene.usd.stage import ROOT, read_attribute
 
 DEEPEST = 0.03
 """[m] How far the region of a recessed pull may lie behind its grasp site, which is where a tool frame is: behind fingertips."""

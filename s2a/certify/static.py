@@ -8,13 +8,13 @@ from collections.abc import Callable
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
-from s2a import limits
 from s2a.certify.check import Check, check_bound, decide
 from s2a.certify.contents import Contents, ends, fixed_carrier
-from s2a.usd.joints import KINDS
-from s2a.usd.sim_scene import PREPARE_AGAIN
-from s2a.usd.stage import ROOT
-from s2a.usd.validate import broken_rules
+from s2a.core import limits
+from s2a.scene.usd.joints import KINDS
+from s2a.scene.usd.sim_scene import PREPARE_AGAIN
+from s2a.scene.usd.stage import ROOT
+from s2a.scene.usd.validate import broken_rules
 
 EXACT = 1e-6
 """Largest difference of an exact value and its float32 copy [m or 1]."""

@@ -16,13 +16,13 @@ from s2a.annotate.editor import Editor
 from s2a.annotate.propose import ProposeConfig
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
-from s2a.errors import InputError
-from s2a.evidence import report
-from s2a.evidence.bounds import Bounds
-from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
-from s2a.outputs import atomic_write, refuse_loss
-from s2a.ranges import AtLeast, Count
-from s2a.terminal import report as say
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write, refuse_loss
+from s2a.core.ranges import AtLeast, Count
+from s2a.core.terminal import report as say
+from s2a.scan.evidence import report
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scene.geometry.orbit_camera import OrbitCamera, framing_pose
 
 START = np.array([1.0, 0.0, 0.0])
 """From where the page's camera sees the room at first, turned by `camera`."""

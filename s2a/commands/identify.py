@@ -8,22 +8,22 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from s2a import robot
-from s2a.diff import known_motion, robot_pull
-from s2a.diff.dynamics import Dynamics
-from s2a.diff.identify import identify
-from s2a.diff.joint_kernels import PARAMETERS
-from s2a.diff.moving_body import Moving, moving
-from s2a.diff.pull import Noise, header, read
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
-from s2a.ranges import Positive
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.core.ranges import Positive
+from s2a.joints import known_motion, robot_pull
+from s2a.joints.dynamics import Dynamics
+from s2a.joints.identify import identify
+from s2a.joints.joint_kernels import PARAMETERS
+from s2a.joints.moving_body import Moving, moving
+from s2a.joints.pull import Noise, header, read
 from s2a.robot.spec import RobotSpec
+from s2a.scene.usd import dynamics, sim_stage
+from s2a.scene.usd.resistance import Resistance, SoftClose
+from s2a.scene.usd.sim_check import refuse_unphysical
 from s2a.sim.simulation import device_of
 from s2a.sim.world import read_stage
-from s2a.usd import dynamics, sim_stage
-from s2a.usd.resistance import Resistance, SoftClose
-from s2a.usd.sim_check import refuse_unphysical
 
 UNITS = {"mass": "of the stage's mass", "damping": "N s/m", "friction": "N", "breakaway": "N more", "spring": "N/m"}
 UNITS |= {"pull_in": "N, of a soft close", "closing": "N s/m, of a soft close"}

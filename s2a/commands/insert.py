@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from s2a.errors import CheckFailed
-from s2a.insert.batch import Insertion, insert_all
-from s2a.insert.settings import InsertSettings
+from s2a.core.errors import CheckFailed
+from s2a.language.insert.batch import Insertion, insert_all
+from s2a.language.insert.settings import InsertSettings
 
 Config = InsertSettings
 

@@ -15,25 +15,25 @@ from pathlib import Path
 from typing import Any, cast, get_args
 
 from s2a import scan
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.progress import StdoutFilter, track
+from s2a.core.provenance import provenance
+from s2a.core.ranges import Count, CountFromZero
 from s2a.env import starts
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
-from s2a.perception import frames
-from s2a.perception.depth_camera import DepthCameraConfig
-from s2a.perception.visible_room import VisibleRoom
+from s2a.homes import RoomKind, SampleConfig, sample
+from s2a.homes.truth import handle_of
+from s2a.learn.perception import frames
+from s2a.learn.perception.depth_camera import DepthCameraConfig
+from s2a.learn.perception.visible_room import VisibleRoom
 from s2a.planner.part_plan import PlannerConfig, demonstration
 from s2a.prepare import ALL, PrepareConfig, prepare
-from s2a.progress import StdoutFilter, track
-from s2a.provenance import provenance
-from s2a.ranges import Count, CountFromZero
 from s2a.robot.spec import RobotSpec
+from s2a.scene.usd import sim_stage
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage, stage_of
-from s2a.synth import RoomKind, SampleConfig, sample
-from s2a.synth.truth import handle_of
 from s2a.tasks import MdpSettings, task
-from s2a.usd import sim_stage
 
 
 @dataclass(frozen=True)

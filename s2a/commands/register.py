@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a.diff import register_files as files
-from s2a.diff.register import MIN_OVERLAP, Proposal, register
-from s2a.errors import InputError
-from s2a.outputs import atomic_write, refuse_loss
-from s2a.provenance import provenance
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write, refuse_loss
+from s2a.core.provenance import provenance
+from s2a.joints import register_files as files
+from s2a.joints.register import MIN_OVERLAP, Proposal, register
 
 
 @dataclass(frozen=True)

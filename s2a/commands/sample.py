@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
-from s2a.outputs import atomic_write
-from s2a.synth import SampleConfig, sample
+from s2a.core.outputs import atomic_write
+from s2a.homes import SampleConfig, sample
 
 Config = SampleConfig
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.outputs import atomic_write
-from s2a.progress import track
-from s2a.ranges import CountFromZero
-from s2a.synth.zoo import zoo
-from s2a.synth.zoo.download import UNITS, Download, download
-from s2a.synth.zoo.formats import WRITERS
+from s2a.core.outputs import atomic_write
+from s2a.core.progress import track
+from s2a.core.ranges import CountFromZero
+from s2a.homes.zoo import zoo
+from s2a.homes.zoo.download import UNITS, Download, download
+from s2a.homes.zoo.formats import WRITERS
 
 TRUTH = "truth.json"
 """The ground truth, which no user of the objects may read; it identifies a folder as an earlier zoo."""

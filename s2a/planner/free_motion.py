@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.robot.joint_path import TURN, straight
 
 Free = Callable[[np.ndarray], np.ndarray]

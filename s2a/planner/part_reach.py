@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.articulation import transform
 from s2a.planner.free_motion import Free, free_motion
 from s2a.planner.insides import moved_room
 from s2a.planner.obstacles import RoomHulls
@@ -16,7 +15,8 @@ from s2a.robot.collision import SLACK, RobotShape, robot_shape
 from s2a.robot.joint_path import straight
 from s2a.robot.spec import JointLimits, RobotSpec
 from s2a.robot.tool_path import matrices
-from s2a.scene import Joint
+from s2a.scene.articulation import transform
+from s2a.scene.scene import Joint
 from s2a.sim.room import pedestal
 from s2a.sim.world import SimStage
 

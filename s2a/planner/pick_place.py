@@ -25,7 +25,7 @@ from s2a.planner.straight_paths import APPROACH, LIFT, STEP, there_and_up, unfli
 from s2a.robot.collision import SLACK, RobotShape, robot_shape
 from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
-from s2a.usd.sim_scene import SimRoom
+from s2a.scene.usd.sim_scene import SimRoom
 
 DROP = 0.001
 """[m] Above the planned place the fingers open, so that the object is not pressed onto its support."""

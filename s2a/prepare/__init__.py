@@ -8,10 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a import robot
-from s2a.articulation import lever_arm
-from s2a.geometry.convex import column
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.simplify import DecimateConfig
+from s2a.core.ranges import NotNegative
 from s2a.prepare.base_pose import BaseConfig
 from s2a.prepare.colliders.cabinet import CabinetConfig, anchor, cabinet_body
 from s2a.prepare.colliders.free import FreeConfig, FreeObject, free_objects, level_tops
@@ -25,10 +22,13 @@ from s2a.prepare.part import PartConfig, PartResult
 from s2a.prepare.selection import ALL, selected_parts
 from s2a.prepare.static_room import StaticRoom
 from s2a.prepare.target import bodies, parent_body
-from s2a.ranges import NotNegative
 from s2a.robot.spec import RobotSpec
-from s2a.scene import Mesh, Scene
-from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, SimBody, SimRoom
+from s2a.scene.articulation import lever_arm
+from s2a.scene.geometry.convex import column
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.simplify import DecimateConfig
+from s2a.scene.scene import Mesh, Scene
+from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Articulation, Base, Collider, SimBody, SimRoom
 
 __all__ = ["ALL", "PrepareConfig", "prepare"]
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from s2a.geometry.convex import hull
-from s2a.geometry.sweep import deepest, grown, sweep
-from s2a.scene import Joint, Mesh
-from s2a.usd.sim_scene import SimBody
+from s2a.scene.geometry.convex import hull
+from s2a.scene.geometry.sweep import deepest, grown, sweep
+from s2a.scene.scene import Joint, Mesh
+from s2a.scene.usd.sim_scene import SimBody
 
 MAX_CONTACT_DEPTH = 1e-5
 """[m] Hulls that overlap by less touch at most; float32 points of a room are exact to 1e-6. A door whose

@@ -10,20 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from s2a import workers
-from s2a.cache import Arrays, find, keep, key, pack, unpack
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.sweep import sweep
+from s2a.core import workers
+from s2a.core.cache import Arrays, find, keep, key
+from s2a.core.errors import InputError
+from s2a.core.progress import track
 from s2a.prepare.base_pose import BaseConfig, BasePose, find_base
 from s2a.prepare.colliders.cabinet import CabinetConfig, gripper_corridor
 from s2a.prepare.colliders.target import ColliderConfig, find_handle, target_colliders
 from s2a.prepare.interior import drawer_box
 from s2a.prepare.target import Target, find_target
-from s2a.progress import track
 from s2a.robot.spec import RobotSpec
-from s2a.scene import Mesh, Scene
-from s2a.usd.sim_scene import Collider, Grasp
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.sweep import sweep
+from s2a.scene.mesh import pack, unpack
+from s2a.scene.scene import Mesh, Scene
+from s2a.scene.usd.sim_scene import Collider, Grasp
 
 FEW = 3
 """So many parts are done sooner than a second process has started."""

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.prepare.part import PartConfig, PartResult, part_results
 from s2a.prepare.target import bodies, target_joint
-from s2a.scene import Scene
+from s2a.scene.scene import Scene
 
 _log = logging.getLogger(__name__)
 

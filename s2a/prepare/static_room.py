@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from s2a.geometry.simplify import DecimateConfig, Decimated, decimate_room
+from s2a.core.progress import track
 from s2a.prepare.colliders.room import RoomConfig, part_hulls
 from s2a.prepare.target import bodies
-from s2a.progress import track
-from s2a.scene import Scene
-from s2a.usd.sim_scene import Collider
+from s2a.scene.geometry.simplify import DecimateConfig, Decimated, decimate_room
+from s2a.scene.scene import Scene
+from s2a.scene.usd.sim_scene import Collider
 
 
 class StaticRoom:

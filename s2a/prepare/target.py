@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a import limits
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import merge
+from s2a.core import limits
+from s2a.core.errors import InputError
 from s2a.prepare.grasp import find_grasp
 from s2a.robot.spec import RobotSpec
-from s2a.scene import Joint, Mesh, Scene
-from s2a.usd.sim_scene import Grasp
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Joint, Mesh, Scene
+from s2a.scene.usd.sim_scene import Grasp
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.articulation import displace, lever_arm, open_limit, pose_at, transform
-from s2a.scene import Joint
+from s2a.scene.articulation import displace, lever_arm, open_limit, pose_at, transform
+from s2a.scene.scene import Joint
 
 STEP = 0.015
 """[m] Distance between neighbouring poses."""

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a import limits as possible
-from s2a.errors import InputError
+from s2a.core import limits as possible
+from s2a.core.errors import InputError
 from s2a.scan import fields
 from s2a.scan.fields import Record
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 
 _log = logging.getLogger(__name__)
 

@@ -1,1 +1,4 @@
-"""sim.usd to batched Newton worlds."""
+"""Simulation: batched Newton worlds of a prepared room, contacts, cameras, soft bodies.
+
+In: `sim.usd` and a robot. Out: states of worlds, contact forces, images.
+"""

@@ -14,16 +14,16 @@ from newton.sensors import SensorCamera
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.geometry.texture import bake
-from s2a.ranges import Above, Count, Positive
+from s2a.core.ranges import Above, Count, Positive
 from s2a.robot.model import add_robot
-from s2a.scene import Mesh
+from s2a.scene.geometry.texture import bake
+from s2a.scene.scene import Mesh
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import SimRoom, in_scene
+from s2a.scene.usd.stage import ROOT
 from s2a.sim.camera_pose import viewpoint
 from s2a.sim.room import add_room, open_physics, pedestal
 from s2a.sim.world import SimStage
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimRoom, in_scene
-from s2a.usd.stage import ROOT
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from s2a import robot
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import in_scene
 from s2a.sim.world import SimStage
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import in_scene
 
 AZIMUTHS = (1.0, -1.0, 0.7, -0.7, 1.3, -1.3, 0.4, -0.4)
 """Fractions of the requested azimuth that are tried, in this order at each distance."""

@@ -9,11 +9,11 @@ from collections.abc import Collection, Sequence
 
 from pxr import Usd, UsdGeom, UsdPhysics, Vt
 
-from s2a.errors import InputError
-from s2a.geometry.convex import cut_free
-from s2a.scene import Mesh
-from s2a.usd.sim_scene import SimRoom
-from s2a.usd.stage import ROOT, read_mesh
+from s2a.core.errors import InputError
+from s2a.scene.geometry.convex import cut_free
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.sim_scene import SimRoom
+from s2a.scene.usd.stage import ROOT, read_mesh
 
 WELDED = "frozen_"
 """Before the id of a frozen part: the prim below its carrier that takes its colliders."""

@@ -12,17 +12,17 @@ from pxr import Usd, UsdPhysics
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.articulation import displace, open_limit
-from s2a.geometry.convex import column
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.sweep import sweep
-from s2a.scene import Mesh
+from s2a.scene.articulation import displace, open_limit
+from s2a.scene.geometry.convex import column
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.sweep import sweep
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.joints import write_joint
+from s2a.scene.usd.sim_scene import SimRoom
+from s2a.scene.usd.sim_stage import open_physics
+from s2a.scene.usd.stage import ROOT
 from s2a.sim.freezing import WELDED, cut_colliders, freeze, kept_bodies
 from s2a.sim.nearby import Missing, Workspace, drop_far, static_colliders
-from s2a.usd.joints import write_joint
-from s2a.usd.sim_scene import SimRoom
-from s2a.usd.sim_stage import open_physics
-from s2a.usd.stage import ROOT
 
 PEDESTAL = f"{ROOT}/static/colliders/pedestal_00"
 """Label of the column under a robot that does not stand on the floor."""

@@ -10,7 +10,7 @@ import torch
 import warp as wp
 
 from s2a import robot
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.sim.build import WorldSettings, build_worlds
 from s2a.sim.layout import Layout, layout
 from s2a.sim.resistance import hooks

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import mujoco_warp
 import newton
 
-from s2a.ranges import Count, NotNegative, Positive
+from s2a.core.ranges import Count, NotNegative, Positive
 from s2a.robot.spec import Gains, MotionLimits, RobotSpec
 from s2a.sim.vary import Variation
 from s2a.sim.world import JointConfig

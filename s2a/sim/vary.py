@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import newton
 import numpy as np
 
-from s2a.ranges import CountFromZero, Positive
+from s2a.core.ranges import CountFromZero, Positive
 from s2a.sim.layout import Layout
 
 Range = tuple[Positive, Positive]

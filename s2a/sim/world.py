@@ -12,18 +12,18 @@ import newton_usd_schemas  # noqa: F401  registers Newton's USD schemas, which m
 import numpy as np
 import warp as wp
 
-from s2a.articulation import lever_arm, travel
-from s2a.errors import InputError
-from s2a.ranges import NotNegative
+from s2a.core.errors import InputError
+from s2a.core.ranges import NotNegative
 from s2a.robot.model import add_robot
 from s2a.robot.spec import Gains, RobotSpec
-from s2a.scene import Joint, Mesh
+from s2a.scene.articulation import lever_arm, travel
+from s2a.scene.scene import Joint, Mesh
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
 from s2a.sim.freezing import kept_bodies
 from s2a.sim.nearby import Missing, Workspace, warn
 from s2a.sim.room import add_pedestal, add_room, open_physics, pedestal, workspace
 from s2a.sim.stiffness import harden, stiffen
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import DEFAULT_ROBOT, Articulation, SimRoom
 
 LOCKED_ARMATURE = 1e6
 """[kg or kg m^2] Of an axis that only fills a place."""

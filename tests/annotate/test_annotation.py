@@ -9,17 +9,18 @@ import numpy as np
 import plain_room
 import pytest
 
-from s2a import config, scan
+from s2a import scan
 from s2a.annotate import checks, files, handle
 from s2a.annotate.annotation import Draft
 from s2a.annotate.editor import Editor
 from s2a.annotate.page import pick
 from s2a.annotate.region import GrowConfig, around, grow, grow_most
 from s2a.annotate.surface import ADDED, SplitSurface
-from s2a.evidence import annotation as evidence
-from s2a.evidence.bounds import Bounds
-from s2a.geometry.mesh_ops import merge
+from s2a.core import config
 from s2a.scan import overlaps
+from s2a.scan.evidence import annotation as evidence
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scene.geometry.mesh_ops import merge
 
 GROW = config.load(GrowConfig, config.file("annotate")["grow"])
 BOUNDS = config.load(Bounds, config.file("evidence/default"))

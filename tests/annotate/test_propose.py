@@ -10,7 +10,7 @@ import plain_room
 import pytest
 import torch
 
-from s2a import cli, config, scan
+from s2a import scan
 from s2a.annotate import files
 from s2a.annotate.annotation import Item
 from s2a.annotate.propose import ProposeConfig, run
@@ -21,8 +21,10 @@ from s2a.annotate.propose.network import CHANNELS, COARSE, FILE, MOTIONS, MULTIP
 from s2a.annotate.propose.run import propose
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
-from s2a.errors import InputError
-from s2a.scene import Scene
+from s2a.commands import cli
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.scene.scene import Scene
 
 VALUES = config.file("annotate")
 GROW, PROPOSE = config.load(GrowConfig, VALUES["grow"]), config.load(ProposeConfig, VALUES["propose"])

@@ -8,8 +8,8 @@ import usd_room
 
 from s2a.annotate import rest
 from s2a.annotate.surface import ADDED, SplitSurface
-from s2a.geometry.mesh_ops import merge
-from s2a.mesh import Mesh
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.mesh import Mesh
 
 X, Y, Z = np.eye(3)
 

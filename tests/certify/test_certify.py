@@ -24,16 +24,17 @@ from seeded_defects import (
 )
 from settings import load
 
-from s2a import cli, provenance
 from s2a.certify import contents, foundation, report, shapes, static
 from s2a.certify.check import Check, ValidationReport
 from s2a.certify.check_suite import CertifyConfig
 from s2a.certify.images import images
-from s2a.errors import InputError
-from s2a.geometry.orbit_camera import OrbitCamera
-from s2a.usd import sim_stage
-from s2a.usd.stage import new_stage, save
-from s2a.usd.stamp import content_hash, read_stamp, write_stamp
+from s2a.commands import cli
+from s2a.core import provenance
+from s2a.core.errors import InputError
+from s2a.scene.geometry.orbit_camera import OrbitCamera
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.stage import new_stage, save
+from s2a.scene.usd.stamp import content_hash, read_stamp, write_stamp
 
 
 @pytest.fixture

@@ -12,13 +12,13 @@ import pytest
 from cabinet import free_cube, write_cabinet
 from drawer_room import FLOOR, drawer_room
 
-from s2a import cli
-from s2a.collect import stage_file
+from s2a.commands import cli
+from s2a.learn.collect import stage_file
 from s2a.planner.motion import Planner
 from s2a.planner.object_grasps import matrix
 from s2a.planner.shifted_object import ShiftedObject
 from s2a.robot.kinematics import kinematics
-from s2a.scene import Mesh
+from s2a.scene.scene import Mesh
 from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
 from s2a.tasks.put_in.skill import PutStage
 
@@ -102,7 +102,7 @@ def test_a_stage_comes_back_from_its_file(tmp_path: Path) -> None:
     from s2a.planner.insides import inside_of
     from s2a.planner.pick_plan import PickPlan
     from s2a.planner.put_in import PutPlan
-    from s2a.scene import Joint
+    from s2a.scene.scene import Joint
 
     room = drawer_room(tmp_path / "sim.usda")
     random = np.random.default_rng(0)

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 import tiny_scan
 
-from s2a import cli, extras
-from s2a.errors import InputError
+from s2a.commands import cli
+from s2a.core import extras
+from s2a.core.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 BLOCK = """
@@ -22,7 +23,7 @@ find = PathFinder.find_spec
 PathFinder.find_spec = lambda name, *rest: None if name.partition(".")[0] in {blocked!r} else find(name, *rest)
 """
 RUN = """
-from s2a.cli import main
+from s2a.commands.cli import main
 sys.exit(main(sys.argv[1:]))
 """
 EVERYTHING = sorted(name for modules in extras.MODULES.values() for name in modules)

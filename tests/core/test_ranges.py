@@ -9,9 +9,9 @@ from typing import Annotated
 
 import pytest
 
-from s2a import config, ranges
-from s2a.errors import InputError
-from s2a.ranges import Above, AtLeast, Count, Fraction, NotEmpty, Numbers, Positive
+from s2a.core import config, ranges
+from s2a.core.errors import InputError
+from s2a.core.ranges import Above, AtLeast, Count, Fraction, NotEmpty, Numbers, Positive
 
 IMPOSSIBLE = {
     "sample": [

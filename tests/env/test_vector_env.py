@@ -16,10 +16,10 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from settings import load
 
-from s2a.errors import InputError
-from s2a.rl.config import PpoConfig
-from s2a.rl.ppo import train
-from s2a.scene import Joint
+from s2a.core.errors import InputError
+from s2a.learn.rl.config import PpoConfig
+from s2a.learn.rl.ppo import train
+from s2a.scene.scene import Joint
 from s2a.sim import pool
 from s2a.sim.pool import PoolPart
 from s2a.vector_env import TaskVectorEnv, make

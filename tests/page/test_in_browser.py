@@ -15,9 +15,9 @@ from cabinet import HANDLE, free_cube, write_cabinet
 browser = pytest.importorskip("browser", reason="selenium is not installed", exc_type=ImportError)
 pytest.importorskip("viser", reason="viser is not installed")
 
-from s2a import cli  # noqa: E402
-from s2a.geometry.orbit_camera import CameraPose  # noqa: E402
-from s2a.page import detail, notes, read, serve  # noqa: E402
+from s2a.commands import cli  # noqa: E402
+from s2a.scene.geometry.orbit_camera import CameraPose  # noqa: E402
+from s2a.view.page import detail, notes, read, serve  # noqa: E402
 
 pytestmark = [
     pytest.mark.browser,

@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 import tiny_scan
 
-from s2a import api, cli
-from s2a.errors import InputError
-from s2a.page import notes, rows
-from s2a.page.read import read
-from s2a.usd.stamp import content_hash
+from s2a import api
+from s2a.commands import cli
+from s2a.core.errors import InputError
+from s2a.scene.usd.stamp import content_hash
+from s2a.view.page import notes, rows
+from s2a.view.page.read import read
 
 CHECK = {"name": "grasp_hold", "status": "fail", "value": 0.0031, "bound": 0.002, "unit": "m", "prim": "/x"}
 CHECK |= {"message": "it <slips>", "remedy": "grip harder"}

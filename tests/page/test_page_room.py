@@ -12,15 +12,15 @@ import tiny_scan
 import usd_room
 from cabinet import free_cube, write_cabinet
 
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import merge
-from s2a.page import layers, panel, rows
-from s2a.page.rays import pick
-from s2a.page.read import of_scene, of_sim_room, read
-from s2a.page.room import Coordinates, PageRoom, unit
-from s2a.scene import Joint, Mesh, Part, Scene
-from s2a.usd import descriptive, geometric, sim_stage
-from s2a.usd.sim_scene import Collider, SimRoom
+from s2a.core.errors import InputError
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Joint, Mesh, Part, Scene
+from s2a.scene.usd import descriptive, geometric, sim_stage
+from s2a.scene.usd.sim_scene import Collider, SimRoom
+from s2a.view.page import layers, panel, rows
+from s2a.view.page.rays import pick
+from s2a.view.page.read import of_scene, of_sim_room, read
+from s2a.view.page.room import Coordinates, PageRoom, unit
 
 
 @pytest.fixture

@@ -12,11 +12,11 @@ import usd_room
 
 viser = pytest.importorskip("viser")
 
-from s2a.page import detail, layers, panel, recording, scene_nodes  # noqa: E402
-from s2a.page.read import of_scene  # noqa: E402
-from s2a.page.room import PageRoom  # noqa: E402
-from s2a.page.thin import thinned  # noqa: E402
-from s2a.scene import Joint, Part, Scene  # noqa: E402
+from s2a.scene.scene import Joint, Part, Scene  # noqa: E402
+from s2a.view.page import detail, layers, panel, recording, scene_nodes  # noqa: E402
+from s2a.view.page.read import of_scene  # noqa: E402
+from s2a.view.page.room import PageRoom  # noqa: E402
+from s2a.view.page.thin import thinned  # noqa: E402
 
 PORT = 8600
 

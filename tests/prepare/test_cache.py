@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from s2a import cache
-from s2a.scene import Mesh
+from s2a.core import cache
+from s2a.scene.mesh import pack, unpack
+from s2a.scene.scene import Mesh
 
 TRIANGLE = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 
@@ -28,7 +29,7 @@ class Maker:
 
     def __call__(self) -> dict[str, np.ndarray]:
         self.calls += 1
-        return cache.pack([TRIANGLE])
+        return pack([TRIANGLE])
 
 
 def test_the_same_surface_and_settings_are_worked_on_once() -> None:
@@ -36,7 +37,7 @@ def test_the_same_surface_and_settings_are_worked_on_once() -> None:
     again = Mesh(TRIANGLE.vertices.copy(), TRIANGLE.faces.copy())
     first, second = (cache.recall("test", [mesh, "0.1"], make) for mesh in (TRIANGLE, again))
     assert make.calls == 1
-    assert cache.unpack(first) == cache.unpack(second) == [TRIANGLE]
+    assert unpack(first) == unpack(second) == [TRIANGLE]
 
 
 @pytest.mark.parametrize(
@@ -70,7 +71,7 @@ def test_a_damaged_entry_is_made_anew(damage: bytes | None, place: Path) -> None
     cache.recall("test", [TRIANGLE], make)
     (entry,) = (place / "test").iterdir()
     entry.write_bytes(entry.read_bytes()[:-40] if damage is None else damage)
-    assert cache.unpack(cache.recall("test", [TRIANGLE], make)) == [TRIANGLE]
+    assert unpack(cache.recall("test", [TRIANGLE], make)) == [TRIANGLE]
     assert make.calls == 2
     cache.recall("test", [TRIANGLE], make)
     assert make.calls == 2
@@ -78,7 +79,7 @@ def test_a_damaged_entry_is_made_anew(damage: bytes | None, place: Path) -> None
 
 def test_a_cache_that_cannot_be_written_costs_time_only(place: Path) -> None:
     place.write_text("a file where the folder should be")
-    assert cache.unpack(cache.recall("test", [TRIANGLE], Maker())) == [TRIANGLE]
+    assert unpack(cache.recall("test", [TRIANGLE], Maker())) == [TRIANGLE]
 
 
 def test_many_writers_of_one_entry_leave_one_whole_entry(place: Path) -> None:
@@ -86,7 +87,7 @@ def test_many_writers_of_one_entry_leave_one_whole_entry(place: Path) -> None:
 
     def make() -> dict[str, np.ndarray]:
         barrier.wait(10)
-        return cache.pack([TRIANGLE])
+        return pack([TRIANGLE])
 
     threads = [threading.Thread(target=cache.recall, args=("test", [TRIANGLE], make)) for _ in range(8)]
     for thread in threads:
@@ -95,4 +96,4 @@ def test_many_writers_of_one_entry_leave_one_whole_entry(place: Path) -> None:
         thread.join()
     (entry,) = (place / "test").iterdir()
     with np.load(entry) as arrays:
-        assert cache.unpack(arrays) == [TRIANGLE]
+        assert unpack(arrays) == [TRIANGLE]

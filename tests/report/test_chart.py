@@ -7,8 +7,8 @@ import re
 
 import pytest
 
-from s2a.report import chart, rates
-from s2a.report.document import Markup
+from s2a.view.report import chart, rates
+from s2a.view.report.document import Markup
 
 RATE = {"rate": 0.75, "low": 0.5, "high": 0.9}
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from s2a import cli
-from s2a.errors import InputError
-from s2a.report import paper
-from s2a.report.document import Document, images, table, text
-from s2a.report.read import read
+from s2a.commands import cli
+from s2a.core.errors import InputError
+from s2a.view.report import paper
+from s2a.view.report.document import Document, images, table, text
+from s2a.view.report.read import read
 
 RESULTS = Path(__file__).parents[2] / "experiments/results"
 VOID = ("meta", "link", "img", "path", "rect", "circle", "br")

@@ -14,14 +14,14 @@ from harmless_scripts import scripts
 from hostile_scripts import ALL, GOOD
 from placed_mug import CONFIG, PLAN, UPRIGHT, write_stage
 
-from s2a.errors import InputError
-from s2a.insert import overlay
-from s2a.insert.placement import Placement
-from s2a.insert.script import ScriptResult, run_sandboxed, write_script
-from s2a.sandbox.geometry_free import geometry_free_text
-from s2a.sandbox.jail import Sandbox, SandboxConfig
-from s2a.sandbox.violation import PolicyViolation
-from s2a.usd import geometric, validate
+from s2a.core.errors import InputError
+from s2a.language.insert import overlay
+from s2a.language.insert.placement import Placement
+from s2a.language.insert.script import ScriptResult, run_sandboxed, write_script
+from s2a.language.sandbox.geometry_free import geometry_free_text
+from s2a.language.sandbox.jail import Sandbox, SandboxConfig
+from s2a.language.sandbox.violation import PolicyViolation
+from s2a.scene.usd import geometric, validate
 
 SECRET = "the secret that no script may see"
 TRIED = {name: hostile for name, hostile in ALL.items() if hostile.process is not None}

@@ -13,13 +13,13 @@ from pathlib import Path
 import browser
 import numpy as np
 
-from s2a import config
 from s2a.annotate import files, region
 from s2a.annotate.page import pick, serve
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.commands.annotate import START
-from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
+from s2a.core import config
+from s2a.scene.geometry.orbit_camera import OrbitCamera, framing_pose
 
 WIDTH, HEIGHT, PORT = 1280, 800, 8470
 PACE = 3.0

@@ -9,12 +9,12 @@ import numpy as np
 from hostile_scripts import GOOD
 from settings import load
 
-from s2a.insert import overlay
-from s2a.insert.placement import Placement
-from s2a.sandbox.geometry_free import geometry_free_text
-from s2a.sandbox.jail import Sandbox, SandboxConfig
-from s2a.scene import Mesh, Part, Scene
-from s2a.usd import geometric
+from s2a.language.insert import overlay
+from s2a.language.insert.placement import Placement
+from s2a.language.sandbox.geometry_free import geometry_free_text
+from s2a.language.sandbox.jail import Sandbox, SandboxConfig
+from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.usd import geometric
 
 CONFIG = replace(load(SandboxConfig, "insert/sandbox"), cpu_seconds=0.5)
 QUARTER = (0.0, 0.0, 0.7071067811865476, 0.7071067811865476)

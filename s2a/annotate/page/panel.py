@@ -17,10 +17,10 @@ from s2a.annotate.handle import SHAPES
 from s2a.annotate.page import pick, words
 from s2a.annotate.page.shown import Shown
 from s2a.annotate.page.words import FRONT, HANDLE, HINGE, LINE, RECTANGLE
-from s2a.errors import InputError
-from s2a.evidence.bounds import Bounds
-from s2a.mesh import Mesh
-from s2a.page.room import unit
+from s2a.core.errors import InputError
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scene.mesh import Mesh
+from s2a.view.page.room import unit
 
 SCANNED = "as scanned, or a bar"
 SLIDES = {"slides out": "out", "left": "left", "right": "right"}

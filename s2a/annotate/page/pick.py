@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2a.annotate.region import FrontRegion
-from s2a.mesh import Mesh
-from s2a.page.rays import first_face
+from s2a.scene.mesh import Mesh
+from s2a.view.page.rays import first_face
 
 FAR = 3.5
 """[m] From farther away a wide front is not faced: rooms end."""

@@ -7,12 +7,12 @@ import viser
 import viser.transforms
 
 from s2a.annotate.annotation import Draft, Item
-from s2a.articulation import transform
-from s2a.mesh import Mesh
-from s2a.page import glb
-from s2a.page.layers import axis_arrow, lifted
-from s2a.page.scene_nodes import ARROW_COLORS, HEAD, HEAD_LENGTH, SHAFT
-from s2a.scene import Joint
+from s2a.scene.articulation import transform
+from s2a.scene.mesh import Mesh
+from s2a.scene.scene import Joint
+from s2a.view.page import glb
+from s2a.view.page.layers import axis_arrow, lifted
+from s2a.view.page.scene_nodes import ARROW_COLORS, HEAD, HEAD_LENGTH, SHAFT
 
 SELECTED, DONE, PROPOSED, HANDLE = (1.0, 0.42, 0.0), (0.1, 0.6, 0.2), (0.95, 0.75, 0.05), (0.8, 0.05, 0.25)
 """Linear RGB of fronts by their state, and of handles."""

@@ -6,9 +6,9 @@ import html
 from collections.abc import Sequence
 
 from s2a.annotate.annotation import Draft, Item
-from s2a.evidence.finding import Finding
-from s2a.page import panel
-from s2a.page.room import unit
+from s2a.scan.evidence.finding import Finding
+from s2a.view.page import panel
+from s2a.view.page.room import unit
 
 FRONT, HINGE, LINE, HANDLE, RECTANGLE = "front", "hinge", "line", "handle", "rectangle"
 """What the next click, or drag, means."""

@@ -12,7 +12,7 @@ from torch import nn
 
 from s2a.annotate import joints
 from s2a.annotate.propose.layers import Layer
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 
 CHANNELS = 9
 """Of what the network sees of a cell: seen, RGB, height, what stands out, its relief, walls, height over the floor."""

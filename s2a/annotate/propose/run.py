@@ -16,8 +16,8 @@ from s2a.annotate.propose.layers import Layer, Points, floor_of, layers, spread
 from s2a.annotate.propose.network import FrontNetwork, Motion, load
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
-from s2a.geometry.planes import fit_plane
-from s2a.scene import Joint
+from s2a.scene.geometry.planes import fit_plane
+from s2a.scene.scene import Joint
 
 SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}
 """Index of a side in `joints.hinge_at`."""

@@ -8,21 +8,22 @@ from typing import Annotated
 
 import numpy as np
 
-from s2a.articulation import opening_direction
-from s2a.cache import pack, recall, unpack
-from s2a.geometry.convex import box
-from s2a.geometry.decompose import one_hull, vhacd
-from s2a.geometry.handles.finger_gap import CLEARANCE
-from s2a.geometry.handles.panel import slab
-from s2a.geometry.mesh_ops import merge
+from s2a.core.cache import recall
+from s2a.core.ranges import AtLeast, Count, Positive
 from s2a.prepare.colliders.room import cut_all
 from s2a.prepare.colliders.target import Handle
 from s2a.prepare.mass import annotated_mass, box_mass
 from s2a.prepare.target import Target
-from s2a.ranges import AtLeast, Count, Positive
 from s2a.robot.spec import GripperSpec
-from s2a.scene import Joint, Mesh, Scene
-from s2a.usd.sim_scene import Collider, Mass, SimBody
+from s2a.scene.articulation import opening_direction
+from s2a.scene.geometry.convex import box
+from s2a.scene.geometry.decompose import one_hull, vhacd
+from s2a.scene.geometry.handles.finger_gap import CLEARANCE
+from s2a.scene.geometry.handles.panel import slab
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.mesh import pack, unpack
+from s2a.scene.scene import Joint, Mesh, Scene
+from s2a.scene.usd.sim_scene import Collider, Mass, SimBody
 
 BODY_MARGIN = 0.01
 """[m] On either side of the gripper's body that stays free: the arm's error, and that of a handle's axis."""

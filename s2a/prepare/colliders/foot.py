@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.geometry.convex import clip, contains, hull
-from s2a.scene import Mesh
+from s2a.scene.geometry.convex import clip, contains, hull
+from s2a.scene.scene import Mesh
 
 STABLE = 0.001
 """[m] How far inside of its foot an object's centre of mass lies at least; less than half the foot's thickness."""

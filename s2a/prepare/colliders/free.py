@@ -10,20 +10,21 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from s2a.cache import pack, recall, unpack
-from s2a.errors import InputError
-from s2a.geometry.closed_solid import close, drop_small_components
-from s2a.geometry.convex import box, clip, hull, volume
-from s2a.geometry.decompose import vhacd
-from s2a.geometry.mesh_ops import merge, within
-from s2a.geometry.mesh_query import first_hits, ray_mesh
-from s2a.geometry.sweep import grown
+from s2a.core.cache import recall
+from s2a.core.errors import InputError
+from s2a.core.ranges import AtLeast, Count, Fraction, NotNegative, Positive
 from s2a.prepare.colliders.foot import split_foot, whole_foot
 from s2a.prepare.colliders.level_top import LevelTop, TopConfig, level_top, reused
 from s2a.prepare.mass import MassConfig, annotated_mass
-from s2a.ranges import AtLeast, Count, Fraction, NotNegative, Positive
-from s2a.scene import Mesh, Scene
-from s2a.usd.sim_scene import Collider, Mass, SimBody
+from s2a.scene.geometry.closed_solid import close, drop_small_components
+from s2a.scene.geometry.convex import box, clip, hull, volume
+from s2a.scene.geometry.decompose import vhacd
+from s2a.scene.geometry.mesh_ops import merge, within
+from s2a.scene.geometry.mesh_query import first_hits, ray_mesh
+from s2a.scene.geometry.sweep import grown
+from s2a.scene.mesh import pack, unpack
+from s2a.scene.scene import Mesh, Scene
+from s2a.scene.usd.sim_scene import Collider, Mass, SimBody
 
 HOLLOW, FULL = 0.1, 1.0
 """Shares of its convex hull that the volume of a sound solid lies between."""

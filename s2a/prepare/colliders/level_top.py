@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.geometry.convex import contains
-from s2a.geometry.mesh_ops import centroids, normals
-from s2a.geometry.planes import TILT, Plane, slabs
-from s2a.ranges import Count, CountFromZero, Fraction, Positive
-from s2a.scene import Mesh
+from s2a.core.ranges import Count, CountFromZero, Fraction, Positive
+from s2a.scene.geometry.convex import contains
+from s2a.scene.geometry.mesh_ops import centroids, normals
+from s2a.scene.geometry.planes import TILT, Plane, slabs
+from s2a.scene.scene import Mesh
 
 GRID = 5
 """Points along each side of an object's outline below which a top is looked for."""

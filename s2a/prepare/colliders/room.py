@@ -8,15 +8,16 @@ from typing import Annotated
 
 import numpy as np
 
-from s2a.cache import pack, recall, unpack
-from s2a.geometry.convex import APART, MARGIN, clip, cut_free, overlap, volume
-from s2a.geometry.decompose import one_hull, vhacd
-from s2a.geometry.planes import find_planes, slabs
-from s2a.geometry.simplify import is_structure
+from s2a.core.cache import recall
+from s2a.core.ranges import AtLeast, Count, NotNegative, Positive
 from s2a.prepare.colliders.level_top import LevelTop
-from s2a.ranges import AtLeast, Count, NotNegative, Positive
-from s2a.scene import Mesh, Part
-from s2a.usd.sim_scene import Collider
+from s2a.scene.geometry.convex import APART, MARGIN, clip, cut_free, overlap, volume
+from s2a.scene.geometry.decompose import one_hull, vhacd
+from s2a.scene.geometry.planes import find_planes, slabs
+from s2a.scene.geometry.simplify import is_structure
+from s2a.scene.mesh import pack, unpack
+from s2a.scene.scene import Mesh, Part
+from s2a.scene.usd.sim_scene import Collider
 
 THIN = 0.1
 """Thickness of a hull as a fraction of its width below which it is cut in layers."""

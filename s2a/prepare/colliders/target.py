@@ -8,20 +8,20 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from s2a.geometry.convex import clip, hull, overlap, subtract
-from s2a.geometry.decompose import coacd_default, one_hull, vhacd
-from s2a.geometry.handles.bar import bar_profile
-from s2a.geometry.handles.bar_hulls import bar_hulls
-from s2a.geometry.handles.finger_gap import FingerSpace, finger_space
-from s2a.geometry.handles.knob import knob_hulls
-from s2a.geometry.handles.panel import facing_frame, front_behind, front_coordinate, patch, reassign_border, slab
-from s2a.geometry.handles.pocket import Pocket, find_pocket, pocket_hulls, pocketed
-from s2a.geometry.handles.sheet import before_wall, hidden_wall, sheet_hulls, sheet_opening
-from s2a.geometry.handles.straight_sheet import straight_sheet
+from s2a.core.ranges import AtLeast, Count, CountFromZero, Positive
 from s2a.prepare.target import Target
-from s2a.ranges import AtLeast, Count, CountFromZero, Positive
-from s2a.scene import Mesh
-from s2a.usd.sim_scene import Collider
+from s2a.scene.geometry.convex import clip, hull, overlap, subtract
+from s2a.scene.geometry.decompose import coacd_default, one_hull, vhacd
+from s2a.scene.geometry.handles.bar import bar_profile
+from s2a.scene.geometry.handles.bar_hulls import bar_hulls
+from s2a.scene.geometry.handles.finger_gap import FingerSpace, finger_space
+from s2a.scene.geometry.handles.knob import knob_hulls
+from s2a.scene.geometry.handles.panel import facing_frame, front_behind, front_coordinate, patch, reassign_border, slab
+from s2a.scene.geometry.handles.pocket import Pocket, find_pocket, pocket_hulls, pocketed
+from s2a.scene.geometry.handles.sheet import before_wall, hidden_wall, sheet_hulls, sheet_opening
+from s2a.scene.geometry.handles.straight_sheet import straight_sheet
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.sim_scene import Collider
 
 BLOCKED = 2e-4
 """[m] A hull that reaches into the finger gap by a smaller ball than this leaves it free."""

@@ -1,1 +1,0 @@
-"""What is found by gradient: joint dynamics, axes."""

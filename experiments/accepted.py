@@ -24,7 +24,7 @@ from proposals import TEXEL
 from s2a import scan
 from s2a.annotate import files, handle
 from s2a.annotate.annotation import Draft
-from s2a.annotate.propose import ProposeConfig
+from s2a.annotate.propose.layers import ProposeConfig
 from s2a.annotate.propose.run import cut, propose
 from s2a.annotate.region import GrowConfig
 from s2a.commands import cli

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from s2a.scene.geometry.convex import contains, halfspaces, volume
-from s2a.scene.geometry.handles.finger_gap import FingerSpace
+from s2a.scene.geometry.front_panel import FingerSpace
 from s2a.scene.scene import Mesh
 
 

@@ -27,8 +27,7 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.joints.pull_config import PullConfig
-from s2a.joints.pull_optimize import optimize
+from s2a.joints.pull_optimize import PullConfig, optimize
 
 RESULTS = Path(__file__).parent / "results/closing.json"
 TASK = ("task=close_part", "sim.joint.stiffness=0")

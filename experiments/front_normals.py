@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from s2a import scan
-from s2a.prepare.refine_front import seen_front
-from s2a.prepare.refine_sides import Faces
+from s2a.prepare.refine_front import Faces, seen_front
 from s2a.scan.evidence.front import front
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.usd import geometric

@@ -17,8 +17,8 @@ import numpy as np
 from identification import RESULTS
 from recorded_pulls import RATE, Truth, record
 
-from s2a.joints.moving_body import Moving, moving
 from s2a.joints.pull import Noise
+from s2a.joints.pulled import Moving, moving
 from s2a.scene.usd import sim_stage
 
 STAGE = Truth(1.0, 1.0, 1.0, spring=10.0)

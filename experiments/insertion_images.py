@@ -23,16 +23,14 @@ from insertion_study import METHODS, RESULTS, ROOMS, _insert_settings, _requests
 from triangle_queries import cast, tree
 
 from s2a.core.provenance import provenance
-from s2a.language.insert.attempt import attempt
+from s2a.language.insert.attempt import attempt, image_pose
 from s2a.language.insert.batch import open_room
 from s2a.language.insert.context import Inserted, ObjectRequest
-from s2a.language.insert.review import image_pose
 from s2a.language.insert.room_state import RoomState
 from s2a.language.insert.settings import InsertSettings
 from s2a.language.llm.client import choose
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, render
 from s2a.scene.geometry.mesh_ops import merge
-from s2a.scene.geometry.orbit_camera import CameraPose, OrbitCamera
-from s2a.scene.geometry.render import render
 from s2a.scene.scene import Mesh
 
 HALF, CUT, PIXELS, CHANGED = 0.5, 0.1, 250, 12

@@ -14,8 +14,7 @@ from s2a.commands.identify import write_layer
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.joints.dynamics import Dynamics
-from s2a.joints.moving_body import moving
-from s2a.joints.pulled import Pulled, pulled
+from s2a.joints.pulled import Pulled, moving, pulled
 from s2a.planner.part_plan import Skill, plan, planned_path
 from s2a.planner.trajectory import Trajectory
 from s2a.scene.usd import sim_stage

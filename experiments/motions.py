@@ -30,9 +30,7 @@ from replayed import Replay, replay
 from s2a.core import config
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.joints.pull_config import PullConfig
-from s2a.joints.pull_loss import PullLoss
-from s2a.joints.pull_optimize import Optimum, optima, optimize
+from s2a.joints.pull_optimize import Optimum, PullConfig, PullLoss, optima, optimize
 from s2a.joints.pulled import Pulled
 from s2a.planner.pull_law import PullLaw
 

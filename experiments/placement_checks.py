@@ -20,8 +20,7 @@ from scipy.spatial.transform import Rotation
 from triangle_queries import Obstacles, cast, dense, depths, spread
 
 from s2a.scene.articulation import displace
-from s2a.scene.mesh import Mesh
-from s2a.scene.scene import Joint, Scene
+from s2a.scene.scene import Joint, Mesh, Scene
 
 SIZE = 0.25
 """Largest error of the longest side, as a fraction of the true one."""

@@ -21,8 +21,7 @@ from proposals import as_used, true_parts
 from scipy import ndimage
 
 from s2a.annotate import files
-from s2a.annotate.propose import ProposeConfig
-from s2a.annotate.propose.layers import FACING, Layer, Points, floor_of, layers, spread
+from s2a.annotate.propose.layers import FACING, Layer, Points, ProposeConfig, floor_of, layers, spread
 from s2a.annotate.propose.network import MOTIONS, image
 from s2a.annotate.surface import SplitSurface
 from s2a.core import config

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from s2a.annotate import files
-from s2a.annotate.propose import ProposeConfig
+from s2a.annotate.propose.layers import ProposeConfig
 from s2a.annotate.propose.run import propose
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface

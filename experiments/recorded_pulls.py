@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from s2a.joints.moving_body import Moving
 from s2a.joints.pull import Noise, Pull
+from s2a.joints.pulled import Moving
 
 STEP = 1.0 / 2000.0
 """[s] Of MuJoCo."""

@@ -27,7 +27,7 @@ from s2a import scan
 from s2a.core import config
 from s2a.core.provenance import provenance
 from s2a.prepare.refine import refine, with_joints
-from s2a.prepare.refine_config import RefineConfig
+from s2a.prepare.refine_loss import RefineConfig
 from s2a.scan.evidence.annotation import moving_part
 from s2a.scan.evidence.bounds import Bounds
 from s2a.scan.evidence.front import front

@@ -16,8 +16,8 @@ from s2a.core.errors import InputError
 from s2a.joints import robot_pull
 from s2a.joints.dynamics import Dynamics
 from s2a.joints.joint_kernels import PARAMETERS
-from s2a.joints.moving_body import Moving
 from s2a.joints.pull import Pull
+from s2a.joints.pulled import Moving
 from s2a.sim.world import read_stage
 
 POSITION_NOISE, TORQUE_NOISE = 1e-4, 0.1

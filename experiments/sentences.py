@@ -34,9 +34,8 @@ from s2a.core.provenance import provenance
 from s2a.language.do.plan import SkillPlan, check_sentence
 from s2a.language.do.rules import rules
 from s2a.language.do.run import RoomContext, make_plan
-from s2a.language.llm.ask import Model
+from s2a.language.llm.ask import Model, UsageLog
 from s2a.language.llm.client import LlmConfig, choose
-from s2a.language.llm.usage_log import UsageLog
 from s2a.scene.usd import descriptive, sim_stage
 
 FOLDER = Path(__file__).parent

@@ -6,8 +6,7 @@ import numpy as np
 import warp as wp
 from scipy import ndimage
 
-from s2a.scene.mesh import Mesh
-from s2a.scene.scene import Scene
+from s2a.scene.scene import Mesh, Scene
 
 
 @wp.kernel

@@ -24,8 +24,8 @@ from scipy.spatial.transform import Rotation
 from s2a.core.provenance import provenance
 from s2a.language.insert.batch import insert_into, open_room
 from s2a.language.insert.context import Inserted, ObjectRequest
+from s2a.language.llm.ask import Record
 from s2a.language.llm.client import choose
-from s2a.language.llm.usage_log import Record
 
 CATEGORY = {room: category for category, room in ROOMS.items() if category != "foreign"}
 

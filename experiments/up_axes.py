@@ -18,8 +18,7 @@ from other_kinds import other_objects
 
 from s2a.core import config
 from s2a.core.provenance import provenance
-from s2a.language.insert.colours import colour_spread
-from s2a.language.insert.object_file import ObjectConfig, read_object
+from s2a.language.insert.object_file import ObjectConfig, colour_spread, read_object
 from s2a.language.insert.place.stable_pose import concavities, cross_sections, tilt_margins
 from s2a.language.insert.settings import InsertSettings
 from s2a.language.llm.ask import Request

@@ -30,7 +30,7 @@ from s2a.language.insert.batch import open_room
 from s2a.language.insert.context import ObjectRequest
 from s2a.language.insert.wishes.heed import read_wish
 from s2a.language.llm.client import choose
-from s2a.scene.mesh import Mesh
+from s2a.scene.scene import Mesh
 
 WISHES = Path(__file__).parent / "wishes.yaml"
 OBJECT, LABEL = "matryoshka.*", "matryoshka"

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from s2a.commands.collect import Config, Session
-    from s2a.learn.collect.encoders import Encoders
+    from s2a.learn.collect.video import Encoders
 
 # What is imported here, every process that encodes images imports too, since it begins as this module: so no physics.
 ROUNDS = 2
@@ -59,7 +59,7 @@ def measured(settings: Config, folder: Path) -> dict:
 
     from s2a.commands.collect import begin, format_of
     from s2a.core.provenance import provenance
-    from s2a.learn.collect.encoders import SLOTS
+    from s2a.learn.collect.video import SLOTS
     from s2a.sim.views import CAMERAS
 
     session = begin(settings)

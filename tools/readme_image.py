@@ -24,9 +24,8 @@ from s2a.planner.motion import Planner
 from s2a.robot.model import add_robot
 from s2a.robot.spec import RobotSpec
 from s2a.scan.visuals import visible
+from s2a.scene.geometry.camera import OrbitCamera, framing_pose, render, write_png
 from s2a.scene.geometry.mesh_ops import painted
-from s2a.scene.geometry.orbit_camera import OrbitCamera, framing_pose
-from s2a.scene.geometry.render import render, write_png
 from s2a.scene.scene import Mesh
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.world import SimStage, read_stage

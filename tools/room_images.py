@@ -19,8 +19,7 @@ from s2a.core import config
 from s2a.homes import SampleConfig
 from s2a.homes.rooms import ROOMS
 from s2a.scan.visuals import Visible, visible
-from s2a.scene.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
-from s2a.scene.geometry.render import render
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of, render
 
 TILE, CAPTION, COLUMNS = (480, 360), 22, 3
 """Size of an image and height of the name below it [pixel]; images in a row."""

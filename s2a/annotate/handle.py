@@ -9,8 +9,7 @@ import numpy as np
 from s2a.annotate.region import FrontRegion
 from s2a.annotate.surface import SplitSurface
 from s2a.scene.geometry.mesh_ops import merge, painted
-from s2a.scene.mesh import Mesh
-from s2a.scene.scene import Joint
+from s2a.scene.scene import Joint, Mesh
 
 Shape = Literal["bar", "knob", "lever"]
 SHAPES: tuple[Shape, ...] = ("bar", "knob", "lever")

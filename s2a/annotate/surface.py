@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from s2a.scene.geometry.mesh_ops import GREY
-from s2a.scene.mesh import Mesh
+from s2a.scene.scene import Mesh
 
 ADDED = -1
 """Source of a face that was not scanned."""

@@ -10,16 +10,15 @@ from pathlib import Path
 
 import mujoco
 
-from s2a.certify import contents, finger_gap, foundation, physics_grip, portability, shapes, static
+from s2a.certify import contents, finger_gap, physics_grip, portability, static
 from s2a.certify.check import Check, Status, ValidationReport, check_bound
-from s2a.certify.contents import Contents
+from s2a.certify.contents import Contents, ShapeConfig
 from s2a.certify.finger_gap import Gap, GapConfig
-from s2a.certify.foundation import FoundationConfig
 from s2a.certify.physics import PhysicsConfig, World
 from s2a.certify.physics_grip import Grip, GripConfig
 from s2a.certify.physics_motion import MotionConfig, motion
 from s2a.certify.scan_evidence import REASON, Evidence, EvidenceConfig, doubts
-from s2a.certify.shapes import ShapeConfig
+from s2a.certify.static import FoundationConfig
 from s2a.core.errors import InputError
 from s2a.core.provenance import provenance
 from s2a.scene.usd.stage import ROOT
@@ -70,9 +69,9 @@ def certify(
     start = time.perf_counter()
     held = contents.read(path, part)
     room = [rule(held) for rule in (*static.ROOM_RULES, *portability.ROOM_RULES)]
-    room += [rule(held, config.shapes) for rule in shapes.ROOM_RULES]
+    room += [rule(held, config.shapes) for rule in contents.ROOM_RULES]
     evidence = _evidence(path)
-    foundation_checks = foundation.foundation(path, config.foundation)
+    foundation_checks = static.foundation(path, config.foundation)
     seconds, found = time.perf_counter() - start, []
     for one in [held.part] if part else contents.parts(held) or [""]:
         begun = time.perf_counter()
@@ -101,7 +100,7 @@ def _part(
     evidence: Evidence | Check,
 ) -> tuple[list[Check], bool | None]:
     """Return the checks of one part, those of the room first, and whether a gripper can hold it."""
-    own = [rule(held) for rule in static.PART_RULES] + [rule(held, config.shapes) for rule in shapes.PART_RULES]
+    own = [rule(held) for rule in static.PART_RULES] + [rule(held, config.shapes) for rule in contents.PART_RULES]
     broken = [check.name for check in (*room, *own) if check.status != "pass" and check.name not in HARMLESS]
     checks, graspable = [*room, *own], None
     if broken:

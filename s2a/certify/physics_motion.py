@@ -10,7 +10,7 @@ import numpy as np
 
 from s2a.certify.check import Check, check_bound
 from s2a.certify.physics import World
-from s2a.core.ranges import Count, NotNegative, Positive
+from s2a.core.bounds import Count, NotNegative, Positive
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
 
 FIX = "correct the colliders or the annotated axis and range, then " + PREPARE_AGAIN

@@ -28,7 +28,7 @@ from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
 from s2a.commands import usage
-from s2a.core import config, extras, terminal
+from s2a.core import config, errors, progress
 from s2a.core.errors import CheckFailed, InputError
 from s2a.core.progress import StdoutFilter
 
@@ -67,11 +67,11 @@ FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code: 0; 1 for a failed check or a bug; 2 for bad input; 130 if interrupted."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    terminal.set_up()
-    terminal.log_in_lines("--debug" in arguments)
+    progress.set_up()
+    progress.log_in_lines("--debug" in arguments)
     try:
         return _dispatch(arguments)
-    except terminal.Terminated:
+    except progress.Terminated:
         return _fail("terminated", 128 + signal.SIGTERM)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except Exception as error:
         if "--debug" in arguments:
-            terminal.show(traceback.format_exc(), sys.stderr)
+            progress.show(traceback.format_exc(), sys.stderr)
         if isinstance(error, (InputError, OSError)):
             return _fail(str(error) + _remedy(error), 2)
         return _fail(
@@ -105,13 +105,13 @@ def run(command: str, values: dict[str, Any]) -> None:
     _refuse_replacing_input(settings)
     start = time.perf_counter()
     verdict: CheckFailed | None = None
-    with contextlib.redirect_stdout(StdoutFilter()), extras.required():
+    with contextlib.redirect_stdout(StdoutFilter()), errors.required():
         try:
             summary = module.run(settings)
         except CheckFailed as no:
             verdict, summary = no, str(no)
     if summary:  # all but the first process of torchrun are silent
-        terminal.show(summary)
+        progress.show(summary)
     print(f"{command}: {time.perf_counter() - start:.1f} s", file=sys.stderr)
     if verdict is not None:
         raise verdict
@@ -119,7 +119,7 @@ def run(command: str, values: dict[str, Any]) -> None:
 
 def job(composed: Any) -> None:
     """Run one job of a sweep; its outputs lie below the job's own folder."""
-    terminal.log_in_lines()
+    progress.log_in_lines()
     context = HydraConfig.get()
     values = config.plain(composed)
     for key in set(OUTPUTS).intersection(values):
@@ -165,7 +165,7 @@ def _module(command: str) -> Any:
     name = f"s2a.commands.{command}{'_' * keyword.iskeyword(command)}"
     if name in sys.modules:
         return sys.modules[name]
-    with extras.required(), _uncollected():
+    with errors.required(), _uncollected():
         return importlib.import_module(name)
 
 
@@ -211,7 +211,7 @@ def _overview(command: str, folder: Path) -> None:
     """Print a command's overview of all jobs of a sweep, if it has one."""
     module = _module(command)
     if hasattr(module, "overview") and (text := module.overview(folder)):
-        terminal.show(text)
+        progress.show(text)
 
 
 def _dispatch(arguments: list[str]) -> int:
@@ -259,5 +259,5 @@ def _unless(arguments: Sequence[str]) -> str:
 
 def _fail(message: str, code: int) -> int:
     """Print an error message; return the exit code."""
-    terminal.report(message)
+    progress.report(message)
     return code

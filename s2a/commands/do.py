@@ -8,21 +8,21 @@ from pathlib import Path
 from typing import Any
 
 from s2a import robot
+from s2a.core.bounds import CountFromZero
 from s2a.core.errors import CheckFailed, InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.core.ranges import CountFromZero
 from s2a.language.do.episode import execute
 from s2a.language.do.plan import check_sentence
 from s2a.language.do.rules import rules
 from s2a.language.do.run import Result, RoomContext, do
 from s2a.language.do.settings import ExecutionConfig, Skills
+from s2a.language.llm.ask import UsageLog
 from s2a.language.llm.client import LlmConfig, choose, kind_of
-from s2a.language.llm.usage_log import UsageLog
 from s2a.planner.part_plan import PlannerConfig
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd import descriptive, sim_stage
-from s2a.scene.usd.sim_check import refuse_unphysical
+from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.camera import CameraConfig
 from s2a.sim.simulation import SimConfig, device_of
 

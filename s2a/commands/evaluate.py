@@ -14,21 +14,19 @@ from PIL import Image
 
 from s2a import tasks
 from s2a.commands.worlds import WorldsConfig
+from s2a.core.bounds import Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.core.ranges import Count
 from s2a.env import starts
 from s2a.env.task import Task
 from s2a.env.vec_env import VecEnv
-from s2a.learn.evaluate import Agent, Policy, baseline, run_episodes, summary, warn_of_errors
-from s2a.learn.part_results import by_part
+from s2a.learn.evaluate import Agent, Policy, baseline, by_part, run_episodes, summary, warn_of_errors
 from s2a.learn.perception.depth_camera import DepthCameraConfig
 from s2a.learn.perception.estimate import seen
-from s2a.learn.rl.checkpoint import load_model, load_policy
-from s2a.learn.rl.export import export
-from s2a.learn.rl.policy_file import PolicyFile
-from s2a.learn.rl.run_world import read_world
+from s2a.learn.rl.policy_file import PolicyFile, export
+from s2a.learn.rl.ppo import load_model, load_policy
+from s2a.learn.rl.run_folder import read_world
 from s2a.planner.hold_or_push import ready_to_move
 from s2a.planner.motion import Planner
 from s2a.sim import pool

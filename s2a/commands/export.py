@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2a import api
-from s2a.core import extras
+from s2a.core import errors
 from s2a.core.errors import InputError
 from s2a.scan import overlaps
 from s2a.scan.evidence.bounds import Bounds
@@ -48,7 +48,7 @@ def run(config: Config) -> str:
 def _warn(config: Config, scene: Scene) -> None:
     """Log what the surface says against the annotation."""
     try:
-        with extras.required():
+        with errors.required():
             from s2a.scan.evidence import annotation, report
     except InputError as missing:
         _log.warning("the annotation is not checked against the surface: %s", missing)

@@ -8,20 +8,20 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from s2a import robot
+from s2a.core.bounds import Positive
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
-from s2a.core.ranges import Positive
-from s2a.joints import known_motion, robot_pull
+from s2a.joints import dynamics, robot_pull
 from s2a.joints.dynamics import Dynamics
-from s2a.joints.identify import identify
+from s2a.joints.identify import fit, identify
 from s2a.joints.joint_kernels import PARAMETERS
-from s2a.joints.moving_body import Moving, moving
 from s2a.joints.pull import Noise, header, read
+from s2a.joints.pulled import Moving, moving
 from s2a.robot.spec import RobotSpec
-from s2a.scene.usd import dynamics, sim_stage
+from s2a.scene.usd import sim_stage
 from s2a.scene.usd.resistance import Resistance, SoftClose
-from s2a.scene.usd.sim_check import refuse_unphysical
+from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.simulation import device_of
 from s2a.sim.world import read_stage
 
@@ -114,7 +114,7 @@ def _identified(config: Config, body: Moving, part: str) -> Dynamics:
     base = read_stage(config.stage, part, robot=spec.name).base
     recordings = [each for path in config.pulls for each in robot_pull.read(path, spec, config.episodes)]
     pulls = [robot_pull.pull(each, spec, base, body, config.torques_carry_weight) for each in recordings]
-    return known_motion.fit(body, pulls, config.noise.force)
+    return fit(body, pulls, config.noise.force)
 
 
 def write_layer(stage: Path, out: Path, file: Path, part: str, found: Dynamics, body: Moving) -> None:

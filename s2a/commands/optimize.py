@@ -9,13 +9,12 @@ from pathlib import Path
 from s2a import robot, tasks
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.joints.pull_config import PullConfig
-from s2a.joints.pull_optimize import Optimum, optimize
+from s2a.joints.pull_optimize import Optimum, PullConfig, optimize
 from s2a.joints.pulled import pulled
 from s2a.planner import pull_law
 from s2a.planner.part_plan import PlannerConfig, planned_path
 from s2a.robot.spec import RobotSpec
-from s2a.scene.usd.sim_check import refuse_unphysical
+from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
 

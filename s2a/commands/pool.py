@@ -15,17 +15,16 @@ from pathlib import Path
 from typing import Any, cast, get_args
 
 from s2a import scan
+from s2a.core.bounds import Count, CountFromZero
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import StdoutFilter, track
 from s2a.core.provenance import provenance
-from s2a.core.ranges import Count, CountFromZero
 from s2a.env import starts
 from s2a.homes import RoomKind, SampleConfig, sample
 from s2a.homes.truth import handle_of
-from s2a.learn.perception import frames
-from s2a.learn.perception.depth_camera import DepthCameraConfig
-from s2a.learn.perception.visible_room import VisibleRoom
+from s2a.learn.perception import cloud
+from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
 from s2a.planner.part_plan import PlannerConfig, demonstration
 from s2a.prepare import ALL, PrepareConfig, prepare
 from s2a.robot.spec import RobotSpec
@@ -171,13 +170,13 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
         seen = ""
         if visible is not None:
             stage = stage_of(file, room, part, robot=config.robot.name)
-            clouds = frames.take(visible, stage, config.depth_camera, config.frames, seed)
+            clouds = cloud.take(visible, stage, config.depth_camera, config.frames, seed)
             if not clouds:
                 made["left_out"][f"{name}/{part}"] = "no camera frame shows it"
                 continue
             seen = f"{name}_{part}_frames.npz"
             with atomic_write(config.out / seen) as out:
-                frames.save(clouds, out)
+                cloud.save(clouds, out)
         made["parts"].append(asdict(pool.PoolPart(file.name, part, found.joint.kind, handle, motion, seen)))
     with atomic_write(done) as out:
         out.write_text(json.dumps(made, indent=1))

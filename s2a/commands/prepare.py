@@ -10,9 +10,8 @@ from pathlib import Path
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.prepare import ALL, PrepareConfig, prepare
-from s2a.prepare.refine import Refined, refine, with_joints
-from s2a.prepare.refine_config import RefineConfig
-from s2a.prepare.refine_report import sentence
+from s2a.prepare.refine import Refined, refine, sentence, with_joints
+from s2a.prepare.refine_loss import RefineConfig
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd import geometric, sim_stage
 from s2a.scene.usd.sim_scene import Articulation, Reduction, SimRoom

@@ -9,7 +9,7 @@ from pathlib import Path
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, refuse_loss
 from s2a.core.provenance import provenance
-from s2a.joints import register_files as files
+from s2a.joints import register as files
 from s2a.joints.register import MIN_OVERLAP, Proposal, register
 
 

@@ -10,21 +10,21 @@ from typing import Annotated
 
 import numpy as np
 
+from s2a.core.bounds import AtLeast, Count
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, require_png
-from s2a.core.ranges import AtLeast, Count
-from s2a.core.terminal import report
+from s2a.core.progress import report
 from s2a.scan.folder import mesh_remedy
 from s2a.scan.tree import tree
 from s2a.scan.visuals import Visible, visible
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.scene.geometry.mesh_ops import painted
-from s2a.scene.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import ENCODINGS
-from s2a.view.page import notes
-from s2a.view.page.palette import hue
+from s2a.view.page import cards
+from s2a.view.page.detail import thinned
+from s2a.view.page.layers import hue
 from s2a.view.page.room import PageRoom
-from s2a.view.page.thin import thinned
 
 DATASET = "meta/s2a.json"
 """By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episode.ABOUT`, which needs the extra "sim")."""
@@ -83,8 +83,8 @@ def run(config: Config) -> str:
         return _play(config, config.stage)
     if config.path.suffix == ".npz" or (config.path / DATASET).is_file():
         raise InputError(f"{config.path} is played in its room; give stage= the sim.usd, too, and page=true")
-    stage, noted = notes.of_path(config.path)
-    inserted = notes.inserted(config.path, noted)
+    stage, noted = cards.of_path(config.path)
+    inserted = cards.inserted(config.path, noted)
     config = replace(config, path=stage)
     if remedy := mesh_remedy(config.path):
         raise InputError(f"{config.path}: {remedy}, in a folder of its own, and give that folder")
@@ -166,7 +166,7 @@ def _serve(room: PageRoom, config: Config) -> None:
 
 
 def _recording(room: PageRoom, config: Config, path: Path) -> str:
-    from s2a.view.page.recording import write
+    from s2a.view.page.serve import write
 
     total, room = room.faces, thinned(room, config.max_faces or FILE_FACES)
     with atomic_write(path) as file:
@@ -186,7 +186,7 @@ def _page_view(room: PageRoom, config: Config) -> CameraPose:
 
 def _image(scene: Visible, config: Config, path: Path) -> str:
     # Loads Warp, which the tree does not need.
-    from s2a.scene.geometry.render import render, write_png
+    from s2a.scene.geometry.camera import render, write_png
 
     meshes = list(scene.surfaces.values())
     if config.colliders:

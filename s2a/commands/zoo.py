@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from s2a.core.bounds import CountFromZero
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
-from s2a.core.ranges import CountFromZero
 from s2a.homes.zoo import zoo
 from s2a.homes.zoo.download import UNITS, Download, download
 from s2a.homes.zoo.formats import WRITERS

@@ -22,11 +22,14 @@ Arrays = dict[str, np.ndarray]
 
 
 class Surface(Protocol):
-    """A triangle mesh, as `s2a.scene.mesh.Mesh` is one."""
+    """A triangle mesh, as `s2a.scene.scene.Mesh` is one."""
 
-    vertices: np.ndarray
-    faces: np.ndarray
-    colors: np.ndarray | None
+    @property
+    def vertices(self) -> np.ndarray: ...  # noqa: D102
+    @property
+    def faces(self) -> np.ndarray: ...  # noqa: D102
+    @property
+    def colors(self) -> np.ndarray | None: ...  # noqa: D102
 
 
 Key = Sequence[Surface | np.ndarray | str]

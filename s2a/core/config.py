@@ -2,7 +2,7 @@
 
 The tree `conf/` holds every value once and mirrors the package; a frozen dataclass without defaults, beside the code
 that uses it, holds the names, types, units and meaning. `load` joins the two: a key that is missing, unknown or of
-another type is an error, and so is a value outside the bounds of its type (`s2a.core.ranges`).
+another type is an error, and so is a value outside the bounds of its type (`s2a.core.bounds`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from hydra.errors import HydraException, MissingConfigException, OverrideParseEx
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from s2a.core import aliases, ranges
+from s2a.core import aliases, bounds
 from s2a.core.errors import InputError
 
 T = TypeVar("T")
@@ -113,7 +113,7 @@ def load(cls: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
     except dacite.UnexpectedDataError as error:
         name = sorted(error.keys)[0]
         raise InputError(_unknown(name, [key for key in keys(values) if name not in key.split(".")])) from error
-    ranges.check(cls, loaded, prefix.removesuffix("."))
+    bounds.check(cls, loaded, prefix.removesuffix("."))
     return loaded
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.core.ranges import Fraction, NotNegative
+from s2a.core.bounds import Fraction, NotNegative
 from s2a.homes.catalog import Entry
 from s2a.homes.solids import rotation
 from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces

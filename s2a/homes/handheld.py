@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import coo_array
 
-from s2a.core.ranges import NotNegative
+from s2a.core.bounds import NotNegative
 from s2a.homes.surface_nets import Net
 
 

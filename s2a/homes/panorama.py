@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from s2a.core.cores import chunks, in_parallel
-from s2a.core.ranges import Fraction, NotNegative, Positive
+from s2a.core.bounds import Fraction, NotNegative, Positive
+from s2a.core.workers import chunks, in_parallel
 from s2a.scene.geometry.mesh_query import RayMesh
 
 BEND = 0.25

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from s2a.core.cores import in_parallel
+from s2a.core.workers import in_parallel
 from s2a.homes.panorama import pixel_direction, pixel_tangents
 
 

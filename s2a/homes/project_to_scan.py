@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from s2a.core.cores import chunks, in_parallel
+from s2a.core.workers import chunks, in_parallel
 from s2a.homes.panorama import direction_pixel
 from s2a.homes.pixel_planes import View
 from s2a.homes.surface_nets import Net

@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from s2a.core.bounds import CountFromZero
 from s2a.core.errors import InputError
-from s2a.core.ranges import CountFromZero
 from s2a.homes import files, glb
 from s2a.homes.annotate import AnnotationConfig, annotated_joints, overlooked, reversed_joints, without
 from s2a.homes.capture import Capture

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from s2a.core.bounds import AtLeast, CountFromZero, Fraction, Positive
 from s2a.core.progress import track
-from s2a.core.ranges import AtLeast, CountFromZero, Fraction, Positive
 from s2a.homes.handheld import DriftConfig, drifts, smoothed
 from s2a.homes.panorama import NoiseConfig, cast_panorama
 from s2a.homes.pixel_planes import measure

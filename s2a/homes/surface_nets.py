@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from s2a.core.cores import chunks, in_parallel
+from s2a.core.workers import chunks, in_parallel
 from s2a.homes.tsdf import UNKNOWN, Field, voxel_index, voxel_place, voxel_value
 
 

@@ -10,7 +10,7 @@ import pyfqmr
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from s2a.core.ranges import Above, CountFromZero, NotNegative
+from s2a.core.bounds import Above, CountFromZero, NotNegative
 from s2a.homes.surface_nets import Net
 
 

@@ -14,9 +14,9 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from s2a.core.cores import chunks, in_parallel
+from s2a.core.bounds import NotNegative, Positive
 from s2a.core.progress import track
-from s2a.core.ranges import NotNegative, Positive
+from s2a.core.workers import chunks, in_parallel
 from s2a.homes.panorama import direction_pixel, pixel_direction
 from s2a.homes.pixel_planes import View
 

@@ -20,8 +20,8 @@ import warp as wp
 from scipy.linalg import solve_discrete_are
 
 from s2a.joints.joint_kernels import PARAMETERS, Recordings, correct, drive
-from s2a.joints.moving_body import Moving, inertia_tensor
 from s2a.joints.pull import Noise, Pull
+from s2a.joints.pulled import Moving, inertia_tensor
 
 RATE = 120.0
 """[Hz] Physics steps are no longer than this."""

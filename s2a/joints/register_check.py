@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.joints.register_change import Patch
-from s2a.joints.register_surface import Cloud, OrientedMesh, match
+from s2a.joints.register_surface import Cloud, OrientedMesh, Patch, match
 from s2a.scene.articulation import opening_direction, transform
-from s2a.scene.geometry.line_of_sight import visible_distance
+from s2a.scene.geometry.mesh_query import visible_distance
 from s2a.scene.scene import Joint
 
 HELD = 0.06

@@ -6,11 +6,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.joints.register_change import FLAT, SPACING, TILT, Patch, plane
 from s2a.joints.register_check import before_room, held, left, near_box, on_floor, outwards, reaches
-from s2a.joints.register_fit import ALIKE, JointFit, across, fit
-from s2a.joints.register_start import MAX_SLIDE, MAX_TURN, MIN_FRONT, MIN_SLIDE, Start, front_of
-from s2a.joints.register_surface import Cloud, OrientedMesh, match
+from s2a.joints.register_fit import (
+    ALIKE,
+    MAX_SLIDE,
+    MAX_TURN,
+    MIN_FRONT,
+    MIN_SLIDE,
+    JointFit,
+    Start,
+    across,
+    fit,
+    front_of,
+)
+from s2a.joints.register_surface import FLAT, SPACING, TILT, Cloud, OrientedMesh, Patch, match, plane
 from s2a.scene.articulation import transform
 from s2a.scene.scene import Joint
 

@@ -8,19 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2a import robot
-from s2a.core.ranges import NotNegative
+from s2a.core.bounds import NotNegative
 from s2a.prepare.base_pose import BaseConfig
-from s2a.prepare.colliders.cabinet import CabinetConfig, anchor, cabinet_body
-from s2a.prepare.colliders.free import FreeConfig, FreeObject, free_objects, level_tops
-from s2a.prepare.colliders.level_top import LevelTop
-from s2a.prepare.colliders.room import RoomConfig, below_tops, cut_out
-from s2a.prepare.colliders.target import ColliderConfig
-from s2a.prepare.filtering import filtered_pairs
+from s2a.prepare.cabinet import CabinetConfig, anchor, cabinet_body
+from s2a.prepare.free_objects import FreeConfig, FreeObject, free_objects, level_tops
 from s2a.prepare.interior import cabinet_walls
 from s2a.prepare.mass import MassConfig, box_mass, moving_mass
-from s2a.prepare.part import PartConfig, PartResult
-from s2a.prepare.selection import ALL, selected_parts
-from s2a.prepare.static_room import StaticRoom
+from s2a.prepare.part import ALL, PartConfig, PartResult, selected_parts
+from s2a.prepare.part_hulls import ColliderConfig, filtered_pairs
+from s2a.prepare.room_hulls import LevelTop, RoomConfig, StaticRoom, below_tops, cut_out
 from s2a.prepare.target import bodies, parent_body
 from s2a.robot.spec import RobotSpec
 from s2a.scene.articulation import lever_arm

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from s2a.core.bounds import NotNegative, Positive
 from s2a.core.errors import InputError
-from s2a.core.ranges import NotNegative, Positive
 from s2a.prepare.interior import HEIGHT
 from s2a.scene.articulation import open_limit, opening_direction
 from s2a.scene.geometry.convex import hull, volume

@@ -11,15 +11,34 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import norm
 
-from s2a.prepare.refine_caution import dared
-from s2a.prepare.refine_config import RefineConfig
-from s2a.prepare.refine_loss import TILT, ZERO
-from s2a.prepare.refine_room import JointedRoom, RoomFit, fit, joints_of, loss_of, prior_sigma, priors
-from s2a.prepare.refine_terms import closed
+from s2a.prepare.refine_loss import TILT, ZERO, RefineConfig
+from s2a.prepare.refine_room import JointedRoom, RoomFit, closed, fit, joints_of, loss_of, prior_sigma, priors
 from s2a.scene.articulation import opening_sign
 from s2a.scene.scene import Joint, Scene
 from s2a.scene.usd.refinement import Refinement
+
+STEPS = 50
+"""Fractions of a move that are tried."""
+PRIOR_PLACES = norm.ppf((0.5 + np.outer(np.arange(4096), (0.7548776662, 0.5698402910))) % 1.0)
+"""Where the true axis may be, in standard deviations of two directions, shape [place 2]; evenly spread (Roberts' R2 sequence)."""
+
+
+def dared(move: np.ndarray, sigma: np.ndarray, worse: float, regret: float) -> float:
+    """Return the fraction of a move of an axis that costs least: what is left of the way, squared, and the risk of harm.
+
+    Args:
+        move: from the annotation to the best guess, across the axis in two directions [rad], shape [2].
+        sigma: standard deviations of the true axis around the best guess [rad], shape [2].
+        worse: the axis may get farther from the true one by this [rad].
+        regret: getting farther by more counts as much as being off by this [rad].
+    """
+    true, fractions = move + sigma * PRIOR_PLACES, np.linspace(1.0, 0.0, STEPS + 1)
+    bound = np.linalg.norm(true, axis=1) + worse
+    harm = np.array([(np.linalg.norm(true - part * move, axis=1) > bound).mean() for part in fractions])
+    return float(fractions[np.argmin((1.0 - fractions) ** 2 * (move @ move) + regret**2 * harm)])
+
 
 ENOUGH = 6
 """Known directions from which a room tells its annotator's errors."""
@@ -148,3 +167,18 @@ def _change(
         shift_sigma=float(sigma[2:4].max()) if hinge else 0.0,
         unknown=tuple(name for name, told in zip(names, known, strict=False) if not told),
     )
+
+
+def sentence(part: str, change: Refinement) -> str:
+    """Return how far a joint was moved, how sure that is, and what the scan does not tell."""
+    hinge = change.annotated.kind == "revolute"
+    turned = f"{math.degrees(change.angle):.2f} deg (sigma {math.degrees(change.angle_sigma):.2f})"
+    words = [f"joint of {part} refined: axis turned by {turned}"]
+    if hinge:
+        words.append(f"line moved by {1e3 * change.shift:.1f} mm (sigma {1e3 * change.shift_sigma:.1f})")
+    if change.zero:
+        amount = f"{abs(math.degrees(change.zero)):.1f} deg" if hinge else f"{1e3 * abs(change.zero):.0f} mm"
+        words.append(f"scanned {amount} ajar")
+    if change.unknown:
+        words.append(f"as annotated, since the scan does not tell: {', '.join(change.unknown)}")
+    return "; ".join(words)

@@ -8,8 +8,59 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from s2a.prepare import refine_kernels as kernels
-from s2a.scene.scene import Joint
+from s2a.core.bounds import Fraction, NotNegative, Positive
+from s2a.prepare.refine_front import Faces
+from s2a.prepare.refine_kernels import Joints, Paths, Terms, sum_paths, sum_terms
+from s2a.scene.articulation import open_limit
+from s2a.scene.geometry.mesh_ops import centroids, keep, normals, sample
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.scene import Joint, Mesh
+
+
+@dataclass(frozen=True)
+class RefineConfig:
+    """How far furniture and annotations are trusted. Standard deviations unless said otherwise.
+
+    Attributes:
+        parallel: of an axis or a front against its furniture's [rad].
+        level: of furniture against gravity [rad].
+        hang: of an axis against its own front [rad].
+        edge: of a hinge line's distance from the edge, in the front's plane [m].
+        inset: mean of that distance, into the front [m].
+        depth: of a hinge line's distance from the front's face [m].
+        flush: of closed fronts of one piece of furniture from one plane [m].
+        ajar: largest distance of a front before the others that is taken for standing ajar [m].
+        axis: of the annotated axes where a room has too few joints to tell, each of two components [rad].
+        arm: annotated lines err by so much per error of their axis [m/rad]: both come from two points that someone picked.
+        zero: of the closed coordinate of a slide [m].
+        zero_angle: the same of a hinge [rad].
+        penetration: of a part into the rest of the scan on its path [m].
+        cut: residual from which a term counts less and less, in standard deviations.
+        known: largest fraction of the annotation's standard deviation that is left where a direction counts as known.
+        worse: an axis may get farther from the true one by this [rad] where the annotation happened to be good.
+        regret: getting farther by more counts as much as being off by this [rad]; moves are shortened accordingly.
+        sure: a closed coordinate is changed from so many standard deviations on.
+    """
+
+    parallel: Positive
+    level: Positive
+    hang: Positive
+    edge: Positive
+    inset: float
+    depth: Positive
+    flush: Positive
+    ajar: Positive
+    axis: Positive
+    arm: Positive
+    zero: Positive
+    zero_angle: Positive
+    penetration: Positive
+    cut: Positive
+    known: Fraction
+    worse: NotNegative
+    regret: NotNegative
+    sure: Positive
+
 
 AXIS, LINE, ALONG_FRAME, FACE, LEVEL, PRIOR, FLUSH = range(7)
 """Kinds of terms: what a value is of. See `Term`."""
@@ -84,7 +135,7 @@ class Loss:
         self.first, self.second = (np.array([side[k] for side in sides]).reshape(-1, 3) for k in (0, 1))
         self.joints, self._frames = tuple(joints), _array(frames, wp.mat33d)
         self._turns = len(frames)
-        self._kernel_joints = kernels.Joints()
+        self._kernel_joints = Joints()
         self._kernel_joints.kind = _array([int(joint.kind == "revolute") for joint in joints], int)
         vectors = [joint.axis for joint in joints], [joint.origin for joint in joints], self.first, self.second
         for name, value in zip(("axis", "origin", "first", "second"), vectors, strict=True):
@@ -98,10 +149,10 @@ class Loss:
 
     def of(self, terms: Sequence[Term], paths: Sequence[PartPath] = ()) -> Loss:
         """Take what is added up, and return itself."""
-        self._launches = [(kernels.sum_terms, len(terms), [self._kernel_joints, self._frames, _terms(terms)])]
+        self._launches = [(sum_terms, len(terms), [self._kernel_joints, self._frames, _terms(terms)])]
         if paths:
             table = _paths(paths)
-            self._launches.append((kernels.sum_paths, len(table.joint), [self._kernel_joints, table]))
+            self._launches.append((sum_paths, len(table.joint), [self._kernel_joints, table]))
         return self
 
     def __call__(self, parameters: np.ndarray) -> tuple[float, np.ndarray]:
@@ -112,7 +163,7 @@ class Loss:
         loss = wp.zeros(1, dtype=wp.float64, device="cpu", requires_grad=True)
         with wp.Tape() as tape:
             for kernel, count, inputs in self._launches:
-                variables = [values, turns] if kernel is kernels.sum_terms else [values]
+                variables = [values, turns] if kernel is sum_terms else [values]
                 wp.launch(kernel, dim=count, inputs=[*inputs, *variables, loss], device="cpu")
         tape.backward(loss)
         return float(loss.numpy()[0]), np.concatenate([values.grad.numpy().ravel(), turns.grad.numpy().ravel()])
@@ -171,9 +222,9 @@ def _array(values: object, dtype: type, requires_grad: bool = False) -> wp.array
     )
 
 
-def _terms(terms: Sequence[Term]) -> kernels.Terms:
+def _terms(terms: Sequence[Term]) -> Terms:
     """Return a table of terms, a column for each attribute."""
-    table = kernels.Terms()
+    table = Terms()
     for name in ("kind", "joint", "frame", "index"):
         setattr(table, name, _array([getattr(term, name) for term in terms], int))
     for name in ("direction", "point"):
@@ -183,9 +234,9 @@ def _terms(terms: Sequence[Term]) -> kernels.Terms:
     return table
 
 
-def _paths(paths: Sequence[PartPath]) -> kernels.Paths:
+def _paths(paths: Sequence[PartPath]) -> Paths:
     """Return a table with a row for each point and step of each path."""
-    table, counts = kernels.Paths(), [len(path.points) * len(path.coordinates) for path in paths]
+    table, counts = Paths(), [len(path.points) * len(path.coordinates) for path in paths]
     number = np.repeat(np.arange(len(paths)), counts)
     table.joint, table.grid = _array(np.array([path.joint for path in paths])[number], int), _array(number, int)
     rows = [np.tile(path.points, (len(path.coordinates), 1)) for path in paths]
@@ -201,3 +252,60 @@ def _paths(paths: Sequence[PartPath]) -> kernels.Paths:
     table.start = _array(np.cumsum([0, *(path.distance.size for path in paths[:-1])]), int)
     table.distance = _array(np.concatenate([path.distance.ravel() for path in paths]), wp.float64)
     return table
+
+
+CELL = 0.015
+"""[m] Width of a cell of the grid."""
+AROUND = 0.06
+"""[m] The grid reaches this far beyond the front: what is hit there tells of the joint, what lies farther of the room."""
+REACH = 0.03
+"""[m] Farther behind a surface there may be another object's back."""
+POINTS = 100
+"""Points of a front that are followed."""
+STEPS = (0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
+"""Fractions of the range at which they are looked at."""
+SLACK = 0.004
+"""[m] Twice a laser scan's noise, or the gap around a front."""
+MOST = 400_000
+"""Cells of a grid; larger parts get wider cells."""
+
+
+def path(faces: Faces, part: str, number: int, weight: float) -> PartPath | None:
+    """Return the path of a part, or None where nothing lies around it.
+
+    Args:
+        faces: of the room.
+        part: id of a part that moves.
+        number: of its joint.
+        weight: of the mean squared depth [1/m^2].
+    """
+    surface, scene, joint = faces.surface, faces.surface.scene, faces.surface.scene.joint(part)
+    own = scene.parts[part].mesh
+    if not own.face_areas.any() or not open_limit(joint):
+        return None
+    low, high = own.bounds
+    low, high = low - AROUND, high + AROUND
+    near = faces.near(low - REACH, high + REACH)
+    rest = keep(Mesh(surface.mesh.vertices, surface.mesh.faces), near[~faces.own(part, near)])
+    if len(rest.faces) < 20:
+        return None
+    cell = max(CELL, float((np.prod(high - low) / MOST) ** (1 / 3)))
+    counts = np.ceil((high - low) / cell).astype(int) + 1
+    places = low + cell * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    distance = _distance(rest, surface.winding, places).reshape(counts)
+    points = sample(own, POINTS, 0)
+    slack = SLACK + np.maximum(0.0, -_distance(rest, surface.winding, points))
+    return PartPath(number, points, slack, open_limit(joint) * np.array(STEPS), low, cell, distance, weight)
+
+
+def _distance(rest: Mesh, winding: float, places: np.ndarray) -> np.ndarray:
+    """Return the distance of places [place 3] to a surface [m], negative straight behind it, at most REACH, shape [place]."""
+    tree = ray_mesh(rest.vertices, rest.faces)
+    face, gap = nearest_faces(tree, places, REACH)
+    found = np.full(len(places), REACH)
+    near = face >= 0
+    away = places[near] - centroids(rest)[face[near]]
+    height = winding * np.einsum("ij,ij->i", away, normals(rest)[face[near]])
+    behind = (height < 0) & (gap[near] < -height + 1e-3)
+    found[near] = np.where(behind, -gap[near], gap[near])
+    return found

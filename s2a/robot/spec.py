@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import Annotated
 
+from s2a.core.bounds import Above, NotNegative, Numbers, Positive
 from s2a.core.errors import InputError
-from s2a.core.ranges import Above, NotNegative, Numbers, Positive
 from s2a.scene.scene import Vec3
 
 

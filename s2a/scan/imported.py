@@ -15,7 +15,7 @@ from s2a.scan.bake import Baked, bake
 from s2a.scan.folder import MESH
 from s2a.scan.frame import FileFrame
 from s2a.scan.ply_writer import write_ply
-from s2a.scene.mesh import Mesh
+from s2a.scene.scene import Mesh
 
 RECORD = "import.json"
 """By this file a folder is known to be an earlier import; it says what was found."""

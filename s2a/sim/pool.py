@@ -10,7 +10,7 @@ from pathlib import Path
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.scene.usd import sim_stage
-from s2a.scene.usd.sim_check import refuse_unphysical
+from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.world import SimStage, stage_of
 
 

@@ -12,7 +12,7 @@ from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.env.task import MdpConfig, Task, meanings
 from s2a.env.vec_env import VecEnv
-from s2a.scene.usd.sim_check import refuse_unphysical
+from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.scene.usd.sim_scene import DEFAULT_ROBOT
 from s2a.sim import pool
 from s2a.sim.simulation import Simulation

@@ -8,8 +8,8 @@ import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
+from s2a.core.bounds import NotNegative, Positive
 from s2a.core.errors import InputError
-from s2a.core.ranges import NotNegative, Positive
 from s2a.env.task import MdpConfig
 from s2a.robot.tool_path import matrices
 from s2a.scene.articulation import opening_sign

@@ -21,7 +21,7 @@ from s2a.annotate.page import serve  # noqa: E402
 from s2a.annotate.region import GrowConfig  # noqa: E402
 from s2a.core import config  # noqa: E402
 from s2a.scan.evidence.bounds import Bounds  # noqa: E402
-from s2a.scene.geometry.orbit_camera import CameraPose  # noqa: E402
+from s2a.scene.geometry.camera import CameraPose  # noqa: E402
 
 pytestmark = [
     pytest.mark.browser,

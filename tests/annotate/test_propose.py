@@ -13,10 +13,9 @@ import torch
 from s2a import scan
 from s2a.annotate import files
 from s2a.annotate.annotation import Item
-from s2a.annotate.propose import ProposeConfig, run
-from s2a.annotate.propose.cells import CellBox
-from s2a.annotate.propose.fronts import SeenFront, fronts
-from s2a.annotate.propose.layers import Layer, Points, layers
+from s2a.annotate.propose import run
+from s2a.annotate.propose.fronts import CellBox, SeenFront, fronts
+from s2a.annotate.propose.layers import Layer, Points, ProposeConfig, layers
 from s2a.annotate.propose.network import CHANNELS, COARSE, FILE, MOTIONS, MULTIPLE, FrontNetwork, image, load
 from s2a.annotate.propose.run import propose
 from s2a.annotate.region import GrowConfig

@@ -24,14 +24,16 @@ from seeded_defects import (
 )
 from settings import load
 
-from s2a.certify import contents, foundation, report, shapes, static
+from s2a.certify import contents, report, static
+from s2a.certify.static import foundation
 from s2a.certify.check import Check, ValidationReport
 from s2a.certify.check_suite import CertifyConfig
-from s2a.certify.images import images
+from s2a.certify.contents import PART_RULES, ROOM_RULES
+from s2a.certify.report import images
 from s2a.commands import cli
 from s2a.core import provenance
 from s2a.core.errors import InputError
-from s2a.scene.geometry.orbit_camera import OrbitCamera
+from s2a.scene.geometry.camera import OrbitCamera
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.stage import new_stage, save
 from s2a.scene.usd.stamp import content_hash, read_stamp, write_stamp
@@ -45,7 +47,7 @@ def stage(tmp_path: Path) -> Path:
 def static_checks(path: Path) -> list[Check]:
     held = contents.read(path)
     bounds = load(CertifyConfig, "certify/default").shapes
-    surfaces = (*shapes.ROOM_RULES, *shapes.PART_RULES)
+    surfaces = (*ROOM_RULES, *PART_RULES)
     return [rule(held) for rule in (*static.ROOM_RULES, *static.PART_RULES)] + [rule(held, bounds) for rule in surfaces]
 
 
@@ -207,7 +209,7 @@ def test_a_sweep_ends_with_a_table_and_the_worst_exit_code(
 
 def test_the_foundations_rules_hold_for_a_clean_stage(stage: Path) -> None:
     pytest.importorskip("simready.validate", reason="an optional extra")
-    checks = foundation.foundation(stage, load(CertifyConfig, "certify/default").foundation)
+    checks = foundation(stage, load(CertifyConfig, "certify/default").foundation)
     required = [check for check in checks if check.status != "info"]
     assert [check.name for check in required if check.status == "pass"] == [
         f"simready:{name}" for name in ("FET_003_NEWTON", "FET_003_STANDARD", "FET_004_NEWTON", "FET_004_STANDARD")
@@ -216,7 +218,7 @@ def test_the_foundations_rules_hold_for_a_clean_stage(stage: Path) -> None:
 
 def test_without_the_validator_its_rules_are_not_run(stage: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    (check,) = foundation.foundation(stage, load(CertifyConfig, "certify/default").foundation)
+    (check,) = foundation(stage, load(CertifyConfig, "certify/default").foundation)
     assert check.status == "skipped" and "s2a[simready]" in check.remedy
     said = report.summary(ValidationReport("a.usd", "", "drawer_2", (check,), None, {}, 0.0)).splitlines()
     assert said[1:] == ["  1 skipped", "  simready skipped: the package simready-validate is not installed"]

@@ -16,9 +16,7 @@ from wrong_annotations import transformed
 
 from s2a.certify import contents, portability
 from s2a.certify.check_suite import CertifyConfig
-from s2a.certify.fidelity import excess, shift, uncovered
-from s2a.certify.robot_base import obstacle
-from s2a.certify.scan_evidence import Evidence, EvidenceConfig, as_scene, without
+from s2a.certify.scan_evidence import Evidence, EvidenceConfig, as_scene, excess, obstacle, shift, uncovered, without
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.geometry.mesh_ops import keep, merge, normals, sample
 from s2a.scene.geometry.mesh_query import ray_mesh

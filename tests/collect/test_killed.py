@@ -17,7 +17,7 @@ import pytest
 
 from s2a.learn.collect.episode import ABOUT, UNFINISHED, Dataset, Episode, Features, read_replay
 from s2a.learn.collect.episodes import temporary
-from s2a.learn.collect.lerobot_format import IMAGES, LOSSLESS, LeRobot
+from s2a.learn.collect.lerobot import IMAGES, LOSSLESS, LeRobot
 from s2a.learn.collect.robomimic import INDEX, Robomimic
 
 WRITES = ("os.rename", "os.remove", "os.mkdir", "shutil.move", "shutil.rmtree")

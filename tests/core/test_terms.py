@@ -113,7 +113,7 @@ ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
     "s2a/language/insert/wishes/parse.py": (("wish",), "the command line's own word: wish=prefer"),
     "s2a/language/llm/kinds.py": (("longest",), "as in s2a/language/insert/scale.py"),
     "s2a/language/llm/rules.py": (("longest",), "as in s2a/language/insert/scale.py"),
-    "s2a/core/ranges.py": (("least",), "AtLeast(4) reads as the bound it is"),
+    "s2a/core/bounds.py": (("least",), "AtLeast(4) reads as the bound it is"),
     "s2a/learn/rl/config.py": (("epochs",), "num_learning_epochs, rsl_rl's own name"),
     "s2a/homes/draw.py": (("draw",), "random draws"),
     "s2a/homes/families/openings.py": (("openings",), "doors and windows of a room"),

@@ -19,8 +19,8 @@ from s2a.core.errors import InputError
 from s2a.joints.dynamics import Dynamics
 from s2a.joints.identify import identify
 from s2a.joints.joint_kernels import PARAMETERS
-from s2a.joints.moving_body import moving
 from s2a.joints.pull import Noise, Pull, read
+from s2a.joints.pulled import moving
 from s2a.joints.together import minimize_together
 from s2a.scene.scene import Joint
 from s2a.scene.usd import sim_stage

@@ -7,10 +7,10 @@ import pytest
 from pulled_bodies import DOOR, DRAWER
 
 from s2a.core.errors import InputError
+from s2a.joints.identify import fit
 from s2a.joints.joint_kernels import PARAMETERS
-from s2a.joints.known_motion import fit
-from s2a.joints.moving_body import Moving
 from s2a.joints.pull import Pull
+from s2a.joints.pulled import Moving
 
 STEP, TRUTH = 1 / 60, {"mass": 0.7, "damping": 6.0, "friction": 2.0, "spring": 8.0}
 

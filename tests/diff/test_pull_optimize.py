@@ -13,11 +13,8 @@ from pulled_bodies import DOOR, DRAWER, LID
 from settings import load
 
 from s2a.core.errors import InputError
-from s2a.joints.moving_body import Moving
-from s2a.joints.pull_config import PullConfig
-from s2a.joints.pull_loss import PullLoss
-from s2a.joints.pull_optimize import Optimum, optimize
-from s2a.joints.pulled import Pulled, pulled
+from s2a.joints.pull_optimize import Optimum, PullConfig, PullLoss, optimize
+from s2a.joints.pulled import Moving, Pulled, pulled
 from s2a.learn.evaluate import evaluate
 from s2a.planner import pull_law
 from s2a.planner.arm import Arm

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from flat_cabinet import FRONT, cabinet, upright, with_part
 
-from s2a.prepare.refine_front import seen_front
-from s2a.prepare.refine_plane import fitted_plane
-from s2a.prepare.refine_sides import Faces
+from s2a.prepare.refine_front import Faces, fitted_plane, seen_front
 from s2a.scan.evidence.front import front
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.geometry.mesh_ops import merge

@@ -14,11 +14,9 @@ from s2a.commands import cli
 from s2a.homes.files import write_ply
 from s2a.joints.register import Proposal, Registration, register
 from s2a.joints.register_fit import changed_joint, square, twists, unknowns
-from s2a.joints.register_rooms import align, turned
-from s2a.joints.register_surface import OrientedMesh
+from s2a.joints.register_surface import OrientedMesh, align, turned
 from s2a.scene.articulation import displace, transform
-from s2a.scene.mesh import Mesh
-from s2a.scene.scene import Joint
+from s2a.scene.scene import Joint, Mesh
 
 OPEN = {"drawer_6": 0.25, "door_8": 1.0}
 FRAME = np.eye(4)

@@ -8,8 +8,7 @@ from pulled_bodies import DOOR, DRAWER
 
 from s2a import robot
 from s2a.core.errors import InputError
-from s2a.joints.arm_dynamics import ArmDynamics
-from s2a.joints.robot_pull import Recording, along, pull
+from s2a.joints.robot_pull import ArmDynamics, Recording, along, pull
 from s2a.robot.kinematics import kinematics
 
 PANDA = robot.load("panda")

@@ -15,8 +15,8 @@ from recorded_pulls import HAND, RATE, STEP, Truth, hand_path, record
 from s2a.commands.identify import write_layer
 from s2a.joints.identify import identify
 from s2a.joints.joint_kernels import PARAMETERS
-from s2a.joints.moving_body import Moving, moving
 from s2a.joints.pull import Noise, Pull
+from s2a.joints.pulled import Moving, moving
 from s2a.scene.scene import Joint
 from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import Simulation

@@ -8,7 +8,7 @@ import trimesh
 from closeness import surface_distance
 
 from s2a.scene.geometry import convex, mesh_ops, planes
-from s2a.scene.geometry.handles.finger_gap import fraction_inside
+from s2a.scene.geometry.front_panel import fraction_inside
 from s2a.scene.geometry.simplify import decimate, is_structure
 from s2a.scene.scene import Mesh
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cabinet import box
 
-from s2a.scene.geometry.handles.panel import slab
+from s2a.scene.geometry.front_panel import slab
 from s2a.scene.geometry.mesh_ops import keep, normals
 from s2a.scene.scene import Mesh
 

@@ -9,7 +9,7 @@ from rough_furniture import sheet, sink
 from s2a.core.config import compose, load
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.mesh_ops import merge
-from s2a.scene.geometry.ransac import RansacConfig, ransac_plane
+from s2a.scene.geometry.planes import RansacConfig, ransac_plane
 from s2a.scene.geometry.regions import Region, RegionConfig, support_regions
 from s2a.scene.scene import Mesh, Scene
 

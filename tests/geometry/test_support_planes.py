@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.scene.geometry.support_planes import UP, smoothed_normals
+from s2a.scene.geometry.regions import UP, smoothed_normals
 from s2a.scene.scene import Mesh
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from rough_furniture import at, block
 
-from s2a.language.insert.colours import colour_spread
+from s2a.language.insert.object_file import colour_spread
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Mesh
 

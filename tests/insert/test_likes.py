@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from s2a.language.insert.likes import apart_from_likes, like_on
+from s2a.language.insert.pipeline import apart_from_likes, like_on
 from s2a.language.insert.place.fit import NoRoom
 from s2a.language.insert.plan import Choice, Plan
 

@@ -13,9 +13,8 @@ from s2a.core.config import compose, load
 from s2a.core.errors import InputError
 from s2a.language.insert import describe
 from s2a.language.insert.context import Inserted
-from s2a.language.insert.place.fit import NoRoom
+from s2a.language.insert.place.fit import NoRoom, SweptVolume, heights_within
 from s2a.language.insert.place.supports import SurfaceConfig, facing, target_regions, within
-from s2a.language.insert.place.swept_volumes import SweptVolume, heights_within
 from s2a.language.insert.room_state import RoomState
 from s2a.scene.geometry.convex import halfspaces, hull
 from s2a.scene.geometry.occupancy import distinct_cells

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rough_furniture import at, block, sheet
 
-from s2a.language.insert.walls import wall_line
+from s2a.language.insert.describe import wall_line
 from s2a.scene.scene import Mesh, Part, Scene
 
 FLAT = sheet((0, 4), (0, 2.5), 0.0, 0.05)

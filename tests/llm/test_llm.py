@@ -18,9 +18,8 @@ from s2a.core.errors import InputError
 from s2a.language.insert import prompts
 from s2a.language.insert.plan import FailedPlan, Plan, checked, plan
 from s2a.language.insert.scale import size
-from s2a.language.llm.ask import Model, Request, ValidationFeedback, ask, parse
+from s2a.language.llm.ask import Model, Request, UsageLog, ValidationFeedback, ask, parse
 from s2a.language.llm.client import LlmConfig, choose, kind_of
-from s2a.language.llm.usage_log import UsageLog
 from s2a.scene.scene import Mesh, Part, Scene
 
 ROOM = Scene("room", {i: Part(i[:-2], Mesh([], [])) for i in ("desk_1", "shelf_2", "keyboard_3")})

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from s2a.language.insert.axes import AXES
+from s2a.language.insert.place.stable_pose import AXES
 from s2a.language.llm.kinds import known
 from s2a.language.llm.rules import _flat, _up
 

@@ -43,8 +43,8 @@ from s2a.planner.places import (
     place_poses,
 )
 from s2a.robot.collision import robot_shape
-from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
+from s2a.robot.tool_path import follow
 from s2a.scene.geometry import convex
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage

@@ -23,11 +23,10 @@ from s2a.prepare.grasp import find_grasp, floor_height
 from s2a.prepare.obstacles import Obstacles
 from s2a.prepare.path_clearance import path_collision
 from s2a.robot.collision import robot_shape
-from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import opening_coordinate, part_path
-from s2a.scene.geometry.sweep import sweep
+from s2a.robot.tool_path import follow, opening_coordinate, part_path
+from s2a.scene.geometry.convex import sweep
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import SimRoom

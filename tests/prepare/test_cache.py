@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from s2a.core import cache
-from s2a.scene.mesh import pack, unpack
-from s2a.scene.scene import Mesh
+from s2a.scene.scene import Mesh, pack, unpack
 
 TRIANGLE = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 

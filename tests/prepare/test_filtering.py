@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2a.prepare.filtering import filtered_pairs
+from s2a.prepare.part_hulls import filtered_pairs
 from s2a.scene.geometry.convex import box
 from s2a.scene.scene import Joint
 from s2a.scene.usd.sim_scene import Collider, Mass, SimBody

@@ -14,7 +14,7 @@ from settings import load
 
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.grasp import find_grasp
-from s2a.scene.geometry.handles.finger_gap import fraction_inside
+from s2a.scene.geometry.front_panel import fraction_inside
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 

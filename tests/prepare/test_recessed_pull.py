@@ -25,7 +25,7 @@ from s2a.planner.part_plan import PlannerConfig, demonstration
 from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.grasp import find_grasp, grasp_frame
 from s2a.scene.geometry.convex import contains
-from s2a.scene.geometry.handles.pocket import find_pocket, pocket_hulls
+from s2a.scene.geometry.front_panel import find_pocket, pocket_hulls
 from s2a.scene.usd import sim_stage
 from s2a.sim.world import read_stage
 from s2a.tasks.open_part.skill import tool_path

@@ -13,8 +13,7 @@ from s2a.core.errors import InputError
 from s2a.prepare import part as parts_module
 from s2a.prepare import prepare
 from s2a.prepare.target import bodies, find_target, parent_body
-from s2a.scene.geometry.convex import overlap
-from s2a.scene.geometry.sweep import sweep
+from s2a.scene.geometry.convex import overlap, sweep
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import SimRoom
 

@@ -16,9 +16,8 @@ from settings import load
 
 from s2a.prepare import PrepareConfig, prepare
 from s2a.scene.geometry.convex import box
-from s2a.scene.geometry.deviation import deviation
 from s2a.scene.geometry.mesh_ops import centroids, keep, merge
-from s2a.scene.geometry.simplify import DecimateConfig, Decimated, decimate, decimate_room
+from s2a.scene.geometry.simplify import DecimateConfig, Decimated, decimate, decimate_room, deviation
 from s2a.scene.scene import Mesh, Part, Scene
 from s2a.scene.usd import sim_stage
 

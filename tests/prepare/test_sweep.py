@@ -22,8 +22,7 @@ from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.grasp import opening_direction
 from s2a.prepare.target import target_joint
 from s2a.scene.articulation import displace
-from s2a.scene.geometry.convex import box, contains, overlap
-from s2a.scene.geometry.sweep import deepest, sweep
+from s2a.scene.geometry.convex import box, contains, deepest, overlap, sweep
 from s2a.scene.scene import Joint, Mesh, Part, Scene, Vec3
 from s2a.scene.usd import geometric, sim_stage
 from s2a.scene.usd.joints import write_joint

@@ -10,7 +10,8 @@ import pytest
 
 browser = pytest.importorskip("browser", reason="selenium is not installed", exc_type=ImportError)
 
-from s2a.view.report import chart, document  # noqa: E402
+from s2a.view.report import document  # noqa: E402
+from s2a.view.report.document import Line, lines  # noqa: E402
 from s2a.view.report.read import read  # noqa: E402
 
 pytestmark = [
@@ -50,7 +51,7 @@ def test_a_report_fits_its_window(name: str, visitor: browser.Page, tmp_path: Pa
 
 def test_the_numbers_of_a_chart_are_not_cut(visitor: browser.Page, tmp_path: Path) -> None:
     charts = [(0.00064, 0.00192, 89.0), (0.0, 1041.6, -0.00031), (125000.0, 990000.0, -123456.0)]
-    figures = [chart.lines("title", "steps", [chart.Line("one", [a, b], [0.0, y])]) for a, b, y in charts]
+    figures = [lines("title", "steps", [Line("one", [a, b], [0.0, y])]) for a, b, y in charts]
     file = tmp_path / "report.html"
     file.write_text(document.Document("title", "about", (("Curves", "".join(figures)),)).html())
     visitor.open(file.as_uri())

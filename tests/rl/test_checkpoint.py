@@ -14,9 +14,8 @@ from settings import load
 
 from s2a.core.errors import InputError
 from s2a.learn.rl.adapter import RslRlEnv
-from s2a.learn.rl.checkpoint import load_policy
 from s2a.learn.rl.config import PpoConfig
-from s2a.learn.rl.ppo import make_runner, train
+from s2a.learn.rl.ppo import load_policy, make_runner, train
 from s2a.learn.rl.run_folder import BEST, latest
 from s2a.learn.rl.runner import Runner
 

@@ -11,10 +11,9 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.robot.joint_path import JUMP, follow, straight
 from s2a.robot.kinematics import kinematics
 from s2a.robot.model import add_robot
-from s2a.robot.tool_path import opening_coordinate, part_path
+from s2a.robot.tool_path import JUMP, follow, opening_coordinate, part_path, straight
 from s2a.scene.scene import Joint
 
 SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))

@@ -11,9 +11,9 @@ from mutations import mutated_bytes
 from placed_mug import CONFIG, UPRIGHT, saved, write_stage
 from pxr import Sdf
 
+from s2a.language.insert.batch import geometry_free_text
 from s2a.language.insert.script import run_sandboxed
 from s2a.language.sandbox.diff import compare
-from s2a.language.sandbox.geometry_free import geometry_free_text
 from s2a.language.sandbox.jail import Sandbox
 from s2a.language.sandbox.violation import PolicyViolation
 

@@ -16,7 +16,7 @@ from settings import load
 
 from s2a.core.errors import InputError
 from s2a.prepare import prepare
-from s2a.scene.geometry.sweep import deepest
+from s2a.scene.geometry.convex import deepest
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import Base, Collider

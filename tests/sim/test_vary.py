@@ -12,7 +12,7 @@ from settings import load
 
 from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import SimConfig, Simulation
-from s2a.sim.vary import Variation
+from s2a.sim.solver import Variation
 from s2a.sim.world import SimStage, read_stage
 
 WORLDS = 64

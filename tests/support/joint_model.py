@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from s2a.joints.joint_worlds import kalman
-from s2a.joints.moving_body import Moving
 from s2a.joints.pull import Noise, Pull
+from s2a.joints.pulled import Moving
 
 SHARPNESS, STRIBECK, EDGE = 6.0, 0.05, 0.25
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.joints.moving_body import Moving
+from s2a.joints.pulled import Moving
 from s2a.scene.scene import Joint
 from s2a.scene.usd.sim_scene import Mass
 

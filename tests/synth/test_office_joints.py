@@ -13,7 +13,7 @@ from settings import load
 from s2a.prepare import PrepareConfig, prepare
 from s2a.scene.scene import Joint, Scene
 from s2a.scene.usd import descriptive, geometric, sim_stage
-from s2a.scene.usd.validate import problems
+from s2a.scene.usd.stage import problems
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import JointConfig, joint_index, read_stage
 

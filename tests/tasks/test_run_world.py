@@ -13,7 +13,7 @@ from settings import load
 from s2a.commands.train import Config
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.learn.rl.run_world import read_world, write_world
+from s2a.learn.rl.run_folder import read_world, write_world
 from s2a.sim.simulation import SimConfig
 from s2a.tasks.pick_place.config import PickPlaceConfig
 

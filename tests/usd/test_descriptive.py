@@ -11,8 +11,8 @@ from usd_room import box, room
 
 from s2a.scene.scene import Mesh, Part, Scene
 from s2a.scene.usd import descriptive
-from s2a.scene.usd.boxes import silhouette, upright_box
-from s2a.scene.usd.validate import problems
+from s2a.scene.usd.descriptive import silhouette, upright_box
+from s2a.scene.usd.stage import problems
 
 
 @pytest.fixture(scope="module")

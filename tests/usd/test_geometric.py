@@ -13,7 +13,7 @@ from usd_room import DIRTY, box, room, unit
 from s2a.scene.articulation import displace
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 from s2a.scene.usd import geometric, joints
-from s2a.scene.usd.validate import problems
+from s2a.scene.usd.stage import problems
 
 
 @pytest.fixture(scope="module", params=["geometric.usd", "geometric.usda"])

@@ -21,7 +21,7 @@ from s2a.prepare import PrepareConfig, prepare
 from s2a.scene.scene import Part
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
-from s2a.scene.usd.validate import problems
+from s2a.scene.usd.stage import problems
 
 
 @pytest.fixture(scope="module")

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import newton
 import numpy as np
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from s2a.core.errors import InputError
+from s2a.scene.geometry.mesh_ops import bake
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
-from s2a.sim.freezing import carrier_of, kept_bodies, owner
-from s2a.sim.room import add_room, open_physics
+from s2a.sim.room import add_room, carrier_of, kept_bodies, open_physics, owner
 from s2a.sim.solver import SimConfig
-from s2a.sim.stiffness import stiffen
-from s2a.sim.world import empty_world, joint_index
+from s2a.sim.world import empty_world, joint_index, stiffen
 
 STATIC = "static"
 """Id of the link that is the room itself."""
@@ -134,3 +134,33 @@ def _add_visuals(links: dict[str, Link], room: SimRoom, kept: Sequence[str]) -> 
         link = body.id if body.id in kept else carrier_of(room, body.id, kept) or STATIC
         points = body.visual.vertices if body.id in kept else in_scene(body, body.visual)
         links[link].visuals[body.id] = Mesh(points, body.visual.faces, body.visual.colors)
+
+
+FOLDER = "meshes"
+"""Of the mesh files, beside the file of the room."""
+
+
+def write_hull(path: Path, mesh: Mesh) -> None:
+    """Write a collider as OBJ; its numbers are read back as the same float32."""
+    path.write_text(_vertices(mesh.vertices) + _rows("f {} {} {}", mesh.faces + 1))
+
+
+def write_surface(path: Path, mesh: Mesh) -> None:
+    """Write a surface as OBJ; its colours go into .mtl and .png files of the same name."""
+    uv, texture = bake(mesh.faces, mesh.colors)
+    Image.fromarray(texture[..., :3]).save(path.with_suffix(".png"))
+    path.with_suffix(".mtl").write_text(f"newmtl {path.stem}\nKd 1 1 1\nmap_Kd {path.stem}.png\n")
+    corners = np.stack([mesh.faces.ravel() + 1, np.arange(mesh.faces.size) + 1], axis=1).reshape(-1, 6)
+    path.write_text(
+        f"mtllib {path.stem}.mtl\nusemtl {path.stem}\n{_vertices(mesh.vertices)}"
+        + _rows("vt {:.6f} {:.6f}", uv)
+        + _rows("f {}/{} {}/{} {}/{}", corners)
+    )
+
+
+def _vertices(points: np.ndarray) -> str:
+    return _rows("v {:.9g} {:.9g} {:.9g}", points)
+
+
+def _rows(form: str, rows: np.ndarray) -> str:
+    return "".join(form.format(*row) + "\n" for row in rows.tolist())

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import mujoco
 
-from s2a.certify.convert.links import STATIC, LinkedRoom
-from s2a.certify.convert.meshes import FOLDER, write_hull, write_surface
+from s2a.certify.convert.links import FOLDER, STATIC, LinkedRoom, write_hull, write_surface
 from s2a.core.outputs import temporary_folder
 from s2a.scene.usd.stage import ROOT
 from s2a.sim.solver import SimConfig, make_solver

@@ -14,12 +14,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.certify.convert.links import STATIC, Link, LinkedRoom
-from s2a.certify.convert.meshes import FOLDER, write_hull, write_surface
+from s2a.certify.convert.links import FOLDER, STATIC, Link, LinkedRoom, write_hull, write_surface
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import Articulation, Mass, Quat
 from s2a.scene.usd.sim_stage import FRICTION
-from s2a.sim.freezing import carrier_of
+from s2a.sim.room import carrier_of
 from s2a.sim.solver import SimConfig
 
 FILE, PAIRS = "room.urdf", "room.srdf"

@@ -13,8 +13,7 @@ from s2a.core.errors import InputError, printable
 from s2a.planner.obstacles import RoomHulls
 from s2a.scene.articulation import opening_direction
 from s2a.scene.scene import Vec3
-from s2a.scene.usd.boxes import upright_box
-from s2a.scene.usd.descriptive import DescribedPart
+from s2a.scene.usd.descriptive import DescribedPart, upright_box
 from s2a.scene.usd.sim_scene import SimBody, SimRoom, in_scene
 
 LABEL = 60

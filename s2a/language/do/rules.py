@@ -7,9 +7,8 @@ import re
 from dataclasses import asdict, dataclass, field
 
 from s2a.language.do.facts import Facts, RoomPart
-from s2a.language.do.nouns import resolve
+from s2a.language.do.nouns import Unresolved, resolve
 from s2a.language.do.plan import Name, Skill, SkillPlan
-from s2a.language.do.where import Unresolved
 from s2a.language.llm.ask import Answer, Request
 
 POLITE = re.compile(

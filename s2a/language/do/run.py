@@ -7,14 +7,12 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from s2a.core.errors import InputError
+from s2a.language.do import episode
 from s2a.language.do import facts as fact
-from s2a.language.do import state as states
 from s2a.language.do.check import Checker
-from s2a.language.do.episode import Outcome
+from s2a.language.do.episode import Outcome, RoomChange
 from s2a.language.do.plan import Failure, Skill, SkillPlan, plan, refused
-from s2a.language.do.state import RoomChange
-from s2a.language.llm.ask import Model
-from s2a.language.llm.usage_log import UsageLog
+from s2a.language.llm.ask import Model, UsageLog
 from s2a.scene.usd.descriptive import DescribedPart
 from s2a.scene.usd.sim_scene import SimRoom
 
@@ -69,8 +67,8 @@ def make_plan(
         InputError: no answer of the model could be used.
     """
     state = state or RoomChange()
-    room = states.at_state(context.room, state)
-    known = fact.gather(room, context.described, states.opened_by(context.room, state), context.robot)
+    room = episode.at_state(context.room, state)
+    known = fact.gather(room, context.described, episode.opened_by(context.room, state), context.robot)
     check = Checker(room, known, context.robot, context.opening)
     found = plan(model, sentence, known, check, retries, usage, failed)
     return found, check.passed if found.skills else [], fact.possible(known)

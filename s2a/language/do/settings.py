@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from s2a.core.ranges import CountFromZero
+from s2a.core.bounds import CountFromZero
 from s2a.planner.part_plan import PlannerConfig
 from s2a.sim.camera import CameraConfig
 from s2a.sim.simulation import SimConfig

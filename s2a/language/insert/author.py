@@ -5,20 +5,23 @@ from __future__ import annotations
 import re
 import textwrap
 import unicodedata
+from pathlib import Path
 from typing import Any
+
+from pxr import Sdf, UsdGeom
 
 from s2a.core.errors import InputError, encodable
 from s2a.language.insert import prompts
 from s2a.language.insert.place.fit import Pose
 from s2a.language.insert.placement import Placement, check_label
 from s2a.language.insert.script import ScriptResult, run_sandboxed
-from s2a.language.llm.ask import Model, Request, ValidationFeedback, ask, without_thoughts
-from s2a.language.llm.usage_log import UsageLog
+from s2a.language.llm.ask import Model, Request, UsageLog, ValidationFeedback, ask, without_thoughts
 from s2a.language.sandbox.jail import Sandbox
 from s2a.language.sandbox.policy import HIDDEN
 from s2a.language.sandbox.violation import PolicyViolation
 from s2a.scan.labels import part_id
-from s2a.scene.scene import Scene
+from s2a.scene.scene import Mesh, Scene
+from s2a.scene.usd.stage import ROOT, new_stage, save, save_layer, write_mesh
 
 FENCE = re.compile(
     r"^[ \t>]*(?P<fence>`{3,}|~{3,})[ \t]*(?P<language>[\w.+-]*)[^\n`]*\n(?P<script>.*?)(?:^[ \t]*(?P=fence)[`~]*[ \t]*$|\Z)",
@@ -102,3 +105,45 @@ def bare(text: str) -> str:
         return text
     written = [script for language, script in fences if language in LANGUAGES]
     return textwrap.dedent(written[-1] if written else fences[-1][1])
+
+
+OBJECT = "/object"
+"""Default prim of an object's file."""
+
+
+def write_object(mesh: Mesh, path: Path) -> None:
+    """Write an object's file, as a placement refers to it: `/object` with its surface in `/object/visual`.
+
+    Args:
+        mesh: in the object's own frame, metres, z up.
+        path: ends in .usd, .usda or .usdc.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    stage = new_stage()
+    stage.RemovePrim(ROOT)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, OBJECT).GetPrim())
+    write_mesh(stage, f"{OBJECT}/visual", mesh)
+    save(stage, path)
+
+
+def write(added: Sdf.Layer, below: str, path: Path) -> None:
+    """Write a layer that shows a stage with what was added; the same input gives the same bytes.
+
+    Args:
+        added: `/scene` with the new prims, from `s2a.language.sandbox.diff`.
+        below: path of the stage (a geometric.usd or an overlay), relative to the folder of `path`.
+        path: ends in .usda.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    stage, layer = new_stage(), Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(stage.GetRootLayer())  # a layer alone opens nothing that it names
+    layer.subLayerPaths.append(below)
+    root = layer.GetPrimAtPath(ROOT)
+    root.specifier, root.typeName = Sdf.SpecifierOver, ""
+    for prim in added.GetPrimAtPath(ROOT).nameChildren:
+        Sdf.CopySpec(added, prim.path, layer, prim.path)
+    save_layer(layer, path)

@@ -8,25 +8,57 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
-from pxr import Sdf
+from pxr import Sdf, Usd, UsdGeom
 
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write, refuse_loss, require_png
 from s2a.core.progress import track
-from s2a.language.insert import overlay
-from s2a.language.insert.attempt import Attempt
+from s2a.language.insert import author
+from s2a.language.insert.attempt import Attempt, image_pose
 from s2a.language.insert.context import Inserted, ObjectRequest
-from s2a.language.insert.review import image_pose
 from s2a.language.insert.room_state import RoomState
 from s2a.language.insert.settings import InsertSettings
-from s2a.language.llm.ask import Model
+from s2a.language.llm.ask import Model, Record
 from s2a.language.llm.client import choose, kind_of
-from s2a.language.llm.usage_log import Record
-from s2a.language.sandbox.geometry_free import geometry_free_text
-from s2a.scene.geometry.orbit_camera import OrbitCamera
-from s2a.scene.geometry.render import render, write_png
+from s2a.scene.geometry.camera import OrbitCamera, render, write_png
 from s2a.scene.usd import descriptive, geometric
-from s2a.scene.usd.layer_files import files
+from s2a.scene.usd.stage import ROOT, new_stage, open_stage
+from s2a.scene.usd.stamp import files
+
+KEPT = ("s2a:partId", "s2a:label", "s2a:parent", "s2a:motion")
+
+
+def geometry_free_text(path: Path) -> str:
+    """Return a stage in USD's text with the prims of the one at `path`, and nothing of it that is long.
+
+    Kept are types, transforms, and `s2a:partId`, `s2a:label`, `s2a:parent` and `s2a:motion`; dropped are arrays,
+    references, joints and physics.
+
+    Raises:
+        InputError: no such file, or not a stage in metres with z up and the default prim `/scene`.
+    """
+    stage, bare = open_stage(path), new_stage()
+    layer = bare.GetRootLayer()
+    for prim in Usd.PrimRange(stage.GetPrimAtPath(ROOT)):
+        if prim.GetPath() != ROOT:
+            _copy(prim, layer)
+    return layer.ExportToString()
+
+
+def _copy(prim: Usd.Prim, layer: Sdf.Layer) -> None:
+    """Write a prim's type, transform and short attributes into a layer."""
+    spec = Sdf.CreatePrimInLayer(layer, prim.GetPath())
+    spec.specifier, spec.typeName = Sdf.SpecifierDef, prim.GetTypeName()
+    kept = [attribute for name in KEPT if (attribute := prim.GetAttribute(name)).HasAuthoredValue()]
+    if prim.IsA(UsdGeom.Xformable):
+        order = UsdGeom.Xformable(prim).GetXformOpOrderAttr()
+        kept += [order] if order.HasAuthoredValue() else []
+        kept += [op.GetAttr() for op in UsdGeom.Xformable(prim).GetOrderedXformOps()]
+    for attribute in kept:
+        kind = attribute.GetTypeName()
+        copy = Sdf.AttributeSpec(spec, attribute.GetName(), kind, attribute.GetVariability(), attribute.IsCustom())
+        copy.default = attribute.Get()
+
 
 MAX_LIST = 4_000_000
 """Of a list of objects [bytes]."""
@@ -147,10 +179,10 @@ def _write(found: list[Inserted], records: list[Record], room: RoomState, settin
     added = Sdf.Layer.CreateAnonymous(".usda")
     Sdf.CreatePrimInLayer(added, "/scene")
     for one in found:
-        overlay.write_object(one.mesh, out / one.placement.reference)
+        author.write_object(one.mesh, out / one.placement.reference)
         path = f"/scene/{one.placement.part_id}"
         Sdf.CopySpec(one.layer, path, added, path)
-    overlay.write(added, Path(os.path.relpath(settings.stage, settings.out)).as_posix(), out / LAYER)
+    author.write(added, Path(os.path.relpath(settings.stage, settings.out)).as_posix(), out / LAYER)
     descriptive.write(room.scene, out / "descriptive.usda")
     about = {"stage": str(settings.stage), "surface": settings.surface, "pose": settings.pose}
     about |= {"llm": kind_of(settings.llm), "model": settings.llm.model}

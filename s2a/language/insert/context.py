@@ -16,8 +16,7 @@ from s2a.language.insert.place.supports import SurfaceConfig
 from s2a.language.insert.placement import Placement
 from s2a.language.insert.plan import Plan
 from s2a.language.insert.room_state import RoomState
-from s2a.language.llm.ask import Model
-from s2a.language.llm.usage_log import Record, UsageLog
+from s2a.language.llm.ask import Model, Record, UsageLog
 from s2a.language.sandbox.jail import SandboxConfig
 from s2a.scene.scene import Mesh, Part, Scene
 

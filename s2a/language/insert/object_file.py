@@ -10,16 +10,46 @@ import trimesh
 from pxr import Usd, UsdGeom
 from scipy.spatial import cKDTree
 
+from s2a.core.bounds import Count, Positive
 from s2a.core.errors import InputError
-from s2a.core.ranges import Count, Positive
-from s2a.language.insert.axes import AXES
-from s2a.language.insert.place.lean import leans_forward
-from s2a.language.insert.place.stable_pose import settled_axis
-from s2a.language.insert.texture_colours import textured
+from s2a.language.insert.place.stable_pose import AXES, leans_forward, settled_axis
+from s2a.scan.bake import bake
+from s2a.scan.mesh_files import from_trimesh
 from s2a.scene.geometry.mesh_ops import GREY
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh, visible_distance
 from s2a.scene.geometry.simplify import decimate
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.stage import reading, refuse_deep
+
+COARSEST, FINEST, STEP = 8.0, 512.0, 1.5
+"""Parts of an object's longest side down to which triangles' edges are split: the first, the last, and from one to the next."""
+
+
+def textured(path: Path, shape: trimesh.Trimesh, budget: int) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return the vertices [vertex 3], triangles [face 3] and colours [vertex 3], uint8, of a shape with a texture.
+
+    Triangles are split where the texture shows more than the colours of their corners, as finely as the budget allows.
+
+    Args:
+        path: the file, for warnings.
+        shape: as trimesh reads it.
+        budget: largest number of triangles.
+
+    Returns:
+        None if it has no texture coordinates or no image, or more triangles than the budget.
+    """
+    source = from_trimesh(path, shape, np.eye(4))
+    if np.isnan(source.uv).all() or all(material.texture is None for material in source.materials):
+        return None
+    side = float(np.ptp(source.vertices, axis=0).max())
+    found, parts = bake(source, np.inf), float(COARSEST)
+    while len(found.faces) <= budget and parts <= FINEST:
+        finer = bake(source, side / parts)
+        if len(finer.faces) > budget:
+            break
+        found, parts = finer, parts * STEP
+    return None if len(found.faces) > budget else (found.vertices, found.faces, found.colors)
+
 
 STAGES = (".usd", ".usda", ".usdc", ".usdz")
 MESHES = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
@@ -243,3 +273,43 @@ def _lighter(mesh: Mesh, config: ObjectConfig) -> Mesh:
     less = decimate(mesh, config.faces / len(mesh.faces), config.aggressiveness)
     colors = None if mesh.colors is None else mesh.colors[cKDTree(mesh.vertices).query(less.vertices)[1]]
     return Mesh(less.vertices, less.faces, colors)
+
+
+GRID = 24
+"""Rays along a side of the grid, at each end."""
+
+
+def colour_spread(mesh: Mesh) -> dict[str, float]:
+    """Return for each axis, "+x" to "-z", the spread of the colours seen from there, 0 to 255; empty without colours.
+
+    That is the standard deviation over parallel rays from that side, as the root mean square of the channels.
+    """
+    if mesh.colors is None or not len(mesh.faces):
+        return {}
+    # In a box of size 1: files have any unit, and rays are in single precision.
+    low, longest = mesh.vertices.min(axis=0), float(np.ptp(mesh.vertices, axis=0).max())
+    tree = ray_mesh((mesh.vertices - low) / longest, mesh.faces)
+    sides = np.ptp(mesh.vertices, axis=0).astype(np.float64) / longest
+    colors = mesh.colors[mesh.faces][:, :, :3].astype(np.float64).mean(axis=1)
+    return {name: _spread(colors[_seen(tree, sides, axis)]) for name, axis in AXES.items()}
+
+
+def _seen(tree: object, sides: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Return the faces that rays against an axis meet first, shape [hit]."""
+    up = int(np.abs(axis).argmax())
+    across = [i for i in range(3) if i != up]
+    middles = (np.stack(np.meshgrid(*[np.arange(GRID)] * 2), axis=-1).reshape(-1, 2) + 0.5) / GRID
+    start = np.empty((len(middles), 3))
+    start[:, across] = middles * sides[across]
+    start[:, up] = sides[up] if axis[up] > 0 else 0.0
+    start += 0.1 * axis
+    reach = float(sides[up]) + 0.2
+    distance, _ = visible_distance(tree, start, -axis, reach)
+    hit = distance < reach
+    face, _ = nearest_faces(tree, start[hit] - distance[hit, None] * axis)
+    return face[face >= 0]
+
+
+def _spread(colors: np.ndarray) -> float:
+    """Return the standard deviation of colours [hit 3]."""
+    return round(float(np.sqrt(colors.var(axis=0).mean())), 1) if len(colors) else 0.0

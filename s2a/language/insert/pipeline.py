@@ -5,28 +5,138 @@ Whether an object stays where it is put is up to the caller's `StabilityCheck`: 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from s2a.language.insert import describe
 from s2a.language.insert.author import author, check_words, placement
-from s2a.language.insert.candidate import stable_candidate
-from s2a.language.insert.colours import colour_spread
-from s2a.language.insert.context import InsertContext, Inserted, ObjectRequest
-from s2a.language.insert.likes import apart_from_likes
-from s2a.language.insert.object_file import ObjectFile, read_object, upright
-from s2a.language.insert.place.candidate_poses import CandidatePose
+from s2a.language.insert.context import InsertConfig, InsertContext, Inserted, ObjectRequest
+from s2a.language.insert.hints import is_kind_of
+from s2a.language.insert.object_file import ObjectFile, colour_spread, read_object, upright
+from s2a.language.insert.place.candidate_poses import CandidatePose, Keep, candidate_poses
+from s2a.language.insert.place.contact import PoseConfig, facing_first
 from s2a.language.insert.place.fit import NoRoom
 from s2a.language.insert.place.stable_pose import concavities, cross_sections, tilt_margins
-from s2a.language.insert.plan import FailedPlan, Plan, plan
+from s2a.language.insert.plan import Choice, FailedPlan, Plan, plan
+from s2a.language.insert.room_state import RoomState
 from s2a.language.insert.scale import Size, fit_scale, size
-from s2a.language.insert.wishes.heed import decline, planned_place, read_wish, verdict
+from s2a.language.insert.settle import stable_pose
+from s2a.language.insert.wishes.heed import allowed, decline, objection, planned_place, read_wish, verdict
 from s2a.language.insert.wishes.parse import Wish
+from s2a.language.llm.ask import Record, step, tokens
 from s2a.language.llm.rules import write_scripts
-from s2a.language.llm.usage_log import Record, step, tokens
 from s2a.language.sandbox.jail import Sandbox
 from s2a.scene.scene import Mesh, Part
+
+
+def stable_candidate(context: InsertContext, object: Mesh, where: Plan, hint: Wish, anyhow: bool) -> CandidatePose:
+    """Return the first candidate pose, in the order of the plan, at which the object stays.
+
+    Args:
+        context: of the insertion.
+        object: upright, in metres.
+        where: the plan.
+        hint: the parsed placement hint, which holds.
+        anyhow: Turn a large object's side or back to the room where there is no other place.
+
+    Raises:
+        NoRoom: there is none.
+    """
+    room, config, record = context.room, context.config, context.record
+    results: list[Record] = []
+    keeps: dict[Wish, Keep | None] = {}
+
+    def check(candidate: CandidatePose) -> Record:
+        with step(record, "verify") as result:
+            result.pop("rest", None)  # of earlier candidates
+            found = context.check_stability(object, candidate, room.scene)
+            result |= found
+        results.append(found)
+        return found
+
+    for heeded, turned in _searches(object, where, hint, config, anyhow):
+        if (
+            turned is config.pose
+            and turned.pose == "search"
+            and any(result.get("unstable", False) for result in results)
+        ):
+            continue  # it would fall over however it is turned
+        reasons: list[str] = []
+        if heeded not in keeps:
+            keeps[heeded] = allowed(heeded, room.scene, object)
+        poses = candidate_poses(room, object, where, config.surface, turned, reasons, keeps[heeded])
+        with step(record, "pose") as said:
+            candidate = stable_pose(
+                room, object, poses, check, partial(_unheeded, room, object, heeded), config.pose, reasons
+            )
+            if candidate is not None:
+                said |= {name: np.asarray(value).tolist() for name, value in vars(candidate.pose).items()}
+                record["surface"] = {**candidate.surface, "passed over": reasons}
+                return candidate
+    unstable = any(result.get("unstable", False) for result in results)
+    record["surface"] = {"passed over": reasons}
+    summary = f"no place for {record.get('label', 'the object')!r}: {'; '.join(reasons)}"
+    raise NoRoom(summary, unstable=unstable, remedy="; name another place with prompt=...")
+
+
+def _searches(
+    object: Mesh, where: Plan, wish: Wish, config: InsertConfig, anyhow: bool
+) -> Iterator[tuple[Wish, PoseConfig]]:
+    """Yield what is searched for: squarely first, and first where the plan has it; other turns before giving up a wish."""
+    preferred = Wish((*wish.relations, *planned_place(where).relations))
+    for heeded in ((preferred, wish), (Wish(),)) if config.wish == "prefer" else ((preferred, wish),):
+        for turned in facing_first(object, config.pose, anyhow):
+            for one in dict.fromkeys(heeded):
+                yield one, turned
+
+
+def _unheeded(room: RoomState, object: Mesh, wish: Wish, candidate: CandidatePose) -> str:
+    """Return the relation of a wish that a candidate does not have, as a clause; empty if it has all."""
+    return objection(wish, room.scene, candidate.pose.moved(object)) if wish.relations else ""
+
+
+SINGLE = (
+    "tv", "keyboard", "microwave", "kettle", "toaster", "coffee maker", "coffee machine", "printer", "record player",
+    "bread bin", "dish rack", "knife block", "toaster oven",
+)  # fmt: skip
+"""Kinds of which one table or counter has one."""
+
+
+def like_on(target: str, label: str, lines: list[dict[str, Any]]) -> str | None:
+    """Return the id of a thing on a support that is of the same single kind as a label; None if there is none.
+
+    Args:
+        target: id of the support.
+        label: of the object.
+        lines: of the room, see `s2a.language.insert.describe.describe`.
+    """
+    kinds = [kind for kind in SINGLE if is_kind_of(label, kind)]
+    standing = (line for line in lines if line.get("on") == target)
+    return next((line["id"] for line in standing if any(is_kind_of(line["label"], kind) for kind in kinds)), None)
+
+
+def apart_from_likes(plan: Plan, label: str, lines: list[dict[str, Any]], last: bool) -> Plan:
+    """Return a plan without the supports that carry a like of the object, or with these at the end if it is the last one.
+
+    Raises:
+        NoRoom: nothing is left, and it is not the last plan.
+    """
+    likes = {choice: like_on(choice.target, label, lines) for choice in plan.choices}
+    free = tuple(choice for choice in plan.choices if likes[choice] is None)
+    if not free and not last:
+        raise NoRoom("; ".join(_clause(choice, like) for choice, like in likes.items()))
+    return replace(plan, choices=free + tuple(choice for choice in plan.choices if last and choice not in free))
+
+
+def _clause(choice: Choice, like: str | None) -> str:
+    return (
+        f"{choice.relation} {choice.target}: {like} is there already, and people keep one such thing at a place; repeat it if "
+        "there is no better place for a second one"
+    )
 
 
 @dataclass(frozen=True)

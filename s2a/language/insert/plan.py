@@ -8,9 +8,8 @@ from typing import Any, Literal
 
 from s2a.core.config import nearest
 from s2a.language.insert import prompts
-from s2a.language.insert.axes import AXES, sideways
-from s2a.language.llm.ask import Model, Request, ValidationFeedback, ask, parse
-from s2a.language.llm.usage_log import UsageLog
+from s2a.language.insert.place.stable_pose import AXES, sideways
+from s2a.language.llm.ask import Model, Request, UsageLog, ValidationFeedback, ask, parse
 from s2a.scene.scene import Scene
 
 CHOICES = 3

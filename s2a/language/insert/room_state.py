@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from s2a.language.insert import describe
-from s2a.language.insert.place.fit import NoRoom
+from s2a.language.insert.place.fit import NoRoom, swept_volumes
 from s2a.language.insert.place.supports import SurfaceConfig, target_mesh, target_regions
-from s2a.language.insert.place.swept_volumes import swept_volumes
 from s2a.scene.geometry.regions import Region, RegionConfig
 from s2a.scene.scene import Mesh, Scene
 

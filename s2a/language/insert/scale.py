@@ -8,8 +8,7 @@ from typing import Any, Literal
 
 from s2a.language.insert import prompts
 from s2a.language.insert.placement import SCALE
-from s2a.language.llm.ask import Model, Request, ValidationFeedback, ask, parse
-from s2a.language.llm.usage_log import UsageLog
+from s2a.language.llm.ask import Model, Request, UsageLog, ValidationFeedback, ask, parse
 
 Range = tuple[float, float]
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}

@@ -34,7 +34,7 @@ class ScriptResult:
     """Result of a script.
 
     Attributes:
-        layer: `/scene` with the new prim, as the script wrote it; `s2a.language.insert.overlay.write` puts it over a stage.
+        layer: `/scene` with the new prim, as the script wrote it; `s2a.language.insert.author.write` puts it over a stage.
         record: plain values for the JSON record: the active sandbox layers, what they left exposed, seconds, the script.
     """
 

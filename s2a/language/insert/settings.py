@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from s2a.core.ranges import Count, CountFromZero
+from s2a.core.bounds import Count, CountFromZero
 from s2a.language.insert.context import InsertConfig
 from s2a.language.insert.object_file import ObjectConfig
 from s2a.language.insert.place.contact import PoseConfig
@@ -14,8 +14,8 @@ from s2a.language.insert.place.supports import SurfaceConfig
 from s2a.language.insert.stability import DropTestConfig, HullsConfig
 from s2a.language.llm.client import LlmConfig, kind_of
 from s2a.language.sandbox.jail import SandboxConfig
-from s2a.scene.geometry.orbit_camera import OrbitCamera
-from s2a.scene.geometry.ransac import RansacConfig
+from s2a.scene.geometry.camera import OrbitCamera
+from s2a.scene.geometry.planes import RansacConfig
 from s2a.scene.geometry.regions import RegionConfig
 
 

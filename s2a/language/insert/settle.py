@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from s2a.language.insert.place.candidate_poses import CandidatePose
 from s2a.language.insert.place.contact import PoseConfig
-from s2a.language.insert.place.fit import COLLISION, Pose, moved_into_contact, placement_conflict
+from s2a.language.insert.place.fit import COLLISION, Pose, moved_into_contact, placement_conflict, reaching_into
 from s2a.language.insert.place.supports import nearby
-from s2a.language.insert.place.swept_volumes import reaching_into
 from s2a.language.insert.room_state import RoomState
 from s2a.scene.scene import Mesh
 

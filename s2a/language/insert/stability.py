@@ -9,15 +9,14 @@ from typing import Annotated
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.core.ranges import AtLeast, Count, Fraction
+from s2a.core.bounds import AtLeast, Count, Fraction
 from s2a.language.insert.context import StabilityCheck
 from s2a.language.insert.drop_test import DropTestConfig, drop_test
 from s2a.language.insert.place.candidate_poses import CandidatePose
 from s2a.language.insert.place.supports import nearby
 from s2a.language.insert.settle import rests_upright
-from s2a.language.llm.usage_log import Record
-from s2a.scene.geometry.convex import hull
-from s2a.scene.geometry.decompose import one_hull
+from s2a.language.llm.ask import Record
+from s2a.scene.geometry.convex import hull, one_hull
 from s2a.scene.geometry.mesh_ops import sample
 from s2a.scene.scene import Mesh, Scene
 

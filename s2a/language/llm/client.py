@@ -13,12 +13,11 @@ from queue import Empty, SimpleQueue
 from threading import TIMEOUT_MAX, Thread
 from typing import Any, Literal, TypeVar
 
+from s2a.core.bounds import Count, CountFromZero, NotNegative, Positive
 from s2a.core.errors import InputError, encodable, printable
-from s2a.core.ranges import Count, CountFromZero, NotNegative, Positive
-from s2a.language.llm.ask import Answer, Model, Request
+from s2a.language.llm.ask import Answer, Model, Request, is_count, tokens
 from s2a.language.llm.replay import recorded, recorder
 from s2a.language.llm.rules import rules
-from s2a.language.llm.usage_log import is_count, tokens
 
 T = TypeVar("T")
 MAX_WAIT = 60.0

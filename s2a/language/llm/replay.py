@@ -12,8 +12,7 @@ from typing import Any
 
 from s2a.core.errors import InputError, encodable, printable
 from s2a.core.outputs import atomic_write
-from s2a.language.llm.ask import Answer, Model, Request
-from s2a.language.llm.usage_log import is_count
+from s2a.language.llm.ask import Answer, Model, Request, is_count
 
 EXACT = re.compile(r"(?<![\w.])-?\d+\.\d{4,}(?![\w.])")
 """Numbers of a pose in the question for a script. A recording has a slot for each, because the same question may come

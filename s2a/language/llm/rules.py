@@ -6,8 +6,8 @@ import json
 import math
 from typing import Any
 
-from s2a.language.insert.axes import AXES, sideways
 from s2a.language.insert.hints import BEDDING, is_kind_of
+from s2a.language.insert.place.stable_pose import AXES, sideways
 from s2a.language.insert.placement import Placement
 from s2a.language.insert.scale import FLAT
 from s2a.language.insert.script import write_script

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ast
 from dataclasses import dataclass
 
-from s2a.core.ranges import Count, Positive
+from s2a.core.bounds import Count, Positive
 from s2a.language.sandbox.constants import Values
 from s2a.language.sandbox.operations import GROWING, NUMERIC, WRAPPING
 from s2a.language.sandbox.violation import PolicyViolation

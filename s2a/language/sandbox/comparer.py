@@ -1,6 +1,6 @@
 """The process that compares a saved stage with the plan: USD's parser may crash on it, and the program goes on.
 
-`s2a.language.sandbox.process` starts it as it starts that of a script, with the same sandbox layers and limits.
+`s2a.language.sandbox.jail` starts it as it starts that of a script, with the same sandbox layers and limits.
 """
 
 from __future__ import annotations

@@ -14,8 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from s2a.language.sandbox.bounds import AllowConfig, growth, refuse_entangled, refuse_nested, repetition
-from s2a.language.sandbox.constants import WIDTH, Values
-from s2a.language.sandbox.names import foreign
+from s2a.language.sandbox.constants import WIDTH, Values, foreign
 from s2a.language.sandbox.operations import BUILTINS, DOTTED, FILES, FORMS, METADATA, METHODS, PROPERTIES, STORES
 from s2a.language.sandbox.violation import PolicyViolation
 

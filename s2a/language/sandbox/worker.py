@@ -1,6 +1,6 @@
 """The process in which a script runs: it imports USD, enables its sandbox layers, and only then reads the script.
 
-`s2a.language.sandbox.process` starts it. The saved stage goes to a descriptor of its own, and what the script prints to
+`s2a.language.sandbox.jail` starts it. The saved stage goes to a descriptor of its own, and what the script prints to
 /dev/null. Reports after the script began are untrusted; the report of the active layers is sent before.
 """
 
@@ -14,7 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from s2a.language.sandbox import layers, seccomp
+from s2a.language.sandbox import layers
+from s2a.language.sandbox.layers import install
 
 NAME = "<script>"
 """What tracebacks call the script."""
@@ -65,7 +66,7 @@ def enable_layers(job: dict[str, Any], preload: Callable[[], None]) -> list[str]
         active.clear()
     if "landlock" in wanted and _enabled(layers.landlock):
         active.append("landlock")
-    if "seccomp" in wanted and _enabled(seccomp.install):
+    if "seccomp" in wanted and _enabled(install):
         active.append("seccomp")
     return active
 

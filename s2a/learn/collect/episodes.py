@@ -12,8 +12,8 @@ import torch
 
 from s2a.core.errors import InputError
 from s2a.env.vec_env import VecEnv
-from s2a.learn.collect.encoders import CHANNELS, Encoders, FrameMemory
 from s2a.learn.collect.episode import UNFINISHED, Dataset, Episode, Features
+from s2a.learn.collect.video import CHANNELS, Encoders, FrameMemory
 from s2a.learn.evaluate import Policy
 from s2a.robot.urdf import position_limits
 from s2a.sim.recorder import Recorder

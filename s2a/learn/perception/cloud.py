@@ -1,12 +1,18 @@
-"""A fixed number of points of a frame: all around what stands out of the front, the handle, and some of the rest."""
+"""Points of a part in a depth frame: a fixed number of them, taken of rooms and kept beside a pool."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from s2a.learn.perception.depth_camera import PartCloud
+from s2a.core.cache import UNREADABLE
+from s2a.core.errors import InputError
+from s2a.learn.perception.depth_camera import DepthCameraConfig, PartCloud, VisibleRoom, capture
+from s2a.sim.world import SimStage
 
 PLANES = 64
 """Planes through three points that are tried for the front."""
@@ -79,3 +85,29 @@ def _height(points: np.ndarray, part: np.ndarray, center: np.ndarray, random: np
     toward_robot = np.array([0.0, 0.0, 0.8]) - center  # about where the robot's shoulder and a camera are
     normal *= 1.0 if normal @ toward_robot > 0.0 else -1.0
     return np.clip((points - middle) @ normal, -1.0, 1.0)
+
+
+NAMES = tuple(field.name for field in fields(PartPoints))
+
+
+def take(room: VisibleRoom, stage: SimStage, config: DepthCameraConfig, count: int, seed: int) -> list[PartPoints]:
+    """Return frames of a stage's part, each from a place of its own; fewer where some show nothing of it."""
+    random = np.random.default_rng([seed, *stage.target.encode()])
+    frames = [capture(room, stage, config, random) for _ in range(count)]
+    return [sample(frame, config.points, random) for frame in frames if frame is not None]
+
+
+def save(clouds: Sequence[PartPoints], path: Path) -> None:
+    """Write frames as an npz file."""
+    columns: dict[str, Any] = {name: np.stack([getattr(cloud, name) for cloud in clouds]) for name in NAMES}
+    np.savez_compressed(path, **columns)
+
+
+def load(path: Path) -> list[PartPoints]:
+    """Read frames that `save` wrote; InputError where the file is none."""
+    try:
+        with np.load(path) as file:
+            columns = [file[name] for name in NAMES]
+    except UNREADABLE as error:
+        raise InputError(f"{path}: not frames of s2a pool ({error}); make the pool again with frames=8") from error
+    return [PartPoints(*values) for values in zip(*columns, strict=True)]

@@ -9,11 +9,50 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.core.ranges import Above, AtLeast, Count, NotNegative, Positive
-from s2a.learn.perception.visible_room import VisibleRoom
+from s2a.core.bounds import Above, AtLeast, Count, NotNegative, Positive
 from s2a.robot.collision import robot_shape
 from s2a.robot.tool_path import matrices
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.mesh_query import Forest, first_hits
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.sim_scene import SimRoom, in_scene
 from s2a.sim.world import SimStage
+
+SAME = 1e-4
+"""[m] A ray meets a triangle at the same distance in two search trees, but for rounding."""
+
+
+class VisibleRoom:
+    """The visuals of a room, as one surface and one a body; search trees are made once and shared."""
+
+    def __init__(self, room: SimRoom) -> None:
+        """Take a room that was read with its visuals."""
+        self._surfaces = {
+            body.id: Mesh(in_scene(body, body.visual), body.visual.faces)
+            for body in (*room.bodies.values(), *room.free.values())
+            if len(body.visual.faces)
+        }
+        static = Mesh(room.static_visual.vertices, room.static_visual.faces)
+        self._all = Forest([merge([static, *self._surfaces.values()])])
+
+    def surface(self, part: str) -> Mesh | None:
+        """Return the surface of what moves with a part, scene coordinates [m]; None where it has none."""
+        return self._surfaces.get(part)
+
+    def hits(self, start: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Return the distances at which rays meet the room [m], shape [ray]; inf where they do not.
+
+        Args:
+            start: where all rays begin [m], shape [3].
+            directions: unit vectors, shape [ray 3].
+        """
+        return first_hits(self._all, np.broadcast_to(start, directions.shape), directions)
+
+    def shows(self, part: str, start: np.ndarray, directions: np.ndarray, hits: np.ndarray) -> np.ndarray:
+        """Return which rays meet a part first, shape [ray]; `hits` is what `hits` returned for them."""
+        own = first_hits(Forest([self._surfaces[part]]), np.broadcast_to(start, directions.shape), directions)
+        return own <= hits + SAME
+
 
 ATTEMPTS = 40
 """Places that are drawn for a camera."""

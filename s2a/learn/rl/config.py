@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from s2a.core.ranges import Count, CountFromZero, Fraction, NotEmpty, NotNegative, Positive
+from s2a.core.bounds import Count, CountFromZero, Fraction, NotEmpty, NotNegative, Positive
 
 BROKEN = (
     "the policy has non-finite parameters; go on from the last checkpoint (resume=true), or train again with a smaller "

@@ -5,20 +5,99 @@ from __future__ import annotations
 import math
 import shutil
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
 from rsl_rl.runners import OnPolicyRunner
+from rsl_rl.utils.logger import Logger
 
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.learn.rl import policy_file, processes
 from s2a.learn.rl.adapter import RslRlEnv
 from s2a.learn.rl.config import BROKEN
-from s2a.learn.rl.logger import LazyLogger
 from s2a.learn.rl.run_folder import BEST
-from s2a.learn.rl.widened import widened
+
+UNSEEN = {"obs_normalizer._mean": 0.0, "obs_normalizer._var": 1.0, "obs_normalizer._std": 1.0, "mlp.0.weight": 0.0}
+"""What belongs to an input that a network did not have: it is seen as it is, and counts for nothing."""
+
+
+def widened(
+    saved: Mapping[str, torch.Tensor], own: Mapping[str, torch.Tensor], known: int, given: int
+) -> dict[str, torch.Tensor]:
+    """Return saved weights as a network takes them that has further inputs; it gives what the saved one gives.
+
+    Args:
+        saved: of a network and its normaliser, under rsl-rl's names.
+        own: those of the network that is to begin so; what the saved one lacks stays.
+        known: how many numbers the policy observed.
+        given: how many it observes; the further ones come after these, and what else is new, which a critic alone is told, at
+            the end.
+    """
+    weights = dict(own) | dict(saved)
+    for name, value in UNSEEN.items():
+        before = weights[name]
+        further = own[name].shape[1] - before.shape[1]
+        if further > 0:
+            new = before.new_full((len(before), further), value)
+            observed, told = new.tensor_split([given - known], dim=1)
+            weights[name] = torch.cat([before[:, :known], observed, before[:, known:], told], dim=1)
+    return weights
+
+
+class LazyLogger(Logger):
+    """rsl-rl's logger, which looks at the finished episodes once an iteration; what it logs is the same.
+
+    rsl-rl asks the GPU after every step which episodes have ended, so that no step is launched while the one before it runs.
+    """
+
+    cur_reward_sum: torch.Tensor
+    cur_episode_length: torch.Tensor
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        """Begin with no step kept."""
+        super().__init__(*args, **kwargs)
+        self._kept: list[tuple[torch.Tensor, ...]] = []
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return what the running episodes and the recent ones came to."""
+        running = {"reward": self.cur_reward_sum.clone(), "length": self.cur_episode_length.clone()}
+        return running | {"rewards": list(self.rewbuffer), "lengths": list(self.lenbuffer)}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from what `state_dict` returned."""
+        self.cur_reward_sum.copy_(state["reward"])
+        self.cur_episode_length.copy_(state["length"])
+        self.rewbuffer.extend(state["rewards"])
+        self.lenbuffer.extend(state["lengths"])
+
+    def process_env_step(
+        self,
+        rewards: torch.Tensor,
+        dones: torch.Tensor,
+        extras: dict,
+        intrinsic_rewards: torch.Tensor | None = None,  # noqa: ARG002 (of an exploration that s2a does not use)
+    ) -> None:
+        """Add a step to the running episodes, and keep on the device which ended."""
+        if self.writer is None:
+            return
+        if "log" in extras:
+            self.ep_extras.append(extras["log"])
+        done = dones > 0
+        reward, length = self.cur_reward_sum + rewards, self.cur_episode_length + 1
+        self._kept.append((done, reward, length))
+        self.cur_reward_sum, self.cur_episode_length = (x.masked_fill(done, 0.0) for x in (reward, length))
+
+    def log(self, *args: Any, **kwargs: Any) -> None:
+        """Take over the episodes that have ended, in their order, and log."""
+        if self._kept:
+            done, reward, length = (torch.stack(x) for x in zip(*self._kept, strict=True))
+            self._kept.clear()
+            self.rewbuffer.extend(reward[done].tolist())
+            self.lenbuffer.extend(length[done].tolist())
+        super().log(*args, **kwargs)
 
 
 class Runner(OnPolicyRunner):

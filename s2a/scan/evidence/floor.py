@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.core.ranges import Fraction, Positive
+from s2a.core.bounds import Fraction, Positive
 from s2a.scene.geometry.mesh_query import Forest, RayMesh, first_hits
 
 HEAD = 0.3

@@ -7,9 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from s2a.scene.geometry.line_of_sight import visible_distance
 from s2a.scene.geometry.mesh_ops import merge
-from s2a.scene.geometry.mesh_query import RayMesh, ray_mesh
+from s2a.scene.geometry.mesh_query import RayMesh, ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
 
 GRID = 7

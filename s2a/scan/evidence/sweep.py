@@ -8,9 +8,8 @@ import numpy as np
 
 from s2a.scan.evidence.surface import ScanSurface
 from s2a.scene.articulation import displace, open_limit
-from s2a.scene.geometry.line_of_sight import visible_distance
 from s2a.scene.geometry.mesh_ops import merge, normals, sample
-from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
+from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
 
 POINTS = 600

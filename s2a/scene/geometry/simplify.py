@@ -11,15 +11,48 @@ import numpy as np
 import pyfqmr
 from scipy.spatial import cKDTree
 
+from s2a.core.bounds import Above, Count, Positive
 from s2a.core.cache import recall
 from s2a.core.progress import track
-from s2a.core.ranges import Above, Count, Positive
-from s2a.scene.geometry.deviation import Deviation, deviation
-from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals, weld
+from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals, sample, weld
 from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
-from s2a.scene.mesh import pack, unpack
-from s2a.scene.scene import Mesh, Scene
+from s2a.scene.scene import Mesh, Scene, pack, unpack
 from s2a.scene.usd.sim_scene import Reduction
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Distances between two surfaces [m], each the larger one of both directions.
+
+    Attributes:
+        mean: of all sampled points.
+        p99: 99th percentile.
+        max: maximum.
+    """
+
+    mean: float
+    p99: float
+    max: float
+
+
+def deviation(a: Mesh, b: Mesh, count: int, seed: int = 0, tree: RayMesh | None = None) -> Deviation:
+    """Return the distance between two surfaces, the larger of a to b and b to a; inf if one is empty.
+
+    Args:
+        a: a surface.
+        b: another one.
+        count: points sampled on either, evenly by area.
+        seed: of the points.
+        tree: `ray_mesh` of a, if it exists.
+    """
+    empty = [not mesh.face_areas.any() for mesh in (a, b)]
+    if any(empty):
+        return Deviation(*(0.0 if all(empty) else math.inf,) * 3)
+    there = nearest_faces(ray_mesh(b.vertices, b.faces), sample(a, count, seed))[1]
+    back = nearest_faces(tree or ray_mesh(a.vertices, a.faces), sample(b, count, seed))[1]
+    both = [(float(d.mean()), float(np.quantile(d, 0.99)), float(d.max())) for d in (there, back)]
+    return Deviation(*(max(pair) for pair in zip(*both, strict=True)))
+
 
 HALVINGS = 6
 """Times that the range of possible reductions is halved (on a logarithmic scale) to find the largest allowed one."""

@@ -23,8 +23,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 from s2a.core.errors import InputError
-from s2a.core.limits import MAX_COORDINATE, MAX_MASS
-from s2a.scene.scene import Joint, Mesh, Motion, Part, Scene
+from s2a.scene.scene import MAX_COORDINATE, MAX_MASS, Joint, Mesh, Motion, Part, Scene
 from s2a.scene.usd.joints import (
     KINDS,
     placed,

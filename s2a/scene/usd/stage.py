@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, Vt
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdValidation, Vt
 
 from s2a.core.errors import InputError
 from s2a.scene.scene import Mesh, Scene
@@ -251,3 +251,25 @@ def _read_colors(geometry: UsdGeom.PointBased) -> np.ndarray | None:
     if primvar.GetInterpolation() == UsdGeom.Tokens.constant:
         colors = np.broadcast_to(colors[:1], (len(geometry.GetPointsAttr().Get()), 3))
     return np.round(np.clip(colors, 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+SERIOUS = (UsdValidation.ValidationErrorType.Error, UsdValidation.ValidationErrorType.Warn)
+
+
+def problems(path: Path) -> list[str]:
+    """Run all validators that usd-core ships (core, geometry, physics, shading ...) over a stage.
+
+    Returns:
+        One line for each error or warning, with the rule's name; empty where the stage is sound.
+
+    Raises:
+        InputError: the file is not a stage in metres with z up and the default prim `/scene`.
+    """
+    return broken_rules(open_stage(path))
+
+
+def broken_rules(stage: Usd.Stage) -> list[str]:
+    """Run all validators over an open stage of any kind; one line for each error or warning."""
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    found = UsdValidation.ValidationContext(validators).Validate(stage)
+    return [" ".join(error.GetErrorAsString().split()) for error in found if error.GetType() in SERIOUS]

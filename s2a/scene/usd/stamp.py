@@ -3,16 +3,32 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pxr import Sdf
+from pxr import Ar, Sdf, Usd
 
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
-from s2a.scene.usd.layer_files import files
-from s2a.scene.usd.stage import reading, save_layer
+from s2a.scene.usd.stage import reading, refuse_deep, save_layer
+
+
+def files(path: Path) -> list[Path]:
+    """Return the files that a stage is composed of, its own first: its layers, what they stand over and refer to.
+
+    Raises:
+        InputError: a damaged file.
+    """
+    refuse_deep(path)
+    with reading(path):
+        stage = Usd.Stage.Open(str(path))  # its layers live as long as it does
+        # Of a layer in a .usdz this is the package.
+        found = [Ar.SplitPackageRelativePathOuter(layer.realPath)[0] for layer in stage.GetUsedLayers()]
+        others = {Path(os.path.realpath(name)) for name in found if name}
+    return [path, *sorted(others - {Path(os.path.realpath(path))})]
+
 
 KEY = "s2a:validation"
 """In the root layer's customLayerData."""

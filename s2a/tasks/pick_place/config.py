@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from s2a.core.ranges import Fraction, NotNegative, Positive
+from s2a.core.bounds import Fraction, NotNegative, Positive
 from s2a.env.task import MdpConfig
 
 

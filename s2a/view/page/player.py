@@ -10,12 +10,11 @@ from contextlib import contextmanager
 import numpy as np
 import viser
 
-from s2a.scene.geometry.orbit_camera import CameraPose
+from s2a.scene.geometry.camera import CameraPose
 from s2a.view.page import glb
 from s2a.view.page.detail import Detail, coarse
 from s2a.view.page.panel import CARDS, WIDTH, first, offered
-from s2a.view.page.played import Played, PlayedWorld
-from s2a.view.page.room import PageRoom, unit
+from s2a.view.page.room import PageRoom, Played, PlayedWorld, unit
 from s2a.view.page.scene_nodes import SceneNodes
 from s2a.view.page.serve import address, started
 

@@ -17,10 +17,10 @@ from s2a.scene.geometry.mesh_ops import merge, painted
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import SimRoom
 from s2a.scene.usd.stamp import layer_hash
-from s2a.view.page.played import Played, PlayedWorld
-from s2a.view.page.thin import clustered
-from s2a.view.playback import demonstrations, states
-from s2a.view.playback.states import States
+from s2a.view.page.detail import clustered
+from s2a.view.page.room import Played, PlayedWorld
+from s2a.view.playback import states
+from s2a.view.playback.states import States, read_demonstrations
 
 DETAIL = 0.006
 """[m] Of the robot's surface: its visual meshes have 140,000 faces."""
@@ -40,7 +40,7 @@ def read(path: Path, stage: Path, first: int, count: int) -> States:
     Raises:
         InputError: another file, no such world, or another room.
     """
-    found = demonstrations.read(path, first, count) if path.is_dir() else _some(states.read(path), path, first, count)
+    found = read_demonstrations(path, first, count) if path.is_dir() else _some(states.read(path), path, first, count)
     _check_room(found, path, stage)
     return found
 
@@ -55,7 +55,7 @@ def one_of_each(path: Path, stage: Path) -> States:
     Raises:
         InputError: another file, or another room.
     """
-    every = demonstrations.read(path, 0, 1) if path.is_dir() else states.read(path)
+    every = read_demonstrations(path, 0, 1) if path.is_dir() else states.read(path)
     _check_room(every, path, stage)
     outcomes = every.success or [True]
     return every.of_worlds([outcomes.index(value) for value in (True, False) if value in outcomes])

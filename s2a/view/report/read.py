@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from s2a.core.errors import InputError
-from s2a.view.report import rates, study, training, validation
+from s2a.view.report import results, training
 from s2a.view.report.document import Document
 
 T = TypeVar("T")
@@ -58,7 +58,7 @@ def _file(path: Path) -> Document:
     values = _json(path)
     match values:
         case {"reports": list()}:
-            return validation.report(values, path)
+            return results.validation_report(values, path)
         case {"curve": list(), "env_steps": _}:
             settings = path.with_name(training.SETTINGS)
             kept = json.loads(settings.read_text()) if settings.is_file() else {}
@@ -66,11 +66,11 @@ def _file(path: Path) -> Document:
         case {"runs": [dict(), *_] as runs}:
             return training.compare(path.stem.replace("_", " "), [training.of_table(run) for run in runs])
         case {"episodes_a_part": _, "over_parts": dict()}:
-            return rates.benchmark(values, path)
+            return results.benchmark(values, path)
         case {"episodes": int()}:
-            return rates.evaluation(values, path)
+            return results.evaluation(values, path)
         case {"rows": [dict(), *_]}:
-            return study.report(values, path)
+            return results.study_report(values, path)
     raise InputError(f"{path}: nothing that can be reported; give {KINDS}")
 
 

@@ -9,11 +9,53 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from s2a.core import aliases, extras
+from s2a.core import aliases, errors
 from s2a.core.config import leaves
-from s2a.view.report import chart, paper
+from s2a.view.report import document
 from s2a.view.report.document import Document, Markup, facts, table
-from s2a.view.report.rates import NAMES, is_rate, provenance, rates
+from s2a.view.report.results import NAMES, is_rate, provenance, rates
+
+
+@dataclass(frozen=True)
+class Reported:
+    """A row of the paper's table.
+
+    Attributes:
+        asset: what is opened.
+        weights: of distance, rotation, opening and finger.
+        opened: fraction of the episodes, in words.
+        handle: "used" or "not used", by the robot.
+    """
+
+    asset: str
+    weights: tuple[float, float, float, float]
+    opened: str
+    handle: str
+
+
+TERMS = ("distance", "rotation", "opening", "finger")
+TWIN, SCAN = "synthetic asset", "real scan"
+TABLE = (
+    Reported(TWIN, (1.5, 1.5, 10.0, 2.0), "98 %", "used"),
+    Reported(SCAN, (1.5, 1.5, 10.0, 2.0), "87 to 88 %", "not used"),
+    Reported(SCAN, (50.5, 50.5, 10.0, 50.0), "74 %", "used"),
+)
+
+
+def reported(reward: Mapping[str, Any], stage: str) -> Reported | None:
+    """Return the row of the paper's table with the same weights, or None; further terms that weigh something make another reward.
+
+    Args:
+        reward: weights by term.
+        stage: name of the file, "twin" in it for a CAD twin.
+    """
+    weights = tuple(float(reward.get(term, 0.0)) for term in TERMS)
+    asset = TWIN if "twin" in stage else SCAN
+    own = any(
+        reward.get(term) for term in ("pinch", "grasped_opening", "grasped_path", "led_opening", "closing", "grip")
+    )
+    return None if own else next((row for row in TABLE if (row.asset, row.weights) == (asset, weights)), None)
+
 
 SETTINGS, METRICS = "settings.json", "metrics.json"
 SHOWN = ("success", "final_success", "handle_success", "grasp_success")
@@ -50,9 +92,9 @@ class Run:
         return max(self.curve.get("env_steps", [0.0]), default=0.0) / 1e6
 
     @property
-    def reported(self) -> paper.Reported | None:
+    def reported(self) -> Reported | None:
         """What the paper reports of a run with these weights."""
-        return paper.reported(self.settings.get("reward", {}), str(self.settings.get("stage", "")))
+        return reported(self.settings.get("reward", {}), str(self.settings.get("stage", "")))
 
 
 def of_folder(folder: Path) -> Run:
@@ -61,7 +103,7 @@ def of_folder(folder: Path) -> Run:
     aliases.complete(settings)
     if (folder / METRICS).is_file():
         return of_metrics(json.loads((folder / METRICS).read_text()), folder.name, settings)
-    with extras.required():
+    with errors.required():
         from s2a.learn.rl import run_folder
 
         rows, starts = run_folder.curve(folder), run_folder.starts(folder)
@@ -146,7 +188,7 @@ def curves(runs: Sequence[Run]) -> str:
 
 def _figure(title: str, columns: list[str], runs: Sequence[Run], unit: float, top: float | None) -> str:
     series = [
-        chart.Line(
+        document.Line(
             NAMES.get(column, column),
             [x / 1e6 for x in run.curve["env_steps"]][: len(run.curve[column])],
             run.curve[column],
@@ -155,7 +197,7 @@ def _figure(title: str, columns: list[str], runs: Sequence[Run], unit: float, to
         for run in runs
         if column in run.curve
     ]
-    return chart.lines(title, "environment steps [millions]", series, unit, top) if series else ""
+    return document.lines(title, "environment steps [millions]", series, unit, top) if series else ""
 
 
 def _logged(runs: Sequence[Run], column: str) -> bool:
@@ -177,7 +219,7 @@ def _beside(runs: Sequence[Run]) -> list[tuple[str, str]]:
     """Return the paper's table, if any run has its weights."""
     if not any(run.reported for run in runs):
         return []
-    rows = [(row.asset, str(row.weights), row.opened, row.handle) for row in paper.TABLE]
+    rows = [(row.asset, str(row.weights), row.opened, row.handle) for row in TABLE]
     note = "<p>1.2 billion steps of one real drawer; no intervals are given, nor when a handle counts as used.</p>"
     header = ("the paper's", "distance, rotation, opening, finger", "opened", "handle")
     return [("The paper's table", note + table(header, rows))]

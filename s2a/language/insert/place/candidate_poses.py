@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.language.insert.place.baseline import place_paper
 from s2a.language.insert.place.contact import PoseConfig
 from s2a.language.insert.place.fit import NoRoom, Pose
 from s2a.language.insert.place.pose import places
 from s2a.language.insert.place.search import Keep
-from s2a.language.insert.place.supports import SurfaceConfig, is_basin, target_plane, target_regions
+from s2a.language.insert.place.supports import SurfaceConfig, is_basin, place_paper, target_plane, target_regions
 from s2a.language.insert.plan import Choice, Plan
 from s2a.language.insert.room_state import RoomState
 from s2a.scene.geometry.planes import Plane

@@ -8,14 +8,11 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.core.ranges import Count, NotNegative
-from s2a.language.insert.place.baseline import PaperConfig
-from s2a.language.insert.place.fit import COLLISION, Pose, moved_into_contact, placement_conflict
-from s2a.language.insert.place.lean import LEAN, leaned, slender
-from s2a.language.insert.place.occupied import SearchConfig
-from s2a.language.insert.place.search import GridCandidate
-from s2a.language.insert.place.supports import nearby
-from s2a.language.insert.place.swept_volumes import SweptVolume
+from s2a.core.bounds import Count, NotNegative
+from s2a.language.insert.place.fit import COLLISION, Pose, SweptVolume, moved_into_contact, placement_conflict
+from s2a.language.insert.place.search import GridCandidate, SearchConfig
+from s2a.language.insert.place.stable_pose import LEAN, leaned, slender
+from s2a.language.insert.place.supports import PaperConfig, nearby
 from s2a.scene.geometry.regions import Region
 from s2a.scene.scene import Mesh, Scene
 

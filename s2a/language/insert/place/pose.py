@@ -15,13 +15,11 @@ import numpy as np
 
 from s2a.core.errors import InputError
 from s2a.language.insert.place.contact import ContactQuery, PoseConfig, Relation, refined
-from s2a.language.insert.place.fit import NoRoom, Pose
-from s2a.language.insert.place.occupied import SearchConfig, occupancy_grid
+from s2a.language.insert.place.fit import NoRoom, Pose, SweptVolume, reaching_into
 from s2a.language.insert.place.preferences import preferences
-from s2a.language.insert.place.search import GridCandidate, Keep, grid_candidates
+from s2a.language.insert.place.search import GridCandidate, Keep, SearchConfig, grid_candidates, occupancy_grid
 from s2a.language.insert.place.serves import Fault, PlaceServes
 from s2a.language.insert.place.supports import facing, flat_objects, is_floor
-from s2a.language.insert.place.swept_volumes import SweptVolume, reaching_into
 from s2a.scene.geometry.regions import Region
 from s2a.scene.scene import Mesh, Scene
 

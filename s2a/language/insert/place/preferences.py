@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from s2a.core.ranges import NotNegative, Positive
+from s2a.core.bounds import NotNegative, Positive
 from s2a.language.insert.place.supports import is_floor, nearby, target_mesh
-from s2a.scene.geometry.line_of_sight import visible_distance
-from s2a.scene.geometry.mesh_query import ray_mesh
+from s2a.scene.geometry.mesh_query import ray_mesh, visible_distance
 from s2a.scene.geometry.regions import Region
 from s2a.scene.scene import Joint, Scene
 

@@ -11,13 +11,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from s2a.language.insert.hints import is_kind_of
-from s2a.language.insert.place.front import front
 from s2a.language.insert.place.preferences import floor_height
-from s2a.language.insert.place.serves import visible_from
+from s2a.language.insert.place.serves import front, visible_from
 from s2a.language.insert.place.supports import target_mesh
 from s2a.language.insert.wishes.parse import Relation
-from s2a.scene.geometry.line_of_sight import visible_distance
-from s2a.scene.geometry.mesh_query import ray_mesh
+from s2a.scene.geometry.mesh_query import ray_mesh, visible_distance
 from s2a.scene.scene import Mesh, Scene
 
 BESIDE, FAR = 0.45, 0.8

@@ -17,7 +17,7 @@ from s2a.language.insert.wishes.check import BESIDE, FAR, OFF_HEIGHT, between, m
 from s2a.language.insert.wishes.parse import Relation, Wish, parse_wish
 from s2a.scene.geometry.convex import box
 from s2a.scene.scene import Mesh, Scene
-from s2a.scene.usd.boxes import silhouette
+from s2a.scene.usd.descriptive import silhouette
 
 SIDED = ("left", "right", "front", "behind", "above", "back edge", "front edge", "corner", "middle")
 LEVEL, REACH = ("near", "left", "right", "front", "behind", "between"), 1.9

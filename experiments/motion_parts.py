@@ -10,9 +10,9 @@ import numpy as np
 from identification import LEAST, MOST
 
 from s2a.commands.evaluate import Config
-from s2a.commands.identify import write_layer
 from s2a.core import config
 from s2a.core.errors import InputError
+from s2a.joints.commands.identify import write_layer
 from s2a.joints.dynamics import Dynamics
 from s2a.joints.pulled import Pulled, moving, pulled
 from s2a.planner.part_plan import Skill, plan, planned_path

@@ -27,7 +27,7 @@ import numpy as np
 from pulled_parts import SECONDS, Pull, in_mujoco, in_newton
 from scipy.spatial.transform import Rotation
 
-import s2a
+from s2a import api
 from s2a.core import config
 from s2a.core.provenance import provenance
 from s2a.scene.articulation import displace, open_limit, opening_direction
@@ -156,7 +156,7 @@ def main() -> None:
     for stage in args.stages:
         with tempfile.TemporaryDirectory() as folder:
             for to in ("mjcf", "urdf"):
-                s2a.convert(stage, Path(folder) / to, to)
+                api.convert(stage, Path(folder) / to, to)
             for part in args.parts or sim_stage.read(stage, visuals=False).articulations:
                 rows.append(row(stage, part, Path(folder), settings))
                 print(_line(rows[-1]), flush=True)

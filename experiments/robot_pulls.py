@@ -11,9 +11,9 @@ from recorded_pulls import Truth
 
 from s2a import robot
 from s2a.commands import cli
-from s2a.commands.identify import write_layer
 from s2a.core.errors import InputError
 from s2a.joints import robot_pull
+from s2a.joints.commands.identify import write_layer
 from s2a.joints.dynamics import Dynamics
 from s2a.joints.joint_kernels import PARAMETERS
 from s2a.joints.pull import Pull

@@ -1,11 +1,14 @@
-"""The scene half of the Python API; `import s2a` offers these functions by name.
+"""The Python API: from the files of a scan to a task in simulated worlds.
 
-    scene = s2a.load_scene("demo/scan")
-    s2a.export("demo/scan", out="demo")
-    s2a.insert("demo/geometric.usd", "stapler.usda", "stapler", out="demo/insert", hint="next to the keyboard", llm="rules")
-    s2a.prepare("demo/geometric.usd", "drawer_7", out="demo/sim.usd")
-    s2a.convert("demo/sim.usd", out="demo/mjcf")
-    reports = s2a.certify("demo/sim.usd")
+    from s2a import api
+
+    scene = api.load_scene("demo/scan")
+    api.export("demo/scan", out="demo")
+    api.insert("demo/geometric.usd", "stapler.usda", "stapler", out="demo/insert", hint="next to the keyboard", llm="rules")
+    api.prepare("demo/geometric.usd", "drawer_7", out="demo/sim.usd")
+    api.convert("demo/sim.usd", out="demo/mjcf")
+    reports = api.certify("demo/sim.usd")
+    env = api.make("open_part", room="demo/sim.usd", part="drawer_7", num_envs=16)
 
 Lengths are metres, angles radians, masses kilograms, z is up. `overrides` are `key=value` texts, as on the command line.
 Every function raises `s2a.core.errors.InputError` for bad input and for an extra that is not installed.
@@ -13,39 +16,22 @@ Every function raises `s2a.core.errors.InputError` for bad input and for an extr
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from s2a.core import config, errors
-from s2a.core.outputs import atomic_write
-from s2a.scan import read as read_scan
+from s2a.scan import export as scene_files
+from s2a.scan.export import Export
 from s2a.scene.scene import Scene
-from s2a.scene.usd import descriptive, geometric
 
 if TYPE_CHECKING:
     from s2a.certify.check import ValidationReport
     from s2a.language.insert.batch import Insertion
+    from s2a.tasks.vector_env import TaskVectorEnv
 
 File = str | PathLike[str]
-
-
-@dataclass(frozen=True)
-class Export:
-    """Result of an export.
-
-    Attributes:
-        scene: the scene that was read.
-        descriptive: the descriptive.usda that was written: labels, boxes and joints in words.
-        geometric: the geometric.usd that was written: surfaces and joints.
-    """
-
-    scene: Scene
-    descriptive: Path
-    geometric: Path
 
 
 def load_scene(path: File) -> Scene:
@@ -57,8 +43,7 @@ def load_scene(path: File) -> Scene:
     Raises:
         InputError: neither, or a damaged one.
     """
-    path = Path(path)
-    return read_scan(path) if path.is_dir() else geometric.read(path)
+    return scene_files.load_scene(Path(path))
 
 
 def export(scan: File, out: File) -> Export:
@@ -71,12 +56,7 @@ def export(scan: File, out: File) -> Export:
     Raises:
         InputError: the folder holds no scan, or a damaged one; nothing is written.
     """
-    scene = read_scan(Path(scan))
-    written = Export(scene, Path(out) / "descriptive.usda", Path(out) / "geometric.usd")
-    with atomic_write(written.descriptive) as words, atomic_write(written.geometric) as shapes:
-        descriptive.write(scene, words)
-        geometric.write(scene, shapes)
-    return written
+    return scene_files.export(Path(scan), Path(out))
 
 
 def insert(
@@ -123,9 +103,9 @@ def prepare(stage: File, targets: str | Sequence[str], out: File, overrides: Seq
         InputError: a target that is not in the stage or does not move.
     """
     with errors.required():
-        command = importlib.import_module("s2a.commands.prepare")
-        asked = targets if isinstance(targets, str) else tuple(targets)
-        command.run(_load(command.Config, "prepare", {"stage": stage, "targets": asked, "out": out}, overrides))
+        from s2a.prepare.room import PrepareSettings, prepare_stage
+
+        prepare_stage(_load(PrepareSettings, "prepare", {"stage": stage, "targets": targets, "out": out}, overrides))
     return Path(out)
 
 
@@ -149,10 +129,13 @@ def convert(
         InputError: no such file, an id that cannot move, or an `out` that is something else; nothing is written.
     """
     with errors.required():
-        command = importlib.import_module("s2a.commands.convert")
-        asked = parts if isinstance(parts, str) else tuple(parts)
-        command.run(_load(command.Config, "convert", {"stage": stage, "out": out, "to": to, "parts": asked}, overrides))
-        return Path(out) / command.WRITERS[to].FILE
+        from s2a.certify.convert import write
+
+        settings = _load(
+            write.ConvertSettings, "convert", {"stage": stage, "out": out, "to": to, "parts": parts}, overrides
+        )
+        write.convert(settings)
+        return settings.out / write.WRITERS[settings.to].FILE
 
 
 def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ()) -> list[ValidationReport]:
@@ -174,10 +157,42 @@ def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ())
         return run(Path(stage), config.load(CertifyConfig, values), part)
 
 
+def make(
+    task: str,
+    room: File,
+    part: str | None = None,
+    num_envs: int = 1024,
+    device: str = "auto",
+    seed: int = 0,
+    overrides: Sequence[str] = (),
+) -> TaskVectorEnv:
+    """Return a task in worlds of a simulation-ready room, or of the parts of many, as a `gymnasium.vector.VectorEnv`.
+
+    Args:
+        task: its name, such as "open_part".
+        room: the sim.usd that `prepare` wrote; or the index that `s2a pool` wrote, *.json: world i has its part i modulo their
+            number.
+        part: id of the part or object to move, such as "drawer_7"; None: the room's only one, or all of the index.
+        num_envs: worlds that are stepped together.
+        device: "cpu", "cuda:0", or "auto": a GPU where there is one.
+        seed: of the start noise.
+        overrides: settings as `s2a train` takes them, such as "sim=real", "reward=grasped", "task.start_noise=0".
+
+    Raises:
+        InputError: an unknown task, part or setting; not a simulation-ready room; a part of an index.
+    """
+    with errors.required():
+        from s2a.tasks import vector_env
+
+        return vector_env.make(task, room, part, num_envs, device, seed, list(overrides))
+
+
 def _load(cls: type[Any], command: str, given: dict[str, Any], overrides: Sequence[str]) -> Any:
     """Return a command's configuration: its defaults, the overrides, and the given top-level values."""
     return config.load(cls, {**config.compose(command, list(overrides)), **{k: _plain(v) for k, v in given.items()}})
 
 
 def _plain(value: Any) -> Any:
-    return Path(value) if isinstance(value, PathLike) else value
+    return (
+        Path(value) if isinstance(value, PathLike) else value if isinstance(value, (str, type(None))) else tuple(value)
+    )

@@ -20,7 +20,7 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
 def office_scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A virtual office as the demo scans it (seed 0)."""
     from s2a.core import config
-    from s2a.homes import SampleConfig, sample  # not needed where only the simulation is tested
+    from s2a.homes.sample import SampleConfig, sample  # not needed where only the simulation is tested
 
     out = tmp_path_factory.mktemp("office") / "scan"
     out.mkdir()

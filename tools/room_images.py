@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import sheet
 
-from s2a.commands.sample import run
 from s2a.core import config
-from s2a.homes import SampleConfig
+from s2a.homes.commands.sample import run
 from s2a.homes.rooms import ROOMS
+from s2a.homes.sample import SampleConfig
 from s2a.scan.visuals import Visible, visible
 from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of, render
 

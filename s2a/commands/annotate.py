@@ -1,4 +1,4 @@
-"""A bare scan -> an annotated one: on a page in the browser, or proposed by a network that sees geometry and colour."""
+"""Command `s2a annotate`: annotate a scan in the browser, or let a network propose parts."""
 
 from __future__ import annotations
 

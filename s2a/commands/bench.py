@@ -1,4 +1,4 @@
-"""A policy on furniture that nobody trains on -> its rates, part by part and over parts (docs/benchmark.md)."""
+"""Command `s2a bench`: measure a policy on held-out furniture, part by part."""
 
 from __future__ import annotations
 

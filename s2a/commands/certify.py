@@ -1,4 +1,4 @@
-"""sim.usd -> report.json and report.html: is it ready for simulation?"""
+"""Command `s2a certify`: validate a simulation-ready stage; exit with 1 if a check fails."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An annotated scan -> what its surface says about the annotation."""
+"""Command `s2a check`: compare an annotated scan with its own surface; exit with 1 if they contradict each other."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a import api
 from s2a.core.errors import CheckFailed
 from s2a.core.outputs import atomic_write
 from s2a.core.provenance import provenance
 from s2a.scan import overlaps
 from s2a.scan.evidence import annotation, report
 from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.export import load_scene
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def run(config: Config) -> str:
         CheckFailed: the surface contradicts the annotation.
         InputError: no scan, or a damaged one.
     """
-    scene = api.load_scene(config.scan)
+    scene = load_scene(config.scan)
     listed = overlaps.read(config.scan) if config.scan.is_dir() else []
     findings = annotation.check(scene, config.evidence, listed)
     if config.out:

@@ -1,6 +1,7 @@
 """The command line: `s2a <command> key=value ...`.
 
-A command is a module of `s2a.commands` with a `Config` and a `run(config) -> str`. Its values are those of
+A command is a module of `s2a.commands`, or of the package `commands` of a satellite such as `s2a.homes`: a `Config`, a
+`run(config) -> str`, and a docstring whose first line, "Command `s2a NAME`: MEANING.", is its help. Its values are those of
 `conf/<command>.yaml` with the user's overrides. User errors are one line on stderr and exit code 2.
 """
 
@@ -10,7 +11,6 @@ import contextlib
 import gc
 import importlib
 import itertools
-import keyword
 import os
 import re
 import signal
@@ -18,6 +18,7 @@ import sys
 import time
 import traceback
 from collections.abc import Iterator, Sequence
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -32,35 +33,16 @@ from s2a.core import config, errors, progress
 from s2a.core.errors import CheckFailed, InputError
 from s2a.core.progress import StdoutFilter
 
-COMMANDS = {
-    "import": "turn a mesh file into a scan, or predictions for a scan into an annotated one",
-    "sample": "furnish a virtual room and scan it: writes an annotated scan",
-    "check": "compare an annotated scan with its own surface; exit with 1 if they contradict each other",
-    "annotate": "annotate a scan in the browser, or let a network propose parts",
-    "register": "find the parts that stand open in a second scan of a room, and their joints",
-    "export": "turn an annotated scan into two flavours of USD, descriptive and geometric",
-    "insert": "insert objects into a room where they belong, as a layer over its stage",
-    "prepare": "turn a geometric stage into a simulation-ready one",
-    "convert": "write a simulation-ready stage as MJCF or URDF, for other simulators",
-    "certify": "validate a simulation-ready stage; exit with 1 if a check fails",
-    "identify": "find mass, friction, damping and spring of a joint from recorded pulls",
-    "optimize": "find the best time law with which an arm pulls a part, by gradient",
-    "perceive": "train a network that tells a part's grasp and joint from a depth camera's frame",
-    "pool": "prepare the parts of many virtual rooms, to train one policy on all",
-    "train": "train a policy by reinforcement learning (PPO)",
-    "evaluate": "measure the success of a policy or of the planner",
-    "do": "do what a sentence says, in simulation: a language model or rules plan, the planner acts",
-    "bench": "measure a policy on furniture that nobody trains on, part by part",
-    "collect": "collect demonstrations with cameras, as a LeRobot dataset",
-    "replay": "play demonstrations again: do they succeed?",
-    "zoo": "write a hundred labelled objects, as untidy as downloads, to insert",
-    "view": "show a scan or a stage: its tree as text, or an image",
-    "report": "show a run, a sweep, an evaluation, a study or a validation report as one page",
-}
+ORDER = (
+    "import", "annotate", "check", "export", "prepare", "certify", "convert",
+    "train", "evaluate", "bench", "perceive", "collect", "replay", "view", "report",
+)  # fmt: skip
+"""Commands as a scan meets them; those of satellites follow, room by room."""
 OUTPUTS = ("out", "image", "images", "html", "record")
 """Keys that name output files and folders."""
 ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")
 """How an argument begins that is key=value, or removes a key."""
+_HELP = re.compile(r'"""Command `s2a [\w-]+`: (.*?)\.(?:\n|""")', re.S)
 FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
 
 
@@ -155,14 +137,33 @@ def sweep(command: str, overrides: Sequence[str]) -> None:
                 empty.rmdir()
 
 
+@cache
+def commands() -> dict[str, str]:
+    """Return the name of each command and its module's; nothing is imported."""
+    package = Path(__file__).parents[1]
+    found = {}
+    for folder in [package / "commands", *sorted(package.glob("*/commands"))]:
+        for file in sorted(folder.glob("*.py")):
+            if _HELP.match(file.read_text(encoding="utf-8")):
+                module = ".".join(["s2a", *file.relative_to(package).with_suffix("").parts])
+                found[file.stem.removesuffix("_")] = module  # import_, since no statement could import a keyword
+    return {name: found.pop(name) for name in ORDER if name in found} | found
+
+
+def meaning(command: str) -> str:
+    """Return what a command does, in a line, from its module's docstring."""
+    file = Path(__file__).parents[2].joinpath(*commands()[command].split(".")).with_suffix(".py")
+    match = _HELP.match(file.read_text(encoding="utf-8"))
+    return " ".join(match[1].split()) if match else ""
+
+
 def _module(command: str) -> Any:
     """Import a command.
 
     Raises:
         InputError: it needs an extra that is not installed.
     """
-    # A keyword of Python's names no module that a statement could import.
-    name = f"s2a.commands.{command}{'_' * keyword.iskeyword(command)}"
+    name = commands()[command]
     if name in sys.modules:
         return sys.modules[name]
     with errors.required(), _uncollected():
@@ -223,11 +224,11 @@ def _dispatch(arguments: list[str]) -> int:
     if "--version" in flags:
         print(version("s2a"))
     elif not command:
-        print(usage.general(COMMANDS), end="")
-    elif command not in COMMANDS:
-        raise InputError(f"command {command!r} is unknown{config.nearest(command, COMMANDS)}")
+        print(usage.general({name: meaning(name) for name in commands()}), end="")
+    elif command not in commands():
+        raise InputError(f"command {command!r} is unknown{config.nearest(command, commands())}")
     elif "--help" in flags or "-h" in flags:
-        print(usage.command(command, COMMANDS[command], _module(command).Config))
+        print(usage.command(command, meaning(command), _module(command).Config))
     elif "--multirun" in flags or "-m" in flags:
         sweep(command, overrides)
     else:

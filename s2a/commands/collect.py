@@ -1,4 +1,4 @@
-"""sim.usd and a policy -> demonstrations: what the robot saw and did, as a dataset (docs/demonstrations.md)."""
+"""Command `s2a collect`: collect demonstrations with cameras, as a LeRobot dataset."""
 
 from __future__ import annotations
 

@@ -1,37 +1,12 @@
-"""sim.usd -> the same room for other simulators."""
+"""Command `s2a convert`: write a simulation-ready stage as MJCF or URDF, for other simulators."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal
+from s2a.certify.convert import urdf
+from s2a.certify.convert.links import LinkedRoom
+from s2a.certify.convert.write import WRITERS, ConvertSettings, convert
 
-from s2a.certify.convert import mjcf, urdf
-from s2a.certify.convert.links import LinkedRoom, read_links
-from s2a.core.outputs import atomic_write, refuse_loss
-from s2a.scene.usd.sim_read import refuse_unphysical
-from s2a.sim.solver import SimConfig
-
-WRITERS = {"mjcf": mjcf, "urdf": urdf}
-
-
-@dataclass(frozen=True)
-class Config:
-    """Keys of `s2a convert`.
-
-    Attributes:
-        stage: the sim.usd.
-        out: folder that receives room.xml or room.urdf, and the meshes.
-        to: format.
-        parts: articulated parts and free objects that move: all, the id of one, or several; all others are frozen.
-        sim: how physics is stepped here; the joint's spring and damping, the time step and the solver's settings are handed on.
-    """
-
-    stage: Path
-    out: Path
-    to: Literal["mjcf", "urdf"]
-    parts: str | tuple[str, ...]
-    sim: SimConfig
+Config = ConvertSettings
 
 
 def run(config: Config) -> str:
@@ -40,14 +15,8 @@ def run(config: Config) -> str:
     Raises:
         InputError: no simulation-ready stage; an id that cannot move; `out` is a file, or a folder of something else.
     """
-    writer = WRITERS[config.to]
-    refuse_loss(config.out, writer.FILE, [config.stage])
-    refuse_unphysical(config.stage)
-    linked = read_links(config.stage, config.parts, config.sim)
-    with atomic_write(config.out, writer.FILE) as folder:
-        folder.mkdir()
-        writer.write(linked, config.sim, folder)
-    return "\n".join([f"{config.out / writer.FILE}: {_count(linked)}", *_lost(config, linked)])
+    linked = convert(config)
+    return "\n".join([f"{config.out / WRITERS[config.to].FILE}: {_count(linked)}", *_lost(config, linked)])
 
 
 def _count(linked: LinkedRoom) -> str:

@@ -1,4 +1,4 @@
-"""sim.usd and a policy or the planner -> metrics.json."""
+"""Command `s2a evaluate`: measure the success of a policy or of the planner."""
 
 from __future__ import annotations
 

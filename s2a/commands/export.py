@@ -1,4 +1,4 @@
-"""An annotated scan -> descriptive.usda and geometric.usd."""
+"""Command `s2a export`: turn an annotated scan into two flavours of USD, descriptive and geometric."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a import api
 from s2a.core import errors
 from s2a.core.errors import InputError
 from s2a.scan import overlaps
 from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.export import export
 from s2a.scene.scene import Scene
 
 _log = logging.getLogger(__name__)
@@ -35,7 +35,7 @@ class Config:
 
 def run(config: Config) -> str:
     """Read the scan, write both flavours, and return a summary; what the surface says against the annotation is logged."""
-    done = api.export(config.scan, config.out)
+    done = export(config.scan, config.out)
     scene = done.scene
     if config.check and scene.movable:
         _warn(config, scene)

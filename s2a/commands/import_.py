@@ -1,4 +1,4 @@
-"""A mesh file, or predictions for a scan -> the folder of a scan."""
+"""Command `s2a import`: turn a mesh file into a scan, or predictions for a scan into an annotated one."""
 
 from __future__ import annotations
 

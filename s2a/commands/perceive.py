@@ -1,4 +1,4 @@
-"""A pool with frames -> a network that tells a part's grasp and joint from a depth camera's frame (docs/perception.md)."""
+"""Command `s2a perceive`: train a network that estimates a part's grasp and joint from a depth image."""
 
 from __future__ import annotations
 

@@ -1,45 +1,14 @@
-"""geometric.usd -> sim.usd: a simulation-ready room."""
+"""Command `s2a prepare`: turn a geometric stage into a simulation-ready one."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
 
-from s2a.core.errors import InputError
-from s2a.core.outputs import atomic_write
-from s2a.prepare import ALL, PrepareConfig, prepare
-from s2a.prepare.refine import Refined, refine, sentence, with_joints
-from s2a.prepare.refine_loss import RefineConfig
-from s2a.robot.spec import RobotSpec
-from s2a.scene.usd import geometric, sim_stage
+from s2a.prepare.room import PrepareSettings, prepare_stage
+from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import Articulation, Reduction, SimRoom
 
-
-@dataclass(frozen=True)
-class Config:
-    """Keys of `s2a prepare`.
-
-    Attributes:
-        stage: the geometric.usd.
-        targets: articulated parts that a robot can move: all, the id of one such as drawer_7, or several; all others are frozen.
-        free: ids of objects that lie about freely instead of being one with the room, such as [teddy_bear_12].
-        out: the sim.usd to write; its visuals are written beside it.
-        robot: the robot that is to move them.
-        prepare: how the scene is prepared.
-        refine_joints: Correct annotated joints by what the scan shows of their parts and furniture (docs/refinement.md).
-        refine: how far furniture and annotations are trusted then.
-    """
-
-    stage: Path
-    targets: str | tuple[str, ...]
-    free: tuple[str, ...]
-    out: Path
-    robot: RobotSpec
-    prepare: PrepareConfig
-    refine_joints: bool
-    refine: RefineConfig
+Config = PrepareSettings
 
 
 def run(config: Config) -> str:
@@ -48,35 +17,12 @@ def run(config: Config) -> str:
     Raises:
         InputError: a part is not in the stage or does not move; an object cannot be extracted from the room.
     """
-    if not config.targets:
-        raise InputError(
-            f"key 'targets' names no part; give targets={ALL}, targets=drawer_7 or targets=[drawer_6,drawer_7]"
-        )
     start = time.perf_counter()
-    scene = geometric.read(config.stage)
-    refined = refine(scene, config.refine) if config.refine_joints else {}
-    room = prepare(with_joints(scene, refined), config.targets, config.prepare, config.free, config.robot)
-    room = _noted(room, refined)
+    room = prepare_stage(config)
     visuals = sim_stage.visuals_file(config.out)
-    with atomic_write(visuals) as beside, atomic_write(config.out) as out:
-        sim_stage.write(room, out, beside)
     sizes = " and ".join(f"{path.stat().st_size / 1e6:.2f} MB" for path in (config.out, visuals))
     head = f"{config.out}, {visuals.name}: {_count(room)}; {sizes}, {time.perf_counter() - start:.1f} s"
     return "\n".join([head, *map(_said, room.reductions), *(f"  {note}" for note in room.notes), *_lines(room)])
-
-
-def _noted(room: SimRoom, refined: Mapping[str, Refined]) -> SimRoom:
-    """Return a room that says of its refined joints how far they were moved."""
-    noted = {
-        part: replace(
-            articulation,
-            refinement=refined[part].change,
-            notes=(*articulation.notes, sentence(part, refined[part].change)),
-        )
-        for part, articulation in room.articulations.items()
-        if part in refined
-    }
-    return replace(room, articulations=room.articulations | noted)
 
 
 def _count(room: SimRoom) -> str:

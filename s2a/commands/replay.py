@@ -1,4 +1,4 @@
-"""Demonstrations -> do they succeed when they are played again?"""
+"""Command `s2a replay`: replay demonstrations and measure their success."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run, a sweep, an evaluation, a study or a validation report -> one self-contained page."""
+"""Command `s2a report`: show a run, a sweep, an evaluation, a study or a validation report as one page."""
 
 from __future__ import annotations
 

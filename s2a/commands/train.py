@@ -1,4 +1,4 @@
-"""sim.usd -> a policy, learned."""
+"""Command `s2a train`: train a policy by reinforcement learning (PPO)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Show a scan or a stage: its tree as text, an image, a page in the browser."""
+"""Command `s2a view`: show a scan or a stage: its tree as text, an image, or a page in the browser."""
 
 from __future__ import annotations
 

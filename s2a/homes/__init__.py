@@ -1,5 +1,4 @@
-"""Virtual scans: rooms whose truth is known, scanned with rays and written in the files of real scans."""
+"""Virtual homes (satellite): furnished rooms whose truth is known, scanned by rays, and objects to insert.
 
-from s2a.homes.sample import RoomKind, SampleConfig, sample
-
-__all__ = ["RoomKind", "SampleConfig", "sample"]
+In: a seed. Out: the files of a real scan with the truth beside them, pools of rooms, labelled objects.
+"""

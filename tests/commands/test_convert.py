@@ -8,7 +8,7 @@ import mujoco
 import pytest
 from converted import CABINET, LID, PART, write_room
 
-import s2a
+from s2a import api
 from s2a.commands import cli
 from s2a.core.errors import InputError
 
@@ -44,10 +44,10 @@ def test_the_spring_that_urdf_cannot_hold_is_reported(
 
 
 def test_the_python_api_returns_the_file_to_load(stage: Path, tmp_path: Path) -> None:
-    assert s2a.convert(stage, tmp_path / "urdf", to="urdf", parts=[PART]) == tmp_path / "urdf" / "room.urdf"
+    assert api.convert(stage, tmp_path / "urdf", to="urdf", parts=[PART]) == tmp_path / "urdf" / "room.urdf"
     assert (tmp_path / "urdf" / "room.urdf").is_file()
     with pytest.raises(InputError, match="'to' is 'sdf'; expected one of: mjcf, urdf"):
-        s2a.convert(stage, tmp_path / "sdf", to="sdf")
+        api.convert(stage, tmp_path / "sdf", to="sdf")
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_a_file_and_the_folder_of_the_stage_are_not_replaced(
 
 def test_what_fails_midway_leaves_an_earlier_room(stage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "out"
-    s2a.convert(stage, out)
+    api.convert(stage, out)
     before = _contents(tmp_path)
 
     def refuse(path: str) -> None:
@@ -102,5 +102,5 @@ def test_what_fails_midway_leaves_an_earlier_room(stage: Path, tmp_path: Path, m
 
     monkeypatch.setattr(mujoco.MjModel, "from_xml_path", refuse)
     with pytest.raises(ValueError, match="cannot read"):
-        s2a.convert(stage, out, parts=LID)
+        api.convert(stage, out, parts=LID)
     assert _contents(tmp_path) == before

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import pytest
 
 from s2a.commands import cli, train, usage
-from s2a.commands.cli import COMMANDS
+from s2a.commands.cli import commands
 from s2a.core import aliases, config
 from s2a.core.errors import InputError
 from s2a.tasks.open_part.mdp import REWARDS
@@ -112,7 +112,7 @@ def test_the_meaning_of_every_key_comes_from_the_docstrings_nested_ones_too():
     assert meanings["lamp.power"] == "of the bulb [W], when it is on."
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", commands())
 def test_every_command_composes_loads_and_documents_each_of_its_keys(command: str):
     cls = cli._module(command).Config
     values = config.compose(command)
@@ -122,7 +122,7 @@ def test_every_command_composes_loads_and_documents_each_of_its_keys(command: st
     assert [key for key in config.keys(values) if not usage.meaning_of(key, meanings)] == []
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", commands())
 def test_the_examples_in_the_help_of_every_command_are_understood(command: str):
     calls = [line.partition(f"s2a {command} ")[2] for line in usage.examples(command) if f"s2a {command} " in line]
     cls = cli._module(command).Config
@@ -151,7 +151,7 @@ def files(group: str) -> set[str]:
 @pytest.mark.slow
 def test_every_file_of_every_group_is_an_option_of_a_command():
     listed: dict[str, set[str]] = {"evidence": {"floor"}}  # evidence@floor, which has no line in a help
-    for command in COMMANDS:
+    for command in commands():
         for group, names in options(command).items():
             listed[group] = listed.get(group, set()) | names
     for name in files("task"):  # what belongs to another task than a command begins with is loaded with that task alone
@@ -169,7 +169,7 @@ def test_every_experiment_is_one_that_train_loads(path: Path):
     assert loaded.reward
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", commands())
 def test_no_key_shares_its_name_with_a_folder_because_hydra_would_look_for_the_value_there(command: str):
     folders = {path.name for path in config.folder().iterdir() if path.is_dir()} - set(usage.groups(command))
     assert folders.isdisjoint(config.compose(command))
@@ -260,7 +260,7 @@ def test_an_old_key_names_its_present_one(command: str, old: str, now: str) -> N
 
 
 def test_every_renamed_key_exists() -> None:
-    values = [config.compose(command) for command in COMMANDS]
+    values = [config.compose(command) for command in commands()]
     known = {segment for value in values for key in config.keys(value) for segment in key.split(".")}
     terms = {function.key for function in REWARDS}
     assert set(aliases.RENAMED.values()) <= known | terms

@@ -54,7 +54,7 @@ def test_export_and_the_text_of_view_need_no_extra(tmp_path: Path) -> None:
         assert "door" in shown.stdout
 
 
-@pytest.mark.parametrize("command", sorted(set(cli.COMMANDS) - {"export", "import", "report", "view"}))
+@pytest.mark.parametrize("command", sorted(set(cli.commands()) - {"export", "import", "report", "view"}))
 def test_a_command_without_its_extra_names_the_pip_command(command: str) -> None:
     failed = s2a(EVERYTHING, command, "--help")
     assert failed.returncode == 2

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from s2a.commands.cli import COMMANDS
+from s2a.commands.cli import commands
 from s2a.core import config
 
 ROOT = Path(__file__).parents[2]
@@ -168,7 +168,7 @@ def test_public_names_and_messages_are_in_the_fields_words(path: Path) -> None:
     assert sorted(found) == []
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", commands())
 def test_configuration_keys_are_in_the_fields_words(command: str) -> None:
     keys = set(config.keys(config.compose(command))).difference(ALLOWED_KEYS)
     assert [(key, word) for key in keys for word in re.split(r"[._]", key) if word in WORDS] == []
@@ -187,7 +187,7 @@ def test_the_documentation_is_in_the_fields_words(name: str) -> None:
 
 def test_everything_that_is_excused_exists() -> None:
     assert [name for name in ALLOWED if not (ROOT / name).exists()] == []
-    known = {key for command in COMMANDS for key in config.keys(config.compose(command))}
+    known = {key for command in commands() for key in config.keys(config.compose(command))}
     assert set(ALLOWED_KEYS) <= known
 
 

@@ -14,8 +14,8 @@ from recorded_pulls import Truth, record
 from settings import load
 
 from s2a.commands import cli
-from s2a.commands.identify import write_layer
 from s2a.core.errors import InputError
+from s2a.joints.commands.identify import write_layer
 from s2a.joints.dynamics import Dynamics
 from s2a.joints.identify import identify
 from s2a.joints.joint_kernels import PARAMETERS

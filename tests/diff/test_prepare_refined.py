@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flat_cabinet import DRAWER, cabinet, tilted
 
-import s2a
+from s2a import api
 from s2a.core import config
 from s2a.scene.usd import geometric, sim_stage
 
@@ -18,7 +18,7 @@ FAST = ["prepare.base.search=false", "prepare.colliders.method=one_hull", "prepa
 def prepared(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("refined")
     geometric.write(cabinet({"drawer_2": WRONG}), folder / "geometric.usd")
-    return s2a.prepare(folder / "geometric.usd", "drawer_2", folder / "room.usd", [*FAST, "refine_joints=true"])
+    return api.prepare(folder / "geometric.usd", "drawer_2", folder / "room.usd", [*FAST, "refine_joints=true"])
 
 
 def test_the_refined_joint_is_the_files(prepared) -> None:

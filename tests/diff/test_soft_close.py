@@ -12,7 +12,7 @@ from converted import HINGE, PART, SLIDE, write_room
 from pulled_bodies import DOOR, DRAWER
 from recorded_pulls import HAND, RATE, STEP, Truth, hand_path, record
 
-from s2a.commands.identify import write_layer
+from s2a.joints.commands.identify import write_layer
 from s2a.joints.identify import identify
 from s2a.joints.joint_kernels import PARAMETERS
 from s2a.joints.pull import Noise, Pull

@@ -18,9 +18,9 @@ from rough_furniture import at, block, sheet
 from scipy.spatial.transform import Rotation
 
 from s2a.commands import cli
-from s2a.commands import insert as command
 from s2a.core import config
 from s2a.core.errors import CheckFailed, InputError
+from s2a.language.commands import insert as command
 from s2a.language.insert import author, describe, prompts, scale
 from s2a.language.insert.object_file import ObjectConfig, ObjectFile, read_object, upright
 from s2a.language.insert.place.fit import Pose

@@ -13,8 +13,8 @@ from fake_llm import Said, endpoint, message
 from PIL import Image
 from rough_furniture import at, block, sheet
 
-from s2a.commands import insert as command
 from s2a.core import config
+from s2a.language.commands import insert as command
 from s2a.scene.scene import Part, Scene
 from s2a.scene.usd import geometric
 

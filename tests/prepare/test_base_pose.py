@@ -17,11 +17,12 @@ from settings import load
 
 from s2a import robot
 from s2a.planner.part_plan import PlannerConfig, joint_paths
-from s2a.prepare import PrepareConfig, base_pose, prepare
+from s2a.prepare import base_pose
 from s2a.prepare.base_pose import BaseConfig, BasePose, find_base
 from s2a.prepare.grasp import find_grasp, floor_height
 from s2a.prepare.obstacles import Obstacles
 from s2a.prepare.path_clearance import path_collision
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.robot.collision import robot_shape
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec

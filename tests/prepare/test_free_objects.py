@@ -15,8 +15,8 @@ from s2a.certify.check_suite import CertifyConfig
 from s2a.certify.physics import World
 from s2a.certify.physics_motion import rest
 from s2a.core.errors import InputError
-from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.free_objects import free_object, free_objects
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.prepare.room_hulls import level_top
 from s2a.scene.geometry.closed_solid import border, close, drop_small_components, loops
 from s2a.scene.geometry.convex import APART, box, deepest

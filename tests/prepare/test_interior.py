@@ -13,8 +13,8 @@ from pxr import Usd
 from scanned_drawers import scanned_drawer
 from settings import load
 
-from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.interior import cabinet_walls, drawer_box
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.prepare.target import find_target
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals

@@ -13,8 +13,8 @@ from settings import load
 from s2a.commands import prepare as verb
 from s2a.core import config as configuration
 from s2a.core.errors import InputError
-from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.mass import MassConfig, MassRule, moving_mass
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scene.geometry.convex import box
 from s2a.scene.scene import Joint, Mesh, Part, Scene
 

@@ -22,8 +22,8 @@ from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.learn.evaluate import evaluate
 from s2a.planner.motion import Planner
 from s2a.planner.part_plan import PlannerConfig, demonstration
-from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.grasp import find_grasp, grasp_frame
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scene.geometry.convex import contains
 from s2a.scene.geometry.front_panel import find_pocket, pocket_hulls
 from s2a.scene.usd import sim_stage

@@ -11,7 +11,7 @@ from nested_room import INNER, LONE, nested_room, quick
 
 from s2a.core.errors import InputError
 from s2a.prepare import part as parts_module
-from s2a.prepare import prepare
+from s2a.prepare.room import prepare
 from s2a.prepare.target import bodies, find_target, parent_body
 from s2a.scene.geometry.convex import overlap, sweep
 from s2a.scene.scene import Mesh

@@ -14,7 +14,7 @@ from pxr import Usd, UsdGeom
 from scipy.spatial import cKDTree
 from settings import load
 
-from s2a.prepare import PrepareConfig, prepare
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scene.geometry.convex import box
 from s2a.scene.geometry.mesh_ops import centroids, keep, merge
 from s2a.scene.geometry.simplify import DecimateConfig, Decimated, decimate, decimate_room, deviation

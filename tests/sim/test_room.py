@@ -15,7 +15,7 @@ from nested_room import INNER, LONE, nested_room, quick
 from settings import load
 
 from s2a.core.errors import InputError
-from s2a.prepare import prepare
+from s2a.prepare.room import prepare
 from s2a.scene.geometry.convex import deepest
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage

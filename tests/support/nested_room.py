@@ -7,7 +7,7 @@ from dataclasses import replace
 from cabinet_rooms import clean_cabinet_room
 from settings import load
 
-from s2a.prepare import PrepareConfig
+from s2a.prepare.room import PrepareConfig
 from s2a.scene.scene import Mesh, Part, Scene
 
 INNER, LONE = "drawer_30", "drawer_40"

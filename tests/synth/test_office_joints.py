@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 from settings import load
 
-from s2a.prepare import PrepareConfig, prepare
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scene.scene import Joint, Scene
 from s2a.scene.usd import descriptive, geometric, sim_stage
 from s2a.scene.usd.stage import problems

@@ -14,8 +14,8 @@ import pytest
 
 from s2a import scan
 from s2a.core import config
-from s2a.homes import SampleConfig, sample
 from s2a.homes.furniture import main_cabinet
+from s2a.homes.sample import SampleConfig, sample
 from s2a.homes.solids import Piece
 from s2a.scan import ply
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh

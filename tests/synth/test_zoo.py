@@ -14,7 +14,7 @@ import yaml
 from pxr import Usd, UsdGeom
 from scipy.spatial import ConvexHull
 
-from s2a.commands.zoo import Config, run
+from s2a.homes.commands.zoo import Config, run
 from s2a.homes.zoo import ZooObject, zoo
 from s2a.homes.zoo.download import FLAWS, UNITS, download
 from s2a.homes.zoo.formats import WRITERS

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from settings import load
 
 from s2a.core.errors import InputError
-from s2a.prepare import PrepareConfig, prepare
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.scene.scene import Part
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import SimRoom, in_scene

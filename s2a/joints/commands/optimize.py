@@ -1,4 +1,4 @@
-"""sim.usd -> the time law with which an arm pulls a part, as a file for the planner."""
+"""Command `s2a optimize`: find the best time law with which an arm pulls a part, by gradient."""
 
 from __future__ import annotations
 

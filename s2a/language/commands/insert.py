@@ -1,4 +1,4 @@
-"""Objects into a room: a small layer over an untouched geometric.usd."""
+"""Command `s2a insert`: insert objects into a room where they belong, as a layer over its stage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two scans of a room -> the parts that stand open in one of them, with their joints."""
+"""Command `s2a register`: find the parts that are open in a second scan of a room, and their joints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A hundred labelled objects, as untidy as downloads, and the ground truth in a separate file."""
+"""Command `s2a zoo`: write a hundred labelled objects, as untidy as downloads, to insert."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Virtual rooms -> a pool: their parts, ready to simulate, and a planned motion of each, for one policy to be trained on."""
+"""Command `s2a pool`: prepare the parts of many virtual rooms, to train one policy on all."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from s2a.core.outputs import atomic_write
 from s2a.core.progress import StdoutFilter, track
 from s2a.core.provenance import provenance
 from s2a.env import starts
-from s2a.homes import RoomKind, SampleConfig, sample
+from s2a.homes.sample import RoomKind, SampleConfig, sample
 from s2a.homes.truth import handle_of
 from s2a.learn.perception import cloud
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
 from s2a.planner.part_plan import PlannerConfig, demonstration
-from s2a.prepare import ALL, PrepareConfig, prepare
+from s2a.prepare.room import ALL, PrepareConfig, prepare
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd import sim_stage
 from s2a.sim import pool

@@ -1,4 +1,4 @@
-"""sim.usd and recordings of a part that was pulled -> the dynamics of its joint."""
+"""Command `s2a identify`: find mass, friction, damping and spring of a joint from recorded pulls."""
 
 from __future__ import annotations
 

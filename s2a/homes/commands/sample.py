@@ -1,11 +1,11 @@
-"""A virtual room -> an annotated scan of it."""
+"""Command `s2a sample`: furnish a virtual room and scan it: writes an annotated scan."""
 
 from __future__ import annotations
 
 import json
 
 from s2a.core.outputs import atomic_write
-from s2a.homes import SampleConfig, sample
+from s2a.homes.sample import SampleConfig, sample
 
 Config = SampleConfig
 

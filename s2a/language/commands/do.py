@@ -1,4 +1,4 @@
-"""A sentence and a room -> skills of the planner, executed in simulation; do.json."""
+"""Command `s2a do`: execute a sentence in simulation: a language model or rules plan, the planner acts."""
 
 from __future__ import annotations
 

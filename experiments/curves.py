@@ -18,8 +18,6 @@ from typing import Any
 import matplotlib.pyplot as plt
 from outcome import logged
 
-from s2a.core import aliases
-
 FRACTIONS = {
     "success": ("opened by 0.20 m", "tab:gray"),
     "final_success": ("open at the end", "tab:orange"),
@@ -50,7 +48,6 @@ def as_run(metrics: dict[str, Any]) -> dict[str, Any]:
     rows = metrics["curve"]
     steps = metrics["env_steps"] / (1 + max(row["iteration"] for row in rows))
     curve = {name: [row.get(name) for row in rows] for name in {name: None for row in rows for name in row}}
-    metrics = aliases.renamed(metrics, {"worlds": "num_envs"})
     about = f"{metrics['num_envs']} worlds, seed {metrics['seed']}, {metrics['seconds'] / 60.0:.1f} minutes on "
     return {
         "about": about + metrics["device"],

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from s2a.core import aliases
 from s2a.learn.rl import run_folder
 
 HOLDS = {
@@ -42,7 +41,7 @@ def curve(run: Path, steps: int) -> dict[str, list[float | None]]:
 
 def logged(curve: Mapping[str, Sequence[float | None]], name: str) -> list[float]:
     """Return a column of a curve, point by point; NaN where nothing was logged, nothing at all if it never was."""
-    return [math.nan if value is None else value for value in aliases.curve(curve).get(name, [])]
+    return [math.nan if value is None else value for value in curve.get(name, [])]
 
 
 def half_after(curve: Mapping[str, Sequence[float | None]]) -> str:

@@ -19,7 +19,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from s2a.commands.evaluate import Config
-from s2a.core import aliases, config
+from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.provenance import provenance
 from s2a.learn.evaluate import evaluate
@@ -53,7 +53,7 @@ def main() -> None:
         for colliders in args.colliders
     ]
     known = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
-    rows = [aliases.renamed(row, aliases.METRICS) for row in known]
+    rows = list(known)
     print(
         f"{'target':26} {'colliders':10} {'pieces':>6} {'success':>8} {'handle':>8} {'grasp':>8} {'opening mean / min [m]':>26}"
     )

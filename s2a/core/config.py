@@ -21,7 +21,7 @@ from hydra.errors import HydraException, MissingConfigException, OverrideParseEx
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from s2a.core import aliases, bounds
+from s2a.core import bounds
 from s2a.core.errors import InputError
 
 T = TypeVar("T")
@@ -176,8 +176,6 @@ def explain(error: Exception, known: Iterable[str]) -> str:
         return f"{error.override!r} is not key=value; quote a value with special characters: 'key=\"value\"'"
     if isinstance(error, MissingConfigException) and error.options:
         group, _, option = str(error.missing_cfg_file).rpartition("/")
-        if now := aliases.OPTIONS.get((group, option)):
-            return f"key {group!r} is {option!r}; that option is now {now!r}"
         return f"key {group!r} is {option!r}{nearest(option, error.options)}"
     if found := re.search(r"Could not override '([^']+)'|Key '([^']+)' is not in struct", text):
         return _unknown(found[1] or found[2], list(known))
@@ -189,9 +187,7 @@ def explain(error: Exception, known: Iterable[str]) -> str:
 
 
 def _unknown(name: str, known: list[str]) -> str:
-    """Return the message about a key that does not exist: its present name, if it has been renamed, or the closest ones."""
-    if renamed := aliases.current(name, known):
-        return f"key {name!r} is now {renamed!r}"
+    """Return the message about a key that does not exist, with the closest ones."""
     return f"key {name!r} is unknown{_nearest_key(name, known)}"
 
 

@@ -12,9 +12,8 @@ import pytest
 
 from s2a.commands import cli, train, usage
 from s2a.commands.cli import commands
-from s2a.core import aliases, config
+from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.tasks.open_part.mdp import REWARDS
 
 
 @dataclass(frozen=True)
@@ -241,26 +240,3 @@ def test_numbers_that_the_tree_says_twice_are_equal():
     assert (base["approach"], base["opening"]) == (planner["approach"], planner["opening"])
     assert certify["certify"]["grip"]["approach"] == planner["approach"]
     assert prepare["prepare"]["decimate"]["structure_labels"] == prepare["prepare"]["room"]["structure_labels"]
-
-
-@pytest.mark.parametrize(
-    ("command", "old", "now"),
-    [
-        ("train", "sim.room=false", "key 'sim.room' is now 'sim.load_static_colliders'"),
-        ("train", "policy.steps=9", "key 'policy.steps' is now 'ppo.num_steps_per_env'"),
-        ("train", "reward=led", "key 'reward' is 'led'; that option is now 'grasped'"),
-        ("insert", "placement.settle.touch=1", "is now 'placement.drop_test.contact_distance'"),
-        ("certify", "certify.motion.settle=1", "is now 'certify.motion.rest_displacement'"),
-        ("prepare", "prepare.free.mass.lowest=1", "is now 'prepare.free.mass.min_estimate'"),
-    ],
-)
-def test_an_old_key_names_its_present_one(command: str, old: str, now: str) -> None:
-    with pytest.raises(InputError, match=re.escape(now)):
-        config.compose(command, [old])
-
-
-def test_every_renamed_key_exists() -> None:
-    values = [config.compose(command) for command in commands()]
-    known = {segment for value in values for key in config.keys(value) for segment in key.split(".")}
-    terms = {function.key for function in REWARDS}
-    assert set(aliases.RENAMED.values()) <= known | terms

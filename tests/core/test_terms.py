@@ -103,7 +103,6 @@ DOCS = (
     "experiments/README.md",
 )
 ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
-    "s2a/core/aliases.py": (tuple(WORDS), "lists the old names"),
     "s2a/language/do/plan.py": (("refusal",), "a field of the model's answers, which are recorded word for word"),
     "s2a/language/insert/scale.py": (("longest",), "a field of the model's answers, which are recorded word for word"),
     "s2a/language/insert/context.py": (("wish",), "the command line's own word: wish=prefer"),

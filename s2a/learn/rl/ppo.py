@@ -16,7 +16,7 @@ import torch
 from tensordict import TensorDict
 from torch import nn
 
-from s2a.core import aliases, config
+from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.progress import track
 from s2a.env.kernels import ERRORS
@@ -24,6 +24,7 @@ from s2a.env.vec_env import VecEnv
 from s2a.learn.rl import processes, run_folder
 from s2a.learn.rl.adapter import RslRlEnv
 from s2a.learn.rl.config import PpoConfig, rsl_rl_settings
+from s2a.learn.rl.run_folder import ADDED
 from s2a.learn.rl.runner import Runner
 from s2a.planner.motion import Planner
 
@@ -132,7 +133,8 @@ def _settings(file: Path) -> PpoConfig:
     """Return how a policy was trained, without what only makes training fast."""
     try:
         values = json.loads(file.read_text())
-        trained = config.load(PpoConfig, aliases.settings(values, "policy"))
+        added = {key.removeprefix("ppo."): value for key, value in ADDED.items() if key.startswith("ppo.")}
+        trained = config.load(PpoConfig, added | values)
     except (OSError, ValueError, AttributeError, InputError) as error:
         raise InputError(f"{file}: not what s2a train writes ({error}); train again") from error
     return replace(trained, cuda_graph=False, torch_compile_mode=None, fused_adam=False)

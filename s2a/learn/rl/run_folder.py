@@ -18,7 +18,6 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from torch.utils.tensorboard import SummaryWriter
 
 from s2a import tasks
-from s2a.core import aliases
 from s2a.core.config import leaves, load
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
@@ -37,6 +36,33 @@ FREE = ("init", "resume", "device", "export", "out", "ppo.iterations", "ppo.save
 _log = logging.getLogger(__name__)
 logging.getLogger("tensorboard").setLevel(logging.ERROR)  # it warns of every iteration that `cut` made it forget
 
+ADDED = {
+    "sim.joint.spring": "joint",
+    "sim.limits.drives": False,
+    "sim.vary": None,
+    "task.describe_part": False,
+    "task.fine_grasp": False,
+    "task.grasp_error": (0.0, 0.0),
+    "task.grasp_turn": (0.0, 0.0),
+    "task.action_delay": (0, 0),
+    "ppo.imitation_iterations": 0,
+    "ppo.critic_iterations": 0,
+    "ppo.critic_learning_rate": None,
+    "ppo.tf32": False,
+}
+"""Dotted key that older runs did not have -> the value by which they ran."""
+
+
+def complete(values: dict[str, Any]) -> None:
+    """Give the nested settings of an old run what has been added to their groups since."""
+    for key, value in ADDED.items():
+        *groups, name = key.split(".")
+        group: Any = values
+        for each in groups:
+            group = group.get(each) if isinstance(group, dict) else None
+        if isinstance(group, dict):
+            group.setdefault(name, value)
+
 
 def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Callable[[], Collection[str]] = tuple) -> None:
     """Write the nested settings of a run into its folder; if it has some already, they must be the same, save FREE ones.
@@ -53,12 +79,11 @@ def keep_settings(values: Mapping[str, Any], out: Path, without_effect: Callable
     if file.is_file() or latest(out):
         try:
             begun = json.loads(file.read_text())
-            aliases.complete(begun)
+            complete(begun)
             then = dict(leaves(begun))
         except (OSError, ValueError, AttributeError) as error:
             raise InputError(f"{file}: not what this version's s2a train writes ({error}); train again") from error
         given = dict(leaves(now))
-        then = {aliases.current(key, given) or key: value for key, value in then.items()}
         for key in given | then:  # what is no longer there counts too: a reward term that is not listed weighs nothing
             same = given.get(key) == then.get(key) or _may_change(key, given.get(key), then.get(key))
             if not same and key not in without_effect():
@@ -231,11 +256,11 @@ def world_of(text: str, file: Path) -> tuple[SimConfig, MdpConfig]:
     """
     try:
         values = json.loads(text)
-        aliases.complete(values)
-        sim, task = (aliases.settings(values[group], group) for group in ("sim", "task"))
+        complete(values)
+        sim, task = values["sim"], values["task"]
         kind = tasks.of(values).Config
         # What has been added to one task's settings is none of another's.
-        added = {key.removeprefix("task.") for key in aliases.ADDED} - {each.name for each in fields(kind)}
+        added = {key.removeprefix("task.") for key in ADDED} - {each.name for each in fields(kind)}
         task = {name: value for name, value in task.items() if name not in added}
         return load(SimConfig, sim), load(kind, task)
     except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from s2a.core import aliases
 from s2a.core.config import leaves
 from s2a.view.report import document
 from s2a.view.report.document import Document, Markup, facts, images, table, text
@@ -52,7 +51,6 @@ def provenance(values: Mapping[str, Any]) -> str:
 
 def evaluation(values: Mapping[str, Any], path: Path) -> Document:
     """Return the report of one evaluation, with the images that lie beside it."""
-    values = aliases.renamed(values, aliases.METRICS)
     sections = [("Rates", rates(values))]
     if numbers := [
         (name, *(float(value[key]) for key in ("mean", "min", "max")))

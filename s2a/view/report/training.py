@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from s2a.core import aliases, errors
+from s2a.core import errors
 from s2a.core.config import leaves
 from s2a.view.report import document
 from s2a.view.report.document import Document, Markup, facts, table
@@ -100,7 +100,6 @@ class Run:
 def of_folder(folder: Path) -> Run:
     """Read a run's folder; a run that was cut has no metrics.json, and its log is read instead."""
     settings = json.loads((folder / SETTINGS).read_text())
-    aliases.complete(settings)
     if (folder / METRICS).is_file():
         return of_metrics(json.loads((folder / METRICS).read_text()), folder.name, settings)
     with errors.required():
@@ -122,11 +121,10 @@ def of_metrics(metrics: Mapping[str, Any], name: str, settings: Mapping[str, Any
 
 def of_table(row: Mapping[str, Any]) -> Run:
     """Return a run of a table of experiments, whose rates are those of its evaluation."""
-    logged = aliases.curve(row.get("curve", {}))
-    curve = {k: [math.nan if v is None else v for v in values] for k, values in logged.items()}
+    curve = {k: [math.nan if v is None else v for v in values] for k, values in row.get("curve", {}).items()}
     settings = {**row.get("settings", {}), "stage": row.get("stage", "")}
     name = row.get("about") or row.get("run") or row["row"]
-    measured = aliases.renamed(row["evaluation"], aliases.METRICS)
+    measured = row["evaluation"]
     curve.setdefault("env_steps", [row["env_steps"]])
     return Run(name, settings, curve, measured, {**measured, "seed": row["seed"]})
 

@@ -21,13 +21,15 @@ import numpy as np
 import proposals
 from proposals import TEXEL
 
-from s2a import cli, config, scan
+from s2a import scan
 from s2a.annotate import files, handle
 from s2a.annotate.annotation import Draft
-from s2a.annotate.propose import ProposeConfig
+from s2a.annotate.propose.layers import ProposeConfig
 from s2a.annotate.propose.run import cut, propose
 from s2a.annotate.region import GrowConfig
-from s2a.provenance import provenance
+from s2a.commands import cli
+from s2a.core import config
+from s2a.core.provenance import provenance
 from s2a.scan import folder, parts
 from s2a.scan.labels import parents
 

@@ -20,14 +20,15 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 import browser
 import clicking
 
-from s2a import cli, scan
+from s2a import scan
 from s2a.annotate import files
-from s2a.annotate.page import pick, serve
+from s2a.annotate.page import serve, shown
 from s2a.annotate.region import FrontRegion
 from s2a.annotate.surface import SplitSurface
-from s2a.mesh import Mesh
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
+from s2a.commands import cli
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.scene.scene import Mesh
 
 AZIMUTHS = np.arange(-3.0, 3.2, 0.2)
 NEAR, SEEN = 0.03, 0.06
@@ -96,7 +97,7 @@ def choose(surface: SplitSurface, truth: dict, shift: float) -> tuple[float, dic
         return bool((pixels > EDGE).all() and (pixels < np.array(size) - EDGE).all())
 
     def hits(eye: np.ndarray, place: np.ndarray, distance: float) -> bool:
-        found = pick.place(mesh, eye, (place - eye) / np.linalg.norm(place - eye))
+        found = shown.place(mesh, eye, (place - eye) / np.linalg.norm(place - eye))
         return found is not None and float(np.linalg.norm(found[1] - place)) < distance
 
     for azimuth in AZIMUTHS:
@@ -112,7 +113,7 @@ def choose(surface: SplitSurface, truth: dict, shift: float) -> tuple[float, dic
             found = clicking.grown(surface, eye, place)
             if not _safe(mesh, eye, place, found, 2 * np.tan(camera.fov / 2) / size[1]):
                 continue
-            there, aim = pick.facing(found, camera.fov)
+            there, aim = shown.facing(found, camera.fov)
             seen = []
             for part, handle in handles.items():
                 middle_, right_, high_ = clicking.front(truth, part)
@@ -134,7 +135,7 @@ def _safe(mesh: Mesh, eye: np.ndarray, place: np.ndarray, region: FrontRegion, p
     ways = [way / np.linalg.norm(way) for way in (aside, np.cross(ray, aside))]
     off = SHAKE * pixel * np.linalg.norm(ray)
     rays = [ray + sign * off * way for way in ways for sign in (-1, 1)]
-    found = [pick.place(mesh, eye, each / np.linalg.norm(each)) for each in rays]
+    found = [shown.place(mesh, eye, each / np.linalg.norm(each)) for each in rays]
     return all(each is not None and each[0] in region.faces for each in found)
 
 

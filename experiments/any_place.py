@@ -12,9 +12,9 @@ import numpy as np
 from placement_checks import _blocked, _carried, _free
 from triangle_queries import Obstacles, spread
 
-from s2a.insert.wishes.check import met
-from s2a.insert.wishes.parse import Relation
-from s2a.scene import Mesh, Scene
+from s2a.language.insert.wishes.check import met
+from s2a.language.insert.wishes.parse import Relation
+from s2a.scene.scene import Mesh, Scene
 
 STEP, AROUND = 0.03, 1.0
 """Spacing of the grid, and how far around the things that a prompt names it reaches [m]."""

@@ -21,17 +21,17 @@ import numpy as np
 from room_defects import named_by
 from wrong_annotations import CLASSES, Wrong, arguments, case, row, summary
 
-from s2a import config
 from s2a.certify.check_suite import CertifyConfig
 from s2a.commands import certify as command
-from s2a.errors import InputError
-from s2a.evidence.bounds import Bounds
-from s2a.outputs import atomic_write
-from s2a.prepare import PrepareConfig, prepare
-from s2a.progress import track
-from s2a.provenance import provenance
-from s2a.scene import Scene
-from s2a.usd import sim_stage
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.progress import track
+from s2a.core.provenance import provenance
+from s2a.prepare.room import PrepareConfig, prepare
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scene.scene import Scene
+from s2a.scene.usd import sim_stage
 
 RESULTS = Path(__file__).parent / "results/certified_annotations.json"
 

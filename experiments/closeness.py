@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
-from s2a.geometry.convex import contains, halfspaces, volume
-from s2a.geometry.handles.finger_gap import FingerSpace
-from s2a.scene import Mesh
+from s2a.scene.geometry.convex import contains, halfspaces, volume
+from s2a.scene.geometry.front_panel import FingerSpace
+from s2a.scene.scene import Mesh
 
 
 def gap_points(space: FingerSpace, count: int = 4000, seed: int = 0) -> np.ndarray:

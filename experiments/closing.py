@@ -22,12 +22,12 @@ import numpy as np
 from motion_parts import drawn, pull_and_motion, settings_of
 from replayed import Replay, replay
 
-from s2a import config, tasks
-from s2a.diff.pull_config import PullConfig
-from s2a.diff.pull_optimize import optimize
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
+from s2a import tasks
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.joints.pull_optimize import PullConfig, optimize
 
 RESULTS = Path(__file__).parent / "results/closing.json"
 TASK = ("task=close_part", "sim.joint.stiffness=0")

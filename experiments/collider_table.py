@@ -33,16 +33,17 @@ from closeness import gap_points
 from handle_error import MARGIN, TrueHandle, behind, distances, filled_behind, symmetric_error, union_surface
 from scipy.spatial.transform import Rotation
 
-from s2a import config, scan
-from s2a.geometry.handles.finger_gap import FingerSpace, finger_space, fraction_inside
-from s2a.geometry.mesh_ops import centroids, merge, normals, sample, sample_with_faces
-from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
-from s2a.prepare.colliders.target import ColliderConfig, find_handle, target_colliders
+from s2a import scan
+from s2a.core import config
+from s2a.core.provenance import provenance
 from s2a.prepare.grasp import find_grasp
+from s2a.prepare.part_hulls import ColliderConfig, find_handle, target_colliders
 from s2a.prepare.target import find_target
-from s2a.provenance import provenance
-from s2a.scene import Mesh, Scene
-from s2a.usd import geometric
+from s2a.scene.geometry.front_panel import FingerSpace, finger_space, fraction_inside
+from s2a.scene.geometry.mesh_ops import centroids, merge, normals, sample, sample_with_faces
+from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh, Scene
+from s2a.scene.usd import geometric
 
 RESULTS = Path(__file__).parent / "results/colliders.json"
 POINTS = 1500

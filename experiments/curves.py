@@ -18,7 +18,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 from outcome import logged
 
-from s2a import aliases
+from s2a.core import aliases
 
 FRACTIONS = {
     "success": ("opened by 0.20 m", "tab:gray"),

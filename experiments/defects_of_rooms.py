@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.scene import Joint, Mesh
-from s2a.usd.sim_scene import SimRoom
+from s2a.scene.scene import Joint, Mesh
+from s2a.scene.usd.sim_scene import SimRoom
 
 Change = Callable[[SimRoom, str], SimRoom]
 

@@ -19,18 +19,18 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.config import compose, load
+from s2a.core.config import compose, load
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
 from s2a.env.vec_env import VecEnv
-from s2a.errors import InputError
-from s2a.evaluate import run_episodes
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
-from s2a.rl.policy_file import PolicyFile
+from s2a.learn.evaluate import run_episodes
+from s2a.learn.rl.policy_file import PolicyFile
+from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import SimConfig, Simulation, device_of
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks import make_env
 from s2a.tasks.open_part.config import OpenPartMetrics
-from s2a.usd import sim_stage
 
 SEED, STEPS, EVERY, OPENING = 7, 2200, 5, 1e-4
 """Of the benchmark; control steps between readings; gain between two readings from which a part opens [m]."""

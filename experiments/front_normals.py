@@ -14,11 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from s2a import scan
-from s2a.diff.refine_front import seen_front
-from s2a.diff.refine_sides import Faces
-from s2a.evidence.front import front
-from s2a.evidence.surface import ScanSurface
-from s2a.usd import geometric
+from s2a.prepare.refine_front import Faces, seen_front
+from s2a.scan.evidence.front import front
+from s2a.scan.evidence.surface import ScanSurface
+from s2a.scene.usd import geometric
 
 ALIKE = 0.95
 """Cosine between a part's front and its axis from which it is a drawer's."""

@@ -23,14 +23,14 @@ import warp as wp
 from identification import NOISE, drawn
 from recorded_pulls import record
 
-from s2a.diff.dynamics import LOWER, UPPER
-from s2a.diff.identify import STARTS, parameters, slopes, variables
-from s2a.diff.joint_worlds import JointWorlds
-from s2a.diff.moving_body import Moving
-from s2a.diff.pull import Pull
-from s2a.diff.together import minimize_together
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.joints.dynamics import LOWER, UPPER
+from s2a.joints.identify import STARTS, parameters, slopes, variables
+from s2a.joints.joint_worlds import JointWorlds
+from s2a.joints.pull import Pull
+from s2a.joints.pulled import Moving
+from s2a.joints.together import minimize_together
 
 RESULTS = Path(__file__).parent / "results/gradients.json"
 SOLVED = 0.5

@@ -25,11 +25,11 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from s2a.geometry.convex import contains, hull
-from s2a.geometry.handles.finger_gap import FINGER_DEPTH, fraction_inside
-from s2a.geometry.mesh_ops import centroids, keep, merge, normals, sample_with_faces
-from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
-from s2a.scene import Mesh
+from s2a.scene.geometry.convex import contains, hull
+from s2a.scene.geometry.front_panel import FINGER_DEPTH, fraction_inside
+from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals, sample_with_faces
+from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh
 
 POINTS = 6000
 """Spread over each of both surfaces."""

@@ -19,18 +19,19 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from s2a import config, robot
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
-from s2a.prepare import PrepareConfig
+from s2a import robot
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.progress import track
+from s2a.core.provenance import provenance
+from s2a.homes.catalog import catalog, clean_scene
+from s2a.homes.furnishing import HOMES, home
 from s2a.prepare.part import PartConfig, part_results
+from s2a.prepare.room import PrepareConfig
 from s2a.prepare.target import bodies
-from s2a.progress import track
-from s2a.provenance import provenance
-from s2a.scene import Scene
-from s2a.synth.catalog import catalog, clean_scene
-from s2a.synth.homes import HOMES, home
-from s2a.usd.sim_scene import DEFAULT_ROBOT
+from s2a.scene.scene import Scene
+from s2a.scene.usd.sim_scene import DEFAULT_ROBOT
 
 RESULTS = Path(__file__).parent / "results/home_reach.json"
 Row = dict[str, Any]

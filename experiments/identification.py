@@ -24,15 +24,14 @@ import numpy as np
 import robot_pulls
 from recorded_pulls import Truth, record
 
-from s2a.diff import known_motion
-from s2a.diff.dynamics import Dynamics
-from s2a.diff.identify import identify
-from s2a.diff.joint_kernels import PARAMETERS
-from s2a.diff.moving_body import Moving, moving
-from s2a.diff.pull import Noise, Pull
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
-from s2a.usd import sim_stage
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.joints.dynamics import Dynamics
+from s2a.joints.identify import fit, identify
+from s2a.joints.joint_kernels import PARAMETERS
+from s2a.joints.pull import Noise, Pull
+from s2a.joints.pulled import Moving, moving
+from s2a.scene.usd import sim_stage
 
 RESULTS = Path(__file__).parent / "results/identification.json"
 NOISE = Noise(0.001, 0.5)
@@ -111,7 +110,7 @@ def identified(by: str, bodies: list[Moving], pulls: list[list[Pull]], device: s
     """Return the dynamics that a hand's pulls tell, or a robot's."""
     if by == "hand":
         return identify(bodies, pulls, NOISE, device)
-    return [known_motion.fit(body, own, NOISES[by].force) for body, own in zip(bodies, pulls, strict=True)]
+    return [fit(body, own, NOISES[by].force) for body, own in zip(bodies, pulls, strict=True)]
 
 
 def held_out(body: Moving, truth: Truth, found: Dynamics, seed: int) -> float:

@@ -17,9 +17,9 @@ import numpy as np
 from identification import RESULTS
 from recorded_pulls import RATE, Truth, record
 
-from s2a.diff.moving_body import Moving, moving
-from s2a.diff.pull import Noise
-from s2a.usd import sim_stage
+from s2a.joints.pull import Noise
+from s2a.joints.pulled import Moving, moving
+from s2a.scene.usd import sim_stage
 
 STAGE = Truth(1.0, 1.0, 1.0, spring=10.0)
 """Dynamics that a part without identification has in conf/sim, but for its friction, which depends on its mass."""

@@ -22,18 +22,16 @@ import numpy as np
 from insertion_study import METHODS, RESULTS, ROOMS, _insert_settings, _requests, _stage
 from triangle_queries import cast, tree
 
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.orbit_camera import CameraPose, OrbitCamera
-from s2a.geometry.render import render
-from s2a.insert.attempt import attempt
-from s2a.insert.batch import open_room
-from s2a.insert.context import Inserted, ObjectRequest
-from s2a.insert.review import image_pose
-from s2a.insert.room_state import RoomState
-from s2a.insert.settings import InsertSettings
-from s2a.llm.client import choose
-from s2a.provenance import provenance
-from s2a.scene import Mesh
+from s2a.core.provenance import provenance
+from s2a.language.insert.attempt import attempt, image_pose
+from s2a.language.insert.batch import open_room
+from s2a.language.insert.context import Inserted, ObjectRequest
+from s2a.language.insert.room_state import RoomState
+from s2a.language.insert.settings import InsertSettings
+from s2a.language.llm.client import choose
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, render
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Mesh
 
 HALF, CUT, PIXELS, CHANGED = 0.5, 0.1, 250, 12
 """Least visible and largest cut-off fraction of the silhouette, least number of changed pixels, and what counts as changed."""

@@ -37,26 +37,24 @@ import yaml
 from rater_images import rater_images
 from scipy.stats import binomtest
 
-from s2a import config
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import sample
-from s2a.geometry.penetration import depth
-from s2a.insert.batch import open_room
-from s2a.insert.context import InsertContext, Inserted, ObjectRequest, StabilityCheck
-from s2a.insert.pipeline import insert
-from s2a.insert.place.fit import NoRoom
-from s2a.insert.place.supports import nearby
-from s2a.insert.place.swept_volumes import intersects, reaching_into
-from s2a.insert.room_state import RoomState
-from s2a.insert.settings import InsertSettings
-from s2a.insert.stability import drop_check
-from s2a.llm.ask import Answer, Model, Request
-from s2a.llm.client import choose
-from s2a.llm.rules import rules
-from s2a.llm.usage_log import UsageLog
-from s2a.progress import track
-from s2a.provenance import provenance
-from s2a.scene import Mesh
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.core.progress import track
+from s2a.core.provenance import provenance
+from s2a.language.insert.batch import open_room
+from s2a.language.insert.context import InsertContext, Inserted, ObjectRequest, StabilityCheck
+from s2a.language.insert.pipeline import insert
+from s2a.language.insert.place.fit import NoRoom, intersects, reaching_into
+from s2a.language.insert.place.supports import nearby
+from s2a.language.insert.room_state import RoomState
+from s2a.language.insert.settings import InsertSettings
+from s2a.language.insert.stability import drop_check
+from s2a.language.llm.ask import Answer, Model, Request, UsageLog
+from s2a.language.llm.client import choose
+from s2a.language.llm.rules import rules
+from s2a.scene.geometry.mesh_ops import sample
+from s2a.scene.geometry.penetration import depth
+from s2a.scene.scene import Mesh
 
 RESULTS = Path(__file__).parent / "results"
 FOREIGN = Path(__file__).parent / "foreign.yaml"

@@ -9,19 +9,18 @@ from typing import Any
 import numpy as np
 from identification import LEAST, MOST
 
-from s2a import config
 from s2a.commands.evaluate import Config
-from s2a.commands.identify import write_layer
-from s2a.diff.dynamics import Dynamics
-from s2a.diff.moving_body import moving
-from s2a.diff.pulled import Pulled, pulled
-from s2a.errors import InputError
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.joints.commands.identify import write_layer
+from s2a.joints.dynamics import Dynamics
+from s2a.joints.pulled import Pulled, moving, pulled
 from s2a.planner.part_plan import Skill, plan, planned_path
 from s2a.planner.trajectory import Trajectory
+from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.open_part.skill import tool_path
-from s2a.usd import sim_stage
 
 SPARE = 2
 """Of each kind, parts that are optimised beyond those asked for, in the place of those that the planner does not open."""

@@ -27,14 +27,12 @@ import numpy as np
 from motion_parts import planned, settings_of
 from replayed import Replay, replay
 
-from s2a import config
-from s2a.diff.pull_config import PullConfig
-from s2a.diff.pull_loss import PullLoss
-from s2a.diff.pull_optimize import Optimum, optima, optimize
-from s2a.diff.pulled import Pulled
-from s2a.outputs import atomic_write
+from s2a.core import config
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.joints.pull_optimize import Optimum, PullConfig, PullLoss, optima, optimize
+from s2a.joints.pulled import Pulled
 from s2a.planner.pull_law import PullLaw
-from s2a.provenance import provenance
 
 RESULTS = Path(__file__).parent / "results/motions.json"
 OPENED = 0.9

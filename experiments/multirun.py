@@ -19,8 +19,9 @@ from typing import Any
 from outcome import curve
 from side_by_side import gpu_slots, run
 
-from s2a import config, tasks
-from s2a.rl import run_folder
+from s2a import tasks
+from s2a.core import config
+from s2a.learn.rl import run_folder
 
 S2A = (sys.executable, "-m", "s2a")
 TASK = tasks.task("open_part")

@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.outputs import atomic_write
-from s2a.rl import run_folder
+from s2a.core.outputs import atomic_write
+from s2a.learn.rl import run_folder
 
 RATES = ("success", "final_success", "grasp_success")
 

@@ -45,7 +45,7 @@ def main() -> None:
 
 def _parts(args: argparse.Namespace, room: str) -> list[str]:
     """Return the parts of a room, those with hinges first: they take longest."""
-    from s2a.usd import sim_stage
+    from s2a.scene.usd import sim_stage
 
     parts = sim_stage.read(args.inputs / room / "room.usd", visuals=False).articulations
     return sorted(parts, key=lambda part: parts[part].joint.kind == "prismatic")
@@ -82,7 +82,7 @@ def both_tasks(goal: float) -> list[tuple[str, str, dict[str, float]]]:
 
 def _both(stage: Any, goal: float, args: argparse.Namespace, row: Row) -> list[str]:
     """Open and shut a part; fill the row, and return what failed."""
-    from s2a.errors import InputError
+    from s2a.core.errors import InputError
 
     failed = []
     for name, task, keys in both_tasks(goal):
@@ -114,8 +114,8 @@ def based(stage: Any, settings: Any, row: Row, name: str) -> Any:
 
 def settings_of(stage: Any, task: str, keys: dict[str, float], args: argparse.Namespace) -> Any:
     """Return the settings of s2a evaluate."""
-    from s2a import config
     from s2a.commands.evaluate import Config
+    from s2a.core import config
 
     said = [f"{key}={value}" for key, value in keys.items()]
     # One motor drives both fingers; as two springs of their own they let a lid of 6 kg sag by 2 cm.
@@ -130,7 +130,7 @@ def _episodes(stage: Any, settings: Any, args: argparse.Namespace, row: Row, nam
     That is the seconds by the clock and of the processor, once for all worlds and seeds; other processes may run.
     """
     from s2a import tasks
-    from s2a.evaluate import run_episodes
+    from s2a.learn.evaluate import run_episodes
     from s2a.planner.motion import Planner
     from s2a.planner.part_plan import demonstration
     from s2a.sim.limit_use import LimitUse

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from twelve_at_once import CATEGORY
 
-from s2a.synth import appliances, clutter, decor, household, objects, toiletries
-from s2a.synth.cloth import pillow
-from s2a.synth.solids import Piece, Surface, join
-from s2a.synth.zoo.download import UNITS, Download, download
-from s2a.synth.zoo.formats import WRITERS
-from s2a.synth.zoo.zoo_object import ZooObject
+from s2a.homes import appliances, clutter, decor, household, objects, toiletries
+from s2a.homes.cloth import pillow
+from s2a.homes.solids import Piece, Surface, join
+from s2a.homes.zoo.download import UNITS, Download, download
+from s2a.homes.zoo.formats import WRITERS
+from s2a.homes.zoo.zoo_object import ZooObject
 
 CREAM = (230, 220, 200)
 Sampler = Callable[[np.random.Generator], Piece]

@@ -30,14 +30,14 @@ from other_kinds import KINDS, other_objects
 from rater_images import rater_image
 from twelve_at_once import CATEGORY, line_of, parser_of, row_of, study_arguments, summary
 
-from s2a.insert.attempt import attempt
-from s2a.insert.batch import open_room
-from s2a.insert.context import ObjectRequest
-from s2a.insert.room_state import RoomState
-from s2a.insert.settings import InsertSettings
-from s2a.llm.ask import Model
-from s2a.llm.client import choose
-from s2a.provenance import provenance
+from s2a.core.provenance import provenance
+from s2a.language.insert.attempt import attempt
+from s2a.language.insert.batch import open_room
+from s2a.language.insert.context import ObjectRequest
+from s2a.language.insert.room_state import RoomState
+from s2a.language.insert.settings import InsertSettings
+from s2a.language.llm.ask import Model
+from s2a.language.llm.client import choose
 
 
 def main() -> None:

@@ -28,12 +28,12 @@ from pulled_parts import SECONDS, Pull, in_mujoco, in_newton
 from scipy.spatial.transform import Rotation
 
 import s2a
-from s2a import config
-from s2a.articulation import displace, open_limit, opening_direction
-from s2a.provenance import provenance
+from s2a.core import config
+from s2a.core.provenance import provenance
+from s2a.scene.articulation import displace, open_limit, opening_direction
+from s2a.scene.usd import sim_stage
 from s2a.sim.solver import SimConfig
 from s2a.sim.world import SimStage, read_stage
-from s2a.usd import sim_stage
 
 RESULTS = Path(__file__).parent / "results/other_simulators.json"
 FRACTION = 0.7

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from s2a import aliases
-from s2a.rl import run_folder
+from s2a.core import aliases
+from s2a.learn.rl import run_folder
 
 HOLDS = {
     "grasp_success": "grasped",

@@ -17,7 +17,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from s2a.perception.estimate import load, of_pool
+from s2a.learn.perception.estimate import load, of_pool
 from s2a.sim import pool
 from s2a.tasks.part_description import Description, of_vector, truth
 

@@ -1,8 +1,9 @@
 """Is an object in its place as a person would have put it? Judged from triangles, apart from the code that places.
 
-Nothing of `s2a.insert` is imported here: what carries an object is found by rays cast down from it, collisions by winding numbers
-of the closed object and by its edges, openings by moving the triangles of every drawer and door through 25 positions. Which
-supports suit which object is written in suits.yaml, by hand, from labels alone. It rates by formulas; it is no person.
+Nothing of `s2a.language.insert` is imported here: what carries an object is found by rays cast down from it, collisions by
+winding numbers of the closed object and by its edges, openings by moving the triangles of every drawer and door through 25
+positions. Which supports suit which object is written in suits.yaml, by hand, from labels alone. It rates by formulas; it is no
+person.
 """
 
 from __future__ import annotations
@@ -18,9 +19,8 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from triangle_queries import Obstacles, cast, dense, depths, spread
 
-from s2a.articulation import displace
-from s2a.mesh import Mesh
-from s2a.scene import Joint, Scene
+from s2a.scene.articulation import displace
+from s2a.scene.scene import Joint, Mesh, Scene
 
 SIZE = 0.25
 """Largest error of the longest side, as a fraction of the true one."""

@@ -21,13 +21,13 @@ from skill_jobs import Row
 from skill_rooms import DEVELOPED, NAMES
 
 from s2a import tasks
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
 from s2a.planner.part_plan import demonstration
-from s2a.provenance import provenance
+from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import read_stage
-from s2a.usd import sim_stage
 
 LIMIT = 2.0
 """[s] That planning should take at most."""

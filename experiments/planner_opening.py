@@ -18,18 +18,18 @@ import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from s2a import aliases, config
 from s2a.commands.evaluate import Config
-from s2a.errors import InputError
-from s2a.evaluate import evaluate
+from s2a.core import aliases, config
+from s2a.core.errors import InputError
+from s2a.core.provenance import provenance
+from s2a.learn.evaluate import evaluate
 from s2a.planner.motion import Planner
-from s2a.prepare import PrepareConfig, prepare
-from s2a.provenance import provenance
-from s2a.scene import Scene
+from s2a.prepare.room import PrepareConfig, prepare
+from s2a.scene.scene import Scene
+from s2a.scene.usd import geometric, sim_stage
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import read_stage
 from s2a.tasks import make_env
-from s2a.usd import geometric, sim_stage
 
 RESULTS = Path(__file__).parent / "results/planner_opening.json"
 COLLIDERS = ("handle", "coacd", "one_hull")

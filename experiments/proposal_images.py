@@ -20,15 +20,14 @@ import numpy as np
 from proposals import as_used, true_parts
 from scipy import ndimage
 
-from s2a import config
 from s2a.annotate import files
-from s2a.annotate.propose import ProposeConfig
-from s2a.annotate.propose.layers import FACING, Layer, Points, floor_of, layers, spread
+from s2a.annotate.propose.layers import FACING, Layer, Points, ProposeConfig, floor_of, layers, spread
 from s2a.annotate.propose.network import MOTIONS, image
 from s2a.annotate.surface import SplitSurface
-from s2a.outputs import atomic_write
+from s2a.core import config
+from s2a.core.outputs import atomic_write
 from s2a.scan import folder, parts
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 
 ON_PLANE, HARDLY = 0.5, 0.15
 """Fraction of a front's surface on a plane from which on it is to be found there; between the two neither is asked for."""

@@ -19,8 +19,8 @@ from proposal_images import Planes
 from torch import nn
 
 from s2a.annotate.propose.network import CHANNELS, COARSE, MOTIONS, FrontNetwork, load
-from s2a.outputs import atomic_write
-from s2a.progress import track
+from s2a.core.outputs import atomic_write
+from s2a.core.progress import track
 
 CROP = 256
 """Cells along a side of what is seen in a step."""

@@ -17,16 +17,16 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a import config
 from s2a.annotate import files
-from s2a.annotate.propose import ProposeConfig
+from s2a.annotate.propose.layers import ProposeConfig
 from s2a.annotate.propose.run import propose
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
-from s2a.provenance import provenance
+from s2a.core import config
+from s2a.core.provenance import provenance
 from s2a.scan import folder, imported, parts
 from s2a.scan.labels import parents
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 
 TEXEL = 0.01
 """[m] The default of s2a import, at which the network was trained."""

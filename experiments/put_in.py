@@ -60,7 +60,7 @@ def _pairs(folder: Path) -> list[tuple[str, str]]:
     """Return the objects and drawers of a room, those nearest to each other first."""
     import numpy as np
 
-    from s2a.usd import sim_stage
+    from s2a.scene.usd import sim_stage
 
     room = sim_stage.read(folder / "room.usd", visuals=False)
     ids = [each["id"] for each in json.loads((folder / "objects.json").read_text()).values() if each["free"]]

@@ -11,14 +11,13 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from s2a import config
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.orbit_camera import CameraPose, OrbitCamera
-from s2a.geometry.render import render
-from s2a.insert.context import Inserted
-from s2a.insert.review import wide_and_close
-from s2a.insert.room_state import RoomState
-from s2a.scene import Scene
+from s2a.core import config
+from s2a.language.insert.attempt import wide_and_close
+from s2a.language.insert.context import Inserted
+from s2a.language.insert.room_state import RoomState
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, render
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Scene
 
 
 def rater_images(room: RoomState, name: str, done: dict[str, Inserted | None], folder: Path) -> None:

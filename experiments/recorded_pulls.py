@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from s2a.diff.moving_body import Moving
-from s2a.diff.pull import Noise, Pull
+from s2a.joints.pull import Noise, Pull
+from s2a.joints.pulled import Moving
 
 STEP = 1.0 / 2000.0
 """[s] Of MuJoCo."""
@@ -22,7 +22,7 @@ STRIBECK, EDGE = 0.05, 0.25
 
 @dataclass(frozen=True)
 class Truth:
-    """How a joint resists at its grasp point: `s2a.diff.joint_kernels.PARAMETERS`, in their order."""
+    """How a joint resists at its grasp point: `s2a.joints.joint_kernels.PARAMETERS`, in their order."""
 
     mass: float
     damping: float

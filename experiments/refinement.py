@@ -23,16 +23,17 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from s2a import config, scan
-from s2a.diff.refine import refine, with_joints
-from s2a.diff.refine_config import RefineConfig
-from s2a.evidence.annotation import moving_part
-from s2a.evidence.bounds import Bounds
-from s2a.evidence.front import front
-from s2a.evidence.surface import ScanSurface
-from s2a.provenance import provenance
-from s2a.scene import Joint, Scene
-from s2a.usd import geometric
+from s2a import scan
+from s2a.core import config
+from s2a.core.provenance import provenance
+from s2a.prepare.refine import refine, with_joints
+from s2a.prepare.refine_loss import RefineConfig
+from s2a.scan.evidence.annotation import moving_part
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.evidence.front import front
+from s2a.scan.evidence.surface import ScanSurface
+from s2a.scene.scene import Joint, Scene
+from s2a.scene.usd import geometric
 
 RESULTS = Path(__file__).parent / "results/refinement.json"
 WORSE = 0.1

@@ -21,11 +21,11 @@ import warp as wp
 from refinement import settings
 
 from s2a import scan
-from s2a.diff.refine import HASTY, annotator
-from s2a.diff.refine_loss import ZERO
-from s2a.diff.refine_room import JointedRoom, RoomFit, fit, joints_of, loss_of, priors
-from s2a.scene import Joint
-from s2a.usd import geometric
+from s2a.prepare.refine import HASTY, annotator
+from s2a.prepare.refine_loss import ZERO
+from s2a.prepare.refine_room import JointedRoom, RoomFit, fit, joints_of, loss_of, priors
+from s2a.scene.scene import Joint
+from s2a.scene.usd import geometric
 
 OUT = Path(__file__).parent.parent / "docs/refinement.png"
 ANGLE, LENGTH, STEPS = np.radians(3.5), 0.035, 41

@@ -23,11 +23,11 @@ import numpy as np
 import warp as wp
 from registration_pairs import joint_of, make
 
-from s2a.articulation import transform
-from s2a.diff.register import Proposal, Registration, register
-from s2a.diff.register_surface import OrientedMesh, match
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.joints.register import Proposal, Registration, register
+from s2a.joints.register_surface import OrientedMesh, match
+from s2a.scene.articulation import transform
 
 RESULTS = Path(__file__).parent / "results"
 KINDS = ("kitchen", "living_room", "bedroom", "office", "workshop", "laundry", "study")

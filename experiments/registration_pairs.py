@@ -13,16 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from s2a.homes.sample.sample import Scan, furnished, scan_room, streams
 
-from s2a import config
-from s2a.articulation import displace, lever_arm
-from s2a.errors import InputError
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
-from s2a.scene import Joint
-from s2a.synth import SampleConfig
-from s2a.synth.catalog import Entry, catalog
-from s2a.synth.sample import Scan, furnished, scan_room, streams
-from s2a.synth.solids import join
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.homes.catalog import Entry, catalog
+from s2a.homes.sample import SampleConfig
+from s2a.homes.solids import join
+from s2a.scene.articulation import displace, lever_arm
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.scene import Joint
 
 APART = 0.03
 """[m] Parts that stand open keep so far from each other."""

@@ -26,8 +26,8 @@ from multirun import Row, options, sweep
 from outcome import HOLDS, percent, trained, write
 from scipy.spatial.transform import Rotation
 
-from s2a.outputs import atomic_write
-from s2a.usd import sim_stage
+from s2a.core.outputs import atomic_write
+from s2a.scene.usd import sim_stage
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results/reward_ablation.json"

@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 from recorded_pulls import Truth
 
-from s2a import cli, robot
-from s2a.commands.identify import write_layer
-from s2a.diff import robot_pull
-from s2a.diff.dynamics import Dynamics
-from s2a.diff.joint_kernels import PARAMETERS
-from s2a.diff.moving_body import Moving
-from s2a.diff.pull import Pull
-from s2a.errors import InputError
+from s2a import robot
+from s2a.commands import cli
+from s2a.core.errors import InputError
+from s2a.joints import robot_pull
+from s2a.joints.commands.identify import write_layer
+from s2a.joints.dynamics import Dynamics
+from s2a.joints.joint_kernels import PARAMETERS
+from s2a.joints.pull import Pull
+from s2a.joints.pulled import Moving
 from s2a.sim.world import read_stage
 
 POSITION_NOISE, TORQUE_NOISE = 1e-4, 0.1

@@ -19,15 +19,16 @@ from defects_of_files import EDITS
 from defects_of_rooms import CHANGES
 from pxr import Sdf, Usd
 
-from s2a import config
-from s2a.certify import contents, portability, shapes, static
+from s2a.certify import contents, portability, static
 from s2a.certify.check_suite import CertifyConfig, certify
+from s2a.certify.contents import PART_RULES, ROOM_RULES
 from s2a.certify.scan_evidence import Evidence
 from s2a.commands.certify import Config
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
-from s2a.usd import sim_stage
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.scene.usd import sim_stage
 
 RESULTS = Path(__file__).parent / "results/room_defects.json"
 UNDECIDABLE = {
@@ -60,7 +61,7 @@ def named_by(path: Path, part: str, settings: CertifyConfig, *, physics: bool = 
     """Return the checks that fail on a part of a stage; physics is asked only if no other does, and if it is asked at all."""
     held = contents.about(contents.read(path), part)
     rules = [rule(held) for rule in (*static.ROOM_RULES, *portability.ROOM_RULES, *static.PART_RULES)]
-    rules += [rule(held, settings.shapes) for rule in (*shapes.ROOM_RULES, *shapes.PART_RULES)]
+    rules += [rule(held, settings.shapes) for rule in (*ROOM_RULES, *PART_RULES)]
     failed = [check.name for check in rules if check.status == "fail"]
     if failed:
         return failed

@@ -25,19 +25,19 @@ from typing import Any
 import newton
 import numpy as np
 
-from s2a import config
 from s2a.commands.evaluate import Config
-from s2a.errors import InputError
-from s2a.evaluate import evaluate
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.core.provenance import provenance
+from s2a.learn.evaluate import evaluate
 from s2a.planner.motion import Planner
-from s2a.prepare import ALL, PrepareConfig, prepare
-from s2a.prepare.colliders.free import free_objects
-from s2a.provenance import provenance
-from s2a.scene import Scene
+from s2a.prepare.free_objects import free_objects
+from s2a.prepare.room import ALL, PrepareConfig, prepare
+from s2a.scene.scene import Scene
+from s2a.scene.usd import geometric, sim_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks import make_env
-from s2a.usd import geometric, sim_stage
 
 RESULTS = Path(__file__).parent / "results/room_file.json"
 STEPS = ("prepare", "free", "open")

@@ -27,17 +27,16 @@ from typing import Any
 import yaml
 from scipy.stats import binomtest
 
-from s2a import config
-from s2a.do.plan import SkillPlan, check_sentence
-from s2a.do.rules import rules
-from s2a.do.run import RoomContext, make_plan
-from s2a.errors import InputError
-from s2a.llm.ask import Model
-from s2a.llm.client import LlmConfig, choose
-from s2a.llm.usage_log import UsageLog
-from s2a.progress import track
-from s2a.provenance import provenance
-from s2a.usd import descriptive, sim_stage
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.core.progress import track
+from s2a.core.provenance import provenance
+from s2a.language.do.plan import SkillPlan, check_sentence
+from s2a.language.do.rules import rules
+from s2a.language.do.run import RoomContext, make_plan
+from s2a.language.llm.ask import Model, UsageLog
+from s2a.language.llm.client import LlmConfig, choose
+from s2a.scene.usd import descriptive, sim_stage
 
 FOLDER = Path(__file__).parent
 RESULTS, SENTENCES = FOLDER / "results", FOLDER / "sentences.yaml"

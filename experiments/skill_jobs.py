@@ -16,10 +16,10 @@ from typing import Any
 from scipy.stats import binomtest
 from skill_rooms import DEVELOPED, NAMES
 
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
 from s2a.planner.graspable import Ungraspable
-from s2a.provenance import provenance
 
 SEGMENT = re.compile(r": (grasp|base|place|approach and lift|lowering and retreat|reach|carry|handle)\b")
 """In a planner's refusal: which segment of the plan fails."""
@@ -82,8 +82,8 @@ def run(jobs: Mapping[Path, Sequence[str]], args: argparse.Namespace, write: Cal
 
 def evaluated(keys: Sequence[str], out: Path) -> Row:
     """Return what `s2a evaluate` writes with some keys, or the cause for which it refuses."""
-    from s2a import config
     from s2a.commands import evaluate
+    from s2a.core import config
 
     settings = config.load(evaluate.Config, config.compose("evaluate", [*keys, f"out={out}"]))
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Rays, depths and points of triangle meshes for independent checks: Warp's own queries, apart from s2a.geometry."""
+"""Rays, depths and points of triangle meshes for independent checks: Warp's own queries, apart from s2a.scene.geometry."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import numpy as np
 import warp as wp
 from scipy import ndimage
 
-from s2a.mesh import Mesh
-from s2a.scene import Scene
+from s2a.scene.scene import Mesh, Scene
 
 
 @wp.kernel

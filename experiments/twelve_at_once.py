@@ -21,11 +21,11 @@ from insertion_study import RESULTS, ROOMS, _insert_settings, _stage, _zoo
 from placement_checks import CHECKS, Placed, Truth, check, up_and_front
 from scipy.spatial.transform import Rotation
 
-from s2a.insert.batch import insert_into, open_room
-from s2a.insert.context import Inserted, ObjectRequest
-from s2a.llm.client import choose
-from s2a.llm.usage_log import Record
-from s2a.provenance import provenance
+from s2a.core.provenance import provenance
+from s2a.language.insert.batch import insert_into, open_room
+from s2a.language.insert.context import Inserted, ObjectRequest
+from s2a.language.llm.ask import Record
+from s2a.language.llm.client import choose
 
 CATEGORY = {room: category for category, room in ROOMS.items() if category != "foreign"}
 

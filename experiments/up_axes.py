@@ -16,14 +16,13 @@ import numpy as np
 from insertion_study import RESULTS
 from other_kinds import other_objects
 
-from s2a import config
-from s2a.insert.colours import colour_spread
-from s2a.insert.object_file import ObjectConfig, read_object
-from s2a.insert.place.stable_pose import concavities, cross_sections, tilt_margins
-from s2a.insert.settings import InsertSettings
-from s2a.llm.ask import Request
-from s2a.llm.rules import rules
-from s2a.provenance import provenance
+from s2a.core import config
+from s2a.core.provenance import provenance
+from s2a.language.insert.object_file import ObjectConfig, colour_spread, read_object
+from s2a.language.insert.place.stable_pose import concavities, cross_sections, tilt_margins
+from s2a.language.insert.settings import InsertSettings
+from s2a.language.llm.ask import Request
+from s2a.language.llm.rules import rules
 
 FLOOR = {
     "id": "floor_1",

@@ -32,16 +32,17 @@ import numpy as np
 import warp as wp
 from room_file import open_part
 
-from s2a import config, scan
-from s2a.geometry.mesh_ops import normals, sample_with_faces
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
-from s2a.outputs import atomic_write
-from s2a.prepare import ALL, PrepareConfig, prepare
-from s2a.provenance import provenance
+from s2a import scan
+from s2a.core import config
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.homes.sample import SampleConfig, sample
+from s2a.prepare.room import ALL, PrepareConfig, prepare
 from s2a.scan import ply
-from s2a.scene import Mesh, Scene
-from s2a.synth import SampleConfig, sample
-from s2a.usd import geometric, sim_stage
+from s2a.scene.geometry.mesh_ops import normals, sample_with_faces
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh, Scene
+from s2a.scene.usd import geometric, sim_stage
 
 RESULTS = Path(__file__).parent / "results"
 OUTCOMES = ("no_handle", "left_out", "no_base", "no_plan", "not_opened", "opened", "grasped")

@@ -20,15 +20,16 @@ from typing import Any
 
 import numpy as np
 
-from s2a import config, scan
-from s2a.articulation import opening_direction
-from s2a.evidence import annotation, room
-from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding
-from s2a.evidence.front import Front, front
-from s2a.evidence.surface import ScanSurface
-from s2a.provenance import provenance
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a import scan
+from s2a.core import config
+from s2a.core.provenance import provenance
+from s2a.scan.evidence import annotation, room
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.evidence.finding import Finding
+from s2a.scan.evidence.front import Front, front
+from s2a.scan.evidence.surface import ScanSurface
+from s2a.scene.articulation import opening_direction
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 RESULTS = Path(__file__).parent / "results/wrong_annotations.json"
 TILT = np.radians(15.0)

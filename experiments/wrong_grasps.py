@@ -17,7 +17,7 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
-from s2a.outputs import atomic_write
+from s2a.core.outputs import atomic_write
 
 SEED = 7
 

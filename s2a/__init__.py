@@ -3,7 +3,7 @@
 `import s2a` is instant: every name below loads its module at the first use.
 
     load_scene, export, insert, prepare, convert, certify    scenes: `s2a.api`
-    make                                                     a task as a gymnasium.vector.VectorEnv: `s2a.vector_env`
+    make                                                     a task as a gymnasium.vector.VectorEnv: `s2a.tasks.vector_env`
 
 The subpackages insert, prepare, convert and certify share their names with functions: import from them by their full path,
 `from s2a.prepare.target import ...`.
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from s2a.api import insert as insert
     from s2a.api import load_scene as load_scene
     from s2a.api import prepare as prepare
-    from s2a.vector_env import make as make
+    from s2a.tasks.vector_env import make as make
 
 _MODULES = dict.fromkeys(("load_scene", "export", "insert", "prepare", "convert", "certify"), "s2a.api") | {
-    "make": "s2a.vector_env"
+    "make": "s2a.tasks.vector_env"
 }
 """Public name -> module that defines it."""
 __all__ = [*_MODULES]  # noqa: PLE0604  (names of lazy attributes)

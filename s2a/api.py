@@ -8,7 +8,7 @@
     reports = s2a.certify("demo/sim.usd")
 
 Lengths are metres, angles radians, masses kilograms, z is up. `overrides` are `key=value` texts, as on the command line.
-Every function raises `s2a.errors.InputError` for bad input and for an extra that is not installed.
+Every function raises `s2a.core.errors.InputError` for bad input and for an extra that is not installed.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from s2a import config, extras
-from s2a.outputs import atomic_write
+from s2a.core import config, errors
+from s2a.core.outputs import atomic_write
 from s2a.scan import read as read_scan
-from s2a.scene import Scene
-from s2a.usd import descriptive, geometric
+from s2a.scene.scene import Scene
+from s2a.scene.usd import descriptive, geometric
 
 if TYPE_CHECKING:
     from s2a.certify.check import ValidationReport
-    from s2a.insert.batch import Insertion
+    from s2a.language.insert.batch import Insertion
 
 File = str | PathLike[str]
 
@@ -102,9 +102,9 @@ def insert(
     Raises:
         InputError: no place was found, no usable answer, or bad input; nothing is written.
     """
-    with extras.required():
-        from s2a.insert.batch import insert_all
-        from s2a.insert.settings import InsertSettings
+    with errors.required():
+        from s2a.language.insert.batch import insert_all
+        from s2a.language.insert.settings import InsertSettings
 
         given = {"stage": stage, "object": object, "label": label, "out": out, "prompt": hint or None}
         return insert_all(_load(InsertSettings, "insert", given, [f"llm={llm}", *overrides]))
@@ -122,7 +122,7 @@ def prepare(stage: File, targets: str | Sequence[str], out: File, overrides: Seq
     Raises:
         InputError: a target that is not in the stage or does not move.
     """
-    with extras.required():
+    with errors.required():
         command = importlib.import_module("s2a.commands.prepare")
         asked = targets if isinstance(targets, str) else tuple(targets)
         command.run(_load(command.Config, "prepare", {"stage": stage, "targets": asked, "out": out}, overrides))
@@ -148,7 +148,7 @@ def convert(
     Raises:
         InputError: no such file, an id that cannot move, or an `out` that is something else; nothing is written.
     """
-    with extras.required():
+    with errors.required():
         command = importlib.import_module("s2a.commands.convert")
         asked = parts if isinstance(parts, str) else tuple(parts)
         command.run(_load(command.Config, "convert", {"stage": stage, "out": out, "to": to, "parts": asked}, overrides))
@@ -166,7 +166,7 @@ def certify(stage: File, part: str | None = None, overrides: Sequence[str] = ())
     Raises:
         InputError: no such file.
     """
-    with extras.required():
+    with errors.required():
         from s2a.certify.check_suite import CertifyConfig
         from s2a.certify.check_suite import certify as run
 

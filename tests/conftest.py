@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from s2a.scene import Scene
+from s2a.scene.scene import Scene
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -19,8 +19,8 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
 @pytest.fixture(scope="session")
 def office_scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A virtual office as the demo scans it (seed 0)."""
-    from s2a import config
-    from s2a.synth import SampleConfig, sample  # not needed where only the simulation is tested
+    from s2a.core import config
+    from s2a.homes.sample import SampleConfig, sample  # not needed where only the simulation is tested
 
     out = tmp_path_factory.mktemp("office") / "scan"
     out.mkdir()

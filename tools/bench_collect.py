@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import numpy as np
 
-    from s2a.collect.encoders import Encoders
     from s2a.commands.collect import Config, Session
+    from s2a.learn.collect.video import Encoders
 
 # What is imported here, every process that encodes images imports too, since it begins as this module: so no physics.
 ROUNDS = 2
@@ -41,8 +41,8 @@ def main() -> None:
     parser.add_argument("keys", nargs="+", metavar="key=value")
     parser.add_argument("--out", type=Path, help="write the row as JSON")
     args = parser.parse_args()
-    from s2a import config
     from s2a.commands.collect import Config
+    from s2a.core import config
 
     with tempfile.TemporaryDirectory() as folder:
         keys = [*args.keys, f"out={folder}/set", "episodes=1"]
@@ -57,9 +57,9 @@ def measured(settings: Config, folder: Path) -> dict:
     """Return the rates of all parts [frame/s]."""
     import numpy as np
 
-    from s2a.collect.encoders import SLOTS
     from s2a.commands.collect import begin, format_of
-    from s2a.provenance import provenance
+    from s2a.core.provenance import provenance
+    from s2a.learn.collect.video import SLOTS
     from s2a.sim.views import CAMERAS
 
     session = begin(settings)

@@ -24,7 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from s2a import scan
-from s2a.usd import descriptive, geometric
+from s2a.scene.usd import descriptive, geometric
 
 SECONDS, GIGABYTES = 25.0, 4.0
 """What an export may take on two cores."""

@@ -25,14 +25,14 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from s2a.config import compose, load
-from s2a.errors import InputError
-from s2a.insert.batch import RECORD, insert_into, open_room
-from s2a.insert.context import ObjectRequest
-from s2a.insert.room_state import RoomState
-from s2a.insert.settings import InsertSettings
-from s2a.llm.client import choose
-from s2a.provenance import provenance
+from s2a.core.config import compose, load
+from s2a.core.errors import InputError
+from s2a.core.provenance import provenance
+from s2a.language.insert.batch import RECORD, insert_into, open_room
+from s2a.language.insert.context import ObjectRequest
+from s2a.language.insert.room_state import RoomState
+from s2a.language.insert.settings import InsertSettings
+from s2a.language.llm.client import choose
 
 LIMIT = 2.0
 """What an insertion may take on two cores [s]."""

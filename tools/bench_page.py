@@ -26,10 +26,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests/support"))
 from browser import Page, browser  # type: ignore[import-not-found]
 
-from s2a.page import notes
-from s2a.page.read import read
-from s2a.page.thin import thinned
-from s2a.provenance import provenance
+from s2a.core.provenance import provenance
+from s2a.view.page import cards
+from s2a.view.page.detail import thinned
+from s2a.view.page.read import read
 
 ROOT = Path(__file__).parents[1]
 SIZE, PANEL = (1280, 800), 390
@@ -51,7 +51,7 @@ def main() -> None:
     args = parser.parse_args()
     rows = []
     for path in args.paths:
-        room = read(notes.of_path(path)[0])
+        room = read(cards.of_path(path)[0])
         faces = thinned(room, args.max_faces).faces if args.max_faces else room.faces
         old = {"before": opened(path, args.max_faces, args.before)} if args.before else {}
         new = opened(path, args.max_faces, ROOT)

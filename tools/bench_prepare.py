@@ -20,8 +20,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from s2a.provenance import provenance
-from s2a.usd import geometric
+from s2a.core.provenance import provenance
+from s2a.scene.usd import geometric
 
 COLD, WARM, GIGABYTES = 60.0, 15.0, 6.0
 """What a preparation may take on two cores [s], [s], [GB]."""

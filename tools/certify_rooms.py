@@ -24,19 +24,20 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from s2a import config, scan
+from s2a import scan
 from s2a.certify import report
 from s2a.certify.check_suite import CertifyConfig, certify
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
-from s2a.prepare import ALL, PrepareConfig, prepare
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.progress import track
+from s2a.core.provenance import provenance
+from s2a.homes.sample import SampleConfig, sample
+from s2a.prepare.room import ALL, PrepareConfig, prepare
 from s2a.prepare.target import find_target
-from s2a.progress import track
-from s2a.provenance import provenance
-from s2a.scene import Scene
-from s2a.synth import SampleConfig, sample
-from s2a.usd import sim_stage
-from s2a.usd.stamp import content_hash
+from s2a.scene.scene import Scene
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.stamp import content_hash
 
 
 def main() -> None:

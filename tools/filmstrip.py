@@ -20,8 +20,7 @@ import av
 import numpy as np
 from PIL import Image
 
-from s2a.collect.lerobot import CHUNK, VIDEO
-from s2a.collect.lerobot_format import IMAGES
+from s2a.learn.collect.lerobot import CHUNK, IMAGES, VIDEO
 from s2a.sim.views import CAMERAS
 
 MIN_FPS = 8.0

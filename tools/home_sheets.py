@@ -13,16 +13,15 @@ from pathlib import Path
 import numpy as np
 import sheet
 
-from s2a import config
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.mesh_query import first_hits, ray_mesh
-from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose
-from s2a.geometry.render import render
-from s2a.scene import Mesh
-from s2a.synth.catalog import Entry, catalog
-from s2a.synth.homes import HOMES, home
-from s2a.synth.room import Room
-from s2a.synth.solids import Piece
+from s2a.core import config
+from s2a.homes.catalog import Entry, catalog
+from s2a.homes.furnishing import HOMES, home
+from s2a.homes.room import Room
+from s2a.homes.solids import Piece
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, render
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.mesh_query import first_hits, ray_mesh
+from s2a.scene.scene import Mesh
 
 TILES = {"rooms": (400, 300), "handles": (200, 150)}
 """Size of an image [pixel]."""

@@ -18,10 +18,9 @@ import warp as wp
 from rich.console import Console
 from rich.table import Table
 
-from s2a.scene import Joint, Scene
-from s2a.sim.stiffness import stiffen
-from s2a.sim.world import body_index, joint_index
-from s2a.usd import geometric
+from s2a.scene.scene import Joint, Scene
+from s2a.scene.usd import geometric
+from s2a.sim.world import body_index, joint_index, stiffen
 
 DT, PUSH, SECONDS = 1.0 / 240.0, 30.0, 2.0
 MASS = 5.0

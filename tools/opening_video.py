@@ -15,11 +15,11 @@ import torch
 from PIL import Image
 from room_images import folder_and_image
 
-from s2a import config
 from s2a.commands.evaluate import Config
-from s2a.evaluate import evaluate
+from s2a.core import config
+from s2a.core.progress import track
+from s2a.learn.evaluate import evaluate
 from s2a.planner.motion import Planner
-from s2a.progress import track
 from s2a.sim.camera import Camera
 from s2a.sim.simulation import Simulation, device_of
 from s2a.tasks import make_env

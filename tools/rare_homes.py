@@ -9,13 +9,14 @@ import argparse
 from collections import Counter
 from dataclasses import replace
 
-from s2a import config
-from s2a.commands.pool import Config, rooms_of
-from s2a.progress import track
-from s2a.synth import SampleConfig
-from s2a.synth.catalog import catalog
-from s2a.synth.sample import furnished, streams
-from s2a.synth.truth import handle_of, part_truth
+from s2a.homes.sample.sample import furnished, streams
+
+from s2a.core import config
+from s2a.core.progress import track
+from s2a.homes.catalog import catalog
+from s2a.homes.commands.pool import Config, rooms_of
+from s2a.homes.sample import SampleConfig
+from s2a.homes.truth import handle_of, part_truth
 
 
 def handles(home: SampleConfig) -> Counter[str | None]:

@@ -16,20 +16,20 @@ import warp as wp
 from room_images import above, folder_and_image
 from scipy.spatial.transform import Rotation
 
-from s2a import config, robot
+from s2a import robot
 from s2a.commands.evaluate import Config
-from s2a.evaluate import evaluate
-from s2a.geometry.mesh_ops import painted
-from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
-from s2a.geometry.render import render, write_png
+from s2a.core import config
+from s2a.learn.evaluate import evaluate
 from s2a.planner.motion import Planner
 from s2a.robot.model import add_robot
 from s2a.robot.spec import RobotSpec
-from s2a.scene import Mesh
+from s2a.scan.visuals import visible
+from s2a.scene.geometry.camera import OrbitCamera, framing_pose, render, write_png
+from s2a.scene.geometry.mesh_ops import painted
+from s2a.scene.scene import Mesh
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks import make_env
-from s2a.usd.visuals import visible
 
 SIZE = {"width": 576, "height": 432, "samples": 3}
 ROOM = {**SIZE, "elevation": 0.8, "margin": 1.02}

@@ -17,12 +17,12 @@ import numpy as np
 import sheet
 import torch
 
-from s2a import config
 from s2a.commands.collect import Config as CollectConfig
 from s2a.commands.evaluate import Config
-from s2a.evaluate import run_episodes
-from s2a.provenance import provenance
-from s2a.rl.policy_file import PolicyFile
+from s2a.core import config
+from s2a.core.provenance import provenance
+from s2a.learn.evaluate import run_episodes
+from s2a.learn.rl.policy_file import PolicyFile
 from s2a.sim.simulation import Simulation
 from s2a.sim.views import Views, ViewsConfig
 from s2a.tasks import make_env

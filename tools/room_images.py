@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 import sheet
 
-from s2a import config
-from s2a.commands.sample import run
-from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
-from s2a.geometry.render import render
-from s2a.synth import SampleConfig
-from s2a.synth.rooms import ROOMS
-from s2a.usd.visuals import Visible, visible
+from s2a.core import config
+from s2a.homes.commands.sample import run
+from s2a.homes.rooms import ROOMS
+from s2a.homes.sample import SampleConfig
+from s2a.scan.visuals import Visible, visible
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of, render
 
 TILE, CAPTION, COLUMNS = (480, 360), 22, 3
 """Size of an image and height of the name below it [pixel]; images in a row."""

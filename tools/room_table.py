@@ -23,10 +23,10 @@ from pathlib import Path
 import numpy as np
 from rich.progress import track
 
-from s2a.provenance import provenance
-from s2a.synth.homes import HOMES
-from s2a.synth.rooms import ROOMS
-from s2a.usd import geometric
+from s2a.core.provenance import provenance
+from s2a.homes.furnishing import HOMES
+from s2a.homes.rooms import ROOMS
+from s2a.scene.usd import geometric
 
 COUNTS = ("objects", "parts", "movable")
 PIECES = re.compile(

@@ -27,12 +27,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from webs import webs
 
-from s2a.geometry.mesh_ops import merge, normals, sample, sample_with_faces
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
-from s2a.provenance import provenance
+from s2a.core.provenance import provenance
 from s2a.scan import ply
-from s2a.scene import Mesh, Scene
-from s2a.usd import geometric
+from s2a.scene.geometry.mesh_ops import merge, normals, sample, sample_with_faces
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh, Scene
+from s2a.scene.usd import geometric
 
 SAMPLES = 200_000
 """Points by which noise is measured."""

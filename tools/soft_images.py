@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from PIL import Image
 
-from s2a import config
+from s2a.core import config
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.soft_body import soft_body
 from s2a.sim.soft_config import SoftConfig
@@ -61,7 +61,7 @@ def trial_of(states: dict[str, np.ndarray], trial: int) -> dict[str, np.ndarray]
 
 def _stage(room: Path, states: dict[str, np.ndarray]) -> SimStage:
     """Return a stage with the robot where it stood in the trial, which looks at the place; its part stays shut."""
-    from s2a.usd import sim_stage
+    from s2a.scene.usd import sim_stage
 
     part = next(iter(sim_stage.read(room, visuals=False).articulations))
     stage = read_stage(room, part)

@@ -26,11 +26,11 @@ from real_listing import overlap, quantiles
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
-from s2a.provenance import provenance  # noqa: E402
-from s2a.synth.catalog import Entry, catalog, moves  # noqa: E402
-from s2a.synth.homes import HOMES, home  # noqa: E402
-from s2a.synth.room import Room  # noqa: E402
-from s2a.synth.rooms import ROOMS  # noqa: E402
+from s2a.core.provenance import provenance  # noqa: E402
+from s2a.homes.catalog import Entry, catalog, moves  # noqa: E402
+from s2a.homes.furnishing import HOMES, home  # noqa: E402
+from s2a.homes.room import Room  # noqa: E402
+from s2a.homes.rooms import ROOMS  # noqa: E402
 
 CELL = 0.25
 """[m] Edge of a cell of a floor plan."""

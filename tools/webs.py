@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.geometry.mesh_ops import keep, merge, sample
-from s2a.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
-from s2a.scene import Mesh, Scene
+from s2a.scene.geometry.mesh_ops import keep, merge, sample
+from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh, Scene
 
 DEPTHS = (0.008, 0.12)
 """[m] Depth of a gap behind a handle into which fingers go."""

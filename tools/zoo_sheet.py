@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 import sheet
 
-from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
-from s2a.geometry.render import render
-from s2a.scene import Mesh
-from s2a.synth.zoo import ZooObject, zoo
+from s2a.homes.zoo import ZooObject, zoo
+from s2a.scene.geometry.camera import OrbitCamera, framing_pose, render
+from s2a.scene.scene import Mesh
 
 COLUMNS = 10
 TILE, CAPTION = 168, 22

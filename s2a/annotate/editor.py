@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.annotate import joints, region
+from s2a.annotate import region
 from s2a.annotate.annotation import Draft, Item
 from s2a.annotate.handle import Shape
-from s2a.annotate.joints import Direction
-from s2a.annotate.region import FrontRegion, GrowConfig
+from s2a.annotate.region import Direction, FrontRegion, GrowConfig, hinge, hinge_at, side, slide
 
 RECTANGULAR = 0.8
 """Fraction of its rectangle that a region fills from which on its sides are straight."""
@@ -85,8 +84,8 @@ class Editor:
         annotation = self.annotation.with_rectangle(self.selected, _rectangle(self.item.region, corners), self.config)
         item = annotation.items[self.selected]
         if item.joint is not None and item.joint.kind == "revolute":
-            edge = joints.side(self.item.region, np.array(item.joint.origin))[0]
-            annotation = annotation.changed(self.selected, joint=joints.hinge_at(item.region, edge))
+            edge = side(self.item.region, np.array(item.joint.origin))[0]
+            annotation = annotation.changed(self.selected, joint=hinge_at(item.region, edge))
         self._do(annotation)
 
     def rectangle_around(self, faces: np.ndarray, corners: Callable[[FrontRegion], np.ndarray | None]) -> None:
@@ -104,12 +103,12 @@ class Editor:
     def slide(self, direction: Direction = "out") -> None:
         """Let the selected part slide."""
         if self.item is not None:
-            self._change(joint=joints.slide(self.item.region, direction))
+            self._change(joint=slide(self.item.region, direction))
 
     def hinge(self, points: np.ndarray) -> None:
         """Let the selected part turn about the side at a point, or the line through two, shape [point 3] [m]."""
         if self.item is not None:
-            self._change(joint=joints.hinge(self.item.region, points))
+            self._change(joint=hinge(self.item.region, points))
 
     def limit(self, upper: float) -> None:
         """Let the selected part open so far [m] or [rad]."""

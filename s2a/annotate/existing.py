@@ -14,12 +14,12 @@ from s2a.annotate import region
 from s2a.annotate.annotation import NO_FACES, Draft, Item
 from s2a.annotate.region import FrontRegion
 from s2a.annotate.surface import ADDED, SplitSurface
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan import fields, folder, joint_records, labels, parts
 from s2a.scan.folder import ScanFiles
 from s2a.scan.imported import SOURCE_FACES
 from s2a.scan.ply import ScanMesh
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 
 Document = dict[str, Any]
 NOBODY, NEW = -1, -2

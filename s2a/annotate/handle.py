@@ -8,9 +8,8 @@ import numpy as np
 
 from s2a.annotate.region import FrontRegion
 from s2a.annotate.surface import SplitSurface
-from s2a.geometry.mesh_ops import merge, painted
-from s2a.mesh import Mesh
-from s2a.scene import Joint
+from s2a.scene.geometry.mesh_ops import merge, painted
+from s2a.scene.scene import Joint, Mesh
 
 Shape = Literal["bar", "knob", "lever"]
 SHAPES: tuple[Shape, ...] = ("bar", "knob", "lever")

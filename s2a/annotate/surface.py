@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from s2a.geometry.mesh_ops import GREY
-from s2a.mesh import Mesh
+from s2a.scene.geometry.mesh_ops import GREY
+from s2a.scene.scene import Mesh
 
 ADDED = -1
 """Source of a face that was not scanned."""

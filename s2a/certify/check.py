@@ -40,7 +40,7 @@ class ValidationReport:
 
     Attributes:
         stage: the file.
-        sha256: of its content (`s2a.usd.stamp.content_hash`).
+        sha256: of its content (`s2a.scene.usd.stamp.content_hash`).
         target: id of the part that moves; empty if the stage names none.
         checks: every check, in order.
         graspable: A parallel gripper can hold and pull the grasp region; None if that check was skipped.

@@ -10,20 +10,21 @@ from pathlib import Path
 
 import mujoco
 
-from s2a.certify import contents, finger_gap, foundation, physics_grip, portability, shapes, static
+from s2a.certify import contents, finger_gap, physics_grip, portability, static
+from s2a.certify import contents as shapes
+from s2a.certify import static as foundation
 from s2a.certify.check import Check, Status, ValidationReport, check_bound
-from s2a.certify.contents import Contents
+from s2a.certify.contents import Contents, ShapeConfig
 from s2a.certify.finger_gap import Gap, GapConfig
-from s2a.certify.foundation import FoundationConfig
 from s2a.certify.physics import PhysicsConfig, World
 from s2a.certify.physics_grip import Grip, GripConfig
 from s2a.certify.physics_motion import MotionConfig, motion
 from s2a.certify.scan_evidence import REASON, Evidence, EvidenceConfig, doubts
-from s2a.certify.shapes import ShapeConfig
-from s2a.errors import InputError
-from s2a.provenance import provenance
-from s2a.usd.stage import ROOT
-from s2a.usd.stamp import content_hash
+from s2a.certify.static import FoundationConfig
+from s2a.core.errors import InputError
+from s2a.core.provenance import provenance
+from s2a.scene.usd.stage import ROOT
+from s2a.scene.usd.stamp import content_hash
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,14 @@ from pxr import UsdGeom
 from scipy.spatial.transform import Rotation
 
 from s2a.certify.contents import Contents
-from s2a.geometry.handles.finger_gap import fraction_inside
-from s2a.geometry.mesh_ops import keep, merge, sample
-from s2a.geometry.mesh_query import RayMesh, first_hits, ray_mesh
-from s2a.ranges import Fraction
+from s2a.core.bounds import Fraction
 from s2a.robot.spec import GripperSpec
-from s2a.scene import Mesh
-from s2a.usd.stage import read_attribute, read_mesh
-from s2a.usd.visuals import visible
+from s2a.scan.visuals import visible
+from s2a.scene.geometry.front_panel import fraction_inside
+from s2a.scene.geometry.mesh_ops import keep, merge, sample
+from s2a.scene.geometry.mesh_query import RayMesh, first_hits, ray_mesh
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.stage import read_attribute, read_mesh
 
 MARGIN = 0.002
 """[m] Accuracy of a scan: points nearer to its surface count as occupied."""

@@ -12,13 +12,13 @@ import numpy as np
 import warp as wp
 
 from s2a import robot as robots
-from s2a.articulation import opening_sign, pose_at
-from s2a.outputs import temporary_folder
-from s2a.ranges import Count, Positive
+from s2a.core.bounds import Count, Positive
+from s2a.core.outputs import temporary_folder
 from s2a.robot.model import add_gripper
-from s2a.sim.freezing import owner
+from s2a.scene.articulation import opening_sign, pose_at
+from s2a.scene.usd import sim_stage
+from s2a.sim.room import owner
 from s2a.sim.world import JointConfig, build_world, read_stage
-from s2a.usd import sim_stage
 
 PARKED = 50.0
 """[m] Height at which the gripper waits."""

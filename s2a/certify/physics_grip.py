@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.certify.physics import World
-from s2a.ranges import NotNegative, Numbers, Positive
+from s2a.core.bounds import NotNegative, Numbers, Positive
 
 PRESS_FORCE = 1.0
 """[N] Force with which a finger counts as pressing."""

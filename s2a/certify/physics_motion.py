@@ -10,8 +10,8 @@ import numpy as np
 
 from s2a.certify.check import Check, check_bound
 from s2a.certify.physics import World
-from s2a.ranges import Count, NotNegative, Positive
-from s2a.usd.sim_scene import PREPARE_AGAIN
+from s2a.core.bounds import Count, NotNegative, Positive
+from s2a.scene.usd.sim_scene import PREPARE_AGAIN
 
 FIX = "correct the colliders or the annotated axis and range, then " + PREPARE_AGAIN
 GAIN = 200.0

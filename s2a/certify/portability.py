@@ -9,12 +9,12 @@ from contextlib import suppress
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
-from s2a.articulation import open_limit
 from s2a.certify.check import Check, decide
 from s2a.certify.contents import Contents, ends, points
-from s2a.errors import InputError
-from s2a.usd.joints import read_joint
-from s2a.usd.sim_scene import PREPARE_AGAIN
+from s2a.core.errors import InputError
+from s2a.scene.articulation import open_limit
+from s2a.scene.usd.joints import read_joint
+from s2a.scene.usd.sim_scene import PREPARE_AGAIN
 
 STANDARD_GRAVITY = (9.78, 9.84)
 """[m/s^2] On the Earth's surface, from the equator to the poles."""

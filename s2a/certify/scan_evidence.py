@@ -10,23 +10,327 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.certify.check import Check, Status
-from s2a.certify.fidelity import FidelityConfig, collider_fidelity, scanned
-from s2a.certify.grasp_frame import grasp_frame
-from s2a.certify.robot_base import BaseCheckConfig, robot_base
-from s2a.evidence.annotation import moving_part
-from s2a.evidence.bounds import Bounds
-from s2a.evidence.finding import Finding
-from s2a.evidence.front import Front, front
-from s2a.evidence.room import findings as room_findings
-from s2a.evidence.surface import ScanSurface
-from s2a.geometry.mesh_ops import keep
-from s2a.scene import Joint, Mesh, Part, Scene
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimRoom, in_scene
-from s2a.usd.stage import ROOT
+from s2a.certify.check import Check, Status, check_bound, decide
+from s2a.core.bounds import Fraction, Positive
+from s2a.robot.spec import RobotSpec
+from s2a.scan.evidence.annotation import moving_part
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.evidence.finding import Finding
+from s2a.scan.evidence.floor import FloorConfig, floor_fraction
+from s2a.scan.evidence.front import Front, front
+from s2a.scan.evidence.room import findings as room_findings
+from s2a.scan.evidence.surface import ScanSurface
+from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals, sample, sample_with_faces
+from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
+from s2a.scene.scene import Joint, Mesh, Part, Scene
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import PREPARE_AGAIN, Base, Grasp, SimRoom, in_scene
+from s2a.scene.usd.stage import ROOT
+
+ROUND = 1.5
+"""A region whose extents differ by less than this factor can be held any way round."""
+INWARD = -0.5
+"""Of `_facing`: 16 pockets in three virtual scans have -1.0 to -0.9, 36 handles before a front 0.07 to 1."""
+SIDE = 0.5
+"""Of a normal, across the approach, from which on its face is a side of the region."""
+ON_SURFACE = 0.005
+"""[m] A region lies no farther from its body's surface, of which it is a part."""
+
+
+def grasp_frame(path: str, grasp: Grasp, surface: Mesh, max_distance: float, max_opening: float) -> list[Check]:
+    """Return the checks of a grasp.
+
+    Args:
+        path: of the part's prim.
+        grasp: of the part.
+        surface: of its body, as scanned.
+        max_distance: how far the grasp point may lie from the region [m]; a ring's middle is in the air.
+        max_opening: of the gripper [m].
+    """
+    region = grasp.region
+    tree = ray_mesh(region.vertices, region.faces)
+    away = float(nearest_faces(tree, np.array([grasp.point]), 10.0)[1][0])
+    gap = nearest_faces(ray_mesh(surface.vertices, surface.faces), region.vertices, 10.0)[1]
+    apart = float(np.quantile(gap, 0.95, method="lower"))
+    along = (sample(region, 5000, seed=0) - np.array(grasp.point)) @ Rotation.from_quat(grasp.orientation).as_matrix()
+    low, high = np.quantile(along, [0.02, 0.98], axis=0)
+    length, thickness, _ = high - low
+    checks = []
+    if grasp.internal:
+        checks.append(
+            check_bound(
+                "grasp_internal",
+                _facing(grasp),
+                INWARD,
+                "",
+                prim=f"{path}/grasp",
+                message="how far the region's sides face away from each other; a pocket's face each other",
+                remedy="hold a handle that stands out from outside; " + PREPARE_AGAIN,
+            )
+        )
+    wide = not grasp.internal and max(thickness, length) > max_opening
+    ratio = float(thickness / max(length, 1e-6)) if wide else 0.0
+    return [
+        *checks,
+        check_bound(
+            "grasp_on_region", away, max_distance, "m", prim=f"{path}/grasp", message="from the grasp point to the region",
+            remedy="annotate the side of the handle that is to be grasped: the middle of a ring is in the air",
+        ),
+        check_bound(
+            "region_on_part", apart, ON_SURFACE, "m", prim=f"{path}/region", message="from the region to its part's surface",
+            remedy=PREPARE_AGAIN,
+        ),
+        check_bound(
+            "grasp_roll", ratio, ROUND, "", prim=f"{path}/grasp",
+            message=f"thickness {1000 * thickness:.0f} mm by length {1000 * length:.0f} mm of the region",
+            remedy="close the fingers across the thin side; " + PREPARE_AGAIN,
+        ),
+    ]  # fmt: skip
+
+
+def _facing(grasp: Grasp) -> float:
+    """Return whether a region's sides face away from its middle (1), as a bar's, or towards it (-1), as a pocket's."""
+    across = Rotation.from_quat(grasp.orientation).as_matrix()[:, :2]
+    middle, areas = centroids(grasp.region), grasp.region.face_areas
+    away = (middle - np.average(middle, axis=0, weights=areas)) @ across
+    sides = normals(grasp.region) @ across
+    sides[np.linalg.norm(sides, axis=1) < SIDE] = 0.0  # floors and faces that look at the gripper
+    moment = areas * np.einsum("ij,ij->i", sides, away)
+    return float(moment.sum() / max(np.abs(moment).sum(), 1e-12))
+
+
+RAYS = 32
+"""Directions around the base's axis in which what stands there is looked for."""
+
+
+@dataclass(frozen=True)
+class BaseCheckConfig:
+    """Bounds on where a robot stands.
+
+    Attributes:
+        floor: when it stands on scanned floor.
+        max_turn: how far the base may look past the grasp point [rad].
+        height: of the column above the base that must be free [m].
+    """
+
+    floor: FloorConfig
+    max_turn: Positive
+    height: Positive
+
+
+def robot_base(
+    path: str, base: Base, point: np.ndarray, surface: RayMesh, robot: RobotSpec, config: BaseCheckConfig
+) -> list[Check]:
+    """Return the checks of a base pose.
+
+    Args:
+        path: of its prim.
+        base: the pose.
+        point: grasp point [m], scene coordinates, shape [3].
+        surface: everything that was scanned.
+        robot: of the robot that stands there.
+        config: bounds.
+    """
+    problems = []
+    if not base.free:
+        problems.append((path, f"prepare found no pose without a collision; {base.reason}"))
+    place = np.array(base.position)
+    ahead = Rotation.from_quat(base.orientation).apply([1.0, 0.0, 0.0])[:2]
+    to = (point - place)[:2]
+    turn = float(np.arccos(np.clip(ahead @ to / max(np.linalg.norm(ahead) * np.linalg.norm(to), 1e-9), -1.0, 1.0)))
+    if turn > config.max_turn:
+        problems.append((path, f"it looks {np.degrees(turn):.0f} degrees past the grasp point"))
+    away = float(np.linalg.norm(point - place - [0.0, 0.0, robot.base.shoulder_height]))
+    reach = robot.base.reach + robot.tool_offset[2]
+    if away > reach:
+        problems.append((path, f"the grasp point is {away:.2f} m from the shoulder, the arm reaches {reach:.2f} m"))
+    floor = floor_fraction(place, base.pedestal, base.radius, surface, config.floor.tolerance)
+    hit = obstacle(place, base, surface, config)
+    if np.isfinite(hit):
+        problems.append(
+            (path, f"a scanned surface lies {hit:.2f} m from the base's axis, within its radius of {base.radius:g} m")
+        )
+    return [
+        decide("base_pose", problems, "let prepare search another place, or correct the joint", prim=path),
+        check_bound(
+            "base_on_floor", 1.0 - floor, 1.0 - config.floor.min_fraction, "", prim=path,
+            message="of the footprint has no scanned floor below", remedy="stand where the floor was scanned; " + PREPARE_AGAIN,
+        ),
+    ]  # fmt: skip
+
+
+def obstacle(place: np.ndarray, base: Base, surface: RayMesh, config: BaseCheckConfig) -> float:
+    """Return the distance of the nearest scanned surface from the axis of the base's column [m]; inf where it is free."""
+    angle = np.arange(RAYS) * 2.0 * np.pi / RAYS
+    level = np.linspace(0.1, config.height, 6)
+    ways = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    starts = np.repeat(place + level[:, None] * [0.0, 0.0, 1.0], len(ways), axis=0)
+    found = float(first_hits(surface, starts, np.tile(ways, (len(level), 1))).min())
+    return found if found < base.radius else np.inf
+
+
+POINTS, ROOM_POINTS = 4000, 100_000
+"""Samples of a body's surface, and of the room's, of which only the nearest are asked."""
+SEEN, SEEN_HANDLE = 0.15, 0.05
+"""Smallest fraction of a surface's area, by the squared cosine of its normals, that tells of a shift along a direction; of the
+small surface of a handle, whose ends are scanned."""
+FACING = 0.8
+"""Cosine from which a hull's face stands for a scanned one: the other side of a thin sheet does not."""
+
+
+@dataclass(frozen=True)
+class FidelityConfig:
+    """Bounds on the distance between colliders and scanned surface.
+
+    Attributes:
+        cover: a point of the surface is covered where a collider is this near [m].
+        max_uncovered: fraction of a body's surface that may be uncovered.
+        max_uncovered_room: the same for what is fixed around the part, whose colliders are cut for the gripper and the path.
+        around: how far from the grasp point the room is asked [m].
+        max_excess: how far a collider may reach from its body's surface [m].
+        max_shift: how far a body's colliders may be shifted against its surface [m].
+    """
+
+    cover: Positive
+    max_uncovered: Fraction
+    max_uncovered_room: Fraction
+    around: Positive
+    max_excess: Positive
+    max_shift: Positive
+
+
+def scanned(room: SimRoom, body: str) -> Mesh:
+    """Return the surface of a body as it was scanned, without what was added to it, in scene coordinates."""
+    visual, added = room.bodies[body].visual, room.bodies[body].completed
+    return keep(visual, np.arange(len(visual.faces) - added))
+
+
+def collider_fidelity(room: SimRoom, part: str, config: FidelityConfig) -> list[Check]:
+    """Return the checks of a part's colliders, of what carries it, and of the room around it.
+
+    Args:
+        room: with visuals.
+        part: id of the articulated part.
+        config: bounds.
+    """
+    found = []
+    for body in (part, *room.carriers(part)):
+        surface = scanned(room, body)
+        hulls = [collider.mesh for collider in room.bodies[body].colliders]
+        path = f"/scene/{body}"
+        if surface.face_areas.sum() <= 1e-4:
+            if body == part:
+                message = "nothing of it was scanned, and so nothing vouches for its joint and colliders"
+                found.append(Check("cover_part", "fail", prim=path, message=message, remedy=PREPARE_AGAIN))
+            continue  # an anchor, which nobody can see
+        bound = config.max_uncovered if body == part else config.max_uncovered_room
+        found.append(_cover(f"cover_{'part' if body == part else 'cabinet'}", path, surface, hulls, bound, config))
+        if body == part:  # what carries it has walls that nobody sees
+            found.append(_excess(path, room.bodies[body].visual, hulls, config))
+            found.append(_shifted("collider_shift", path, shift(surface, hulls), config))
+            moved = shift(room.articulations[part].grasp.region, hulls, SEEN_HANDLE)
+            found.append(_shifted("handle_shift", f"{path}/region", moved, config))
+    return [*found, _room(room, part, config)]
+
+
+def uncovered(points: np.ndarray, hulls: Sequence[Mesh], cover: float) -> float:
+    """Return the fraction of points [point 3] that are farther than `cover` [m] from every hull and inside of none."""
+    if not hulls:
+        return 1.0
+    whole = merge(list(hulls))
+    near = nearest_faces(ray_mesh(whole.vertices, whole.faces), points, cover)[0] >= 0
+    left = points[~near]
+    inside = np.zeros(len(left), bool)
+    for hull in hulls:
+        low, high = hull.bounds
+        box = ((left > low) & (left < high)).all(axis=1)
+        if box.any():
+            normal, corner = normals(hull), hull.vertices[hull.faces[:, 0]].astype(float)
+            inside[box] |= ((left[box] @ normal.T - np.einsum("ij,ij->i", normal, corner)) < 0.0).all(axis=1)
+    return float((~inside).sum() / len(points))
+
+
+def excess(surface: Mesh, hulls: Sequence[Mesh]) -> tuple[float, int]:
+    """Return how far the corners of hulls reach from a surface at most [m], and the index of that hull."""
+    tree = ray_mesh(surface.vertices, surface.faces)
+    far = [float(nearest_faces(tree, hull.vertices, 10.0)[1].max()) for hull in hulls]
+    return (max(far), int(np.argmax(far))) if far else (0.0, 0)
+
+
+def shift(surface: Mesh, hulls: Sequence[Mesh], seen: float = SEEN, reach: float = 0.03) -> float:
+    """Return how far hulls are shifted against a surface [m], least squares over its normals.
+
+    Point-to-plane alignment (Chen and Medioni 1992) by one translation; directions that fewer than `seen` of the surface tell of
+    count as not shifted.
+
+    Args:
+        surface: as scanned.
+        hulls: of the same body.
+        seen: see SEEN.
+        reach: points farther from every hull tell nothing [m].
+    """
+    if not hulls:
+        return 0.0
+    whole = merge(list(hulls))
+    points, faces = sample_with_faces(surface, POINTS, seed=0)
+    face, _ = nearest_faces(ray_mesh(whole.vertices, whole.faces), points, reach)
+    near = face >= 0
+    normal = normals(whole)[face[near]]
+    cosine = np.einsum("ij,ij->i", normal, normals(surface)[faces[near]])
+    same, opposite = cosine > FACING, cosine < -FACING
+    facing = same if same.sum() >= opposite.sum() else opposite  # some scans have their faces the wrong way round
+    normal, points = normal[facing], points[near][facing]
+    corner = whole.vertices[whole.faces[face[near][facing], 0]].astype(float)
+    along = np.einsum("ij,ij->i", corner - points, normal)
+    if len(along) < POINTS // 20:
+        return 0.0
+    values, axes = np.linalg.eigh(normal.T @ normal / len(normal))
+    told = values > seen
+    moved = (axes[:, told].T @ (normal.T @ along / len(normal))) / values[told]
+    return float(np.linalg.norm(moved))
+
+
+def _cover(name: str, path: str, surface: Mesh, hulls: Sequence[Mesh], bound: float, config: FidelityConfig) -> Check:
+    value = uncovered(sample(surface, POINTS, seed=0), hulls, config.cover)
+    message = f"of the scanned surface is farther than {1000 * config.cover:.0f} mm from any of {len(hulls)} colliders"
+    return check_bound(
+        name, value, bound, "", prim=path, message=message, remedy="add the missing colliders; " + PREPARE_AGAIN
+    )
+
+
+def _excess(path: str, surface: Mesh, hulls: Sequence[Mesh], config: FidelityConfig) -> Check:
+    value, which = excess(surface, hulls)
+    prim = f"{path}/colliders/hull_{which:02d}" if hulls else path
+    message = "from a collider's corner to the nearest scanned surface"
+    remedy = "a collider stands where nothing is; " + PREPARE_AGAIN
+    return check_bound("collider_excess", value, config.max_excess, "m", prim=prim, message=message, remedy=remedy)
+
+
+def _shifted(name: str, path: str, value: float, config: FidelityConfig) -> Check:
+    message = "between the colliders and the scanned surface"
+    remedy = "put the colliders where the surface is; " + PREPARE_AGAIN
+    return check_bound(name, value, config.max_shift, "m", prim=path, message=message, remedy=remedy)
+
+
+def _room(room: SimRoom, part: str, config: FidelityConfig) -> Check:
+    """Ask whether what is fixed around a part has colliders."""
+    visual, point = room.static_visual, np.array(room.articulations[part].grasp.point)
+    points = sample(visual, ROOM_POINTS, seed=0) if visual.face_areas.sum() > 1e-4 else np.zeros((0, 3))
+    near = points[np.linalg.norm(points - point, axis=1) < config.around]
+    hulls = [c.mesh for c in room.static_colliders]
+    hulls = [
+        h for h in hulls if (h.bounds[0] < point + config.around).all() and (h.bounds[1] > point - config.around).all()
+    ]
+    value = uncovered(near, hulls, config.cover) if len(near) else 0.0
+    message = f"of the room within {config.around:g} m is farther than {1000 * config.cover:.0f} mm from any collider"
+    return check_bound(
+        "cover_room", value, config.max_uncovered_room, "", prim="/scene/static", message=message,
+        remedy="add the missing colliders; " + PREPARE_AGAIN,
+    )  # fmt: skip
+
 
 REASON = "handle_relief"
 """A doubt that is no failure by itself: why a part cannot be held. Every other doubt about a part is one: it would move as no

@@ -10,19 +10,19 @@ from typing import Annotated
 
 import numpy as np
 
-from s2a.annotate import checks, existing, files
-from s2a.annotate.annotation import Draft
+from s2a.annotate import existing, files
+from s2a.annotate.annotation import Draft, of_all
 from s2a.annotate.editor import Editor
-from s2a.annotate.propose import ProposeConfig
+from s2a.annotate.propose.layers import ProposeConfig
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
-from s2a.errors import InputError
-from s2a.evidence import report
-from s2a.evidence.bounds import Bounds
-from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
-from s2a.outputs import atomic_write, refuse_loss
-from s2a.ranges import AtLeast, Count
-from s2a.terminal import report as say
+from s2a.core.bounds import AtLeast, Count
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write, refuse_loss
+from s2a.core.progress import report as say
+from s2a.scan.evidence import report
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scene.geometry.camera import OrbitCamera, framing_pose
 
 START = np.array([1.0, 0.0, 0.0])
 """From where the page's camera sees the room at first, turned by `camera`."""
@@ -114,5 +114,5 @@ def _summary(annotation: Draft, config: Config) -> str:
     left = len(annotation.items) - len(done)
     said = f"{config.out}: {len(done)} parts ({kinds or 'none'}), {handles} with a handle"
     said += f"; {left} without a joint are left out" if left else ""
-    said += f"\n{report.text(checks.of_all(annotation, config.evidence))}" if done else ""
+    said += f"\n{report.text(of_all(annotation, config.evidence))}" if done else ""
     return said + f"\n  next: s2a check scan={config.out}"

@@ -12,22 +12,21 @@ import numpy as np
 import torch
 
 from s2a import robot
+from s2a.core.bounds import Count, CountFromZero, NotNegative
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.progress import track
+from s2a.core.provenance import provenance
 from s2a.env import starts
 from s2a.env.task import MdpConfig
 from s2a.env.vec_env import VecEnv
-from s2a.errors import InputError
-from s2a.evaluate import Policy, baseline, run_episodes
-from s2a.outputs import atomic_write
-from s2a.part_results import by_part
-from s2a.perception.estimate import fused, seen_pool
+from s2a.learn.evaluate import Policy, baseline, by_part, run_episodes
+from s2a.learn.perception.estimate import fused, seen_pool
+from s2a.learn.rl.policy_file import PolicyFile
+from s2a.learn.rl.ppo import load_policy
+from s2a.learn.rl.run_folder import read_world
 from s2a.planner.motion import Planner
 from s2a.planner.part_plan import PlannerConfig
-from s2a.progress import track
-from s2a.provenance import provenance
-from s2a.ranges import Count, CountFromZero, NotNegative
-from s2a.rl.checkpoint import load_policy
-from s2a.rl.policy_file import PolicyFile
-from s2a.rl.run_world import read_world
 from s2a.robot.spec import RobotSpec
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation, device_of

@@ -10,14 +10,13 @@ from s2a import robot
 from s2a.certify import contents, report
 from s2a.certify.check import ValidationReport
 from s2a.certify.check_suite import CertifyConfig, certify
-from s2a.certify.images import images
-from s2a.errors import CheckFailed, InputError
-from s2a.geometry.orbit_camera import OrbitCamera
-from s2a.outputs import atomic_write, refuse_loss
-from s2a.provenance import provenance
+from s2a.certify.report import images
+from s2a.core.errors import CheckFailed, InputError
+from s2a.core.outputs import atomic_write, refuse_loss
+from s2a.core.provenance import provenance
 from s2a.robot.spec import RobotSpec
-from s2a.usd.layer_files import files
-from s2a.usd.stamp import content_hash, write_stamp
+from s2a.scene.geometry.camera import OrbitCamera
+from s2a.scene.usd.stamp import content_hash, files, write_stamp
 
 RECORD = "report.json"
 

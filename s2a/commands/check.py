@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2a import api
-from s2a.errors import CheckFailed
-from s2a.evidence import annotation, report
-from s2a.evidence.bounds import Bounds
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
+from s2a.core.errors import CheckFailed
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
 from s2a.scan import overlaps
+from s2a.scan.evidence import annotation, report
+from s2a.scan.evidence.bounds import Bounds
 
 
 @dataclass(frozen=True)

@@ -9,27 +9,26 @@ from pathlib import Path
 from typing import Literal
 
 from s2a import robot, tasks
-from s2a.collect import stage_file
-from s2a.collect.episode import ABOUT, Dataset
-from s2a.collect.episodes import Collector, temporary
 from s2a.commands.worlds import WorldsConfig
+from s2a.core.bounds import Count
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
 from s2a.env.task import MdpConfig
 from s2a.env.vec_env import VecEnv
-from s2a.errors import InputError
-from s2a.evaluate import Policy
-from s2a.outputs import atomic_write
+from s2a.learn.collect.episode import ABOUT, FILE, Dataset, read, write
+from s2a.learn.collect.episodes import Collector, temporary
+from s2a.learn.evaluate import Policy
+from s2a.learn.rl.policy_file import PolicyFile
+from s2a.learn.rl.run_folder import world_json
 from s2a.planner.motion import Planner
-from s2a.provenance import provenance
-from s2a.ranges import Count
-from s2a.rl.policy_file import PolicyFile
-from s2a.rl.run_world import world_json
+from s2a.scene.usd.stamp import layer_hash
 from s2a.sim import pool
 from s2a.sim.recorder import Recorder
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.views import Views, ViewsConfig
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env
-from s2a.usd.stamp import layer_hash
 
 Format = Literal["lerobot", "robomimic"]
 PATIENCE = 5
@@ -128,20 +127,20 @@ def run(config: Config) -> str:
 def format_of(name: Format) -> type[Dataset]:
     """Return what writes a format, whose library is imported only then."""
     if name == "robomimic":
-        from s2a.collect.robomimic import Robomimic
+        from s2a.learn.collect.robomimic import Robomimic
 
         return Robomimic
-    from s2a.collect.lerobot_format import LeRobot
+    from s2a.learn.collect.lerobot import LeRobot
 
     return LeRobot
 
 
 def _stage(config: Config, task: MdpConfig) -> SimStage:
     """Return the stage of the dataset that is there, or read it, for which some tasks plan."""
-    if not (config.out / stage_file.FILE).is_file():
+    if not (config.out / FILE).is_file():
         return config.read_stage()
     robot.check_unchanged(config.robot)
-    stage = stage_file.read(tasks.task(task.name).Stage, config.stage, config.out)
+    stage = read(tasks.task(task.name).Stage, config.stage, config.out)
     other = {"part": config.part not in (None, stage.target), "also": bool(set(config.also) - set(stage.also))}
     if any(other.values()):
         names = ", ".join(name for name, differs in other.items() if differs)
@@ -165,4 +164,4 @@ def _keep(config: Config, session: Session) -> None:
     made = provenance(session.collector.device)
     with atomic_write(file) as out:
         out.write_text(json.dumps({**about, **made}, indent=1))
-    stage_file.write(stage, config.out)
+    write(stage, config.out)

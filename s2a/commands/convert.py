@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from s2a.convert import mjcf, urdf
-from s2a.convert.links import LinkedRoom, read_links
-from s2a.outputs import atomic_write, refuse_loss
+from s2a.certify.convert import mjcf, urdf
+from s2a.certify.convert.links import LinkedRoom, read_links
+from s2a.core.outputs import atomic_write, refuse_loss
+from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.solver import SimConfig
-from s2a.usd.sim_check import refuse_unphysical
 
 WRITERS = {"mjcf": mjcf, "urdf": urdf}
 

@@ -14,24 +14,21 @@ from PIL import Image
 
 from s2a import tasks
 from s2a.commands.worlds import WorldsConfig
+from s2a.core.bounds import Count
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
 from s2a.env import starts
 from s2a.env.task import Task
 from s2a.env.vec_env import VecEnv
-from s2a.errors import InputError
-from s2a.evaluate import Agent, Policy, baseline, run_episodes, summary, warn_of_errors
-from s2a.outputs import atomic_write
-from s2a.part_results import by_part
-from s2a.perception.depth_camera import DepthCameraConfig
-from s2a.perception.estimate import seen
+from s2a.learn.evaluate import Agent, Policy, baseline, by_part, run_episodes, summary, warn_of_errors
+from s2a.learn.perception.depth_camera import DepthCameraConfig
+from s2a.learn.perception.estimate import seen
+from s2a.learn.rl.policy_file import PolicyFile, export
+from s2a.learn.rl.ppo import load_model, load_policy
+from s2a.learn.rl.run_folder import read_world
 from s2a.planner.hold_or_push import ready_to_move
 from s2a.planner.motion import Planner
-from s2a.playback import states
-from s2a.provenance import provenance
-from s2a.ranges import Count
-from s2a.rl.checkpoint import load_model, load_policy
-from s2a.rl.export import export
-from s2a.rl.policy_file import PolicyFile
-from s2a.rl.run_world import read_world
 from s2a.sim import pool
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse
@@ -41,6 +38,7 @@ from s2a.sim.soft_config import SoftConfig
 from s2a.sim.world import SimStage
 from s2a.tasks import make_env
 from s2a.tasks.pick_place.soft_metrics import SoftMetrics
+from s2a.view.playback import states
 
 
 @dataclass(frozen=True)

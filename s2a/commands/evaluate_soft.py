@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from s2a.errors import InputError
-from s2a.evaluate_soft import SoftStates, evaluate_soft
-from s2a.outputs import atomic_write
-from s2a.provenance import provenance
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.learn.evaluate_soft import SoftStates, evaluate_soft
+from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import device_of
 from s2a.sim.soft_body import soft_body
 from s2a.tasks.pick_place.config import PickPlaceConfig
 from s2a.tasks.pick_place.soft_metrics import COLUMNS, VALUES
 from s2a.tasks.pick_place.soft_stage import NAME
 from s2a.tasks.pick_place.soft_trials import trials
-from s2a.usd import sim_stage
 
 if TYPE_CHECKING:
     from s2a.commands.evaluate import Config

@@ -6,11 +6,12 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a import api, extras
-from s2a.errors import InputError
-from s2a.evidence.bounds import Bounds
+from s2a import api
+from s2a.core import errors
+from s2a.core.errors import InputError
 from s2a.scan import overlaps
-from s2a.scene import Scene
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scene.scene import Scene
 
 _log = logging.getLogger(__name__)
 
@@ -47,8 +48,8 @@ def run(config: Config) -> str:
 def _warn(config: Config, scene: Scene) -> None:
     """Log what the surface says against the annotation."""
     try:
-        with extras.required():
-            from s2a.evidence import annotation, report
+        with errors.required():
+            from s2a.scan.evidence import annotation, report
     except InputError as missing:
         _log.warning("the annotation is not checked against the surface: %s", missing)
         return

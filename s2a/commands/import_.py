@@ -13,14 +13,14 @@ from typing import Annotated, Literal
 import numpy as np
 
 from s2a import scan as scans
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.planes import min_area_rectangle
-from s2a.outputs import atomic_write, refuse_loss
-from s2a.ranges import Above, AtLeast
+from s2a.core.bounds import Above, AtLeast
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write, refuse_loss
 from s2a.scan import folder, imported, ply, predicted, urdf_object
 from s2a.scan import predictions as reader
 from s2a.scan.urdf_object import ObjectBox
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.planes import min_area_rectangle
 
 _log = logging.getLogger(__name__)
 

@@ -10,15 +10,14 @@ from typing import Annotated, Any
 import numpy as np
 import torch
 
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
-from s2a.perception.cloud import PartPoints
-from s2a.perception.errors import error_table
-from s2a.perception.estimate import Perception, key_of, of_pool, save
-from s2a.perception.training import NetworkConfig, features, train
-from s2a.progress import track
-from s2a.provenance import provenance
-from s2a.ranges import AtLeast, CountFromZero
+from s2a.core.bounds import AtLeast, CountFromZero
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.progress import track
+from s2a.core.provenance import provenance
+from s2a.learn.perception.cloud import PartPoints
+from s2a.learn.perception.estimate import Perception, error_table, key_of, of_pool, save
+from s2a.learn.perception.training import NetworkConfig, features, train
 from s2a.robot.spec import RobotSpec
 from s2a.sim import pool
 from s2a.sim.simulation import device_of

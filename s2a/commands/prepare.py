@@ -7,15 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from s2a.diff.refine import Refined, refine, with_joints
-from s2a.diff.refine_config import RefineConfig
-from s2a.diff.refine_report import sentence
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
-from s2a.prepare import ALL, PrepareConfig, prepare
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.prepare.refine import Refined, refine, sentence, with_joints
+from s2a.prepare.refine_loss import RefineConfig
+from s2a.prepare.room import ALL, PrepareConfig, prepare
 from s2a.robot.spec import RobotSpec
-from s2a.usd import geometric, sim_stage
-from s2a.usd.sim_scene import Articulation, Reduction, SimRoom
+from s2a.scene.usd import geometric, sim_stage
+from s2a.scene.usd.sim_scene import Articulation, Reduction, SimRoom
 
 
 @dataclass(frozen=True)

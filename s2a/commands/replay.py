@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 import torch
 
-from s2a import config as settings
-from s2a.collect import stage_file
-from s2a.collect.episode import ABOUT, read_replay
-from s2a.collect.episodes import restored
+from s2a.core import config as settings
+from s2a.core.bounds import Count
+from s2a.core.errors import InputError
 from s2a.env.vec_env import VecEnv
-from s2a.errors import InputError
-from s2a.ranges import Count
-from s2a.rl.run_world import world_of
+from s2a.learn.collect import episode
+from s2a.learn.collect.episode import ABOUT, read_replay
+from s2a.learn.collect.episodes import restored
+from s2a.learn.rl.run_folder import world_of
+from s2a.scene.usd.stamp import layer_hash
 from s2a.sim.simulation import Simulation, device_of
 from s2a.tasks import make_env, task
-from s2a.usd.stamp import layer_hash
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def run(config: Config) -> str:
         raise InputError(
             f"{config.stage} is not the room that {config.dataset} was collected in, or was prepared again"
         )
-    stage = stage_file.read(task(world[1].name).Stage, config.stage, config.dataset)
+    stage = episode.read(task(world[1].name).Stage, config.stage, config.dataset)
     sim = Simulation([stage], world[0], min(config.num_envs, total), device_of(config.device))
     name = world[1].name
     thresholds: Any = settings.load(task(name).Metrics, settings.compose(f"metrics/{name}")["metrics"])
@@ -87,6 +87,6 @@ def _count(dataset: Path) -> int:
     info = dataset / "meta/info.json"
     if info.is_file():
         return int(json.loads(info.read_text())["total_episodes"])
-    from s2a.collect.robomimic import INDEX, lengths
+    from s2a.learn.collect.robomimic import INDEX, lengths
 
     return len(lengths(dataset / INDEX))

@@ -12,23 +12,23 @@ from typing import Any
 import torch
 
 from s2a.commands.worlds import WorldsConfig
+from s2a.core.bounds import Count, Fraction
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write, full_disk_reported
+from s2a.core.provenance import provenance
 from s2a.env import starts
 from s2a.env.starts import Demonstration, DemoStarts
 from s2a.env.vec_env import VecEnv
-from s2a.errors import InputError
-from s2a.evaluate import rate, warn_of_errors
-from s2a.outputs import atomic_write, full_disk_reported
-from s2a.perception.depth_camera import DepthCameraConfig
-from s2a.perception.estimate import seen
+from s2a.learn.evaluate import rate, warn_of_errors
+from s2a.learn.perception.depth_camera import DepthCameraConfig
+from s2a.learn.perception.estimate import seen
+from s2a.learn.rl import ppo, processes, run_folder
+from s2a.learn.rl.config import PpoConfig
+from s2a.learn.rl.policy_file import export
+from s2a.learn.rl.ppo import load_model
+from s2a.learn.rl.run_folder import write_world
 from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner
 from s2a.planner.part_plan import demonstration
-from s2a.provenance import provenance
-from s2a.ranges import Count, Fraction
-from s2a.rl import ppo, processes, run_folder
-from s2a.rl.checkpoint import load_model
-from s2a.rl.config import PpoConfig
-from s2a.rl.export import export
-from s2a.rl.run_world import write_world
 from s2a.sim import pool
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.world import SimStage

@@ -10,24 +10,24 @@ from typing import Annotated
 
 import numpy as np
 
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import painted
-from s2a.geometry.orbit_camera import CameraPose, OrbitCamera, framing_pose, front_of
-from s2a.outputs import atomic_write, require_png
-from s2a.page import notes
-from s2a.page.palette import hue
-from s2a.page.room import PageRoom
-from s2a.page.thin import thinned
-from s2a.ranges import AtLeast, Count
+from s2a.core.bounds import AtLeast, Count
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write, require_png
+from s2a.core.progress import report
 from s2a.scan.folder import mesh_remedy
-from s2a.scene import Mesh
-from s2a.terminal import report
-from s2a.usd.stage import ENCODINGS
-from s2a.usd.tree import tree
-from s2a.usd.visuals import Visible, visible
+from s2a.scan.tree import tree
+from s2a.scan.visuals import Visible, visible
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, framing_pose, front_of
+from s2a.scene.geometry.mesh_ops import painted
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.stage import ENCODINGS
+from s2a.view.page import cards
+from s2a.view.page.detail import thinned
+from s2a.view.page.layers import hue
+from s2a.view.page.room import PageRoom
 
 DATASET = "meta/s2a.json"
-"""By this file a folder is a dataset of s2a collect (`s2a.collect.episode.ABOUT`, which needs the extra "sim")."""
+"""By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episode.ABOUT`, which needs the extra "sim")."""
 FILE_FACES = 320_000
 """Faces that a file of 10 MB has room for, with and without their scanned colours."""
 
@@ -83,8 +83,8 @@ def run(config: Config) -> str:
         return _play(config, config.stage)
     if config.path.suffix == ".npz" or (config.path / DATASET).is_file():
         raise InputError(f"{config.path} is played in its room; give stage= the sim.usd, too, and page=true")
-    stage, noted = notes.of_path(config.path)
-    inserted = notes.inserted(config.path, noted)
+    stage, noted = cards.of_path(config.path)
+    inserted = cards.inserted(config.path, noted)
     config = replace(config, path=stage)
     if remedy := mesh_remedy(config.path):
         raise InputError(f"{config.path}: {remedy}, in a folder of its own, and give that folder")
@@ -115,9 +115,9 @@ def _play(config: Config, stage: Path) -> str:
     if not config.page or config.image or config.html:
         raise InputError(f"{config.path} is played on the page alone; give page=true, without image or html")
     room = _page_room(replace(config, path=stage))
-    from s2a.page import player  # viser is of the extra "view"
-    from s2a.playback import played  # of the extra "sim"
-    from s2a.usd import sim_stage
+    from s2a.scene.usd import sim_stage
+    from s2a.view.page import player  # viser is of the extra "view"
+    from s2a.view.playback import played  # of the extra "sim"
 
     found = played.of_states(
         played.read(config.path, stage, config.first, config.worlds), sim_stage.read(stage, visuals=False)
@@ -146,7 +146,7 @@ def _refuse_keys(config: Config) -> None:
 
 
 def _page_room(config: Config) -> PageRoom:
-    from s2a.page.read import read  # its boxes are of the extra "sim"; the tree needs no extra
+    from s2a.view.page.read import read  # its boxes are of the extra "sim"; the tree needs no extra
 
     room = read(config.path)
     if config.part and config.part not in room.parts:
@@ -156,7 +156,7 @@ def _page_room(config: Config) -> PageRoom:
 
 def _serve(room: PageRoom, config: Config) -> None:
     """Serve the page until somebody interrupts."""
-    from s2a.page.serve import served  # viser is of the extra "view"
+    from s2a.view.page.serve import served  # viser is of the extra "view"
 
     room = thinned(room, config.max_faces) if config.max_faces else room
     with served(room, _page_view(room, config), config.camera.fov, config.port) as address:
@@ -166,7 +166,7 @@ def _serve(room: PageRoom, config: Config) -> None:
 
 
 def _recording(room: PageRoom, config: Config, path: Path) -> str:
-    from s2a.page.recording import write
+    from s2a.view.page.serve import write
 
     total, room = room.faces, thinned(room, config.max_faces or FILE_FACES)
     with atomic_write(path) as file:
@@ -186,7 +186,7 @@ def _page_view(room: PageRoom, config: Config) -> CameraPose:
 
 def _image(scene: Visible, config: Config, path: Path) -> str:
     # Loads Warp, which the tree does not need.
-    from s2a.geometry.render import render, write_png
+    from s2a.scene.geometry.camera import render, write_png
 
     meshes = list(scene.surfaces.values())
     if config.colliders:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2a import robot, tasks
-from s2a.errors import InputError
+from s2a.core.bounds import Count, CountFromZero
+from s2a.core.errors import InputError
 from s2a.planner.part_plan import PlannerConfig
-from s2a.ranges import Count, CountFromZero
 from s2a.robot.spec import RobotSpec
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig

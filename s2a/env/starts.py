@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-from s2a.cache import UNREADABLE
+from s2a.core.cache import UNREADABLE
+from s2a.core.errors import InputError
 from s2a.env.kernels import Motion, finger_position
 from s2a.env.state import State
-from s2a.errors import InputError
 from s2a.sim import pool
 
 

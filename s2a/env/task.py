@@ -12,9 +12,9 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 import warp as wp
 
+from s2a.core.bounds import AtLeast, CountFromZero, NotNegative, Positive
+from s2a.core.errors import InputError
 from s2a.env.state import State
-from s2a.errors import InputError
-from s2a.ranges import AtLeast, CountFromZero, NotNegative, Positive
 from s2a.robot.tool_path import PathSettings, ToolPath
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, read_stage

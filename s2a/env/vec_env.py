@@ -14,11 +14,11 @@ import numpy as np
 import torch
 import warp as wp
 
+from s2a.core.errors import InputError
 from s2a.env import kernels
 from s2a.env.starts import Demonstration, DemoStarts, padded, reset
 from s2a.env.state import allocate
 from s2a.env.task import Task, weights_of
-from s2a.errors import InputError
 from s2a.sim.simulation import Simulation
 
 FINGER_TIME = 0.05

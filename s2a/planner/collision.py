@@ -7,9 +7,8 @@ import numpy as np
 
 from s2a.planner.part_reach import arm_in_part, part_hulls
 from s2a.robot.collision import SLACK, RobotShape, Surfaces, robot_shape
-from s2a.robot.joint_path import straight
-from s2a.robot.tool_path import matrices
-from s2a.scene import Mesh
+from s2a.robot.tool_path import matrices, straight
+from s2a.scene.scene import Mesh
 from s2a.sim.simulation import Simulation
 
 TRIED = 16

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from s2a.errors import InputError
-from s2a.robot.joint_path import TURN, straight
+from s2a.core.errors import InputError
+from s2a.robot.tool_path import JOINT_TURN, straight
 
 Free = Callable[[np.ndarray], np.ndarray]
 """Joints [pose arm] -> whether each collides with nothing, shape [pose]."""
@@ -134,5 +134,5 @@ def _rounded(corners: np.ndarray, free: Free) -> np.ndarray | None:
 def _even(path: np.ndarray) -> np.ndarray:
     """Return a path [corner arm] as poses TURN apart along its length, shape [pose arm]."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    at = np.linspace(0.0, length[-1], max(3, int(np.ceil(length[-1] / TURN)) + 1))
+    at = np.linspace(0.0, length[-1], max(3, int(np.ceil(length[-1] / JOINT_TURN)) + 1))
     return np.stack([np.interp(at, length, column) for column in path.T], axis=1)

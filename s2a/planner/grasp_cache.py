@@ -7,7 +7,7 @@ import numpy as np
 from s2a.planner.contact import Contact
 from s2a.planner.object_grasps import ObjectGrasps, object_grasps
 from s2a.robot.spec import GripperSpec
-from s2a.usd.sim_scene import SimBody
+from s2a.scene.usd.sim_scene import SimBody
 
 
 class GraspCache:

@@ -10,7 +10,7 @@ from s2a.planner.contact import FIRM, Contact
 from s2a.planner.misses import Misses, Unreachable
 from s2a.planner.object_grasps import SAMPLES, matrix, object_grasps
 from s2a.robot.spec import RobotSpec
-from s2a.usd.sim_scene import SimRoom
+from s2a.scene.usd.sim_scene import SimRoom
 
 AROUND = 0.002
 """[m] Around the gripper what it passes must leave free: the arm's error."""

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.articulation import transform
 from s2a.planner.gripper_shape import gripper_spheres
 from s2a.planner.misses import Unreachable
 from s2a.planner.obstacles import RoomHulls
@@ -18,6 +17,7 @@ from s2a.planner.push import PRESS, pushes
 from s2a.robot.collision import SLACK, robot_shape
 from s2a.robot.spec import RobotSpec
 from s2a.robot.tool_path import ToolPath
+from s2a.scene.articulation import transform
 from s2a.sim.world import SimStage
 
 TRIED = 24

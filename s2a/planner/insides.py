@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.articulation import displace, opening_direction, pose_at, transform
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.mesh_query import first_hits, ray_mesh
+from s2a.core.errors import InputError
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import RoomHulls, surface_points
 from s2a.planner.places import GAP, GRID, LEVEL, footprint
-from s2a.usd.sim_scene import SimRoom
+from s2a.scene.articulation import displace, opening_direction, pose_at, transform
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.mesh_query import first_hits, ray_mesh
+from s2a.scene.usd.sim_scene import SimRoom
 
 BESIDE = 0.03
 """[m] Between an object in a part and the part's walls: an open finger with its clearance, and the arm's error."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 
 
 class Unreachable(InputError):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from s2a.articulation import lever_arm, transform
 from s2a.planner.held_object import DAMPING, ITERATIONS, REACHED
 from s2a.planner.knots import Added
 from s2a.planner.trajectory import Shutting, Trajectory, eased
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
+from s2a.scene.articulation import lever_arm, transform
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import axis_of
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from s2a.planner.contact import FIRM, Contact
 from s2a.planner.gripper_shape import CLEARANCE, gripper_spheres, inside_gripper, opening
 from s2a.robot.spec import GripperSpec
-from s2a.scene import Mesh
+from s2a.scene.scene import Mesh
 
 SAMPLES = 250, 2000
 """Points on the surface that are tried as the first contact; the second number where the first leaves few grasps."""

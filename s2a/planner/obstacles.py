@@ -7,10 +7,10 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import trimesh
 
-from s2a.geometry.convex import contains
-from s2a.geometry.mesh_query import first_hits, nearest_faces, nearest_faces_of_solids, ray_mesh
-from s2a.scene import Mesh
-from s2a.usd.sim_scene import SimRoom, in_scene
+from s2a.scene.geometry.convex import contains
+from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, nearest_faces_of_solids, ray_mesh
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.sim_scene import SimRoom, in_scene
 
 RADIUS = 2.0
 """[m] About the object: what is farther away is out of every arm's reach."""

@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.articulation import transform
 from s2a.planner.free_motion import free_motion
 from s2a.planner.insides import moved_room
 from s2a.planner.misses import Misses, Unreachable
@@ -18,9 +17,9 @@ from s2a.planner.obstacles import RoomHulls
 from s2a.planner.part_reach import all_free, arm_in_part, is_free, lines, noisy_starts, part_hulls
 from s2a.planner.pick_base import arm_depth, bases, chunks
 from s2a.robot.collision import SLACK, robot_shape
-from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import ToolPath, matrices
+from s2a.robot.tool_path import ToolPath, follow, matrices
+from s2a.scene.articulation import transform
 from s2a.sim.world import SimStage
 
 IK_SEEDS, BRANCHES, AT_ONCE = 12, 4, 24

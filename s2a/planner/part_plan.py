@@ -10,16 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
+from s2a.core.bounds import Count, CountFromZero, NotNegative, Positive
+from s2a.core.errors import InputError
 from s2a.env.starts import Demonstration
-from s2a.errors import InputError
 from s2a.planner import pull_law
 from s2a.planner.collision import most_clear
 from s2a.planner.part_reach import detour, preceded
 from s2a.planner.trajectory import Progress, Trajectory, closing, eased, reach_steps, sampled, timed
-from s2a.ranges import Count, CountFromZero, NotNegative, Positive
-from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import Kinematics, kinematics
-from s2a.robot.tool_path import PathSettings, ToolPath, matrices
+from s2a.robot.tool_path import PathSettings, ToolPath, follow, matrices
 from s2a.robot.urdf import position_limits
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage

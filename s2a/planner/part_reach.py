@@ -6,17 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.articulation import transform
 from s2a.planner.free_motion import Free, free_motion
 from s2a.planner.insides import moved_room
 from s2a.planner.obstacles import RoomHulls
 from s2a.planner.pick_base import arm_depth
 from s2a.planner.trajectory import USED, Trajectory, reach_steps, timed
 from s2a.robot.collision import SLACK, RobotShape, robot_shape
-from s2a.robot.joint_path import straight
 from s2a.robot.spec import JointLimits, RobotSpec
-from s2a.robot.tool_path import matrices
-from s2a.scene import Joint
+from s2a.robot.tool_path import matrices, straight
+from s2a.scene.articulation import transform
+from s2a.scene.scene import Joint
 from s2a.sim.room import pedestal
 from s2a.sim.world import SimStage
 

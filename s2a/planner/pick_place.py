@@ -23,9 +23,9 @@ from s2a.planner.pick_base import arm_depth, bases, chunks, reached
 from s2a.planner.pick_plan import PickPlan, StraightPaths
 from s2a.planner.straight_paths import APPROACH, LIFT, STEP, there_and_up, unflipped
 from s2a.robot.collision import SLACK, RobotShape, robot_shape
-from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
-from s2a.usd.sim_scene import SimRoom
+from s2a.robot.tool_path import follow
+from s2a.scene.usd.sim_scene import SimRoom
 
 DROP = 0.001
 """[m] Above the planned place the fingers open, so that the object is not pressed onto its support."""

@@ -11,14 +11,14 @@ from typing import TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.planner.contact import FIRM, Contact
 from s2a.planner.graspable import refuse_ungraspable
 from s2a.planner.misses import Unreachable
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import RoomHulls, surface_points
 from s2a.robot.spec import RobotSpec
-from s2a.usd.sim_scene import SimRoom
+from s2a.scene.usd.sim_scene import SimRoom
 
 Ends = TypeVar("Ends")
 Plan = TypeVar("Plan")

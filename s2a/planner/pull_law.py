@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.articulation import opening_direction
-from s2a.geometry.mesh_ops import merge, normals
-from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 from s2a.planner.gripper_shape import gripper_boxes
 from s2a.robot.spec import GripperSpec
+from s2a.scene.articulation import opening_direction
+from s2a.scene.geometry.mesh_ops import merge, normals
+from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 from s2a.sim.world import SimStage
 
 PRESS = 0.003

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.articulation import transform
 from s2a.planner.free_motion import free_motion
 from s2a.planner.insides import Inside, inside_placements, moved_room
 from s2a.planner.misses import Misses, Unreachable
@@ -16,10 +15,10 @@ from s2a.planner.pick_base import arm_depth, bases, chunks
 from s2a.planner.pick_place import BASES, IK_SEEDS, plan_pick
 from s2a.planner.pick_plan import PickPlan
 from s2a.robot.collision import SLACK, robot_shape
-from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import ToolPath, part_path
-from s2a.usd.sim_scene import SimRoom
+from s2a.robot.tool_path import ToolPath, follow, part_path
+from s2a.scene.articulation import transform
+from s2a.scene.usd.sim_scene import SimRoom
 
 PLACEMENTS = 4
 """Places in the part that are tried."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from s2a.articulation import displace
+from s2a.scene.articulation import displace
 from s2a.sim.world import SimStage
 
 GRAVITY = 9.81

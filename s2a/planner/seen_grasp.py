@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from s2a.articulation import pose_at
 from s2a.planner.trajectory import Trajectory
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.tool_path import matrices
+from s2a.scene.articulation import pose_at
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 

@@ -9,17 +9,16 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from s2a.evidence.floor import FloorConfig
+from s2a.core.bounds import Count, Numbers, Positive
 from s2a.prepare.candidates import Candidate, Ground, candidates, turned
 from s2a.prepare.obstacles import Obstacles
 from s2a.prepare.path_clearance import UNREACHABLE, path_collision, start_collision
-from s2a.ranges import Count, Numbers, Positive
 from s2a.robot.collision import SLACK, Penetration, robot_shape
-from s2a.robot.joint_path import follow
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import opening_coordinate, part_path
-from s2a.scene import Mesh, Scene, Vec3
-from s2a.usd.sim_scene import Grasp, Quat
+from s2a.robot.tool_path import follow, opening_coordinate, part_path
+from s2a.scan.evidence.floor import FloorConfig
+from s2a.scene.scene import Mesh, Scene, Vec3
+from s2a.scene.usd.sim_scene import Grasp, Quat
 
 CHUNK, ENOUGH = 24, 8
 """Places that are looked at before the reach of those with a free start is computed at once, if there are so many of these."""

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.evidence.floor import FloorConfig, floor_fraction
-from s2a.geometry.convex import column, overlap
 from s2a.prepare.grasp import floor_height, floor_points, heading, lowest_point
 from s2a.prepare.obstacles import Obstacles
 from s2a.robot.spec import RobotSpec
-from s2a.scene import Mesh, Scene
+from s2a.scan.evidence.floor import FloorConfig, floor_fraction
+from s2a.scene.geometry.convex import column, overlap
+from s2a.scene.scene import Mesh, Scene
 
 
 @dataclass(frozen=True)

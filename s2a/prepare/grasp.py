@@ -8,17 +8,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.articulation import opening_direction
-from s2a.geometry.handles.bar import bar_profile
-from s2a.geometry.handles.panel import front_behind
-from s2a.geometry.handles.pocket import Pocket, find_pocket
-from s2a.geometry.mesh_ops import centroids, extents, merge, normals
-from s2a.geometry.simplify import is_structure
 from s2a.prepare.gripper_roll import ROUND, free_roll, free_side, is_round
 from s2a.robot.collision import robot_shape
 from s2a.robot.spec import GripperSpec, RobotSpec
-from s2a.scene import Mesh, Scene, Vec3
-from s2a.usd.sim_scene import DEFAULT_ROBOT, Grasp, Quat
+from s2a.scene.articulation import opening_direction
+from s2a.scene.geometry.bar import bar_profile
+from s2a.scene.geometry.front_panel import Pocket, find_pocket, front_behind
+from s2a.scene.geometry.mesh_ops import centroids, extents, merge, normals
+from s2a.scene.geometry.simplify import is_structure
+from s2a.scene.scene import Mesh, Scene, Vec3
+from s2a.scene.usd.sim_scene import DEFAULT_ROBOT, Grasp, Quat
 
 SLICES = 12
 """Places along a bar at which its thickness is measured."""

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from s2a.prepare.obstacles import Obstacles
 from s2a.robot.collision import RobotShape
-from s2a.scene import Scene
-from s2a.usd.sim_scene import Grasp
+from s2a.scene.scene import Scene
+from s2a.scene.usd.sim_scene import Grasp
 
 ROUND = 1.5
 """A grasp region whose section is less elongated than this can be held at any gripper roll."""

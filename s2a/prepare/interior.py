@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.articulation import open_limit, opening_direction
-from s2a.geometry.convex import box
-from s2a.geometry.mesh_ops import extents, sample
 from s2a.prepare.target import Target
-from s2a.scene import Mesh
+from s2a.scene.articulation import open_limit, opening_direction
+from s2a.scene.geometry.convex import box
+from s2a.scene.geometry.mesh_ops import extents, sample
+from s2a.scene.scene import Mesh
 
 WALL = 0.006
 """[m] Thickness of a drawer box's sides and bottom."""

@@ -9,15 +9,15 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.articulation import open_limit, opening_direction
-from s2a.errors import InputError
-from s2a.geometry.convex import hull, volume
-from s2a.geometry.mesh_ops import extents
-from s2a.geometry.planes import plane_axes
+from s2a.core.bounds import NotNegative, Positive
+from s2a.core.errors import InputError
 from s2a.prepare.interior import HEIGHT
-from s2a.ranges import NotNegative, Positive
-from s2a.scene import Joint, Mesh, Scene
-from s2a.usd.sim_scene import Mass
+from s2a.scene.articulation import open_limit, opening_direction
+from s2a.scene.geometry.convex import hull, volume
+from s2a.scene.geometry.mesh_ops import extents
+from s2a.scene.geometry.planes import plane_axes
+from s2a.scene.scene import Joint, Mesh, Scene
+from s2a.scene.usd.sim_scene import Mass
 
 DEEPEST = 0.8
 """[m] Drawers are less deep, however far they slide."""

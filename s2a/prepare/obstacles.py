@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2a.geometry.mesh_query import Forest, nearest_meshes
 from s2a.robot.collision import Penetration
-from s2a.scene import Mesh, Scene
+from s2a.scene.geometry.mesh_query import Forest, nearest_meshes
+from s2a.scene.scene import Mesh, Scene
 
 
 class Obstacles:

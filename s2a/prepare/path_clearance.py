@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from s2a.prepare.obstacles import Obstacles
 from s2a.robot.collision import SLACK, Penetration, RobotShape
-from s2a.robot.joint_path import HALF_TURN, straight
+from s2a.robot.tool_path import HALF_TURN, straight
 
 UNREACHABLE = 10.0
 """Depth [m] that stands for a place from which the arm cannot reach."""

@@ -9,13 +9,12 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a import limits
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import merge
+from s2a.core.errors import InputError
 from s2a.prepare.grasp import find_grasp
 from s2a.robot.spec import RobotSpec
-from s2a.scene import Joint, Mesh, Scene
-from s2a.usd.sim_scene import Grasp
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Joint, Mesh, Scene, problems
+from s2a.scene.usd.sim_scene import Grasp
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ def target_joint(scene: Scene, target: str) -> Joint:
             begins (the joint would throw the part open), or are too near or too far apart for any furniture.
     """
     joint = scene.joint(target)
-    if wrong := limits.problems(joint.kind, *joint.limits):
+    if wrong := problems(joint.kind, *joint.limits):
         raise InputError(
             f"part {target!r} of scene {scene.name!r}: {' and '.join(wrong)}; correct rangeMin and rangeMax in the scan's "
             "annotation (metres or radians from the scanned pose) and run s2a export again"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from s2a import config
-from s2a.errors import InputError
+from s2a.core import config
+from s2a.core.errors import InputError
 from s2a.robot.spec import RobotSpec
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
-from s2a.scene import Mesh
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.mesh_query import RayMesh, nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh
 
 BULGE = 0.02
 """[m] How far the spheres may stand out of the links; between two links twice as much is no collision."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import newton
 import warp as wp
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.robot import urdf
 from s2a.robot.spec import Gains, RobotSpec
 

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, fields
 from typing import Annotated
 
-from s2a.errors import InputError
-from s2a.ranges import Above, NotNegative, Numbers, Positive
-from s2a.scene import Vec3
+from s2a.core.bounds import Above, NotNegative, Numbers, Positive
+from s2a.core.errors import InputError
+from s2a.scene.scene import Vec3
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.robot.spec import RobotSpec
 
 MOVING = ("revolute", "prismatic", "continuous")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from s2a.scan import articulate3d, folder, multiscan, scannetpp
-from s2a.scene import Scene
+from s2a.scene.scene import Scene
 
 
 def read(path: Path) -> Scene:

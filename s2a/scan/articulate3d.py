@@ -13,7 +13,7 @@ from pathlib import Path
 from s2a.scan import folder, joint_records, labels, parts, ply, rest
 from s2a.scan.cut import cut
 from s2a.scan.parts import AnnotatedPart
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 
 def read(path: Path) -> Scene:

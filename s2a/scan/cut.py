@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from s2a.scan.ply import ScanMesh
-from s2a.scene import Mesh
+from s2a.scene.scene import Mesh
 
 
 def cut(surface: ScanMesh, owner: np.ndarray, count: int) -> list[Mesh]:

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 
 MESH = "mesh_aligned_0.05.ply"
 SEGMENTS = "segments.json"

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from s2a.errors import InputError
-from s2a.mesh import Mesh
+from s2a.core.errors import InputError
 from s2a.scan import frame, mesh_files
 from s2a.scan.bake import Baked, bake
 from s2a.scan.folder import MESH
 from s2a.scan.frame import FileFrame
 from s2a.scan.ply_writer import write_ply
+from s2a.scene.scene import Mesh
 
 RECORD = "import.json"
 """By this file a folder is known to be an earlier import; it says what was found."""

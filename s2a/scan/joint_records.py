@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a import limits as possible
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan import fields
 from s2a.scan.fields import Record
-from s2a.scene import Joint
+from s2a.scene import scene
+from s2a.scene.scene import Joint
 
 _log = logging.getLogger(__name__)
 
@@ -68,7 +68,7 @@ def joint(record: Record, angle_unit: float, origin: np.ndarray) -> Joint:
     limits = record.number("rangeMin") * unit, record.number("rangeMax") * unit
     if limits[0] > limits[1]:
         record.refuse("rangeMin", f"above rangeMax {record.number('rangeMax')}; swap them")
-    if wrong := possible.problems(kind, *limits):
+    if wrong := scene.problems(kind, *limits):
         text = "%s: %s; s2a prepare will refuse this part: fix rangeMin and rangeMax"
         _log.warning(text, record.where, " and ".join(wrong))
     return Joint(kind, tuple(axis / length), tuple(record.vector("origin") - origin), limits)  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan import obj_file, usd_file
 from s2a.scan.source import Material, SourceMesh, Stated, joined
 

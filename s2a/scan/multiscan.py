@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan import fields, joint_records, labels, multiscan_objects, ply, rest
 from s2a.scan.cut import cut
 from s2a.scan.multiscan_objects import Annotated, Annotation
 from s2a.scan.ply import ScanMesh
-from s2a.scene import Mesh, Part, Scene
+from s2a.scene.scene import Mesh, Part, Scene
 
 _log = logging.getLogger(__name__)
 

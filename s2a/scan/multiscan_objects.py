@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan import fields, labels
 from s2a.scan.fields import Record
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan.images import read_image
 from s2a.scan.source import GREY, Material, SourceMesh, Stated
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.limits import MAX_MASS
 from s2a.scan import fields
 from s2a.scan.fields import Record
 from s2a.scan.ply import ScanMesh
+from s2a.scene.scene import MAX_MASS
 
 _log = logging.getLogger(__name__)
 

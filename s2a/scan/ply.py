@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 
 _log = logging.getLogger(__name__)
 

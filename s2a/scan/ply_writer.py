@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.mesh import Mesh
+from s2a.scene.scene import Mesh
 
 
 def write_ply(path: Path, mesh: Mesh) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan import fields, safe_pickle
 from s2a.scan.fields import Record
 from s2a.scan.ply import ScanMesh

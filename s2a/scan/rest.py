@@ -8,7 +8,7 @@ import numpy as np
 
 from s2a.scan import labels, segments
 from s2a.scan.ply import ScanMesh
-from s2a.scene import Mesh, Part
+from s2a.scene.scene import Mesh, Part
 
 UNANNOTATED = "unannotated"  # label of the part that takes the faces nobody annotated
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from s2a.scan import folder, ply, rest
 from s2a.scan.cut import cut
-from s2a.scene import Scene
+from s2a.scene.scene import Scene
 
 _log = logging.getLogger(__name__)
 

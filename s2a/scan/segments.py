@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan import fields
 from s2a.scan.fields import Record
 

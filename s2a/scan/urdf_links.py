@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan import mesh_files
 
 KINDS = {"revolute": "rotation", "continuous": "rotation", "prismatic": "translation"}

@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan import urdf_links
 from s2a.scan.ply import ScanMesh
 from s2a.scan.predictions import USUAL_LABEL, USUAL_RANGE, Prediction

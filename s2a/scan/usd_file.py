@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pxr import Ar, Tf, Usd, UsdGeom, UsdShade
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan.images import decode
 from s2a.scan.source import GREY, Material, SourceMesh, Stated, joined
 

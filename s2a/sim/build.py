@@ -9,10 +9,10 @@ from typing import Any
 import newton
 
 from s2a import robot
+from s2a.core.workers import spread
 from s2a.sim.nearby import Missing, warn
 from s2a.sim.solver import SimConfig
 from s2a.sim.world import SimStage, build_world, empty_world
-from s2a.workers import spread
 
 FEW = 8
 """Stages that are built before a helper has started."""

@@ -8,9 +8,9 @@ import mujoco_warp
 import numpy as np
 import warp as wp
 
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
-from s2a.scene import Mesh
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 

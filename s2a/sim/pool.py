@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.world import SimStage, stage_of
-from s2a.usd import sim_stage
-from s2a.usd.sim_check import refuse_unphysical
 
 
 @dataclass(frozen=True)

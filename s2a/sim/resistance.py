@@ -8,9 +8,9 @@ import newton
 import numpy as np
 import warp as wp
 
-from s2a.articulation import lever_arm, opening_sign
+from s2a.scene.articulation import lever_arm, opening_sign
+from s2a.scene.usd.resistance import SoftClose
 from s2a.sim.world import SimStage, axis_of
-from s2a.usd.resistance import SoftClose
 
 STRIBECK = wp.constant(0.05)
 """[m/s] From rest, where it is greatest, dry friction falls to that in motion: exp(-(v / STRIBECK)^2), v at the grasp point."""

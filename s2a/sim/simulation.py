@@ -10,12 +10,10 @@ import torch
 import warp as wp
 
 from s2a import robot
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.sim.build import WorldSettings, build_worlds
-from s2a.sim.layout import Layout, layout
 from s2a.sim.resistance import hooks
-from s2a.sim.solver import IGNORED_OVERFLOWS, SimConfig, make_solver
-from s2a.sim.vary import vary
+from s2a.sim.solver import IGNORED_OVERFLOWS, Layout, SimConfig, layout, make_solver, vary
 from s2a.sim.world import SimStage, body_index
 
 

@@ -13,10 +13,10 @@ from newton.solvers import SolverMuJoCo, SolverVBD
 from newton.solvers.experimental.coupled import SolverCoupledProxy
 from scipy.spatial.transform import Rotation
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.robot.model import add_robot
 from s2a.robot.spec import RobotSpec
-from s2a.scene import Mesh
+from s2a.scene.scene import Mesh
 from s2a.sim.soft_body import SoftBody
 from s2a.sim.soft_config import SoftConfig
 

@@ -10,8 +10,8 @@ import newton
 import numpy as np
 from pxr import Usd
 
-from s2a.errors import InputError
-from s2a.scene import Mesh, Vec3
+from s2a.core.errors import InputError
+from s2a.scene.scene import Mesh, Vec3
 from s2a.sim.soft_config import SoftShape
 
 BEAR = Path(newton.__file__).parent / "examples/assets/bear.usd"

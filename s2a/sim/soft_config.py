@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from s2a.ranges import Count, Fraction, NotNegative, Positive
+from s2a.core.bounds import Count, Fraction, NotNegative, Positive
 
 
 @dataclass(frozen=True)

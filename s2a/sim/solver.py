@@ -1,4 +1,4 @@
-"""How physics is stepped: the settings, and the solver with them."""
+"""The solver of physics: its settings, the layout of a world's coordinates, and the properties in which worlds differ."""
 
 from __future__ import annotations
 
@@ -7,11 +7,127 @@ from typing import Any, Literal
 
 import mujoco_warp
 import newton
+import numpy as np
 
-from s2a.ranges import Count, NotNegative, Positive
+from s2a.core.bounds import Count, CountFromZero, NotNegative, Positive
 from s2a.robot.spec import Gains, MotionLimits, RobotSpec
-from s2a.sim.vary import Variation
-from s2a.sim.world import JointConfig
+from s2a.sim.world import JointConfig, SimStage, axis_of, body_index
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Indices within a world.
+
+    Attributes:
+        robot_joints: number of the robot's driven joints; they are coordinates 0 to robot_joints - 1, the arm's first.
+        arm_joints: number of the arm's.
+        home: coordinates of the robot at the start of an episode [rad, m], shape [robot_joints].
+        robot_bodies: all its links.
+        finger_bodies: left, right.
+        tool_body: the link that carries the tool frame.
+        part_body: the part that is to be moved.
+        part_coord: its coordinate.
+        part_dof: its velocity.
+    """
+
+    robot_joints: int
+    arm_joints: int
+    home: tuple[float, ...]
+    robot_bodies: tuple[int, ...]
+    finger_bodies: tuple[int, int]
+    tool_body: int
+    part_body: int
+    part_coord: int
+    part_dof: int
+
+
+def layout(world: newton.ModelBuilder, robot: RobotSpec, stage: SimStage) -> Layout:
+    """Return the indices of a world with a robot, built of a stage."""
+    coord, dof = axis_of(world, stage.target, stage.joint.kind)
+    left, right = (body_index(world, name) for name in robot.gripper.links)
+    root = body_index(world, robot.root_link)
+    return Layout(
+        robot_joints=len(robot.joints),
+        arm_joints=len(robot.arm_joints),
+        home=robot.start,
+        robot_bodies=tuple(_below(world, root)),
+        finger_bodies=(left, right),
+        tool_body=body_index(world, robot.tool_link),
+        part_body=body_index(world, stage.target),
+        part_coord=coord,
+        part_dof=dof,
+    )
+
+
+def _below(world: newton.ModelBuilder, root: int) -> list[int]:
+    """Return a body and all that hang on it."""
+    found = [root]
+    for parent, child in sorted(zip(world.joint_parent, world.joint_child, strict=True)):
+        if parent in found and child not in found:
+            found.append(child)
+    return found
+
+
+Range = tuple[Positive, Positive]
+"""Least and greatest factor; drawn evenly on a logarithmic scale."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """By what each world's values are multiplied; drawn once, so that they stay as long as the worlds.
+
+    Attributes:
+        joint_friction: of the part's joint: its dry friction.
+        joint_damping: its damping.
+        mass: of the part.
+        contact_friction: of all surfaces of a world.
+        gains: stiffness and damping of the arm's position controller.
+        seed: of the draws.
+    """
+
+    joint_friction: Range
+    joint_damping: Range
+    mass: Range
+    contact_friction: Range
+    gains: Range
+    seed: CountFromZero
+
+
+def vary(model: newton.Model, layout: Layout, part_dof: np.ndarray, settings: Variation) -> None:
+    """Multiply each world's values in a model that no solver has read yet.
+
+    Args:
+        model: of all worlds.
+        layout: of a world.
+        part_dof: the part's velocity in each world, shape [world].
+        settings: the factors.
+    """
+    worlds, random = len(part_dof), np.random.default_rng(settings.seed)
+
+    def factors(limits: Range) -> np.ndarray:
+        return np.exp(random.uniform(np.log(limits[0]), np.log(limits[1]), worlds))
+
+    every, part = np.arange(worlds), (np.arange(worlds), part_dof)
+    _multiply(model.joint_friction, worlds, part, factors(settings.joint_friction))
+    _multiply(model.joint_target_kd, worlds, part, factors(settings.joint_damping))
+    mass, body = factors(settings.mass), (every, layout.part_body)
+    for array, power in (("body_mass", 1), ("body_inertia", 1), ("body_inv_mass", -1), ("body_inv_inertia", -1)):
+        _multiply(getattr(model, array), worlds, body, mass**power)
+    world = model.shape_world.numpy()
+    friction = model.shape_material_mu.numpy()
+    model.shape_material_mu.assign(friction * np.append(factors(settings.contact_friction), 1.0)[world])
+    gains, arm = factors(settings.gains)[:, None], (every[:, None], np.arange(layout.arm_joints)[None])
+    for array in ("joint_target_ke", "joint_target_kd"):
+        _multiply(getattr(model, array), worlds, arm, gains)
+
+
+def _multiply(array, worlds: int, index: tuple, factor: np.ndarray) -> None:
+    """Multiply some values of an array that has as many entries for every world."""
+    values = array.numpy()
+    each = values.reshape(worlds, -1, *values.shape[1:])
+    each[index] *= factor.reshape(*factor.shape, *[1] * (each[index].ndim - factor.ndim))
+    array.assign(values)
+
 
 IGNORED_OVERFLOWS = mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS
 """Reports that are switched off: reaching the iteration limits is meant, they are set low; capacities stay reported."""

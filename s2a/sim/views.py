@@ -13,7 +13,7 @@ from newton.sensors import SensorCamera
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.ranges import Above, Count, NotNegative
+from s2a.core.bounds import Above, Count, NotNegative
 from s2a.sim.camera import SEEN, CameraConfig, camera_pose, visible_model
 from s2a.sim.world import SimStage
 

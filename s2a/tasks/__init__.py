@@ -8,15 +8,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from s2a import config
+from s2a.core import config
+from s2a.core.errors import InputError
 from s2a.env.task import MdpConfig, Task, meanings
 from s2a.env.vec_env import VecEnv
-from s2a.errors import InputError
+from s2a.scene.usd.sim_read import refuse_unphysical
+from s2a.scene.usd.sim_scene import DEFAULT_ROBOT
 from s2a.sim import pool
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
-from s2a.usd.sim_check import refuse_unphysical
-from s2a.usd.sim_scene import DEFAULT_ROBOT
 
 
 def names() -> list[str]:

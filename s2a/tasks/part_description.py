@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.articulation import opening_direction, opening_sign
 from s2a.robot.tool_path import matrices
+from s2a.scene.articulation import opening_direction, opening_sign
 from s2a.sim.world import SimStage
 
 NUMBERS = 21

@@ -8,11 +8,11 @@ import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
-from s2a.articulation import opening_sign
+from s2a.core.bounds import NotNegative, Positive
+from s2a.core.errors import InputError
 from s2a.env.task import MdpConfig
-from s2a.errors import InputError
-from s2a.ranges import NotNegative, Positive
 from s2a.robot.tool_path import matrices
+from s2a.scene.articulation import opening_sign
 from s2a.sim.contacts import ContactSensor, PartContacts
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage

@@ -9,17 +9,18 @@ import numpy as np
 import plain_room
 import pytest
 
-from s2a import config, scan
-from s2a.annotate import checks, files, handle
+from s2a import scan
+from s2a.annotate import annotation, files, handle
 from s2a.annotate.annotation import Draft
 from s2a.annotate.editor import Editor
-from s2a.annotate.page import pick
+from s2a.annotate.page import shown
 from s2a.annotate.region import GrowConfig, around, grow, grow_most
 from s2a.annotate.surface import ADDED, SplitSurface
-from s2a.evidence import annotation as evidence
-from s2a.evidence.bounds import Bounds
-from s2a.geometry.mesh_ops import merge
+from s2a.core import config
 from s2a.scan import overlaps
+from s2a.scan.evidence import annotation as evidence
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scene.geometry.mesh_ops import merge
 
 GROW = config.load(GrowConfig, config.file("annotate")["grow"])
 BOUNDS = config.load(Bounds, config.file("evidence/default"))
@@ -148,9 +149,9 @@ def test_a_rectangle_lies_on_the_plane_that_most_of_it_shows(editor: Editor) -> 
     pytest.importorskip("newton", reason="newton is not installed", exc_type=ImportError)
     surface = editor.annotation.surface
     eye = np.array([1.5, plain_room.BAR[1], plain_room.BAR[2]])
-    view = pick.CameraView(eye, np.array([(0, 0, -1), (1, 0, 0), (0, -1, 0)], float), 0.8, 1.0)
+    view = shown.CameraView(eye, np.array([(0, 0, -1), (1, 0, 0), (0, -1, 0)], float), 0.8, 1.0)
     half = 0.1 / (1.5 * np.tan(0.4)) / 2
-    faces = pick.seen(view, surface.mesh(), (0.5 - half, 0.5 - half), (0.5 + half, 0.5 + half))
+    faces = shown.seen(view, surface.mesh(), (0.5 - half, 0.5 - half), (0.5 + half, 0.5 + half))
     at_handle = grow(surface, int(faces[0]), GROW)
     assert len(faces) == 49 and at_handle.offset > 0.01
     found = grow_most(surface, faces, GROW)
@@ -170,7 +171,7 @@ def test_what_is_written_is_what_was_annotated(editor: Editor, tmp_path: Path) -
     files.write(editor.annotation, bare, tmp_path / "out")
     read = scan.read(tmp_path / "out")
     assert read.movable == ("drawer_1", "door_3")
-    here, ids = checks.scene(editor.annotation)
+    here, ids = annotation.scene(editor.annotation)
     for part in ("drawer_1", "handle_2", "door_3", "handle_4"):
         assert read.parts[part].mesh.face_areas.sum() == pytest.approx(here.parts[part].mesh.face_areas.sum(), rel=1e-4)
     assert list(ids.values()) == ["drawer_1", "door_3"]
@@ -187,7 +188,7 @@ def test_the_checks_of_the_page_are_those_of_the_command(editor: Editor, tmp_pat
     drawer(editor)
     files.write(editor.annotation, bare, tmp_path / "out")
     written = evidence.check(scan.read(tmp_path / "out"), BOUNDS, overlaps.read(tmp_path / "out"))
-    live = checks.of_part(editor.annotation, 0, BOUNDS)
+    live = annotation.of_part(editor.annotation, 0, BOUNDS)
     assert [(f.check, f.verdict) for f in written if f.part] == [(f.check, f.verdict) for f in live]
     assert len(live) > 5
 

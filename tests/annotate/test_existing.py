@@ -10,11 +10,13 @@ import plain_room
 import pytest
 import tiny_scan
 
-from s2a import cli, config, scan
+from s2a import scan
 from s2a.annotate import existing, files
 from s2a.annotate.annotation import Draft
 from s2a.annotate.editor import Editor
 from s2a.annotate.region import GrowConfig
+from s2a.commands import cli
+from s2a.core import config
 from s2a.scan.ply_writer import write_ply
 
 GROW = config.load(GrowConfig, config.file("annotate")["grow"])

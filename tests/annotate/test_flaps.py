@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2a.annotate.propose.flaps import depth_behind, is_flap
+from s2a.annotate.propose.fronts import depth_behind, is_flap
 from s2a.annotate.propose.layers import Points
 from s2a.annotate.region import FrontRegion
 

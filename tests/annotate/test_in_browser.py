@@ -13,14 +13,15 @@ import pytest
 browser = pytest.importorskip("browser", reason="selenium is not installed", exc_type=ImportError)
 pytest.importorskip("viser", reason="viser is not installed")
 
-from s2a import config, scan  # noqa: E402
+from s2a import scan  # noqa: E402
 from s2a.annotate import files  # noqa: E402
 from s2a.annotate.annotation import Draft  # noqa: E402
 from s2a.annotate.editor import Editor  # noqa: E402
 from s2a.annotate.page import serve  # noqa: E402
 from s2a.annotate.region import GrowConfig  # noqa: E402
-from s2a.evidence.bounds import Bounds  # noqa: E402
-from s2a.geometry.orbit_camera import CameraPose  # noqa: E402
+from s2a.core import config  # noqa: E402
+from s2a.scan.evidence.bounds import Bounds  # noqa: E402
+from s2a.scene.geometry.camera import CameraPose  # noqa: E402
 
 pytestmark = [
     pytest.mark.browser,

@@ -13,7 +13,8 @@ pytest.importorskip("viser", reason="viser is not installed")
 
 import clicking  # noqa: E402
 
-from s2a import cli, scan  # noqa: E402
+from s2a import scan  # noqa: E402
+from s2a.commands import cli  # noqa: E402
 
 pytestmark = [
     pytest.mark.slow,

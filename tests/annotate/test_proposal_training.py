@@ -9,12 +9,12 @@ import proposal_network
 import pytest
 import torch
 
-from s2a import config
-from s2a.annotate.propose import ProposeConfig, run
-from s2a.annotate.propose.cells import CellBox
-from s2a.annotate.propose.layers import layers, spread
+from s2a.annotate.propose import run
+from s2a.annotate.propose.fronts import CellBox
+from s2a.annotate.propose.layers import ProposeConfig, layers, spread
 from s2a.annotate.propose.network import MOTIONS
 from s2a.annotate.surface import SplitSurface
+from s2a.core import config
 
 PROPOSE = config.load(ProposeConfig, config.file("annotate")["propose"])
 

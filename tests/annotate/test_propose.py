@@ -10,19 +10,20 @@ import plain_room
 import pytest
 import torch
 
-from s2a import cli, config, scan
+from s2a import scan
 from s2a.annotate import files
 from s2a.annotate.annotation import Item
-from s2a.annotate.propose import ProposeConfig, run
-from s2a.annotate.propose.cells import CellBox
-from s2a.annotate.propose.fronts import SeenFront, fronts
-from s2a.annotate.propose.layers import Layer, Points, layers
+from s2a.annotate.propose import run
+from s2a.annotate.propose.fronts import CellBox, SeenFront, fronts
+from s2a.annotate.propose.layers import Layer, Points, ProposeConfig, layers
 from s2a.annotate.propose.network import CHANNELS, COARSE, FILE, MOTIONS, MULTIPLE, FrontNetwork, image, load
 from s2a.annotate.propose.run import propose
 from s2a.annotate.region import GrowConfig
 from s2a.annotate.surface import SplitSurface
-from s2a.errors import InputError
-from s2a.scene import Scene
+from s2a.commands import cli
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.scene.scene import Scene
 
 VALUES = config.file("annotate")
 GROW, PROPOSE = config.load(GrowConfig, VALUES["grow"]), config.load(ProposeConfig, VALUES["propose"])

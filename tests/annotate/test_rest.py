@@ -6,10 +6,10 @@ import numpy as np
 import plain_room
 import usd_room
 
-from s2a.annotate import rest
+from s2a.annotate import files
 from s2a.annotate.surface import ADDED, SplitSurface
-from s2a.geometry.mesh_ops import merge
-from s2a.mesh import Mesh
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Mesh
 
 X, Y, Z = np.eye(3)
 
@@ -25,7 +25,7 @@ def room() -> Mesh:
 def test_floor_wall_and_object_are_told_apart_and_scraps_join_the_structure() -> None:
     mesh = room()
     surface = SplitSurface.of(mesh.vertices, mesh.faces, None)
-    found = rest.divide(surface, np.ones(len(mesh.faces), bool))
+    found = files.divide(surface, np.ones(len(mesh.faces), bool))
     assert [label for label, _ in found] == ["floor", "wall", "object"]
     areas = [surface.areas[faces].sum() for _, faces in found]
     np.testing.assert_allclose(areas, [4.0 + 0.0036, 4.8, 6 * 0.16], rtol=1e-5)
@@ -38,5 +38,5 @@ def test_what_somebody_has_and_what_was_added_is_left_out() -> None:
     surface = SplitSurface.of(mesh.vertices, mesh.faces, None).with_mesh(usd_room.box((1, 1, 2), (0.4, 0.4, 0.4)))
     free = np.ones(len(surface.faces), bool)
     free[:10] = False
-    listed = np.concatenate([faces for _, faces in rest.divide(surface, free)])
+    listed = np.concatenate([faces for _, faces in files.divide(surface, free)])
     assert not np.isin(np.arange(10), listed).any() and (surface.source[listed] != ADDED).all()

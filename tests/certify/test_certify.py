@@ -24,16 +24,19 @@ from seeded_defects import (
 )
 from settings import load
 
-from s2a import cli, provenance
-from s2a.certify import contents, foundation, report, shapes, static
+from s2a.certify import contents, report, static
+from s2a.certify import static as foundation
 from s2a.certify.check import Check, ValidationReport
 from s2a.certify.check_suite import CertifyConfig
-from s2a.certify.images import images
-from s2a.errors import InputError
-from s2a.geometry.orbit_camera import OrbitCamera
-from s2a.usd import sim_stage
-from s2a.usd.stage import new_stage, save
-from s2a.usd.stamp import content_hash, read_stamp, write_stamp
+from s2a.certify.contents import PART_RULES, ROOM_RULES
+from s2a.certify.report import images
+from s2a.commands import cli
+from s2a.core import provenance
+from s2a.core.errors import InputError
+from s2a.scene.geometry.camera import OrbitCamera
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.stage import new_stage, save
+from s2a.scene.usd.stamp import content_hash, read_stamp, write_stamp
 
 
 @pytest.fixture
@@ -44,7 +47,7 @@ def stage(tmp_path: Path) -> Path:
 def static_checks(path: Path) -> list[Check]:
     held = contents.read(path)
     bounds = load(CertifyConfig, "certify/default").shapes
-    surfaces = (*shapes.ROOM_RULES, *shapes.PART_RULES)
+    surfaces = (*ROOM_RULES, *PART_RULES)
     return [rule(held) for rule in (*static.ROOM_RULES, *static.PART_RULES)] + [rule(held, bounds) for rule in surfaces]
 
 

@@ -19,9 +19,9 @@ from s2a import robot
 from s2a.certify import contents, finger_gap, physics_grip, physics_motion
 from s2a.certify.check_suite import CertifyConfig, certify
 from s2a.certify.physics import World
-from s2a.scene import Mesh
-from s2a.usd.joints import frame
-from s2a.usd.stage import new_stage, save
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.joints import frame
+from s2a.scene.usd.stage import new_stage, save
 
 ROOM = "/scene/static/colliders/room_3_01"
 PANDA = robot.load("panda")

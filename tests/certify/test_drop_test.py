@@ -6,13 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from s2a.certify import drop_test as settling
-from s2a.certify.drop_test import DropTestConfig, DropTestResult, drop_test
-from s2a.config import compose
-from s2a.config import load as typed
-from s2a.geometry.convex import box, column
-from s2a.geometry.mesh_ops import merge
-from s2a.scene import Mesh
+from s2a.core.config import compose
+from s2a.core.config import load as typed
+from s2a.language.insert import drop_test as settling
+from s2a.language.insert.drop_test import DropTestConfig, DropTestResult, drop_test
+from s2a.scene.geometry.convex import box, column
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Mesh
 
 CONFIG: DropTestConfig = typed(DropTestConfig, compose("insert/placement")["insert"]["drop_test"])
 

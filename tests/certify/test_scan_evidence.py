@@ -16,15 +16,13 @@ from wrong_annotations import transformed
 
 from s2a.certify import contents, portability
 from s2a.certify.check_suite import CertifyConfig
-from s2a.certify.fidelity import excess, shift, uncovered
-from s2a.certify.robot_base import obstacle
-from s2a.certify.scan_evidence import Evidence, EvidenceConfig, as_scene, without
-from s2a.evidence.surface import ScanSurface
-from s2a.geometry.mesh_ops import keep, merge, normals, sample
-from s2a.geometry.mesh_query import ray_mesh
-from s2a.scene import Mesh
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import Base
+from s2a.certify.scan_evidence import Evidence, EvidenceConfig, as_scene, excess, obstacle, shift, uncovered, without
+from s2a.scan.evidence.surface import ScanSurface
+from s2a.scene.geometry.mesh_ops import keep, merge, normals, sample
+from s2a.scene.geometry.mesh_query import ray_mesh
+from s2a.scene.scene import Mesh
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import Base
 
 CONFIG: EvidenceConfig = load(CertifyConfig, "certify/default").evidence
 NAMED = {

@@ -12,13 +12,13 @@ import pytest
 from cabinet import free_cube, write_cabinet
 from drawer_room import FLOOR, drawer_room
 
-from s2a import cli
-from s2a.collect import stage_file
+from s2a.commands import cli
+from s2a.learn.collect.episode import read, write
 from s2a.planner.motion import Planner
 from s2a.planner.object_grasps import matrix
 from s2a.planner.shifted_object import ShiftedObject
 from s2a.robot.kinematics import kinematics
-from s2a.scene import Mesh
+from s2a.scene.scene import Mesh
 from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
 from s2a.tasks.put_in.skill import PutStage
 
@@ -77,7 +77,7 @@ def test_the_grasp_moves_with_the_object(picked: tuple[Path, Path]) -> None:
     from s2a.sim.simulation import SimConfig, Simulation
     from s2a.tasks.pick_place.skill import PickStage
 
-    stage = stage_file.read(PickStage, picked[0], picked[1])
+    stage = read(PickStage, picked[0], picked[1])
     sim = Simulation(stage, load(SimConfig, "sim/pick_place"), 2)
     config = load(PickPlaceConfig, "task/pick_place", start_shift=SHIFT, start_turn=TURN)
     env = tasks.make_env(sim, config, load(PickPlaceMetrics, "metrics/pick_place"), {}, 0, graph=False)
@@ -102,7 +102,7 @@ def test_a_stage_comes_back_from_its_file(tmp_path: Path) -> None:
     from s2a.planner.insides import inside_of
     from s2a.planner.pick_plan import PickPlan
     from s2a.planner.put_in import PutPlan
-    from s2a.scene import Joint
+    from s2a.scene.scene import Joint
 
     room = drawer_room(tmp_path / "sim.usda")
     random = np.random.default_rng(0)
@@ -116,8 +116,8 @@ def test_a_stage_comes_back_from_its_file(tmp_path: Path) -> None:
         start=random.random(7), goal=put.goal, plan=pick, part="drawer_2", opened=0.3, put=put,
     )  # fmt: skip
     for known in (stage, replace(stage, plan=replace(pick, again=None))):
-        stage_file.write(known, tmp_path / "set")
-        assert_alike(known, stage_file.read(PutStage, tmp_path / "sim.usda", tmp_path / "set"))
+        write(known, tmp_path / "set")
+        assert_alike(known, read(PutStage, tmp_path / "sim.usda", tmp_path / "set"))
 
 
 def assert_alike(one: object, other: object) -> None:

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from s2a.collect.encoders import SLOTS, Encoders, FrameMemory
-from s2a.collect.video import DeflatedImages, LosslessVideo
-from s2a.errors import InputError
+from s2a.core.errors import InputError
+from s2a.learn.collect.video import SLOTS, DeflatedImages, Encoders, FrameMemory, LosslessVideo
 
 LAYOUT = FrameMemory((("wrist", "image"), ("wrist", "depth")), 3, (6, 4))
 FILES = {"image": DeflatedImages, "depth": DeflatedImages}

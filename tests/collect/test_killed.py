@@ -15,10 +15,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from s2a.collect.episode import ABOUT, UNFINISHED, Dataset, Episode, Features, read_replay
-from s2a.collect.episodes import temporary
-from s2a.collect.lerobot_format import IMAGES, LOSSLESS, LeRobot
-from s2a.collect.robomimic import INDEX, Robomimic
+from s2a.learn.collect.episode import ABOUT, UNFINISHED, Dataset, Episode, Features, read_replay
+from s2a.learn.collect.episodes import temporary
+from s2a.learn.collect.lerobot import IMAGES, LOSSLESS, LeRobot
+from s2a.learn.collect.robomimic import INDEX, Robomimic
 
 WRITES = ("os.rename", "os.remove", "os.mkdir", "shutil.move", "shutil.rmtree")
 FEATURES = Features(

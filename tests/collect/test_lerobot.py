@@ -10,9 +10,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from s2a.collect.lerobot import CHUNK, LeRobotDataset
-from s2a.collect.video import ColourVideo, LosslessVideo
-from s2a.errors import InputError
+from s2a.core.errors import InputError
+from s2a.learn.collect.lerobot import CHUNK, LeRobotDataset
+from s2a.learn.collect.video import ColourVideo, LosslessVideo
 
 CAMERA = "observation.images.scene"
 FEATURES = {

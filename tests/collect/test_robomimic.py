@@ -9,10 +9,10 @@ import h5py
 import numpy as np
 import pytest
 
-from s2a.collect.episode import Episode, Features, read_replay
-from s2a.collect.robomimic import INDEX, Robomimic
-from s2a.collect.video import DeflatedImages
-from s2a.errors import InputError
+from s2a.core.errors import InputError
+from s2a.learn.collect.episode import Episode, Features, read_replay
+from s2a.learn.collect.robomimic import INDEX, Robomimic
+from s2a.learn.collect.video import DeflatedImages
 
 RANGE = np.array([[-1.0, 0.0], [3.0, 0.04]])
 COLUMNS = {"observation.state": ("a", "b"), "action": ("joint", "finger")}

@@ -11,12 +11,13 @@ import torch
 from cabinet import HANDLE, write_cabinet
 from settings import load
 
-from s2a import cli, config, robot
-from s2a.commands import bench
+from s2a import robot
+from s2a.commands import bench, cli
+from s2a.core import config
 from s2a.env import starts
 from s2a.env.starts import Demonstration
 from s2a.planner.part_plan import PlannerConfig, demonstration
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from box_room import changed, room
 
-from s2a import cli
-from s2a.scene import Scene
-from s2a.usd import geometric
+from s2a.commands import cli
+from s2a.scene.scene import Scene
+from s2a.scene.usd import geometric
 
 
 def stage(scene: Scene, path: Path) -> Path:

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 import tiny_scan
 
-from s2a import api, cli
+from s2a import api
+from s2a.commands import cli
 
 
 @pytest.fixture
@@ -213,7 +214,10 @@ def test_a_failing_job_of_a_sweep_does_not_stop_the_others(
 
 @pytest.mark.parametrize(
     ("module", "heavy"),
-    [("s2a.cli", ["torch", "warp", "newton", "pxr", "numpy"]), ("s2a.commands.export", ["torch", "warp", "newton"])],
+    [
+        ("s2a.commands.cli", ["torch", "warp", "newton", "pxr", "numpy"]),
+        ("s2a.commands.export", ["torch", "warp", "newton"]),
+    ],
 )
 def test_a_quick_command_imports_nothing_slow(module: str, heavy: list[str]):
     code = f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])"
@@ -223,7 +227,7 @@ def test_a_quick_command_imports_nothing_slow(module: str, heavy: list[str]):
 def test_what_a_command_imports_is_frozen_once_and_the_collector_goes_on() -> None:
     code = """
 import gc
-from s2a import cli
+from s2a.commands import cli
 cli._module("view")
 frozen = gc.get_freeze_count()
 cli._module("view")

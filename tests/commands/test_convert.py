@@ -9,8 +9,8 @@ import pytest
 from converted import CABINET, LID, PART, write_room
 
 import s2a
-from s2a import cli
-from s2a.errors import InputError
+from s2a.commands import cli
+from s2a.core.errors import InputError
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 import run_demo
 
-from s2a import cli, config
+from s2a.commands import cli
+from s2a.core import config
 
 
 @pytest.mark.parametrize("robot", ["panda", "baxter"])

@@ -16,8 +16,8 @@ import pytest
 import tiny_scan
 from cabinet import write_cabinet
 
-from s2a import cli
-from s2a.usd import geometric
+from s2a.commands import cli
+from s2a.scene.usd import geometric
 
 pytestmark = pytest.mark.slow
 

@@ -26,8 +26,8 @@ from reward_ablation import COLUMNS, move_grasp, table, table_rows
 from scipy.spatial.transform import Rotation
 from side_by_side import gpu_slots, run
 
-from s2a import aliases, config
 from s2a.commands import train
+from s2a.core import aliases, config
 from s2a.sim.world import read_stage
 from s2a.tasks.open_part.metrics import VERSION
 

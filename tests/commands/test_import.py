@@ -12,7 +12,7 @@ import pytest
 import textured_room
 import trimesh
 
-from s2a import cli
+from s2a.commands import cli
 from s2a.scan import ply
 
 

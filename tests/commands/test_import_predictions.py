@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import textured_room
 
-from s2a import cli
-from s2a.errors import InputError
+from s2a.commands import cli
+from s2a.core.errors import InputError
 from s2a.scan import ply, safe_pickle
 
 

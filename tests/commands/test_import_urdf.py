@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from trimesh.transformations import rotation_matrix
 
-from s2a import cli
+from s2a.commands import cli
 from s2a.scan import urdf_links
 
 CENTER, SIZE, YAW = np.array([2.0, 1.0, 0.45]), np.array([0.6, 0.8, 0.9]), math.pi / 2

@@ -16,20 +16,20 @@ import pytest
 import tiny_scan
 
 from s2a import __main__ as entry
-from s2a import cli
-from s2a.errors import InputError
-from s2a.outputs import atomic_write
-from s2a.scene import Joint, Mesh, Part, Scene
-from s2a.usd import descriptive, geometric
-from s2a.usd.tree import tree
+from s2a.commands import cli
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.scan.tree import tree
+from s2a.scene.scene import Joint, Mesh, Part, Scene
+from s2a.scene.usd import descriptive, geometric
 
 WRITER = """
 import signal, sys, time
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # a shell may have told the tests to ignore these two
 signal.signal(signal.SIGINT, signal.default_int_handler)
 from pathlib import Path
-from s2a import cli
-from s2a.outputs import atomic_write
+from s2a.commands import cli
+from s2a.core.outputs import atomic_write
 
 def work(config):
     with atomic_write(Path(sys.argv[1]), earlier="mark") as out:
@@ -100,7 +100,7 @@ def test_what_a_killed_command_left_is_removed_by_the_next_and_nothing_else_is(t
 
 def test_temporary_files_of_a_killed_process_are_deleted_by_the_next(tmp_path: Path) -> None:
     script = (
-        "import time; from pathlib import Path; from s2a.outputs import temporary_folder\n"
+        "import time; from pathlib import Path; from s2a.core.outputs import temporary_folder\n"
         "with temporary_folder() as folder:\n"
         "    (folder / 'file').touch(); print('begun', flush=True); time.sleep(60)\n"
     )
@@ -130,7 +130,7 @@ def test_a_full_disk_names_the_output(tmp_path: Path, error: int) -> None:
 
 def test_several_that_write_one_folder_at_once_all_succeed(tmp_path: Path) -> None:
     script = (
-        "import sys; from pathlib import Path; from s2a.outputs import atomic_write\n"
+        "import sys; from pathlib import Path; from s2a.core.outputs import atomic_write\n"
         "for k in range(100):\n"
         "    with atomic_write(Path(sys.argv[1]), earlier='mark') as out:\n"
         "        out.mkdir(); (out / 'a').write_text(sys.argv[2]); (out / 'mark').write_text(sys.argv[2])\n"
@@ -180,7 +180,7 @@ class Interrupt(MetaPathFinder):
     """Interrupts an import."""
 
     def find_spec(self, name: str, *_: object) -> None:
-        if name == "s2a.cli":
+        if name == "s2a.commands.cli":
             raise KeyboardInterrupt
 
 
@@ -189,7 +189,7 @@ def test_an_interrupt_while_the_program_is_imported_is_one_line(
 ) -> None:
     import s2a
 
-    monkeypatch.delitem(sys.modules, "s2a.cli")
+    monkeypatch.delitem(sys.modules, "s2a.commands.cli")
     monkeypatch.delattr(s2a, "cli")
     monkeypatch.setattr(sys, "meta_path", [Interrupt(), *sys.meta_path])
     assert entry.main() == 130

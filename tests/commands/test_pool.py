@@ -9,11 +9,12 @@ import pytest
 import torch
 from cabinet import HANDLE, write_cabinet
 
-from s2a import cli, config
-from s2a.commands import pool as pool_command
-from s2a.commands.pool import Config, is_taken, rooms_of
-from s2a.errors import InputError
-from s2a.scene import Joint
+from s2a.commands import cli
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.homes.commands import pool as pool_command
+from s2a.homes.commands.pool import Config, is_taken, rooms_of
+from s2a.scene.scene import Joint
 from s2a.sim import pool
 
 HINGE = Joint("revolute", (0.0, 0.0, 1.0), (HANDLE[0] - 0.02, 0.37, 0.7), (0.0, 1.2))

@@ -12,13 +12,13 @@ import pytest
 from converted import CABINET, CUBE, FRICTION, HINGE, LID, LID_HINGE, PART, SLIDE, write_room
 from scipy.spatial.transform import Rotation
 
-from s2a.articulation import displace
-from s2a.convert import urdf
-from s2a.convert.links import ALL, read_links
-from s2a.scene import Joint
+from s2a.certify.convert import urdf
+from s2a.certify.convert.links import ALL, read_links
+from s2a.scene.articulation import displace
+from s2a.scene.scene import Joint
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import SimRoom, in_scene
 from s2a.sim.world import body_index, joint_index
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimRoom, in_scene
 
 JOINTS = pytest.mark.parametrize("joint", [SLIDE, HINGE], ids=["slide", "hinge"])
 

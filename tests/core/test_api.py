@@ -14,8 +14,8 @@ import pytest
 import tiny_scan
 
 import s2a
-from s2a import cli
-from s2a.errors import InputError
+from s2a.commands import cli
+from s2a.core.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from s2a.articulation import displace, lever_arm, open_limit, opening_direction, pose_at, transform, travel
-from s2a.scene import Joint
+from s2a.scene.articulation import displace, lever_arm, open_limit, opening_direction, pose_at, transform, travel
+from s2a.scene.scene import Joint
 
 SLIDE = Joint("prismatic", (0.0, -1.0, 0.0), (9.0, 9.0, 9.0), (-0.1, 0.4))
 DOOR = Joint("revolute", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-math.pi / 2, 0.1))

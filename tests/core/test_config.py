@@ -10,10 +10,10 @@ from typing import Any, Literal
 
 import pytest
 
-from s2a import aliases, cli, config, usage
-from s2a.cli import COMMANDS
-from s2a.commands import train
-from s2a.errors import InputError
+from s2a.commands import cli, train, usage
+from s2a.commands.cli import COMMANDS
+from s2a.core import aliases, config
+from s2a.core.errors import InputError
 from s2a.tasks.open_part.mdp import REWARDS
 
 

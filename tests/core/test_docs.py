@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from s2a import cli, config
+from s2a.commands import cli
+from s2a.core import config
 
 docs_site = pytest.importorskip("docs_site", reason="mkdocs is not installed", exc_type=ImportError)
 

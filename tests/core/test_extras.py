@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 import tiny_scan
 
-from s2a import cli, extras
-from s2a.errors import InputError
+from s2a.commands import cli
+from s2a.core import errors
+from s2a.core.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 BLOCK = """
@@ -22,10 +23,10 @@ find = PathFinder.find_spec
 PathFinder.find_spec = lambda name, *rest: None if name.partition(".")[0] in {blocked!r} else find(name, *rest)
 """
 RUN = """
-from s2a.cli import main
+from s2a.commands.cli import main
 sys.exit(main(sys.argv[1:]))
 """
-EVERYTHING = sorted(name for modules in extras.MODULES.values() for name in modules)
+EVERYTHING = sorted(name for modules in errors.MODULES.values() for name in modules)
 
 
 def s2a(blocked: list[str], *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -36,7 +37,7 @@ def s2a(blocked: list[str], *arguments: str) -> subprocess.CompletedProcess[str]
 def test_every_module_belongs_to_the_extra_that_installs_it() -> None:
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     distributions = packages_distributions()
-    for extra, modules in extras.MODULES.items():
+    for extra, modules in errors.MODULES.items():
         listed = "\n".join(declared[extra]).lower().replace("_", "-")
         for module in set(modules) & set(distributions):
             assert any(name.lower().replace("_", "-") in listed for name in distributions[module]), module
@@ -70,13 +71,13 @@ def test_an_image_without_the_simulation_extra_names_the_pip_command(tmp_path: P
 
 
 def test_training_without_torch_names_the_learning_extra() -> None:
-    failed = s2a(list(extras.MODULES["learn"]), "train", "stage=a.usd", "out=b")
+    failed = s2a(list(errors.MODULES["learn"]), "train", "stage=a.usd", "out=b")
     assert failed.returncode == 2
     assert "pip install 's2a[learn]'" in failed.stderr
 
 
 def test_the_simulation_extra_alone_serves_the_scene_commands() -> None:
-    blocked = [*extras.MODULES["learn"], *extras.MODULES["llm"]]
+    blocked = [*errors.MODULES["learn"], *errors.MODULES["llm"]]
     imports = "".join(
         f"import s2a.commands.{name}\n" for name in ("sample", "check", "zoo", "insert", "prepare", "certify", "view")
     )
@@ -84,7 +85,7 @@ def test_the_simulation_extra_alone_serves_the_scene_commands() -> None:
 
 
 def test_modules_that_belong_to_no_extra_stay_a_bug() -> None:
-    with pytest.raises(ModuleNotFoundError), extras.required():
+    with pytest.raises(ModuleNotFoundError), errors.required():
         raise ModuleNotFoundError("No module named 'typo'", name="typo")
-    with pytest.raises(InputError, match="llm"), extras.required():
+    with pytest.raises(InputError, match="llm"), errors.required():
         raise ModuleNotFoundError("No module named 'openai'", name="openai")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from s2a.errors import InputError
-from s2a.outputs import atomic_write, replace_file
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write, replace_file
 
 
 def write_folder(path: Path, **files: str) -> None:

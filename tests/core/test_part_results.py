@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2a.part_results import by_part, interval
+from s2a.learn.evaluate import by_part, interval
 from s2a.sim.pool import PoolPart
 
 PARTS = [

@@ -6,7 +6,7 @@ from contextlib import redirect_stdout
 
 import pytest
 
-from s2a.progress import StdoutFilter, track
+from s2a.core.progress import StdoutFilter, track
 
 
 def test_tracking_changes_neither_the_items_nor_what_is_printed(capsys: pytest.CaptureFixture[str]):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from s2a import provenance
+from s2a.core import provenance
 
 
 def test_a_checkout_around_an_installed_copy_is_not_taken_for_ours(

@@ -9,9 +9,9 @@ from typing import Annotated
 
 import pytest
 
-from s2a import config, ranges
-from s2a.errors import InputError
-from s2a.ranges import Above, AtLeast, Count, Fraction, NotEmpty, Numbers, Positive
+from s2a.core import bounds, config
+from s2a.core.bounds import Above, AtLeast, Count, Fraction, NotEmpty, Numbers, Positive
+from s2a.core.errors import InputError
 
 IMPOSSIBLE = {
     "sample": [
@@ -125,6 +125,6 @@ def test_what_lists_and_dictionaries_hold_has_bounds_too(changes: dict[str, obje
 def test_an_end_belongs_to_the_range_or_not():
     assert [Above(0.0, 1.0).holds(value) for value in (0.0, 0.1, 1.0, 1.1)] == [False, True, True, False]
     assert [AtLeast(0.0, 1.0).holds(value) for value in (-0.1, 0.0, 1.0, 1.1)] == [False, True, True, False]
-    ranges.check(Annotated[int, AtLeast(4)], 4, "corners")
+    bounds.check(Annotated[int, AtLeast(4)], 4, "corners")
     with pytest.raises(InputError, match="key 'corners' is 3; give 4 or more"):
-        ranges.check(Annotated[int, AtLeast(4)], 3, "corners")
+        bounds.check(Annotated[int, AtLeast(4)], 3, "corners")

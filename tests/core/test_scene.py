@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2a.errors import InputError
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.core.errors import InputError
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 
 @pytest.mark.parametrize(

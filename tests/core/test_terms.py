@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from s2a import config
-from s2a.cli import COMMANDS
+from s2a.commands.cli import COMMANDS
+from s2a.core import config
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("s2a", "experiments", "tools")
@@ -103,21 +103,21 @@ DOCS = (
     "experiments/README.md",
 )
 ALLOWED: dict[str, tuple[tuple[str, ...], str]] = {
-    "s2a/aliases.py": (tuple(WORDS), "lists the old names"),
-    "s2a/do/plan.py": (("refusal",), "a field of the model's answers, which are recorded word for word"),
-    "s2a/insert/scale.py": (("longest",), "a field of the model's answers, which are recorded word for word"),
-    "s2a/insert/context.py": (("wish",), "the command line's own word: wish=prefer"),
-    "s2a/insert/pipeline.py": (("wish",), "the command line's own word: wish=prefer"),
-    "s2a/insert/settings.py": (("wish",), "the command line's own word: wish=prefer"),
-    "s2a/insert/wishes/heed.py": (("wish",), "the command line's own word: wish=prefer"),
-    "s2a/insert/wishes/parse.py": (("wish",), "the command line's own word: wish=prefer"),
-    "s2a/llm/kinds.py": (("longest",), "as in s2a/insert/scale.py"),
-    "s2a/llm/rules.py": (("longest",), "as in s2a/insert/scale.py"),
-    "s2a/ranges.py": (("least",), "AtLeast(4) reads as the bound it is"),
-    "s2a/rl/config.py": (("epochs",), "num_learning_epochs, rsl_rl's own name"),
-    "s2a/synth/draw.py": (("draw",), "random draws"),
-    "s2a/synth/families/openings.py": (("openings",), "doors and windows of a room"),
-    "s2a/synth/objects.py": (("picture",), "a framed one, which hangs on a wall"),
+    "s2a/core/aliases.py": (tuple(WORDS), "lists the old names"),
+    "s2a/language/do/plan.py": (("refusal",), "a field of the model's answers, which are recorded word for word"),
+    "s2a/language/insert/scale.py": (("longest",), "a field of the model's answers, which are recorded word for word"),
+    "s2a/language/insert/context.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/language/insert/pipeline.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/language/insert/settings.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/language/insert/wishes/heed.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/language/insert/wishes/parse.py": (("wish",), "the command line's own word: wish=prefer"),
+    "s2a/language/llm/kinds.py": (("longest",), "as in s2a/language/insert/scale.py"),
+    "s2a/language/llm/rules.py": (("longest",), "as in s2a/language/insert/scale.py"),
+    "s2a/core/bounds.py": (("least",), "AtLeast(4) reads as the bound it is"),
+    "s2a/learn/rl/config.py": (("epochs",), "num_learning_epochs, rsl_rl's own name"),
+    "s2a/homes/draw.py": (("draw",), "random draws"),
+    "s2a/homes/families/openings.py": (("openings",), "doors and windows of a room"),
+    "s2a/homes/objects.py": (("picture",), "a framed one, which hangs on a wall"),
     "s2a/tasks/open_part/config.py": (("openings",), "task.bonus_openings: displacements of the grasp point"),
 }
 """Files with old words that stay, and why."""

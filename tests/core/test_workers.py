@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from s2a import workers
+from s2a.core import workers
 
 WORK = """
 import os, time
@@ -24,7 +24,7 @@ def work(shared, item):
 """Works for minutes, after it wrote a file named by its process."""
 SCRIPT = """
 import os, sys
-from s2a import terminal, workers
+from s2a.core import terminal, workers
 from work import work
 
 os.sched_getaffinity = lambda pid: {0, 1, 2, 3}

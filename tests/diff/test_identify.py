@@ -13,20 +13,20 @@ from pulled_bodies import DOOR, DRAWER, LID
 from recorded_pulls import Truth, record
 from settings import load
 
-from s2a import cli
-from s2a.commands.identify import write_layer
-from s2a.diff.dynamics import Dynamics
-from s2a.diff.identify import identify
-from s2a.diff.joint_kernels import PARAMETERS
-from s2a.diff.moving_body import moving
-from s2a.diff.pull import Noise, Pull, read
-from s2a.diff.together import minimize_together
-from s2a.errors import InputError
-from s2a.scene import Joint
+from s2a.commands import cli
+from s2a.core.errors import InputError
+from s2a.joints.commands.identify import write_layer
+from s2a.joints.dynamics import Dynamics
+from s2a.joints.identify import identify
+from s2a.joints.joint_kernels import PARAMETERS
+from s2a.joints.pull import Noise, Pull, read
+from s2a.joints.pulled import moving
+from s2a.joints.together import minimize_together
+from s2a.scene.scene import Joint
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.resistance import Resistance, SoftClose
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.usd import sim_stage
-from s2a.usd.resistance import Resistance, SoftClose
 
 NOISE = Noise(0.001, 0.5)
 TRUTH = Truth(mass=0.7, damping=8.0, friction=3.0, spring=5.0)

@@ -10,9 +10,9 @@ import pytest
 from pulled_bodies import DOOR, DRAWER, LID
 from recorded_pulls import Truth, record
 
-from s2a.diff.joint_worlds import RATE, JointWorlds, kalman
-from s2a.diff.moving_body import Moving
-from s2a.diff.pull import Noise, Pull
+from s2a.joints.joint_worlds import RATE, JointWorlds, kalman
+from s2a.joints.pull import Noise, Pull
+from s2a.joints.pulled import Moving
 
 NOISE = Noise(0.001, 0.5)
 TRUTH = Truth(mass=1.4, damping=6.0, friction=2.0, spring=12.0)

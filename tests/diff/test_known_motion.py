@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from pulled_bodies import DOOR, DRAWER
 
-from s2a.diff.joint_kernels import PARAMETERS
-from s2a.diff.known_motion import fit
-from s2a.diff.moving_body import Moving
-from s2a.diff.pull import Pull
-from s2a.errors import InputError
+from s2a.core.errors import InputError
+from s2a.joints.identify import fit
+from s2a.joints.joint_kernels import PARAMETERS
+from s2a.joints.pull import Pull
+from s2a.joints.pulled import Moving
 
 STEP, TRUTH = 1 / 60, {"mass": 0.7, "damping": 6.0, "friction": 2.0, "spring": 8.0}
 

@@ -11,10 +11,11 @@ import pyarrow.parquet as pq
 import pytest
 from cabinet import write_cabinet
 
-from s2a import cli, robot
-from s2a.diff import robot_pull
-from s2a.diff.pull import header, read
-from s2a.errors import InputError
+from s2a import robot
+from s2a.commands import cli
+from s2a.core.errors import InputError
+from s2a.joints import robot_pull
+from s2a.joints.pull import header, read
 
 FPS = 50
 SCALARS = {name: {"dtype": "int64", "shape": [1], "names": None} for name in ("frame_index", "episode_index", "index")}

@@ -7,8 +7,8 @@ import pytest
 from flat_cabinet import DRAWER, cabinet, tilted
 
 import s2a
-from s2a import config
-from s2a.usd import geometric, sim_stage
+from s2a.core import config
+from s2a.scene.usd import geometric, sim_stage
 
 WRONG = tilted(DRAWER, 2.0, (0.0, 0.6, 0.8))
 FAST = ["prepare.base.search=false", "prepare.colliders.method=one_hull", "prepare.decimate.mode=none"]

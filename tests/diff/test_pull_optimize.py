@@ -12,20 +12,17 @@ from part_worlds import make_env
 from pulled_bodies import DOOR, DRAWER, LID
 from settings import load
 
-from s2a.diff.moving_body import Moving
-from s2a.diff.pull_config import PullConfig
-from s2a.diff.pull_loss import PullLoss
-from s2a.diff.pull_optimize import Optimum, optimize
-from s2a.diff.pulled import Pulled, pulled
-from s2a.errors import InputError
-from s2a.evaluate import evaluate
+from s2a.core.errors import InputError
+from s2a.joints.pull_optimize import Optimum, PullConfig, PullLoss, optimize
+from s2a.joints.pulled import Moving, Pulled, pulled
+from s2a.learn.evaluate import evaluate
 from s2a.planner import pull_law
 from s2a.planner.arm import Arm
 from s2a.planner.motion import Planner
 from s2a.planner.part_plan import PlannerConfig, planned_path
 from s2a.planner.pull_law import PullLaw
 from s2a.planner.trajectory import eased
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 from s2a.tasks.open_part.skill import tool_path
 
 GOAL, SECONDS = 0.3, 1.0

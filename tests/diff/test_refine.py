@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from flat_cabinet import DRAWER, FRONT, LEFT, RIGHT, TRUE, cabinet, tilted, with_part
 
-from s2a import config
-from s2a.diff.refine import HASTY, refine, with_joints
-from s2a.diff.refine_config import RefineConfig
-from s2a.diff.refine_loss import Loss, PartPath, Term
-from s2a.diff.refine_report import sentence
-from s2a.diff.refine_room import fit, joints_of, priors
-from s2a.scene import Joint, Mesh, Part
+from s2a.core import config
+from s2a.prepare.refine import HASTY, refine, sentence, with_joints
+from s2a.prepare.refine_loss import Loss, PartPath, RefineConfig, Term
+from s2a.prepare.refine_room import fit, joints_of, priors
+from s2a.scene.scene import Joint, Mesh, Part
 
 SETTINGS = config.load(RefineConfig, config.file("refine/default"))
 WRONG = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from s2a.diff.refine_caution import STEPS, dared
+from s2a.prepare.refine import STEPS, dared
 
 
 def test_a_move_within_the_bound_is_made_whatever_is_known() -> None:

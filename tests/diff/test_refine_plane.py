@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from flat_cabinet import FRONT, cabinet, upright, with_part
 
-from s2a.diff.refine_front import seen_front
-from s2a.diff.refine_plane import fitted_plane
-from s2a.diff.refine_sides import Faces
-from s2a.evidence.front import front
-from s2a.evidence.surface import ScanSurface
-from s2a.geometry.mesh_ops import merge
-from s2a.scene import Mesh
+from s2a.prepare.refine_front import Faces, fitted_plane, seen_front
+from s2a.scan.evidence.front import front
+from s2a.scan.evidence.surface import ScanSurface
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Mesh
 
 WIDE, HIGH = 0.6, 0.2
 """[m] Sides of the cabinet's drawer front."""

@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 from box_room import FRONT, bar, joined, room, sheet
 
-from s2a import api, cli
-from s2a.articulation import displace, transform
-from s2a.diff.register import Proposal, Registration, register
-from s2a.diff.register_fit import changed_joint, square, twists, unknowns
-from s2a.diff.register_rooms import align, turned
-from s2a.diff.register_surface import OrientedMesh
-from s2a.mesh import Mesh
-from s2a.scene import Joint
-from s2a.synth.files import write_ply
+from s2a import api
+from s2a.commands import cli
+from s2a.homes.files import write_ply
+from s2a.joints.register import Proposal, Registration, register
+from s2a.joints.register_fit import changed_joint, square, twists, unknowns
+from s2a.joints.register_surface import OrientedMesh, align, turned
+from s2a.scene.articulation import displace, transform
+from s2a.scene.scene import Joint, Mesh
 
 OPEN = {"drawer_6": 0.25, "door_8": 1.0}
 FRAME = np.eye(4)

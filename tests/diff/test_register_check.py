@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from box_room import joined, sheet
 
-from s2a.articulation import transform
-from s2a.diff.register_change import Patch, changed, patches
-from s2a.diff.register_check import MIN_GONE, MIN_INSIDE, gone, left, on_floor, shows_inside
-from s2a.diff.register_start import MIN_FRACTION, starts
-from s2a.diff.register_surface import OrientedMesh
-from s2a.mesh import Mesh
-from s2a.scene import Joint
+from s2a.joints.register_check import MIN_GONE, MIN_INSIDE, gone, left, on_floor, shows_inside
+from s2a.joints.register_fit import MIN_FRACTION, starts
+from s2a.joints.register_surface import OrientedMesh, Patch, changed, patches
+from s2a.scene.articulation import transform
+from s2a.scene.scene import Joint, Mesh
 
 DRAWER = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.1))
 """Opens by 10 cm along x."""

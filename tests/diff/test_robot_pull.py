@@ -7,9 +7,8 @@ import pytest
 from pulled_bodies import DOOR, DRAWER
 
 from s2a import robot
-from s2a.diff.arm_dynamics import ArmDynamics
-from s2a.diff.robot_pull import Recording, along, pull
-from s2a.errors import InputError
+from s2a.core.errors import InputError
+from s2a.joints.robot_pull import ArmDynamics, Recording, along, pull
 from s2a.robot.kinematics import kinematics
 
 PANDA = robot.load("panda")

@@ -12,15 +12,15 @@ from converted import HINGE, PART, SLIDE, write_room
 from pulled_bodies import DOOR, DRAWER
 from recorded_pulls import HAND, RATE, STEP, Truth, hand_path, record
 
-from s2a.commands.identify import write_layer
-from s2a.diff.identify import identify
-from s2a.diff.joint_kernels import PARAMETERS
-from s2a.diff.moving_body import Moving, moving
-from s2a.diff.pull import Noise, Pull
-from s2a.scene import Joint
+from s2a.joints.commands.identify import write_layer
+from s2a.joints.identify import identify
+from s2a.joints.joint_kernels import PARAMETERS
+from s2a.joints.pull import Noise, Pull
+from s2a.joints.pulled import Moving, moving
+from s2a.scene.scene import Joint
+from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import axis_of, read_stage
-from s2a.usd import sim_stage
 
 NOISE, SILENT = Noise(0.001, 0.5), Noise(0.0, 0.0)
 TRUTH = Truth(mass=0.8, damping=5.0, friction=2.0, breakaway=2.0, spring=5.0, pull_in=8.0, closing=50.0)

@@ -10,12 +10,11 @@ import pytest
 from drawer_room import drawer_room
 from mutations import mutated_json
 
-from s2a import cli
-from s2a.do.plan import plan
-from s2a.do.run import RoomContext
-from s2a.errors import InputError
-from s2a.llm.ask import Answer
-from s2a.llm.usage_log import UsageLog
+from s2a.commands import cli
+from s2a.core.errors import InputError
+from s2a.language.do.plan import plan
+from s2a.language.do.run import RoomContext
+from s2a.language.llm.ask import Answer, UsageLog
 
 
 @pytest.fixture(scope="module")
@@ -80,9 +79,9 @@ def test_a_sentence_with_an_equals_sign_is_a_sentence(
 
 def test_odd_answers_are_used_or_go_back(stage: Path) -> None:
     """Damaged answers of a model give a plan of ids of the room, or an InputError."""
-    from s2a.do import facts as fact
-    from s2a.do.check import Checker
-    from s2a.usd import sim_stage
+    from s2a.language.do import facts as fact
+    from s2a.language.do.check import Checker
+    from s2a.scene.usd import sim_stage
 
     room = sim_stage.read(stage, visuals=False)
     context = RoomContext(room, None, "panda", 0.3)

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from s2a.do.facts import RoomPart
-from s2a.do.plan import SkillPlan, plan
-from s2a.do.rules import rules
-from s2a.llm.usage_log import UsageLog
+from s2a.language.do.facts import RoomPart
+from s2a.language.do.plan import SkillPlan, plan
+from s2a.language.do.rules import rules
+from s2a.language.llm.ask import UsageLog
 
 
 def thing(

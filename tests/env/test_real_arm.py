@@ -11,7 +11,7 @@ from part_worlds import make_env
 from settings import load
 
 from s2a.env.vec_env import VecEnv
-from s2a.evaluate import baseline, evaluate
+from s2a.learn.evaluate import baseline, evaluate
 from s2a.planner.motion import Planner
 from s2a.planner.part_plan import PlannerConfig
 from s2a.sim.limit_use import LimitUse

@@ -12,10 +12,10 @@ from lift_task import LiftTask
 from part_worlds import counts
 from settings import load
 
+from s2a.core.errors import InputError
 from s2a.env.starts import Demonstration, DemoStarts
 from s2a.env.vec_env import VecEnv
-from s2a.errors import InputError
-from s2a.evaluate import evaluate
+from s2a.learn.evaluate import evaluate
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from box_room import bar, bounds, changed, door, joined, moved, room, sheet
 
-from s2a.evidence import annotation, contact, grasp, hinge, opening
-from s2a.evidence.finding import Finding
-from s2a.evidence.front import front
-from s2a.evidence.slide import depth_behind
-from s2a.evidence.surface import ScanSurface
-from s2a.evidence.sweep import sweep
+from s2a.scan.evidence import annotation, contact, grasp, hinge, opening
+from s2a.scan.evidence.finding import Finding
+from s2a.scan.evidence.front import front
+from s2a.scan.evidence.slide import depth_behind
+from s2a.scan.evidence.surface import ScanSurface
+from s2a.scan.evidence.sweep import sweep
 from s2a.scan.overlaps import Overlap
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 BOUNDS = bounds()
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])

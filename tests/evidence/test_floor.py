@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from cabinet import box
 
-from s2a.evidence.floor import floor_fraction
-from s2a.geometry.mesh_query import ray_mesh
+from s2a.scan.evidence.floor import floor_fraction
+from s2a.scene.geometry.mesh_query import ray_mesh
 
 FLOOR = box((0.0, 0.0, -0.01), (1.0, 1.0, 0.01))  # its upper side is 2 x 2 m at z = 0
 

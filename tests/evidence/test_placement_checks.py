@@ -7,7 +7,7 @@ import pytest
 from placement_checks import Placed, Truth, check, suits, up_and_front
 from rough_furniture import at, block, sheet, table
 
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 UP, FRONT = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
 CUP = Truth("coffee mug", 0.1, 0.1, "on")

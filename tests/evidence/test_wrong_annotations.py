@@ -19,10 +19,10 @@ from wrong_annotations import (
     transformed,
 )
 
-from s2a.evidence import annotation
-from s2a.evidence.front import Front, front
-from s2a.evidence.room import findings as whole_room
-from s2a.evidence.surface import ScanSurface
+from s2a.scan.evidence import annotation
+from s2a.scan.evidence.front import Front, front
+from s2a.scan.evidence.room import findings as whole_room
+from s2a.scan.evidence.surface import ScanSurface
 
 
 def leaf() -> Front:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from s2a.geometry import convex
-from s2a.scene import Mesh
+from s2a.scene.geometry import convex
+from s2a.scene.scene import Mesh
 
 CUBE = convex.box(np.zeros(3), np.eye(3), np.ones(3))
 

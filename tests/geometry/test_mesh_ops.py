@@ -7,10 +7,10 @@ import pytest
 import trimesh
 from closeness import surface_distance
 
-from s2a.geometry import convex, mesh_ops, planes
-from s2a.geometry.handles.finger_gap import fraction_inside
-from s2a.geometry.simplify import decimate, is_structure
-from s2a.scene import Mesh
+from s2a.scene.geometry import convex, mesh_ops, planes
+from s2a.scene.geometry.front_panel import fraction_inside
+from s2a.scene.geometry.simplify import decimate, is_structure
+from s2a.scene.scene import Mesh
 
 
 def rough_wall(width: float, height: float, noise: float, step: float = 0.02) -> Mesh:

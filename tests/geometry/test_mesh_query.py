@@ -7,10 +7,10 @@ import gc
 import numpy as np
 import pytest
 
-from s2a.geometry import mesh_query
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.mesh_query import Forest, first_hits, kept_ray_mesh, nearest_faces, nearest_meshes, ray_mesh
-from s2a.mesh import Mesh
+from s2a.scene.geometry import mesh_query
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.mesh_query import Forest, first_hits, kept_ray_mesh, nearest_faces, nearest_meshes, ray_mesh
+from s2a.scene.scene import Mesh
 
 
 def test_the_nearest_face_and_the_first_hit_of_a_triangle() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from cabinet import box
 
-from s2a.geometry.handles.panel import slab
-from s2a.geometry.mesh_ops import keep, normals
-from s2a.scene import Mesh
+from s2a.scene.geometry.front_panel import slab
+from s2a.scene.geometry.mesh_ops import keep, normals
+from s2a.scene.scene import Mesh
 
 AHEAD = np.array([1.0, 0.0, 0.0])
 

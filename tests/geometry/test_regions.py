@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from rough_furniture import sheet, sink
 
-from s2a.config import compose, load
-from s2a.geometry.convex import box
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.ransac import RansacConfig, ransac_plane
-from s2a.geometry.regions import Region, RegionConfig, support_regions
-from s2a.scene import Mesh, Scene
+from s2a.core.config import compose, load
+from s2a.scene.geometry.convex import box
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.planes import RansacConfig, ransac_plane
+from s2a.scene.geometry.regions import Region, RegionConfig, support_regions
+from s2a.scene.scene import Mesh, Scene
 
 VALUES = compose("insert/placement")["insert"]
 CONFIG: RegionConfig = load(RegionConfig, VALUES["regions"])

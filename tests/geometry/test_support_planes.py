@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.geometry.support_planes import UP, smoothed_normals
-from s2a.scene import Mesh
+from s2a.scene.geometry.regions import UP, smoothed_normals
+from s2a.scene.scene import Mesh
 
 
 def test_a_surface_that_looks_down_has_no_smoothed_normals() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from rough_furniture import at, block
 
-from s2a.geometry.mesh_ops import merge
-from s2a.insert.colours import colour_spread
-from s2a.scene import Mesh
+from s2a.language.insert.object_file import colour_spread
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Mesh
 
 
 def painted(mesh: Mesh, color: tuple[int, int, int]) -> Mesh:

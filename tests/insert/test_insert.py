@@ -17,27 +17,28 @@ from pxr import Usd, UsdGeom
 from rough_furniture import at, block, sheet
 from scipy.spatial.transform import Rotation
 
-from s2a import cli, config
-from s2a.commands import insert as command
-from s2a.errors import CheckFailed, InputError
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.penetration import crossing
-from s2a.insert import author, describe, prompts, scale
-from s2a.insert.object_file import ObjectConfig, ObjectFile, read_object, upright
-from s2a.insert.place.fit import Pose
-from s2a.insert.place.stable_pose import concavities, cross_sections, settled_axis, tilt_margins
-from s2a.insert.placement import Placement
-from s2a.insert.plan import Plan, checked
-from s2a.insert.scale import Size, fit_scale
-from s2a.insert.script import write_script
-from s2a.insert.wishes.choices import parse_hint
-from s2a.llm.ask import Request, parse
-from s2a.llm.kinds import brands, known, table
-from s2a.llm.rules import rules
-from s2a.sandbox.jail import STAGE
-from s2a.sandbox.policy import AllowConfig, check
-from s2a.scene import Joint, Mesh, Part, Scene
-from s2a.usd import geometric
+from s2a.commands import cli
+from s2a.core import config
+from s2a.core.errors import CheckFailed, InputError
+from s2a.language.commands import insert as command
+from s2a.language.insert import author, describe, prompts, scale
+from s2a.language.insert.object_file import ObjectConfig, ObjectFile, read_object, upright
+from s2a.language.insert.place.fit import Pose
+from s2a.language.insert.place.stable_pose import concavities, cross_sections, settled_axis, tilt_margins
+from s2a.language.insert.placement import Placement
+from s2a.language.insert.plan import Plan, checked
+from s2a.language.insert.scale import Size, fit_scale
+from s2a.language.insert.script import write_script
+from s2a.language.insert.wishes.choices import parse_hint
+from s2a.language.llm.ask import Request, parse
+from s2a.language.llm.kinds import brands, known, table
+from s2a.language.llm.rules import rules
+from s2a.language.sandbox.jail import STAGE
+from s2a.language.sandbox.policy import AllowConfig, check
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.penetration import crossing
+from s2a.scene.scene import Joint, Mesh, Part, Scene
+from s2a.scene.usd import geometric
 
 MUG = Size("mug", (0.08, 0.12), (0.09, 0.14), "unknown", "")
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from s2a.insert.likes import apart_from_likes, like_on
-from s2a.insert.place.fit import NoRoom
-from s2a.insert.plan import Choice, Plan
+from s2a.language.insert.pipeline import apart_from_likes, like_on
+from s2a.language.insert.place.fit import NoRoom
+from s2a.language.insert.plan import Choice, Plan
 
 LINES = [
     {"id": "tv_1", "label": "tv", "on": "stand_2"},

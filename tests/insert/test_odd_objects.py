@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom
 
-from s2a import cli
-from s2a.errors import InputError
-from s2a.insert.object_file import ObjectConfig, read_object
-from s2a.usd.stage import open_stage
+from s2a.commands import cli
+from s2a.core.errors import InputError
+from s2a.language.insert.object_file import ObjectConfig, read_object
+from s2a.scene.usd.stage import open_stage
 
 READ = ObjectConfig(20_000, 7.0)
 OBJ = "v 0 0 0\nv {} 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"

@@ -9,20 +9,18 @@ import pytest
 from rough_furniture import at, block, sheet, sink, table
 from scipy.spatial.transform import Rotation
 
-from s2a.config import compose, load
-from s2a.errors import InputError
-from s2a.geometry.convex import box
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.penetration import crossing, depth, inside
-from s2a.geometry.ransac import RansacConfig
-from s2a.geometry.regions import Kind, RegionConfig
-from s2a.insert.place.baseline import place_paper
-from s2a.insert.place.contact import PoseConfig, Relation
-from s2a.insert.place.fit import NoRoom, Pose
-from s2a.insert.place.pose import place, places
-from s2a.insert.place.supports import nearby, target_plane, target_regions
-from s2a.insert.place.swept_volumes import reaching_into, swept_volumes
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.core.config import compose, load
+from s2a.core.errors import InputError
+from s2a.language.insert.place.contact import PoseConfig, Relation
+from s2a.language.insert.place.fit import NoRoom, Pose, reaching_into, swept_volumes
+from s2a.language.insert.place.pose import place, places
+from s2a.language.insert.place.supports import nearby, place_paper, target_plane, target_regions
+from s2a.scene.geometry.convex import box
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.penetration import crossing, depth, inside
+from s2a.scene.geometry.planes import RansacConfig
+from s2a.scene.geometry.regions import Kind, RegionConfig
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 VALUES = compose("insert/placement")["insert"]
 REGIONS: RegionConfig = load(RegionConfig, VALUES["regions"])

@@ -13,10 +13,10 @@ from fake_llm import Said, endpoint, message
 from PIL import Image
 from rough_furniture import at, block, sheet
 
-from s2a import config
-from s2a.commands import insert as command
-from s2a.scene import Part, Scene
-from s2a.usd import geometric
+from s2a.core import config
+from s2a.language.commands import insert as command
+from s2a.scene.scene import Part, Scene
+from s2a.scene.usd import geometric
 
 SIZE = {"noun": "mug", "height": [0.08, 0.12], "longest": [0.09, 0.14], "unit": "cm", "reason": "a mug"}
 WRONG = {"right": False, "problem": "it should stand on the cabinet"}

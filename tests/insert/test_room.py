@@ -9,18 +9,17 @@ import numpy as np
 import pytest
 from rough_furniture import at, block, sheet, table
 
-from s2a.config import compose, load
-from s2a.errors import InputError
-from s2a.geometry.convex import halfspaces, hull
-from s2a.geometry.occupancy import distinct_cells
-from s2a.geometry.regions import Region, RegionConfig
-from s2a.insert import describe
-from s2a.insert.context import Inserted
-from s2a.insert.place.fit import NoRoom
-from s2a.insert.place.supports import SurfaceConfig, facing, target_regions, within
-from s2a.insert.place.swept_volumes import SweptVolume, heights_within
-from s2a.insert.room_state import RoomState
-from s2a.scene import Mesh, Part, Scene
+from s2a.core.config import compose, load
+from s2a.core.errors import InputError
+from s2a.language.insert import describe
+from s2a.language.insert.context import Inserted
+from s2a.language.insert.place.fit import NoRoom, SweptVolume, heights_within
+from s2a.language.insert.place.supports import SurfaceConfig, facing, target_regions, within
+from s2a.language.insert.room_state import RoomState
+from s2a.scene.geometry.convex import halfspaces, hull
+from s2a.scene.geometry.occupancy import distinct_cells
+from s2a.scene.geometry.regions import Region, RegionConfig
+from s2a.scene.scene import Mesh, Part, Scene
 
 SURFACE: SurfaceConfig = load(
     SurfaceConfig, {name: compose("insert/placement")["insert"][name] for name in ("surface", "regions", "ransac")}

@@ -10,18 +10,18 @@ import pytest
 from rough_furniture import block, table
 from scipy.spatial.transform import Rotation
 
-from s2a.config import compose, load
-from s2a.geometry.penetration import crossing
-from s2a.insert.place.candidate_poses import CandidatePose
-from s2a.insert.place.contact import PoseConfig
-from s2a.insert.place.fit import Pose
-from s2a.insert.place.supports import SurfaceConfig, nearby
-from s2a.insert.plan import Choice
-from s2a.insert.room_state import RoomState
-from s2a.insert.settings import InsertSettings
-from s2a.insert.settle import stable_pose
-from s2a.insert.stability import drop_check
-from s2a.scene import Mesh
+from s2a.core.config import compose, load
+from s2a.language.insert.place.candidate_poses import CandidatePose
+from s2a.language.insert.place.contact import PoseConfig
+from s2a.language.insert.place.fit import Pose
+from s2a.language.insert.place.supports import SurfaceConfig, nearby
+from s2a.language.insert.plan import Choice
+from s2a.language.insert.room_state import RoomState
+from s2a.language.insert.settings import InsertSettings
+from s2a.language.insert.settle import stable_pose
+from s2a.language.insert.stability import drop_check
+from s2a.scene.geometry.penetration import crossing
+from s2a.scene.scene import Mesh
 
 VALUES = compose("insert/placement")["insert"]
 POSE: PoseConfig = load(PoseConfig, VALUES["pose"])

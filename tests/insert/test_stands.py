@@ -10,17 +10,15 @@ import trimesh
 from rough_furniture import at, block, sheet
 from scipy.spatial.transform import Rotation
 
-from s2a.config import compose, load
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.regions import RegionConfig
-from s2a.insert.place.contact import PoseConfig, facing_first
-from s2a.insert.place.front import front
-from s2a.insert.place.lean import has_stand, leans_forward, slender
-from s2a.insert.place.pose import places
-from s2a.insert.place.serves import Fault, PlaceServes
-from s2a.insert.place.stable_pose import settled_axis, tilt_margin
-from s2a.insert.place.supports import target_regions
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.core.config import compose, load
+from s2a.language.insert.place.contact import PoseConfig, facing_first
+from s2a.language.insert.place.pose import places
+from s2a.language.insert.place.serves import Fault, PlaceServes, front
+from s2a.language.insert.place.stable_pose import has_stand, leans_forward, settled_axis, slender, tilt_margin
+from s2a.language.insert.place.supports import target_regions
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.regions import RegionConfig
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 VALUES = compose("insert/placement")["insert"]
 REGIONS: RegionConfig = load(RegionConfig, VALUES["regions"])

@@ -9,9 +9,8 @@ import pytest
 import trimesh
 from PIL import Image
 
-from s2a.config import compose, load
-from s2a.insert.object_file import ObjectConfig, read_object
-from s2a.insert.texture_colours import textured
+from s2a.core.config import compose, load
+from s2a.language.insert.object_file import ObjectConfig, read_object, textured
 
 OBJECT: ObjectConfig = load(ObjectConfig, compose("insert/placement")["insert"]["object"])
 RED, BLUE = (220, 20, 20), (20, 20, 220)

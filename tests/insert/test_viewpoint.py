@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from rough_furniture import at, block, sheet
 
-from s2a import config
-from s2a.geometry.mesh_ops import sample
-from s2a.geometry.orbit_camera import OrbitCamera
-from s2a.geometry.render import render
-from s2a.insert.viewpoint import viewpoint, visible_fraction
-from s2a.scene import Mesh, Part, Scene
+from s2a.core import config
+from s2a.language.insert.attempt import viewpoint, visible_fraction
+from s2a.scene.geometry.camera import OrbitCamera, render
+from s2a.scene.geometry.mesh_ops import sample
+from s2a.scene.scene import Mesh, Part, Scene
 
 CAMERA: OrbitCamera = config.load(OrbitCamera, config.compose("insert", ["stage=none", "out=none"])["camera"])
 CUP = block(0.08, 0.08, 0.1)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rough_furniture import at, block, sheet
 
-from s2a.insert.walls import wall_line
-from s2a.scene import Mesh, Part, Scene
+from s2a.language.insert.describe import wall_line
+from s2a.scene.scene import Mesh, Part, Scene
 
 FLAT = sheet((0, 4), (0, 2.5), 0.0, 0.05)
 WALL = Part("wall", Mesh(FLAT.vertices[:, [0, 2, 1]] + [0, 2.0, 0], FLAT.faces))

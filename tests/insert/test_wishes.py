@@ -9,14 +9,14 @@ import pytest
 from any_place import any_place
 from rough_furniture import at, block, sheet
 
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import merge
-from s2a.insert.plan import Choice, Place, Plan
-from s2a.insert.wishes.check import met
-from s2a.insert.wishes.choices import parse_hint
-from s2a.insert.wishes.heed import allowed, decline, planned_place, read_wish, verdict
-from s2a.insert.wishes.parse import parse_wish
-from s2a.scene import Mesh, Part, Scene
+from s2a.core.errors import InputError
+from s2a.language.insert.plan import Choice, Place, Plan
+from s2a.language.insert.wishes.check import met
+from s2a.language.insert.wishes.choices import parse_hint
+from s2a.language.insert.wishes.heed import allowed, decline, planned_place, read_wish, verdict
+from s2a.language.insert.wishes.parse import parse_wish
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Mesh, Part, Scene
 
 CUP = block(0.08, 0.08, 0.1)
 

@@ -13,15 +13,14 @@ from typing import Any
 import pytest
 from fake_llm import Endpoint, Said, endpoint, failure, message
 
-from s2a.config import compose, load
-from s2a.errors import InputError
-from s2a.insert import prompts
-from s2a.insert.plan import FailedPlan, Plan, checked, plan
-from s2a.insert.scale import size
-from s2a.llm.ask import Model, Request, ValidationFeedback, ask, parse
-from s2a.llm.client import LlmConfig, choose, kind_of
-from s2a.llm.usage_log import UsageLog
-from s2a.scene import Mesh, Part, Scene
+from s2a.core.config import compose, load
+from s2a.core.errors import InputError
+from s2a.language.insert import prompts
+from s2a.language.insert.plan import FailedPlan, Plan, checked, plan
+from s2a.language.insert.scale import size
+from s2a.language.llm.ask import Model, Request, UsageLog, ValidationFeedback, ask, parse
+from s2a.language.llm.client import LlmConfig, choose, kind_of
+from s2a.scene.scene import Mesh, Part, Scene
 
 ROOM = Scene("room", {i: Part(i[:-2], Mesh([], [])) for i in ("desk_1", "shelf_2", "keyboard_3")})
 FACTS = {"label": "mug", "sides": [11.0, 8.0, 9.5], "format": "obj", "up": None, "wish": "", "room": [{"id": "desk_1"}]}

@@ -11,15 +11,14 @@ from typing import Any
 import pytest
 from mutations import mutated_json
 
-from s2a.config import compose, load
-from s2a.errors import InputError
-from s2a.insert.plan import Plan, plan
-from s2a.insert.scale import Size, fit_scale, size
-from s2a.llm.ask import Answer, Request
-from s2a.llm.client import Chat, LlmConfig, choose
-from s2a.llm.replay import gist, key
-from s2a.llm.usage_log import UsageLog
-from s2a.scene import Mesh, Part, Scene
+from s2a.core.config import compose, load
+from s2a.core.errors import InputError
+from s2a.language.insert.plan import Plan, plan
+from s2a.language.insert.scale import Size, fit_scale, size
+from s2a.language.llm.ask import Answer, Request, UsageLog
+from s2a.language.llm.client import Chat, LlmConfig, choose
+from s2a.language.llm.replay import gist, key
+from s2a.scene.scene import Mesh, Part, Scene
 
 ROOM = Scene("room", {i: Part(i[:-2], Mesh([], [])) for i in ("desk_1", "shelf_2", "keyboard_3")})
 FACTS: dict[str, Any] = {"label": "mug", "sides": [11.0, 8.0, 9.5], "format": "obj", "up": None, "wish": ""}

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from s2a.insert.axes import AXES
-from s2a.llm.kinds import known
-from s2a.llm.rules import _flat, _up
+from s2a.language.insert.place.stable_pose import AXES
+from s2a.language.llm.kinds import known
+from s2a.language.llm.rules import _flat, _up
 
 
 def facts(sides: list[float], slices: dict[str, list[float]] | None = None, **more: Any) -> dict[str, Any]:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import usd_room
 
-from s2a.page import glb
-from s2a.scene import Mesh
+from s2a.scene.scene import Mesh
+from s2a.view.page import glb
 
 TYPES = {5123: np.uint16, 5125: np.uint32}
 

@@ -15,9 +15,9 @@ from cabinet import HANDLE, free_cube, write_cabinet
 browser = pytest.importorskip("browser", reason="selenium is not installed", exc_type=ImportError)
 pytest.importorskip("viser", reason="viser is not installed")
 
-from s2a import cli  # noqa: E402
-from s2a.geometry.orbit_camera import CameraPose  # noqa: E402
-from s2a.page import detail, notes, read, serve  # noqa: E402
+from s2a.commands import cli  # noqa: E402
+from s2a.scene.geometry.camera import CameraPose  # noqa: E402
+from s2a.view.page import cards, detail, read, serve  # noqa: E402
 
 pytestmark = [
     pytest.mark.browser,
@@ -154,8 +154,8 @@ def insertion(tmp_path: Path) -> Path:
 def test_the_slider_of_an_insertion_brings_its_objects_one_after_the_other(
     insertion: Path, visitor: browser.Page
 ) -> None:
-    stage, noted = notes.of_path(insertion)
-    room = replace(read.read(stage), notes=noted).with_inserted(notes.inserted(insertion, noted))
+    stage, noted = cards.of_path(insertion)
+    room = replace(read.read(stage), notes=noted).with_inserted(cards.inserted(insertion, noted))
     places = {name: pixel(np.array([0.0, y, 0.852])) for name, y in (("mug_9", 0.2), ("book_10", -0.2))}
 
     def seen(before: np.ndarray) -> list[str]:

@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 import tiny_scan
 
-from s2a import api, cli
-from s2a.errors import InputError
-from s2a.page import notes, rows
-from s2a.page.read import read
-from s2a.usd.stamp import content_hash
+from s2a import api
+from s2a.commands import cli
+from s2a.core.errors import InputError
+from s2a.scene.usd.stamp import content_hash
+from s2a.view.page import cards
+from s2a.view.page.read import read
 
 CHECK = {"name": "grasp_hold", "status": "fail", "value": 0.0031, "bound": 0.002, "unit": "m", "prim": "/x"}
 CHECK |= {"message": "it <slips>", "remedy": "grip harder"}
@@ -33,17 +34,17 @@ def report(folder: Path, stage: Path, **changes: Any) -> Path:
 
 
 def test_a_validation_report_shows_its_stage_with_what_failed_on_the_parts_card(stage: Path, tmp_path: Path) -> None:
-    shown, noted = notes.of_path(report(tmp_path / "validation", stage))
+    shown, noted = cards.of_path(report(tmp_path / "validation", stage))
     assert shown == stage
-    card = rows.card(replace(read(shown), notes=noted), "door_3")
+    card = cards.card(replace(read(shown), notes=noted), "door_3")
     assert "failed, 1 checks<" in card and "0.0031 m, bound 0.002: it &lt;slips&gt;; grip harder" in card
-    other = rows.card(replace(read(shown), notes=noted), next(i for i in read(shown).parts if i != "door_3"))
+    other = cards.card(replace(read(shown), notes=noted), next(i for i in read(shown).parts if i != "door_3"))
     assert "validation" not in other
-    assert rows.noted(replace(read(shown), notes=noted)).count("<b>door_3</b>") == 1
+    assert cards.noted(replace(read(shown), notes=noted)).count("<b>door_3</b>") == 1
 
 
 def test_a_report_of_what_the_file_was_before_says_so(stage: Path, tmp_path: Path) -> None:
-    _, noted = notes.of_path(report(tmp_path / "validation", stage, sha256="0" * 64, checks=[]))
+    _, noted = cards.of_path(report(tmp_path / "validation", stage, sha256="0" * 64, checks=[]))
     assert dict(noted["door_3"])["validation"] == "passed, 0 checks, before the file was changed"
 
 
@@ -59,7 +60,7 @@ def test_an_insertion_tells_its_steps_in_their_order(stage: Path, tmp_path: Path
     failed = {"id": "", "problem": "no place"}
     stage.with_name("insert.usda").write_bytes(stage.read_bytes())
     stage.with_name("insert.json").write_text(json.dumps({"objects": [record, failed]}))
-    shown, noted = notes.of_path(stage.parent)
+    shown, noted = cards.of_path(stage.parent)
     assert shown.name == "insert.usda" and list(noted) == ["mug_9"]
     assert [name for name, _ in noted["mug_9"]] == ["placement hint", "plan", "size", "place", "at rest"]
     assert dict(noted["mug_9"])["at rest"] == "moved 0.8 mm, tilted 1.0 degrees"
@@ -67,7 +68,7 @@ def test_an_insertion_tells_its_steps_in_their_order(stage: Path, tmp_path: Path
 
 
 def test_other_paths_are_shown_as_they_are(stage: Path) -> None:
-    assert notes.of_path(stage) == (stage, {}) and notes.of_path(stage.parent) == (stage.parent, {})
+    assert cards.of_path(stage) == (stage, {}) and cards.of_path(stage.parent) == (stage.parent, {})
 
 
 @pytest.mark.parametrize("values", ["{", "[]", '{"reports": []}', '{"reports": [{"stage": 3}]}'])
@@ -82,7 +83,7 @@ def test_a_report_without_its_stage_names_it(stage: Path, tmp_path: Path) -> Non
     folder = report(tmp_path / "validation", stage)
     stage.unlink()
     with pytest.raises(InputError, match=r"geometric.usd, which does not exist here; give path= the stage"):
-        notes.of_path(folder)
+        cards.of_path(folder)
 
 
 def test_the_tree_of_a_reports_stage_is_printed(

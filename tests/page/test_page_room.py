@@ -12,15 +12,15 @@ import tiny_scan
 import usd_room
 from cabinet import free_cube, write_cabinet
 
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import merge
-from s2a.page import layers, panel, rows
-from s2a.page.rays import pick
-from s2a.page.read import of_scene, of_sim_room, read
-from s2a.page.room import Coordinates, PageRoom, unit
-from s2a.scene import Joint, Mesh, Part, Scene
-from s2a.usd import descriptive, geometric, sim_stage
-from s2a.usd.sim_scene import Collider, SimRoom
+from s2a.core.errors import InputError
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Joint, Mesh, Part, Scene
+from s2a.scene.usd import descriptive, geometric, sim_stage
+from s2a.scene.usd.sim_scene import Collider, SimRoom
+from s2a.view.page import cards, layers, panel
+from s2a.view.page.panel import pick
+from s2a.view.page.read import of_scene, of_sim_room, read
+from s2a.view.page.room import Coordinates, PageRoom, unit
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_a_scan_and_its_geometric_stage_make_the_same_page(tmp_path: Path) -> No
 
 
 def test_every_part_is_a_row_below_its_parent(room: PageRoom) -> None:
-    listed = dict(rows.rows(room))
+    listed = dict(cards.rows(room))
     assert sorted(listed) == sorted(usd_room.room().parts)
     assert all(part.parent is None or listed[i] == listed[part.parent] + 1 for i, part in room.parts.items())
     order = list(listed)
@@ -167,12 +167,12 @@ def test_a_description_shows_boxes_that_move_as_it_says(tmp_path: Path) -> None:
 
 
 def test_the_card_says_what_a_part_is(room: PageRoom) -> None:
-    text = rows.card(room, "drawer_7")
+    text = cards.card(room, "drawer_7")
     assert all(word in text for word in ("drawer_7", "cabinet_3", "slides -10 to 400 mm", "12"))
-    assert "21.1 kg" in rows.card(room, "cabinet_3")
-    assert "drawer_7" in rows.card(room, "handle_9")  # what it moves with
-    assert "Click" in rows.card(room, None)
-    assert "<b>x</b>" not in rows.card(of_scene(Scene("s", {"a_1": Part("<b>x</b>", Mesh([], []))})), "a_1")
+    assert "21.1 kg" in cards.card(room, "cabinet_3")
+    assert "drawer_7" in cards.card(room, "handle_9")  # what it moves with
+    assert "Click" in cards.card(room, None)
+    assert "<b>x</b>" not in cards.card(of_scene(Scene("s", {"a_1": Part("<b>x</b>", Mesh([], []))})), "a_1")
 
 
 def test_a_file_that_is_no_room_is_refused(tmp_path: Path) -> None:

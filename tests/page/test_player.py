@@ -12,10 +12,10 @@ from cabinet import free_cube, write_cabinet
 browser = pytest.importorskip("browser", reason="selenium is not installed", exc_type=ImportError)
 pytest.importorskip("viser", reason="viser is not installed")
 
-from s2a.geometry.orbit_camera import CameraPose  # noqa: E402
-from s2a.page import player, read  # noqa: E402
-from s2a.page.played import Played, PlayedWorld  # noqa: E402
-from s2a.scene import Mesh  # noqa: E402
+from s2a.scene.geometry.camera import CameraPose  # noqa: E402
+from s2a.scene.scene import Mesh  # noqa: E402
+from s2a.view.page import player, read  # noqa: E402
+from s2a.view.page.room import Played, PlayedWorld  # noqa: E402
 
 pytestmark = [
     pytest.mark.browser,

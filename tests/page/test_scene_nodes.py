@@ -12,11 +12,11 @@ import usd_room
 
 viser = pytest.importorskip("viser")
 
-from s2a.page import detail, layers, panel, recording, scene_nodes  # noqa: E402
-from s2a.page.read import of_scene  # noqa: E402
-from s2a.page.room import PageRoom  # noqa: E402
-from s2a.page.thin import thinned  # noqa: E402
-from s2a.scene import Joint, Part, Scene  # noqa: E402
+from s2a.scene.scene import Joint, Part, Scene  # noqa: E402
+from s2a.view.page import detail, layers, panel, scene_nodes, serve  # noqa: E402
+from s2a.view.page.detail import thinned  # noqa: E402
+from s2a.view.page.read import of_scene  # noqa: E402
+from s2a.view.page.room import PageRoom  # noqa: E402
 
 PORT = 8600
 
@@ -139,7 +139,7 @@ def test_a_room_without_joints_or_surfaces_has_a_page(server: viser.ViserServer)
 
 
 def test_the_recording_opens_every_joint_once_and_closes_it(room: PageRoom) -> None:
-    shown = dict(recording.timeline(room))
+    shown = dict(serve.timeline(room))
     assert list(shown) == list(room.joints)
     for fractions in shown.values():
         assert fractions.max() == pytest.approx(1.0) and fractions[-1] == pytest.approx(0.0, abs=1e-12)

@@ -11,13 +11,13 @@ import pytest
 import tiny_scan
 import usd_room
 
-from s2a import cli
-from s2a.page.palette import hue
-from s2a.page.read import of_scene
-from s2a.page.room import PageRoom
-from s2a.page.thin import clustered, thinned
-from s2a.scene import Mesh, Part, Scene
-from s2a.usd import geometric
+from s2a.commands import cli
+from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.usd import geometric
+from s2a.view.page.detail import clustered, thinned
+from s2a.view.page.layers import hue
+from s2a.view.page.read import of_scene
+from s2a.view.page.room import PageRoom
 
 
 def plane(size: float, step: float) -> Mesh:
@@ -96,7 +96,7 @@ def test_a_page_that_cannot_be_is_one_line(
 def test_without_the_library_the_extra_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in [name for name in sys.modules if name.startswith("s2a.page.") or name == "viser"]:
+    for name in [name for name in sys.modules if name.startswith("s2a.view.page.") or name == "viser"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "viser", None)
     scan = tiny_scan.write(tmp_path / "scan")

@@ -10,15 +10,14 @@ import pytest
 from cabinet import HANDLE, box, write_cabinet
 from settings import load
 
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
-from s2a.mesh import Mesh
-from s2a.perception import frames
-from s2a.perception.cloud import FLAT, sample
-from s2a.perception.depth_camera import DepthCameraConfig, PartCloud, capture
-from s2a.perception.visible_room import VisibleRoom
+from s2a.learn.perception import cloud as frames
+from s2a.learn.perception.cloud import FLAT, sample
+from s2a.learn.perception.depth_camera import DepthCameraConfig, PartCloud, VisibleRoom, capture
 from s2a.robot.tool_path import matrices
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh
+from s2a.scene.usd import sim_stage
 from s2a.sim.world import SimStage, read_stage
-from s2a.usd import sim_stage
 
 FRONT = 0.32465
 """[m] Plane of the drawer's front, x in the scene."""

@@ -10,11 +10,10 @@ import pytest
 import torch
 from settings import load
 
-from s2a.errors import InputError
-from s2a.perception import estimate
-from s2a.perception.cloud import PartPoints
-from s2a.perception.network import PartNetwork
-from s2a.perception.training import NetworkConfig, augmented, features, loss, train
+from s2a.core.errors import InputError
+from s2a.learn.perception import estimate
+from s2a.learn.perception.cloud import PartPoints
+from s2a.learn.perception.training import NetworkConfig, PartNetwork, augmented, features, loss, train
 from s2a.tasks.part_description import NUMBERS, SIDEWAYS
 
 HINGE = torch.tensor(

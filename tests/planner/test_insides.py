@@ -9,7 +9,7 @@ import pytest
 from cabinet import box
 from drawer_room import DEPTH, FLOOR, HALF_WIDTH, WALL_TOP, drawer_room
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.planner.insides import BESIDE, at_zero, inside_of, inside_placements, moved_room
 
 

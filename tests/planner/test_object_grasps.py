@@ -11,7 +11,7 @@ from s2a import robot
 from s2a.planner.contact import FIRM, HANGING, SLOPING
 from s2a.planner.gripper_shape import gripper_boxes, gripper_spheres
 from s2a.planner.object_grasps import ObjectGrasps, object_grasps
-from s2a.scene import Mesh
+from s2a.scene.scene import Mesh
 
 GRIPPER = robot.load("panda").gripper
 

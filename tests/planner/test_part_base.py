@@ -11,19 +11,18 @@ from cabinet import HANDLE, box, write_cabinet
 from settings import load
 
 from s2a import robot
-from s2a.geometry import convex
 from s2a.planner.misses import Unreachable
 from s2a.planner.part_base import with_base
 from s2a.planner.part_plan import PlannerConfig, joint_paths, plan
 from s2a.planner.part_reach import detour, is_free, preceded, room_hulls
 from s2a.robot.collision import robot_shape
-from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
-from s2a.robot.tool_path import ToolPath, matrices
+from s2a.robot.tool_path import ToolPath, follow, matrices
+from s2a.scene.geometry import convex
+from s2a.scene.usd.sim_scene import Collider
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.open_part.skill import tool_path
-from s2a.usd.sim_scene import Collider
 
 PANDA = robot.load("panda")
 

@@ -17,8 +17,7 @@ import pytest
 from cabinet import box, free_cube, write_cabinet
 
 from s2a import robot
-from s2a.errors import InputError
-from s2a.geometry import convex
+from s2a.core.errors import InputError
 from s2a.planner import grasp_cache, graspable, pick_place
 from s2a.planner.contact import FIRM, SLOPING, Contact
 from s2a.planner.free_motion import free_motion
@@ -44,12 +43,13 @@ from s2a.planner.places import (
     place_poses,
 )
 from s2a.robot.collision import robot_shape
-from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
-from s2a.scene import Mesh
+from s2a.robot.tool_path import follow
+from s2a.scene.geometry import convex
+from s2a.scene.scene import Mesh
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import SimRoom
 from s2a.tasks.pick_place import skill
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimRoom
 
 PANDA = robot.load("panda")
 FEW = 20, 40

@@ -14,22 +14,22 @@ from part_worlds import make_env, metric_settings, task_settings
 from settings import load
 
 from s2a import robot, tasks
-from s2a.articulation import displace
+from s2a.core.errors import InputError
 from s2a.env.starts import DemoStarts
 from s2a.env.vec_env import VecEnv
-from s2a.errors import InputError
-from s2a.evaluate import evaluate
-from s2a.geometry import convex
+from s2a.learn.evaluate import evaluate
 from s2a.planner.collision import most_clear
 from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner
 from s2a.planner.part_plan import PlannerConfig, demonstration, joint_paths
 from s2a.robot.collision import robot_shape
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
+from s2a.scene.articulation import displace
+from s2a.scene.geometry import convex
+from s2a.scene.usd.sim_scene import Collider
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
 from s2a.tasks.open_part.skill import tool_path
-from s2a.usd.sim_scene import Collider
 
 
 def planner_env(stage_path: Path, base: tuple[float, float, float] | None = None) -> VecEnv:

@@ -13,8 +13,7 @@ from open_drawer import make_env
 from settings import load
 
 from s2a import robot
-from s2a.evaluate import evaluate
-from s2a.geometry.mesh_ops import merge
+from s2a.learn.evaluate import evaluate
 from s2a.planner.gripper_shape import gripper_boxes
 from s2a.planner.hold_or_push import ready_to_move
 from s2a.planner.misses import Unreachable
@@ -23,7 +22,8 @@ from s2a.planner.part_plan import PlannerConfig
 from s2a.planner.push import PRESS, pushes
 from s2a.planner.rest import at_rest
 from s2a.robot.tool_path import ToolPath, matrices
-from s2a.scene import Joint
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Joint
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.close_part import ClosePartConfig, ClosePartTask
 

@@ -13,7 +13,7 @@ from s2a.planner.misses import Unreachable
 from s2a.planner.object_grasps import matrix
 from s2a.planner.put_in import PutPlan, PutTask, handle_path, plan_put
 from s2a.robot.kinematics import kinematics
-from s2a.usd.sim_scene import SimRoom
+from s2a.scene.usd.sim_scene import SimRoom
 
 PANDA = robot.load("panda")
 OPENING = 0.3

@@ -13,7 +13,7 @@ from settings import load
 
 from s2a import tasks
 from s2a.env.vec_env import VecEnv
-from s2a.evaluate import evaluate
+from s2a.learn.evaluate import evaluate
 from s2a.planner.motion import Planner
 from s2a.planner.part_plan import PlannerConfig
 from s2a.planner.seen_grasp import SeenGrasp

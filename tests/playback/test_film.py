@@ -12,11 +12,12 @@ from cabinet import free_cube, write_cabinet
 
 av = pytest.importorskip("av", reason="av is not installed")
 
-from s2a import cli, robot  # noqa: E402
-from s2a.errors import InputError  # noqa: E402
-from s2a.playback import film, states  # noqa: E402
-from s2a.playback.states import States  # noqa: E402
-from s2a.usd.stamp import layer_hash  # noqa: E402
+from s2a import robot  # noqa: E402
+from s2a.commands import cli  # noqa: E402
+from s2a.core.errors import InputError  # noqa: E402
+from s2a.scene.usd.stamp import layer_hash  # noqa: E402
+from s2a.view.playback import film, states  # noqa: E402
+from s2a.view.playback.states import States  # noqa: E402
 
 START = np.array(robot.load("panda").start)
 BASE = np.array([1.1, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0])

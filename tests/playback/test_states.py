@@ -10,13 +10,13 @@ import pytest
 from cabinet import free_cube, write_cabinet
 
 from s2a import robot
-from s2a.collect import episode
 from s2a.commands import view
-from s2a.errors import InputError
-from s2a.playback import played, states
-from s2a.playback.states import States
-from s2a.usd import sim_stage
-from s2a.usd.stamp import layer_hash
+from s2a.core.errors import InputError
+from s2a.learn.collect import episode
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.stamp import layer_hash
+from s2a.view.playback import played, states
+from s2a.view.playback.states import States
 
 START = np.array(robot.load("panda").start)
 BASE = np.array([0.9, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0])

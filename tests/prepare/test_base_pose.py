@@ -16,24 +16,24 @@ from scipy.spatial.transform import Rotation
 from settings import load
 
 from s2a import robot
-from s2a.geometry.sweep import sweep
 from s2a.planner.part_plan import PlannerConfig, joint_paths
-from s2a.prepare import PrepareConfig, base_pose, prepare
+from s2a.prepare import base_pose
 from s2a.prepare.base_pose import BaseConfig, BasePose, find_base
 from s2a.prepare.grasp import find_grasp, floor_height
 from s2a.prepare.obstacles import Obstacles
 from s2a.prepare.path_clearance import path_collision
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.robot.collision import robot_shape
-from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import Kinematics, kinematics
 from s2a.robot.spec import RobotSpec
-from s2a.robot.tool_path import opening_coordinate, part_path
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.robot.tool_path import follow, opening_coordinate, part_path
+from s2a.scene.geometry.convex import sweep
+from s2a.scene.scene import Joint, Mesh, Part, Scene
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import SimRoom
 from s2a.sim.room import PEDESTAL, pedestal
 from s2a.sim.world import JointConfig, build_world, read_stage
 from s2a.tasks.open_part.skill import tool_path
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimRoom
 
 PANDA = robot.load("panda")
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from s2a import cache
-from s2a.scene import Mesh
+from s2a.core import cache
+from s2a.scene.scene import Mesh
 
 TRIANGLE = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 

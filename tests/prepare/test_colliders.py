@@ -8,16 +8,14 @@ import trimesh
 from closeness import surface_distance
 from seen_handles import FRAME, PLANE, block, knob, outside, ring_behind, seen, turned_knob
 
-from s2a.geometry.handles.bar import bar_depth, bar_profile
-from s2a.geometry.handles.bar_hulls import bar_hulls
-from s2a.geometry.handles.finger_gap import FingerSpace, fraction_inside
-from s2a.geometry.handles.knob import knob_hulls
-from s2a.geometry.handles.panel import reassign_border
-from s2a.geometry.handles.sheet import before_wall, hidden_wall, sheet_hulls, sheet_opening
-from s2a.geometry.mesh_ops import keep, merge, normals, sample
-from s2a.prepare.colliders.target import Handle, flatten
-from s2a.scene import Mesh
-from s2a.synth.handles import cup, edge
+from s2a.homes.handles import cup, edge
+from s2a.prepare.part_hulls import Handle, flatten
+from s2a.scene.geometry.bar import bar_depth, bar_hulls, bar_profile
+from s2a.scene.geometry.front_panel import FingerSpace, fraction_inside, reassign_border
+from s2a.scene.geometry.knob import knob_hulls
+from s2a.scene.geometry.mesh_ops import keep, merge, normals, sample
+from s2a.scene.geometry.sheet import before_wall, hidden_wall, sheet_hulls, sheet_opening
+from s2a.scene.scene import Mesh
 
 GAP = 0.026
 """[m] Between front and bar."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2a.geometry.convex import box
-from s2a.prepare.filtering import filtered_pairs
-from s2a.scene import Joint
-from s2a.usd.sim_scene import Collider, Mass, SimBody
+from s2a.prepare.part_hulls import filtered_pairs
+from s2a.scene.geometry.convex import box
+from s2a.scene.scene import Joint
+from s2a.scene.usd.sim_scene import Collider, Mass, SimBody
 
 OUT = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.3))
 

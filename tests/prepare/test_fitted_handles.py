@@ -7,12 +7,11 @@ import pytest
 import trimesh
 from seen_handles import FRAME, PLANE, block, knob, noisy, outside, pull, ring_behind, turned_knob
 
-from s2a.geometry.handles.finger_gap import fraction_inside
-from s2a.geometry.handles.knob import knob_hulls
-from s2a.geometry.handles.panel import facing_frame, patch
-from s2a.geometry.handles.straight_sheet import straight_sheet
-from s2a.geometry.mesh_ops import merge
-from s2a.synth.handles import cup
+from s2a.homes.handles import cup
+from s2a.scene.geometry.front_panel import facing_frame, fraction_inside, patch
+from s2a.scene.geometry.knob import knob_hulls
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.sheet import straight_sheet
 
 
 def test_noise_makes_no_knob_larger_and_a_coarse_mesh_makes_none_smaller() -> None:

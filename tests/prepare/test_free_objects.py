@@ -14,18 +14,17 @@ from settings import load
 from s2a.certify.check_suite import CertifyConfig
 from s2a.certify.physics import World
 from s2a.certify.physics_motion import rest
-from s2a.errors import InputError
-from s2a.geometry.closed_solid import border, close, drop_small_components, loops
-from s2a.geometry.convex import APART, box
-from s2a.geometry.mesh_ops import keep, merge
-from s2a.geometry.mesh_query import first_hits, ray_mesh
-from s2a.geometry.sweep import deepest
-from s2a.prepare import PrepareConfig, prepare
-from s2a.prepare.colliders.free import free_object, free_objects
-from s2a.prepare.colliders.level_top import level_top
-from s2a.scene import Joint, Mesh, Part, Scene
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimRoom, in_scene
+from s2a.core.errors import InputError
+from s2a.prepare.free_objects import free_object, free_objects
+from s2a.prepare.room import PrepareConfig, prepare
+from s2a.prepare.room_hulls import level_top
+from s2a.scene.geometry.closed_solid import border, close, drop_small_components, loops
+from s2a.scene.geometry.convex import APART, box, deepest
+from s2a.scene.geometry.mesh_ops import keep, merge
+from s2a.scene.geometry.mesh_query import first_hits, ray_mesh
+from s2a.scene.scene import Joint, Mesh, Part, Scene
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import SimRoom, in_scene
 
 SIZE = np.array([0.2, 0.12, 0.16])
 """[m] of the carton on the table, whose top is at 0.74 m."""

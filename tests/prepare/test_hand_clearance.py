@@ -12,10 +12,10 @@ from only_part import cabinet
 from scipy.spatial.transform import Rotation
 from settings import load
 
-from s2a.geometry.handles.finger_gap import fraction_inside
-from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.grasp import find_grasp
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.prepare.room import PrepareConfig, prepare
+from s2a.scene.geometry.front_panel import fraction_inside
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 
 def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:

@@ -9,8 +9,8 @@ import pytest
 import trimesh
 from handle_error import HandleError, TrueHandle, behind, filled_behind, symmetric_error
 
-from s2a.geometry.mesh_ops import merge
-from s2a.scene import Mesh
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Mesh
 
 FRAME = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Grasp frame before a front at x = 0 that looks along +x: x along +y, y up, z into the furniture."""

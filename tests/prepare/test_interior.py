@@ -13,13 +13,13 @@ from pxr import Usd
 from scanned_drawers import scanned_drawer
 from settings import load
 
-from s2a.geometry.convex import box
-from s2a.geometry.mesh_ops import centroids, keep, merge, normals
-from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.interior import cabinet_walls, drawer_box
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.prepare.target import find_target
-from s2a.scene import Joint, Mesh, Scene
-from s2a.usd import sim_stage
+from s2a.scene.geometry.convex import box
+from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals
+from s2a.scene.scene import Joint, Mesh, Scene
+from s2a.scene.usd import sim_stage
 
 
 def test_the_box_is_as_deep_as_the_drawer_opens_and_open_at_the_top() -> None:

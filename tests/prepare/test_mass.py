@@ -10,13 +10,13 @@ from cabinet_rooms import clean_cabinet_room
 from only_part import moving, part
 from settings import load
 
-from s2a import config as configuration
 from s2a.commands import prepare as verb
-from s2a.errors import InputError
-from s2a.geometry.convex import box
-from s2a.prepare import PrepareConfig, prepare
+from s2a.core import config as configuration
+from s2a.core.errors import InputError
 from s2a.prepare.mass import MassConfig, MassRule, moving_mass
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.prepare.room import PrepareConfig, prepare
+from s2a.scene.geometry.convex import box
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 CONFIG: MassConfig = load(PrepareConfig, "prepare/handle").mass
 SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))

@@ -10,15 +10,15 @@ import pytest
 from closeness import gap_points, surface_distance
 from settings import load
 
-from s2a.geometry.handles.finger_gap import fraction_inside
-from s2a.geometry.mesh_ops import merge, sample
-from s2a.prepare import PrepareConfig
-from s2a.prepare.colliders.target import find_handle, target_colliders
 from s2a.prepare.grasp import find_grasp
+from s2a.prepare.part_hulls import find_handle, target_colliders
+from s2a.prepare.room import PrepareConfig
 from s2a.prepare.target import find_target
-from s2a.scene import Scene
-from s2a.usd import geometric
-from s2a.usd.sim_scene import Grasp
+from s2a.scene.geometry.front_panel import fraction_inside
+from s2a.scene.geometry.mesh_ops import merge, sample
+from s2a.scene.scene import Scene
+from s2a.scene.usd import geometric
+from s2a.scene.usd.sim_scene import Grasp
 
 DRAWERS = ("drawer_6", "drawer_7")
 """Those of the cabinet with the dimensions of the reference task."""

@@ -16,21 +16,20 @@ from scipy.spatial.transform import Rotation
 from settings import load
 
 from s2a import robot
-from s2a.errors import InputError
-from s2a.geometry.convex import box, column, overlap
-from s2a.geometry.handles.finger_gap import fraction_inside
-from s2a.geometry.mesh_ops import keep, merge, sample
-from s2a.geometry.sweep import sweep
+from s2a.core.errors import InputError
 from s2a.planner.gripper_shape import gripper_spheres
 from s2a.planner.object_grasps import matrix
-from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.base_pose import find_base
-from s2a.prepare.colliders.cabinet import cabinet_body
+from s2a.prepare.cabinet import cabinet_body
 from s2a.prepare.grasp import find_grasp
-from s2a.scene import Mesh, Part, Scene
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimRoom
-from s2a.usd.validate import problems
+from s2a.prepare.room import PrepareConfig, prepare
+from s2a.scene.geometry.convex import box, column, overlap, sweep
+from s2a.scene.geometry.front_panel import fraction_inside
+from s2a.scene.geometry.mesh_ops import keep, merge, sample
+from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import SimRoom
+from s2a.scene.usd.stage import problems
 
 BAR_HEIGHT = 0.73
 """[m] of the scanned drawer's bar above the floor."""

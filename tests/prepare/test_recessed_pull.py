@@ -19,16 +19,16 @@ from settings import load
 
 from s2a import robot
 from s2a.certify.check_suite import CertifyConfig, certify
-from s2a.evaluate import evaluate
-from s2a.geometry.convex import contains
-from s2a.geometry.handles.pocket import find_pocket, pocket_hulls
+from s2a.learn.evaluate import evaluate
 from s2a.planner.motion import Planner
 from s2a.planner.part_plan import PlannerConfig, demonstration
-from s2a.prepare import PrepareConfig, prepare
 from s2a.prepare.grasp import find_grasp, grasp_frame
+from s2a.prepare.room import PrepareConfig, prepare
+from s2a.scene.geometry.convex import contains
+from s2a.scene.geometry.front_panel import find_pocket, pocket_hulls
+from s2a.scene.usd import sim_stage
 from s2a.sim.world import read_stage
 from s2a.tasks.open_part.skill import tool_path
-from s2a.usd import sim_stage
 
 FRONT = (np.array([1.0, 0.0, 0.0]), 0.0)
 GRIPPER = robot.load("panda").gripper

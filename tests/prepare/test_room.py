@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from nested_room import INNER, LONE, nested_room, quick
 
-from s2a.errors import InputError
-from s2a.geometry.convex import overlap
-from s2a.geometry.sweep import sweep
+from s2a.core.errors import InputError
 from s2a.prepare import part as parts_module
-from s2a.prepare import prepare
+from s2a.prepare.room import prepare
 from s2a.prepare.target import bodies, find_target, parent_body
-from s2a.scene import Mesh
-from s2a.usd.sim_scene import SimRoom
+from s2a.scene.geometry.convex import overlap, sweep
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.sim_scene import SimRoom
 
 ALL = ("drawer_7", "drawer_8", "door_5", "door_6", INNER, LONE)
 

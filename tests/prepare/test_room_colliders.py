@@ -7,10 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from s2a.geometry.convex import box, column, contains, overlap, volume
-from s2a.geometry.sweep import sweep
-from s2a.prepare.colliders.room import cut_all
-from s2a.scene import Joint, Mesh
+from s2a.prepare.room_hulls import cut_all
+from s2a.scene.geometry.convex import box, column, contains, overlap, sweep, volume
+from s2a.scene.scene import Joint, Mesh
 
 FLOOR = box(np.array([0.0, 0.0, -0.01]), np.eye(3), np.array([4.0, 4.0, 0.02]))
 COUNT = 12

@@ -14,13 +14,12 @@ from pxr import Usd, UsdGeom
 from scipy.spatial import cKDTree
 from settings import load
 
-from s2a.geometry.convex import box
-from s2a.geometry.deviation import deviation
-from s2a.geometry.mesh_ops import centroids, keep, merge
-from s2a.geometry.simplify import DecimateConfig, Decimated, decimate, decimate_room
-from s2a.prepare import PrepareConfig, prepare
-from s2a.scene import Mesh, Part, Scene
-from s2a.usd import sim_stage
+from s2a.prepare.room import PrepareConfig, prepare
+from s2a.scene.geometry.convex import box
+from s2a.scene.geometry.mesh_ops import centroids, keep, merge
+from s2a.scene.geometry.simplify import DecimateConfig, Decimated, decimate, decimate_room, deviation
+from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.usd import sim_stage
 
 SIDE = 60
 """Cells along a sheet of 1.2 m."""

@@ -13,22 +13,21 @@ from only_part import moving, part
 from pxr import Usd
 from settings import load
 
-from s2a import config as configuration
-from s2a.articulation import displace
 from s2a.certify.contents import Contents
 from s2a.certify.static import joint_limits
 from s2a.commands import prepare as verb
-from s2a.errors import InputError
-from s2a.geometry.convex import box, contains, overlap
-from s2a.geometry.sweep import deepest, sweep
-from s2a.prepare import PrepareConfig, prepare
+from s2a.core import config as configuration
+from s2a.core.errors import InputError
 from s2a.prepare.grasp import opening_direction
+from s2a.prepare.room import PrepareConfig, prepare
 from s2a.prepare.target import target_joint
-from s2a.scene import Joint, Mesh, Part, Scene, Vec3
-from s2a.usd import geometric, sim_stage
-from s2a.usd.joints import write_joint
-from s2a.usd.sim_scene import SimRoom
-from s2a.usd.stage import new_stage
+from s2a.scene.articulation import displace
+from s2a.scene.geometry.convex import box, contains, deepest, overlap, sweep
+from s2a.scene.scene import Joint, Mesh, Part, Scene, Vec3
+from s2a.scene.usd import geometric, sim_stage
+from s2a.scene.usd.joints import write_joint
+from s2a.scene.usd.sim_scene import SimRoom
+from s2a.scene.usd.stage import new_stage
 
 SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))
 

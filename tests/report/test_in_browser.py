@@ -10,8 +10,9 @@ import pytest
 
 browser = pytest.importorskip("browser", reason="selenium is not installed", exc_type=ImportError)
 
-from s2a.report import chart, document  # noqa: E402
-from s2a.report.read import read  # noqa: E402
+from s2a.view.report import document  # noqa: E402
+from s2a.view.report.document import Line, lines  # noqa: E402
+from s2a.view.report.read import read  # noqa: E402
 
 pytestmark = [
     pytest.mark.browser,
@@ -50,7 +51,7 @@ def test_a_report_fits_its_window(name: str, visitor: browser.Page, tmp_path: Pa
 
 def test_the_numbers_of_a_chart_are_not_cut(visitor: browser.Page, tmp_path: Path) -> None:
     charts = [(0.00064, 0.00192, 89.0), (0.0, 1041.6, -0.00031), (125000.0, 990000.0, -123456.0)]
-    figures = [chart.lines("title", "steps", [chart.Line("one", [a, b], [0.0, y])]) for a, b, y in charts]
+    figures = [lines("title", "steps", [Line("one", [a, b], [0.0, y])]) for a, b, y in charts]
     file = tmp_path / "report.html"
     file.write_text(document.Document("title", "about", (("Curves", "".join(figures)),)).html())
     visitor.open(file.as_uri())
@@ -58,7 +59,7 @@ def test_the_numbers_of_a_chart_are_not_cut(visitor: browser.Page, tmp_path: Pat
 
 
 def test_a_video_is_ready_to_play_and_as_long_as_it_is(visitor: browser.Page, tmp_path: Path) -> None:
-    film = pytest.importorskip("s2a.playback.film", reason="av or newton is not installed", exc_type=ImportError)
+    film = pytest.importorskip("s2a.view.playback.film", reason="av or newton is not installed", exc_type=ImportError)
     level = np.linspace(0, 255, 16).astype(np.uint8)
     images = [np.full((64, 96, 3), value, np.uint8) for value in level]
     section = document.videos([("world 0: success", film.encoded(images, film.RATE))])

@@ -12,13 +12,12 @@ import torch
 from counting_env import CountingEnv
 from settings import load
 
-from s2a.errors import InputError
-from s2a.rl.adapter import RslRlEnv
-from s2a.rl.checkpoint import load_policy
-from s2a.rl.config import PpoConfig
-from s2a.rl.ppo import make_runner, train
-from s2a.rl.run_folder import BEST, latest
-from s2a.rl.runner import Runner
+from s2a.core.errors import InputError
+from s2a.learn.rl.adapter import RslRlEnv
+from s2a.learn.rl.config import PpoConfig
+from s2a.learn.rl.ppo import load_policy, make_runner, train
+from s2a.learn.rl.run_folder import BEST, latest
+from s2a.learn.rl.runner import Runner
 
 SMALL = {"num_steps_per_env": 8, "iterations": 1, "num_learning_epochs": 1, "num_mini_batches": 2, "hidden_dims": [16]}
 

@@ -12,12 +12,12 @@ from rsl_rl.algorithms import PPO
 from settings import load
 from tensordict import TensorDict
 
-from s2a.errors import InputError
-from s2a.rl.adapter import RslRlEnv
-from s2a.rl.config import PpoConfig
-from s2a.rl.cuda_graph_ppo import GraphPpo
-from s2a.rl.ppo import make_runner
-from s2a.rl.runner import Runner
+from s2a.core.errors import InputError
+from s2a.learn.rl.adapter import RslRlEnv
+from s2a.learn.rl.config import PpoConfig
+from s2a.learn.rl.cuda_graph_ppo import GraphPpo
+from s2a.learn.rl.ppo import make_runner
+from s2a.learn.rl.runner import Runner
 
 SMALL = {
     "num_steps_per_env": 8,

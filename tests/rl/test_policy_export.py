@@ -11,10 +11,9 @@ from counting_env import CountingEnv
 from onnx.reference import ReferenceEvaluator
 from settings import load
 
-from s2a.rl.checkpoint import load_model, load_policy
-from s2a.rl.config import PpoConfig
-from s2a.rl.export import export
-from s2a.rl.ppo import train
+from s2a.learn.rl.config import PpoConfig
+from s2a.learn.rl.policy_file import export
+from s2a.learn.rl.ppo import load_model, load_policy, train
 
 
 def test_both_exports_act_as_the_policy_does_for_any_number_of_worlds(tmp_path: Path) -> None:

@@ -12,15 +12,13 @@ import torch
 from counting_env import CountingEnv
 from settings import load
 
+from s2a.core.errors import InputError
 from s2a.env.task import MdpConfig
-from s2a.errors import InputError
-from s2a.rl.checkpoint import load_model, load_policy
-from s2a.rl.config import PpoConfig
-from s2a.rl.export import export
-from s2a.rl.policy_file import PRETRAINED, PolicyFile, forget_source, weights
-from s2a.rl.ppo import train
-from s2a.rl.run_world import FILE, write_world
-from s2a.rl.widened import widened
+from s2a.learn.rl.config import PpoConfig
+from s2a.learn.rl.policy_file import PRETRAINED, PolicyFile, export, forget_source, weights
+from s2a.learn.rl.ppo import load_model, load_policy, train
+from s2a.learn.rl.run_folder import FILE, write_world
+from s2a.learn.rl.runner import widened
 from s2a.sim.simulation import SimConfig
 from s2a.tasks.open_part.config import OpenPartConfig
 

@@ -14,11 +14,10 @@ from part_worlds import make_env
 from settings import load
 from tensordict import TensorDict
 
-from s2a.errors import InputError
-from s2a.rl.adapter import RslRlEnv
-from s2a.rl.checkpoint import load_policy
-from s2a.rl.config import PpoConfig
-from s2a.rl.ppo import make_runner, train
+from s2a.core.errors import InputError
+from s2a.learn.rl.adapter import RslRlEnv
+from s2a.learn.rl.config import PpoConfig
+from s2a.learn.rl.ppo import load_policy, make_runner, train
 
 SMALL = {"num_steps_per_env": 8, "iterations": 2, "num_learning_epochs": 2, "num_mini_batches": 2, "hidden_dims": [16]}
 

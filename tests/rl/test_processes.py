@@ -11,8 +11,8 @@ import pytest
 import torch
 from cabinet import write_cabinet
 
-from s2a.errors import InputError
-from s2a.rl import processes
+from s2a.core.errors import InputError
+from s2a.learn.rl import processes
 
 
 def test_each_process_has_its_own_seed_and_a_single_one_the_users(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,14 +17,14 @@ from counting_env import CountingEnv
 from settings import load
 from tensorboard.summary.writer import event_file_writer
 
-from s2a import config
 from s2a.commands import train as verb
-from s2a.errors import InputError
-from s2a.rl import run_folder
-from s2a.rl.adapter import RslRlEnv
-from s2a.rl.config import PpoConfig
-from s2a.rl.ppo import make_runner, train
-from s2a.rl.runner import Runner
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.learn.rl import run_folder
+from s2a.learn.rl.adapter import RslRlEnv
+from s2a.learn.rl.config import PpoConfig
+from s2a.learn.rl.ppo import make_runner, train
+from s2a.learn.rl.runner import Runner
 
 SMALL = {
     "num_steps_per_env": 8,

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from s2a.errors import InputError
-from s2a.rl import run_folder
-from s2a.usd.stamp import write_stamp
+from s2a.core.errors import InputError
+from s2a.learn.rl import run_folder
+from s2a.scene.usd.stamp import write_stamp
 
 VALUES: dict[str, Any] = {
     "num_envs": 4,

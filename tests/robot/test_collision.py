@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 
 from s2a import robot
 from s2a.robot.collision import Surfaces, robot_shape
-from s2a.scene import Mesh
+from s2a.scene.scene import Mesh
 
 
 @pytest.mark.parametrize("name", robot.names())

@@ -11,11 +11,10 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from s2a import robot
-from s2a.robot.joint_path import JUMP, follow, straight
 from s2a.robot.kinematics import kinematics
 from s2a.robot.model import add_robot
-from s2a.robot.tool_path import opening_coordinate, part_path
-from s2a.scene import Joint
+from s2a.robot.tool_path import JUMP, follow, opening_coordinate, part_path, straight
+from s2a.scene.scene import Joint
 
 SLIDE = Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4))
 HINGE = Joint("revolute", (0.0, 0.0, 1.0), (0.0, -0.4, 0.0), (-2.0, 0.0))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from s2a import robot
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.robot.spec import MotionLimits
 
 

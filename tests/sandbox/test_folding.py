@@ -13,10 +13,10 @@ from hostile_scripts import GOOD
 from mutations import mutated_bytes
 from settings import load
 
-from s2a.sandbox.constants import Path, Values
-from s2a.sandbox.jail import SandboxConfig
-from s2a.sandbox.policy import check
-from s2a.sandbox.violation import PolicyViolation
+from s2a.language.sandbox.constants import Path, Values
+from s2a.language.sandbox.jail import SandboxConfig
+from s2a.language.sandbox.policy import check
+from s2a.language.sandbox.violation import PolicyViolation
 
 ALLOW = load(SandboxConfig, "insert/sandbox").allow
 

@@ -8,12 +8,12 @@ import pytest
 from model_answers import answers
 from placed_mug import CONFIG, PLAN, write_stage
 
-from s2a.insert.author import bare
-from s2a.insert.script import run_sandboxed
-from s2a.sandbox.geometry_free import geometry_free_text
-from s2a.sandbox.jail import Sandbox
-from s2a.sandbox.policy import check
-from s2a.sandbox.violation import PolicyViolation
+from s2a.language.insert.author import bare
+from s2a.language.insert.batch import geometry_free_text
+from s2a.language.insert.script import run_sandboxed
+from s2a.language.sandbox.jail import Sandbox
+from s2a.language.sandbox.policy import check
+from s2a.language.sandbox.violation import PolicyViolation
 
 
 def refused(names: list[str], stage: Path) -> dict[str, str]:

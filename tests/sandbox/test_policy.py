@@ -7,9 +7,9 @@ from harmless_scripts import scripts
 from hostile_scripts import ALL, GOOD
 from settings import load
 
-from s2a.sandbox.jail import SandboxConfig
-from s2a.sandbox.policy import check
-from s2a.sandbox.violation import PolicyViolation
+from s2a.language.sandbox.jail import SandboxConfig
+from s2a.language.sandbox.policy import check
+from s2a.language.sandbox.violation import PolicyViolation
 
 ALLOW = load(SandboxConfig, "insert/sandbox").allow
 REFUSED = {name: hostile for name, hostile in ALL.items() if hostile.allowlist}

@@ -11,11 +11,11 @@ from mutations import mutated_bytes
 from placed_mug import CONFIG, UPRIGHT, saved, write_stage
 from pxr import Sdf
 
-from s2a.insert.script import run_sandboxed
-from s2a.sandbox.diff import compare
-from s2a.sandbox.geometry_free import geometry_free_text
-from s2a.sandbox.jail import Sandbox
-from s2a.sandbox.violation import PolicyViolation
+from s2a.language.insert.batch import geometry_free_text
+from s2a.language.insert.script import run_sandboxed
+from s2a.language.sandbox.diff import compare
+from s2a.language.sandbox.jail import Sandbox
+from s2a.language.sandbox.violation import PolicyViolation
 
 WORDS = """\
 ( ) { } [ ] < > @ " ' = : , # /* */ \n " " \\ 1 -1 1e400 nan inf -0 None true

@@ -14,7 +14,7 @@ from tiny_scan import corners, read, triangles
 
 from s2a.scan.cut import cut
 from s2a.scan.ply import ScanMesh
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 
 REAL_DATA = os.environ.get("S2A_REAL_DATA")
 

@@ -12,7 +12,7 @@ import pytest
 import tiny_scan
 from tiny_scan import ARTIC, PARTS, PLY, assert_refused
 
-from s2a.cli import main
+from s2a.commands.cli import main
 
 Files = dict[str, Any]
 

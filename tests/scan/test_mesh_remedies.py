@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 import tiny_scan
 
-from s2a import cli, scan
-from s2a.errors import InputError
+from s2a import scan
+from s2a.commands import cli
+from s2a.core.errors import InputError
 
 
 def message(folder: Path) -> str:

@@ -15,8 +15,8 @@ from tiny_scan import COLORS, assert_refused, corners, triangles
 
 from s2a import scan
 from s2a.scan import multiscan, multiscan_objects
-from s2a.scene import Joint, Mesh, Scene
-from s2a.usd import geometric
+from s2a.scene.scene import Joint, Mesh, Scene
+from s2a.scene.usd import geometric
 
 REAL_DATA = os.environ.get("S2A_REAL_DATA")
 TURN = Joint("revolute", (0, 0, -1), (1, 0.5, 0.25), (0, 1.5))

@@ -17,12 +17,12 @@ import pytest
 from settings import load
 
 from s2a import scan
-from s2a.scene import Joint, Mesh, Scene
-from s2a.synth import files
-from s2a.synth.annotate import AnnotationConfig, annotated_joints
-from s2a.synth.catalog import Entry, cad, catalog, clean_scene
-from s2a.synth.homes import HOMES, home
-from s2a.synth.rooms import ROOMS
+from s2a.homes import files
+from s2a.homes.annotate import AnnotationConfig, annotated_joints
+from s2a.homes.catalog import Entry, cad, catalog, clean_scene
+from s2a.homes.furnishing import HOMES, home
+from s2a.homes.rooms import ROOMS
+from s2a.scene.scene import Joint, Mesh, Scene
 
 NAME = "0123456789"
 

@@ -8,7 +8,7 @@ import tiny_scan
 from tiny_scan import PLY, assert_refused, read
 
 from s2a import scan
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.scan import ply
 
 

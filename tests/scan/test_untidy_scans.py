@@ -11,7 +11,7 @@ import tiny_scan
 from tiny_scan import corners, read, triangles
 
 from s2a import scan
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 
 
 def test_a_byte_order_mark_is_skipped(tmp_path):

@@ -11,13 +11,11 @@ from cabinet import TRAVEL, write_cabinet
 from settings import load
 
 from s2a import robot
-from s2a.geometry.mesh_ops import merge
-from s2a.geometry.texture import BLOCK, bake
-from s2a.scene import Mesh
-from s2a.sim.camera import Camera, CameraConfig
-from s2a.sim.camera_pose import blocked, viewpoint
+from s2a.scene.geometry.mesh_ops import BLOCK, bake, merge
+from s2a.scene.scene import Mesh
+from s2a.scene.usd import sim_stage
+from s2a.sim.camera import Camera, CameraConfig, blocked, viewpoint
 from s2a.sim.world import read_stage
-from s2a.usd import sim_stage
 
 
 def test_the_texture_holds_each_corner_in_its_color() -> None:

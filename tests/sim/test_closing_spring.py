@@ -12,10 +12,10 @@ from converted import HINGE, PART, SLIDE, write_room
 from settings import load
 
 from s2a.commands import convert
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
+from s2a.scene.usd import sim_stage
 from s2a.sim.solver import SimConfig
 from s2a.sim.world import JointConfig, build_world, joint_index, read_stage
-from s2a.usd import sim_stage
 
 K = 10.0
 

@@ -16,15 +16,15 @@ from scipy.spatial.transform import Rotation
 from settings import load
 
 from s2a.env.vec_env import VecEnv
-from s2a.evaluate import evaluate
-from s2a.geometry.mesh_ops import keep, normals
+from s2a.learn.evaluate import evaluate
 from s2a.planner.motion import Planner
 from s2a.planner.part_plan import PlannerConfig
-from s2a.scene import Joint, Mesh
+from s2a.scene.geometry.mesh_ops import keep, normals
+from s2a.scene.scene import Joint, Mesh
+from s2a.scene.usd.sim_scene import Collider
 from s2a.sim.contacts import ContactSensor, touched
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
-from s2a.usd.sim_scene import Collider
 
 LEFT, RIGHT, LINK, PART, OTHER = 0, 1, 2, 3, -1
 FOUND = ("normal", "on_region", "off_region", "other_links", "pull", "peak")

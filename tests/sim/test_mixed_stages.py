@@ -11,7 +11,7 @@ from cabinet import HANDLE, write_cabinet
 from part_worlds import make_env
 from settings import load
 
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from converted import HINGE, PART, SLIDE, write_room
 
-from s2a.articulation import lever_arm
-from s2a.errors import InputError
-from s2a.scene import Joint
+from s2a.core.errors import InputError
+from s2a.scene.articulation import lever_arm
+from s2a.scene.scene import Joint
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.resistance import Resistance, SoftClose
+from s2a.scene.usd.stage import open_stage, write_attribute
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import axis_of, read_stage
-from s2a.usd import sim_stage
-from s2a.usd.resistance import Resistance, SoftClose
-from s2a.usd.stage import open_stage, write_attribute
 
 FRICTION, BREAKAWAY = 1.5, 3.0
 """[N] At the grasp point, in motion, and how much more at rest."""

@@ -14,16 +14,16 @@ from cabinet import HANDLE, box, free_cube, write_cabinet
 from nested_room import INNER, LONE, nested_room, quick
 from settings import load
 
-from s2a.errors import InputError
-from s2a.geometry.sweep import deepest
-from s2a.prepare import prepare
-from s2a.scene import Mesh
+from s2a.core.errors import InputError
+from s2a.prepare.room import prepare
+from s2a.scene.geometry.convex import deepest
+from s2a.scene.scene import Mesh
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import Base, Collider
 from s2a.sim import nearby
 from s2a.sim.build import WorldSettings, build_worlds
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import JointConfig, SimStage, build_world, read_stage
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import Base, Collider
 
 FREE = JointConfig(0.0, 0.0, "grasp")
 PARTS = ("drawer_7", "drawer_8", "door_5", "door_6", INNER, LONE)

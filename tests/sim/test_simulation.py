@@ -9,10 +9,10 @@ import warp as wp
 from cabinet import TRAVEL, write_cabinet
 from settings import load
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
+from s2a.scene.usd.stage import new_stage, save
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
-from s2a.usd.stage import new_stage, save
 
 
 @pytest.fixture(scope="module")

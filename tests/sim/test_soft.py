@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from soft_cube import cube_asset
 
-from s2a import config, robot
-from s2a.errors import InputError
+from s2a import robot
+from s2a.core import config
+from s2a.core.errors import InputError
 from s2a.robot.kinematics import kinematics
 from s2a.sim.soft import RATE, SoftSimulation, _world
 from s2a.sim.soft_body import SoftBody, _box, soft_body

@@ -10,8 +10,8 @@ from pxr import Usd
 from scipy.spatial.transform import Rotation
 from soft_cube import cube_asset
 
-from s2a import config
-from s2a.errors import InputError
+from s2a.core import config
+from s2a.core.errors import InputError
 from s2a.sim.soft_body import BEAR, KUHN, SoftBody, read_asset, soft_body, volumes
 from s2a.sim.soft_config import SoftShape
 

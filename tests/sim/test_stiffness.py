@@ -8,8 +8,7 @@ import warp as wp
 from settings import load
 
 from s2a.sim.solver import SimConfig, make_solver
-from s2a.sim.stiffness import SURFACE, harden
-from s2a.sim.world import empty_world
+from s2a.sim.world import SURFACE, empty_world, harden
 
 FORCE = 40.0
 """[N] As fingers press."""

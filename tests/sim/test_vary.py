@@ -10,10 +10,10 @@ import torch
 from cabinet import write_cabinet
 from settings import load
 
+from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import SimConfig, Simulation
-from s2a.sim.vary import Variation
+from s2a.sim.solver import Variation
 from s2a.sim.world import SimStage, read_stage
-from s2a.usd import sim_stage
 
 WORLDS = 64
 NONE = (1.0, 1.0)

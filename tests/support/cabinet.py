@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from s2a.geometry.mesh_ops import merge
-from s2a.scene import Joint, Mesh
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import Articulation, Base, Collider, Grasp, Mass, SimBody, SimRoom
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Joint, Mesh
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import Articulation, Base, Collider, Grasp, Mass, SimBody, SimRoom
 
 HANDLE = np.array([0.351, 0.0, 0.7267])
 """Centre of the drawer's bar [m]; the drawer opens towards +x, the robot stands at x = 0.9."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 CABINET_HEIGHT = 0.4
 """[m] of the cabinet's middle above the floor; the upper bar then lies at 0.727 m."""

@@ -10,9 +10,8 @@ from cabinet import HANDLE, box
 from scipy.spatial.transform import Rotation
 
 from s2a.env.vec_env import VecEnv
-from s2a.robot.joint_path import follow
 from s2a.robot.kinematics import kinematics
-from s2a.robot.tool_path import matrices
+from s2a.robot.tool_path import follow, matrices
 from s2a.sim.simulation import Simulation
 
 OPEN, REACH = 0.04, 100

@@ -13,13 +13,13 @@ from pathlib import Path
 import browser
 import numpy as np
 
-from s2a import config
 from s2a.annotate import files, region
-from s2a.annotate.page import pick, serve
+from s2a.annotate.page import serve, shown
 from s2a.annotate.region import FrontRegion, GrowConfig
 from s2a.annotate.surface import SplitSurface
 from s2a.commands.annotate import START
-from s2a.geometry.orbit_camera import OrbitCamera, framing_pose
+from s2a.core import config
+from s2a.scene.geometry.camera import OrbitCamera, framing_pose
 
 WIDTH, HEIGHT, PORT = 1280, 800, 8470
 PACE = 3.0
@@ -137,7 +137,7 @@ def annotate(
                 person.sees("Does it slide or turn?")
                 person.press("face it")
                 found = grown(surface, person.eye, place)
-                person.eye, person.target = pick.facing(found, camera.fov)
+                person.eye, person.target = shown.facing(found, camera.fov)
                 time.sleep(5.0)
             person.drag(middle - right + high, middle + right - high)
             person.sees(f"{number} drawer: joint?")
@@ -172,6 +172,6 @@ def _image(page, path: Path) -> None:
 
 def grown(surface: SplitSurface, eye: np.ndarray, place: np.ndarray) -> FrontRegion:
     """Return the region that a click at a place makes."""
-    found = pick.place(surface.mesh(), eye, (place - eye) / np.linalg.norm(place - eye))
+    found = shown.place(surface.mesh(), eye, (place - eye) / np.linalg.norm(place - eye))
     assert found is not None
     return region.grow(surface, found[0], config.load(GrowConfig, config.file("annotate")["grow"]))

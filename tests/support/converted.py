@@ -10,10 +10,10 @@ from cabinet import HANDLE, box, free_cube, write_cabinet
 from scipy.spatial.transform import Rotation
 from settings import load
 
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import Collider, Mass, SimBody
 from s2a.sim.solver import SimConfig
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import Collider, Mass, SimBody
 
 PART, LID, CUBE, CABINET = "drawer_2", "lid_6", "cup_5", "cabinet_1"
 FRICTION = 1.5

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from cabinet import box, free_cube, write_cabinet
 
-from s2a.scene import Mesh
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimRoom
+from s2a.scene.scene import Mesh
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import SimRoom
 
 FLOOR, WALL_TOP = 0.668, 0.74
 """[m] Heights of the drawer's bottom and of its sides."""

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.geometry.mesh_ops import merge
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 FRONT = 0.3
 """The fronts' faces lie in the plane x = 0.3 m and look along +x."""

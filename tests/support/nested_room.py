@@ -7,8 +7,8 @@ from dataclasses import replace
 from cabinet_rooms import clean_cabinet_room
 from settings import load
 
-from s2a.prepare import PrepareConfig
-from s2a.scene import Mesh, Part, Scene
+from s2a.prepare.room import PrepareConfig
+from s2a.scene.scene import Mesh, Part, Scene
 
 INNER, LONE = "drawer_30", "drawer_40"
 """A drawer that hangs on door_5, and one without a parent."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from s2a.usd.sim_scene import Articulation, Base, SimBody, SimRoom
+from s2a.scene.usd.sim_scene import Articulation, Base, SimBody, SimRoom
 
 
 def part(room: SimRoom) -> Articulation:

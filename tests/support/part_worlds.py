@@ -13,7 +13,7 @@ from settings import load
 
 from s2a import tasks
 from s2a.env.vec_env import VecEnv
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.open_part.config import OpenPartConfig, OpenPartMetrics

@@ -9,12 +9,12 @@ import numpy as np
 from hostile_scripts import GOOD
 from settings import load
 
-from s2a.insert import overlay
-from s2a.insert.placement import Placement
-from s2a.sandbox.geometry_free import geometry_free_text
-from s2a.sandbox.jail import Sandbox, SandboxConfig
-from s2a.scene import Mesh, Part, Scene
-from s2a.usd import geometric
+from s2a.language.insert import author
+from s2a.language.insert.batch import geometry_free_text
+from s2a.language.insert.placement import Placement
+from s2a.language.sandbox.jail import Sandbox, SandboxConfig
+from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.usd import geometric
 
 CONFIG = replace(load(SandboxConfig, "insert/sandbox"), cpu_seconds=0.5)
 QUARTER = (0.0, 0.0, 0.7071067811865476, 0.7071067811865476)
@@ -31,7 +31,7 @@ def write_stage(folder: Path) -> Path:
     """Write a stage with a wall, and an object beside it."""
     geometric.write(Scene("room", {"wall_1": Part("wall", square(), None, "fixed")}), folder / "geometric.usd")
     (folder / "objects").mkdir()
-    overlay.write_object(square(), folder / "objects/mug.usd")
+    author.write_object(square(), folder / "objects/mug.usd")
     return folder / "geometric.usd"
 
 

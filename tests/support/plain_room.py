@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from s2a.geometry.mesh_ops import merge
-from s2a.mesh import Mesh
 from s2a.scan.folder import MESH
 from s2a.scan.ply_writer import write_ply
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Mesh
 
 CELL = 0.02
 BOARD = (1.6, 0.9)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.diff.moving_body import Moving
-from s2a.scene import Joint
-from s2a.usd.sim_scene import Mass
+from s2a.joints.pulled import Moving
+from s2a.scene.scene import Joint
+from s2a.scene.usd.sim_scene import Mass
 
 DRAWER = Moving(
     Joint("prismatic", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.4)),

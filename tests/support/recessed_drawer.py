@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from box_room import joined, sheet
 
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 HALF, HEIGHT = (0.2, 0.15), 0.6
 """[m] Half of the front's sides, and the height of its middle; its outer surface is x = 0, outwards is +x."""

@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from s2a.geometry.convex import box
-from s2a.geometry.mesh_ops import merge
-from s2a.scene import Mesh, Part, Scene
+from s2a.scene.geometry.convex import box
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Mesh, Part, Scene
 
 
 def sheet(x: tuple[float, float], y: tuple[float, float], height: float, step: float = 0.012, seed: int = 0) -> Mesh:

@@ -7,8 +7,8 @@ import trimesh
 from scipy.ndimage import gaussian_filter
 from skimage.measure import marching_cubes
 
-from s2a.geometry.mesh_ops import centroids, keep, merge, normals, sample
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.scene.geometry.mesh_ops import centroids, keep, merge, normals, sample
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 FRONT = np.array([[-0.1, -0.3794, -0.0619], [0.0, 0.3794, 0.0619]])
 """Lower and upper corner [m]; the front plane is x = 0, outwards is +x."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
-from s2a.scene import Mesh
+from s2a.scene.scene import Mesh
 
 TARGET, CARCASS, JOINT = "/scene/drawer_2", "/scene/cabinet_1", "/scene/joints/drawer_2"
 BAR = f"{TARGET}/colliders/hull_00"

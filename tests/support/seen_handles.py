@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from s2a.geometry.mesh_ops import keep, merge, normals
-from s2a.scene import Mesh
-from s2a.synth.handles import edge
+from s2a.homes.handles import edge
+from s2a.scene.geometry.mesh_ops import keep, merge, normals
+from s2a.scene.scene import Mesh
 
 FRAME = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Grasp frame of a level handle on a front at x = 0 that looks along +x: x along +y, y up, z into the furniture."""

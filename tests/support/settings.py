@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from s2a import config
+from s2a.core import config
 
 
 def load(cls: type, name: str, **changes: Any) -> Any:

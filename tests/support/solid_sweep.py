@@ -9,10 +9,10 @@ import numpy as np
 import trimesh
 import warp as wp
 
-from s2a.scene import Joint
-from s2a.synth.catalog import Entry, catalog
-from s2a.synth.room import Room
-from s2a.synth.solids import Piece, Surface, join, rotation, translation
+from s2a.homes.catalog import Entry, catalog
+from s2a.homes.room import Room
+from s2a.homes.solids import Piece, Surface, join, rotation, translation
+from s2a.scene.scene import Joint
 
 POSES = (0.02, 0.1, 0.3, 0.6, 1.0)
 """Shares of a joint's range at which a front is looked at."""

@@ -10,7 +10,7 @@ import numpy as np
 from tiny_scan import COLORS, FACES, VERTICES
 
 from s2a import scan
-from s2a.scene import Scene
+from s2a.scene.scene import Scene
 
 NAME = "scene_00042_01"
 ANNOTATIONS = f"{NAME}.annotations.json"

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from s2a import scan
-from s2a.errors import InputError
-from s2a.scene import Part, Scene
+from s2a.core.errors import InputError
+from s2a.scene.scene import Part, Scene
 
 NAME = "0a5c013435"
 VERTICES = np.array([[i * 0.5, i % 2, 0.1 * i] for i in range(12)])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import trimesh
 
-from s2a.scene import Joint, Mesh, Part, Scene
+from s2a.scene.scene import Joint, Mesh, Part, Scene
 
 DIRTY = "hande \"base\"\n\\ $é\u0301 書 ''' \x01\t."
 """A label as nobody should write one."""

@@ -7,8 +7,8 @@ import hashlib
 import numpy as np
 import pytest
 
-from s2a.synth.catalog import cad, catalog
-from s2a.synth.rooms import ROOMS
+from s2a.homes.catalog import cad, catalog
+from s2a.homes.rooms import ROOMS
 
 EARLIER = {
     "office": "73dea7475ede42c7",

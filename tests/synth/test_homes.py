@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from solid_sweep import SHELL, carried, clashes, overlaps, parts, whole
 
-from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
-from s2a.synth.catalog import cad, catalog, clean_scene
-from s2a.synth.homes import HOMES, home
-from s2a.synth.outline import outline
-from s2a.synth.room import Room
-from s2a.synth.solids import Piece, Surface, join
+from s2a.homes.catalog import cad, catalog, clean_scene
+from s2a.homes.furnishing import HOMES, home
+from s2a.homes.outline import outline
+from s2a.homes.room import Room
+from s2a.homes.solids import Piece, Surface, join
+from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 
 TOUCH = 0.002
 """How deep solids may be in each other [m]: faces that lie on each other, hinges' play, sampling."""

@@ -10,12 +10,12 @@ import pytest
 import warp as wp
 from settings import load
 
-from s2a.prepare import PrepareConfig, prepare
-from s2a.scene import Joint, Scene
+from s2a.prepare.room import PrepareConfig, prepare
+from s2a.scene.scene import Joint, Scene
+from s2a.scene.usd import descriptive, geometric, sim_stage
+from s2a.scene.usd.stage import problems
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import JointConfig, joint_index, read_stage
-from s2a.usd import descriptive, geometric, sim_stage
-from s2a.usd.validate import problems
 
 PUSH = 30.0
 """[N] at the grasp point."""

@@ -9,25 +9,27 @@ from typing import Any
 
 import numpy as np
 import pytest
+from s2a.homes.sample.sample import scan_room, truth_record
 from settings import load
 from solid_sweep import overlaps
 
-from s2a import config, scan
-from s2a.articulation import displace
-from s2a.errors import InputError
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a import scan
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.homes import glb
+from s2a.homes.annotate import AnnotationConfig, annotated_joints, overlooked, reversed_joints, without
+from s2a.homes.capture import swallowed
+from s2a.homes.catalog import catalog
+from s2a.homes.furnishing import home
+from s2a.homes.handheld import DriftConfig, drifts, smoothed
+from s2a.homes.pairs import HEAD_AIR, MAX_TURN, STEP, again, revisited
+from s2a.homes.sample import SampleConfig, sample
+from s2a.homes.solids import box, join
+from s2a.homes.surface_nets import Net
 from s2a.scan import ply
-from s2a.synth import SampleConfig, glb, sample
-from s2a.synth.annotate import AnnotationConfig, annotated_joints, overlooked, reversed_joints, without
-from s2a.synth.capture import swallowed
-from s2a.synth.catalog import catalog
-from s2a.synth.handheld import DriftConfig, drifts, smoothed
-from s2a.synth.homes import home
-from s2a.synth.pairs import HEAD_AIR, MAX_TURN, STEP, again, revisited
-from s2a.synth.sample import scan_room, truth_record
-from s2a.synth.solids import box, join
-from s2a.synth.surface_nets import Net
-from s2a.usd import geometric
+from s2a.scene.articulation import displace
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.usd import geometric
 
 ROOM = ("laundry", 10)
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from solid_sweep import SHELL, Solid, clashes, moved, overlaps, parts, whole
 
-from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
-from s2a.synth.catalog import cad, catalog, moves
-from s2a.synth.room import Room
-from s2a.synth.rooms import ROOMS
-from s2a.synth.solids import Piece
+from s2a.homes.catalog import cad, catalog, moves
+from s2a.homes.room import Room
+from s2a.homes.rooms import ROOMS
+from s2a.homes.solids import Piece
+from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
 
 EVERY = [(name, seed) for name in ("bedroom", "living_room") for seed in range(3)]
 CLASH = 0.003

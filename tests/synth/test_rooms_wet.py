@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from solid_sweep import SHELL, Solid, clashes, overlaps, parts, whole
 
-from s2a.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
-from s2a.scene import Joint
-from s2a.synth.catalog import cad, catalog, clean_scene
-from s2a.synth.room import Room
-from s2a.synth.rooms import ROOMS
-from s2a.synth.solids import Piece, at, box
+from s2a.homes.catalog import cad, catalog, clean_scene
+from s2a.homes.room import Room
+from s2a.homes.rooms import ROOMS
+from s2a.homes.solids import Piece, at, box
+from s2a.scene.geometry.mesh_query import first_hits, nearest_faces, ray_mesh
+from s2a.scene.scene import Joint
 
 TOUCH = 0.0015
 """How deep solids may be in each other [m]: faces that lie on each other, and sampling."""

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from s2a.scene import Mesh, Part, Scene
-from s2a.synth.handles import bar, knob
-from s2a.synth.solids import Piece, box
+from s2a.homes.handles import bar, knob
+from s2a.homes.solids import Piece, box
+from s2a.scene.scene import Mesh, Part, Scene
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
@@ -109,8 +109,8 @@ def test_a_web_is_told_by_how_far_it_closes_the_gap(web: Mesh, share: float) -> 
 
 
 def test_noise_is_that_which_was_added(tmp_path: Path) -> None:
-    from s2a.synth import files
-    from s2a.usd import geometric
+    from s2a.homes import files
+    from s2a.scene.usd import geometric
 
     truth = Scene("box", {"box_1": Part("box", box((-1, 2), (-1, 2), (-1, 0), GREY).mesh)})
     flat = plate(100, size=0.01)
@@ -128,7 +128,7 @@ def test_noise_is_that_which_was_added(tmp_path: Path) -> None:
 
 
 def test_a_mesh_without_truth_has_the_figures_that_need_none(tmp_path: Path) -> None:
-    from s2a.synth import files
+    from s2a.homes import files
 
     mesh = plate(10, missing=((2, 2),))
     files.write_ply(tmp_path / "real.ply", Mesh(mesh.vertices, mesh.faces, mesh.vertices * 0))

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import warp as wp
 
-from s2a.geometry.mesh_ops import normals, sample_with_faces
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
-from s2a.scene import Mesh
-from s2a.synth.panorama import NoiseConfig, cast_panorama, pixel_tangents
-from s2a.synth.pixel_planes import View, measure
-from s2a.synth.project_to_scan import project_to_scan
-from s2a.synth.solids import box, join, rotation, translation
-from s2a.synth.surface_nets import Net, extract
-from s2a.synth.tsdf import FusionConfig, fuse
+from s2a.homes.panorama import NoiseConfig, cast_panorama, pixel_tangents
+from s2a.homes.pixel_planes import View, measure
+from s2a.homes.project_to_scan import project_to_scan
+from s2a.homes.solids import box, join, rotation, translation
+from s2a.homes.surface_nets import Net, extract
+from s2a.homes.tsdf import FusionConfig, fuse
+from s2a.scene.geometry.mesh_ops import normals, sample_with_faces
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh
 
 EXACT = NoiseConfig(
     white=0.0,

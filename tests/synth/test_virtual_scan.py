@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from s2a import config, scan
-from s2a.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a import scan
+from s2a.core import config
+from s2a.homes.furniture import main_cabinet
+from s2a.homes.sample import SampleConfig, sample
+from s2a.homes.solids import Piece
 from s2a.scan import ply
-from s2a.scene import Mesh, Scene
-from s2a.synth import SampleConfig, sample
-from s2a.synth.furniture import main_cabinet
-from s2a.synth.solids import Piece
-from s2a.usd import geometric
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.scene import Mesh, Scene
+from s2a.scene.usd import geometric
 
 COARSE = ("scanner.demo.spacing=0.006", "scanner.demo.fusion.voxel=0.014", "scanner.demo.thin.merge=1")
 """A scanner for tests: seconds; bars are a blur to it."""

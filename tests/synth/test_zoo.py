@@ -14,10 +14,10 @@ import yaml
 from pxr import Usd, UsdGeom
 from scipy.spatial import ConvexHull
 
-from s2a.commands.zoo import Config, run
-from s2a.synth.zoo import ZooObject, zoo
-from s2a.synth.zoo.download import FLAWS, UNITS, download
-from s2a.synth.zoo.formats import WRITERS
+from s2a.homes.commands.zoo import Config, run
+from s2a.homes.zoo import ZooObject, zoo
+from s2a.homes.zoo.download import FLAWS, UNITS, download
+from s2a.homes.zoo.formats import WRITERS
 
 OBJECTS = zoo()
 NAMES = [item.slug for item in OBJECTS]

@@ -9,7 +9,7 @@ import torch
 from open_drawer import make_env
 from settings import load
 
-from s2a.evaluate import evaluate
+from s2a.learn.evaluate import evaluate
 from s2a.planner.motion import Planner
 from s2a.planner.part_plan import PlannerConfig
 

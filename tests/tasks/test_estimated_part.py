@@ -13,11 +13,11 @@ from cabinet import HANDLE, write_cabinet
 from part_worlds import make_env
 from settings import load
 
+from s2a.core.errors import InputError
 from s2a.env.vec_env import VecEnv
-from s2a.errors import InputError
 from s2a.planner.motion import Planner
 from s2a.planner.part_plan import PlannerConfig
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.part_description import Description, of_vector, truth
 

@@ -10,12 +10,13 @@ import pytest
 import torch
 from cabinet import write_cabinet
 
-from s2a import cli, config
+from s2a.commands import cli
 from s2a.commands import evaluate as verb
-from s2a.errors import InputError
-from s2a.evaluate import baseline, rate
-from s2a.playback import played
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.learn.evaluate import baseline, rate
 from s2a.tasks.open_part.metrics import METRICS, VERSION
+from s2a.view.playback import played
 
 
 def settings(*keys: str) -> verb.Config:

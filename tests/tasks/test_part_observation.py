@@ -12,7 +12,7 @@ from cabinet import write_cabinet
 from part_worlds import make_env, task_settings
 from settings import load
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.part_observation import observe

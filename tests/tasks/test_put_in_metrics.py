@@ -17,7 +17,7 @@ from s2a.env.vec_env import VecEnv
 from s2a.planner.insides import Inside, inside_of
 from s2a.planner.pick_plan import PickPlan
 from s2a.planner.put_in import PutPlan
-from s2a.scene import Joint
+from s2a.scene.scene import Joint
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.tasks.put_in.config import PutInConfig, PutInMetrics
 from s2a.tasks.put_in.skill import PutStage

@@ -10,10 +10,10 @@ import pytest
 from part_worlds import task_settings
 from settings import load
 
-from s2a import config
 from s2a.commands.train import Config
-from s2a.errors import InputError
-from s2a.rl.run_world import read_world, write_world
+from s2a.core import config
+from s2a.core.errors import InputError
+from s2a.learn.rl.run_folder import read_world, write_world
 from s2a.sim.simulation import SimConfig
 from s2a.tasks.pick_place.config import PickPlaceConfig
 

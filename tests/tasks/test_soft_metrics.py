@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2a import config
+from s2a.core import config
 from s2a.tasks.pick_place.soft_metrics import SoftEpisode, SoftMetrics, outcome
 
 METRICS = config.load(SoftMetrics, config.compose("soft_metrics/default")["soft_metrics"])

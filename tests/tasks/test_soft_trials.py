@@ -9,14 +9,14 @@ from settings import load
 from soft_cube import cube_asset
 
 from s2a import robot
-from s2a.errors import InputError
-from s2a.evaluate_soft import _summary
+from s2a.core.errors import InputError
+from s2a.learn.evaluate_soft import _summary
+from s2a.scene.usd.sim_scene import SimRoom
 from s2a.sim.soft_body import SoftBody, soft_body
 from s2a.sim.soft_config import SoftConfig, SoftShape
 from s2a.tasks.pick_place import soft_trials
 from s2a.tasks.pick_place.config import PickPlaceConfig
 from s2a.tasks.pick_place.soft_metrics import COLUMNS, SoftMetrics
-from s2a.usd.sim_scene import SimRoom
 
 SOFT = load(SoftConfig, "soft/bear")
 START = "0.2 0.0 0.9"

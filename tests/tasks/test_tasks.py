@@ -6,11 +6,12 @@ from dataclasses import is_dataclass
 
 import pytest
 
-from s2a import config, tasks
+from s2a import tasks
 from s2a.commands import train
+from s2a.core import config
+from s2a.core.errors import InputError
 from s2a.env.kernels import ERRORS
 from s2a.env.task import MdpConfig, Task, meanings, weights_of
-from s2a.errors import InputError
 
 
 @pytest.mark.parametrize("name", tasks.names())

@@ -10,9 +10,9 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 from usd_room import box, room
 
-from s2a.errors import InputError
-from s2a.scene import Part, Scene
-from s2a.usd import geometric
+from s2a.core.errors import InputError
+from s2a.scene.scene import Part, Scene
+from s2a.scene.usd import geometric
 
 
 def edited(tmp_path: Path, edit: str, by: str) -> Path:

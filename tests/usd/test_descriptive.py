@@ -9,10 +9,10 @@ import pytest
 from pxr import Usd, UsdGeom
 from usd_room import box, room
 
-from s2a.scene import Mesh, Part, Scene
-from s2a.usd import descriptive
-from s2a.usd.boxes import silhouette, upright_box
-from s2a.usd.validate import problems
+from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.usd import descriptive
+from s2a.scene.usd.descriptive import silhouette, upright_box
+from s2a.scene.usd.stage import problems
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from usd_room import DIRTY, box, room, unit
 
-from s2a.articulation import displace
-from s2a.scene import Joint, Mesh, Part, Scene
-from s2a.usd import geometric, joints
-from s2a.usd.validate import problems
+from s2a.scene.articulation import displace
+from s2a.scene.scene import Joint, Mesh, Part, Scene
+from s2a.scene.usd import geometric, joints
+from s2a.scene.usd.stage import problems
 
 
 @pytest.fixture(scope="module", params=["geometric.usd", "geometric.usda"])

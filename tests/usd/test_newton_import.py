@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 from usd_room import room
 
-from s2a.usd import geometric
+from s2a.scene.usd import geometric
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ import pytest
 from cabinet import write_cabinet
 from pxr import Gf, Sdf, Usd, UsdPhysics, Vt
 
-from s2a.errors import InputError
-from s2a.usd.sim_check import refuse_unphysical
+from s2a.core.errors import InputError
+from s2a.scene.usd.sim_read import refuse_unphysical
 
 NAN = math.nan
 DRAWER, JOINT, STATIC = "/scene/drawer_2", "/scene/joints/drawer_2", "/scene/static"

@@ -16,12 +16,12 @@ from scanned_drawers import scanned_drawer
 from scipy.spatial.transform import Rotation
 from settings import load
 
-from s2a.errors import InputError
-from s2a.prepare import PrepareConfig, prepare
-from s2a.scene import Part
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import SimRoom, in_scene
-from s2a.usd.validate import problems
+from s2a.core.errors import InputError
+from s2a.prepare.room import PrepareConfig, prepare
+from s2a.scene.scene import Part
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import SimRoom, in_scene
+from s2a.scene.usd.stage import problems
 
 
 @pytest.fixture(scope="module")

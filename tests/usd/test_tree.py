@@ -8,9 +8,9 @@ from cabinet import write_cabinet
 from usd_room import room
 
 from s2a import scan
-from s2a.errors import InputError
-from s2a.usd import descriptive, geometric
-from s2a.usd.tree import tree
+from s2a.core.errors import InputError
+from s2a.scan.tree import tree
+from s2a.scene.usd import descriptive, geometric
 
 
 def line(text: str, name: str) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import html
+from collections.abc import Callable, Sequence
 from threading import RLock, Thread
 from typing import Any
 
@@ -10,17 +11,84 @@ import numpy as np
 import viser
 import viser.transforms
 
-from s2a.annotate import checks
-from s2a.annotate.annotation import Draft
+from s2a.annotate.annotation import Draft, Item, of_part
 from s2a.annotate.editor import Editor
 from s2a.annotate.handle import SHAPES
-from s2a.annotate.page import pick, words
+from s2a.annotate.page import shown as pick
 from s2a.annotate.page.shown import Shown
-from s2a.annotate.page.words import FRONT, HANDLE, HINGE, LINE, RECTANGLE
-from s2a.errors import InputError
-from s2a.evidence.bounds import Bounds
-from s2a.mesh import Mesh
-from s2a.page.room import unit
+from s2a.core.errors import InputError
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scan.evidence.finding import Finding
+from s2a.scene.scene import Mesh
+from s2a.view.page import panel
+from s2a.view.page.room import unit
+
+FRONT, HINGE, LINE, HANDLE, RECTANGLE = "front", "hinge", "line", "handle", "rectangle"
+"""What the next click, or drag, means."""
+HINTS = {
+    FRONT: "Click a front. Shift and drag: a rectangle around it.",
+    HINGE: "Click the edge about which it turns.",
+    LINE: "Click two points of the hinge line.",
+    HANDLE: "Click the handle, or the place where one is.",
+    RECTANGLE: "Shift and drag a rectangle around the front.",
+}
+MARKS = {"pass": "\u2713", "warn": "\u26a0", "fail": "\u2717", "unknown": "?"}
+COLORS = {"pass": "seagreen", "warn": "darkorange", "fail": "crimson", "unknown": "gray"}
+NONE = "none"
+STYLE = f"""<style>
+{panel.MARKS}
+.s2a-card {{ padding: 0 0.75em 0.3em; font-size: 0.875em; line-height: 1.4; overflow-wrap: anywhere; }}
+.s2a-hint {{ font-weight: 600; }}
+</style>"""
+
+
+def hint_text(mode: str, item: Item | None) -> str:
+    """Return what to do next, as HTML."""
+    text = HINTS[mode]
+    if mode == FRONT and item is not None and item.joint is None:
+        text = "Does it slide or turn? If the region is wrong: shift and drag a rectangle."
+    elif mode == FRONT and item is not None and item.proposed:
+        text = "A proposal: accept it, edit it, or remove it."
+    return f"<div class='s2a-card s2a-hint'>{html.escape(text)}</div>"
+
+
+def row(index: int, item: Item) -> str:
+    """Return a part's entry in the list of parts."""
+    moves = {None: "joint?", "prismatic": "slides", "revolute": "turns"}[item.joint.kind if item.joint else None]
+    handle = item.completed and f"{item.completed} added" or ("handle" if len(item.handle) else "no handle")
+    return f"{index + 1} {item.name}: {moves}, {handle}" + (" (proposed)" if item.proposed else "")
+
+
+def part_rows(annotation: Draft) -> tuple[str, ...]:
+    """Return the entries of all parts, after the one for no part."""
+    return (NONE, *(row(i, item) for i, item in enumerate(annotation.items)))
+
+
+def facts_text(item: Item | None) -> str:
+    """Return size and motion of the selected part, as HTML."""
+    if item is None:
+        return ""
+    width, height = item.region.size
+    text = f"{1000 * width:.0f} x {1000 * height:.0f} mm, {len(item.front):,} faces"
+    if item.joint is not None:
+        name, size = unit(item.joint)
+        text += f"; opens by {item.joint.limits[1] / size:.0f} {name}"
+    return f"<div class='s2a-card'>{text}</div>"
+
+
+def check_text(findings: Sequence[Finding]) -> str:
+    """Return findings as HTML: those that fail or warn in full, of the others the names."""
+    bad = [f for verdict in ("fail", "warn") for f in findings if f.verdict == verdict]
+    lines = [_line(f.verdict, f"{f.check}: {f.message}" + (f"; {f.remedy}" if f.remedy else "")) for f in bad]
+    for verdict in ("pass", "unknown"):
+        if names := [f.check for f in findings if f.verdict == verdict]:
+            lines.append(_line(verdict, ", ".join(names)))
+    return f"<div class='s2a-card'>{''.join(lines)}</div>"
+
+
+def _line(verdict: str, text: str) -> str:
+    return f"<div><span style='color:{COLORS[verdict]}'>{MARKS[verdict]}</span> {html.escape(text)}</div>"
+
 
 SCANNED = "as scanned, or a bar"
 SLIDES = {"slides out": "out", "left": "left", "right": "right"}
@@ -45,12 +113,12 @@ class AnnotationPanel:
 
     def _add_controls(self) -> None:
         gui = self._server.gui
-        gui.add_html(words.STYLE)
+        gui.add_html(STYLE)
         self._hint = gui.add_html("")
         self._group(
             "file", {"undo": self._undo, "save": self._write, "accept all": self._edit(self._editor.accept_all)}
         )
-        self._parts = gui.add_dropdown("part", (words.NONE,))
+        self._parts = gui.add_dropdown("part", (NONE,))
         self._parts.on_update(lambda event: self._choose(event.target.value))
         self._facts = gui.add_html("")
         self._group("part is", {"accept": self._edit(self._editor.accept), "remove": self._edit(self._editor.remove)})
@@ -101,11 +169,11 @@ class AnnotationPanel:
             self._tell()
 
     def _next(self, event: viser.GuiEvent) -> None:
-        self._choose(words.NONE)
+        self._choose(NONE)
 
     def _choose(self, row: str) -> None:
         with self._lock:
-            listed = words.rows(self._editor.annotation)
+            listed = part_rows(self._editor.annotation)
             index = listed.index(row) - 1 if row in listed else -1
             if not self._filling and index != (-1 if self._editor.selected is None else self._editor.selected):
                 self._editor.select(None if index < 0 else index)
@@ -202,7 +270,7 @@ class AnnotationPanel:
         editor = self._editor
         self._filling = True
         self._shown.update(editor.annotation, editor.selected)
-        rows = words.rows(editor.annotation)
+        rows = part_rows(editor.annotation)
         self._parts.options = rows
         item = editor.item
         limit = round(item.joint.limits[1] / unit(item.joint)[1], 1) if item and item.joint else 0.0
@@ -210,7 +278,7 @@ class AnnotationPanel:
         _fill(self._label, item.name if item else "")
         _fill(self._limit, limit)
         _fill(self._open, 0)
-        self._facts.content = words.facts(item)
+        self._facts.content = facts_text(item)
         self._tell()
         self._filling = False
         self._edits += 1
@@ -219,12 +287,12 @@ class AnnotationPanel:
             Thread(target=self._check, args=(self._edits, editor.annotation, editor.selected), daemon=True).start()
 
     def _tell(self) -> None:
-        self._hint.content = words.hint(self._mode, self._editor.item)
+        self._hint.content = hint_text(self._mode, self._editor.item)
 
     def _check(self, edit: int, annotation: Draft, index: int) -> None:
         with self._checking:
             if edit == self._edits:  # a newer edit has its own
-                text = words.checks(checks.of_part(annotation, index, self._bounds))
+                text = check_text(of_part(annotation, index, self._bounds))
                 if edit == self._edits:
                     self._checks.content = text
 

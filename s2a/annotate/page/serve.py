@@ -7,13 +7,13 @@ from contextlib import contextmanager
 
 from s2a.annotate.editor import Editor
 from s2a.annotate.page.panel import AnnotationPanel, Save
-from s2a.evidence.bounds import Bounds
-from s2a.geometry.orbit_camera import CameraPose
-from s2a.mesh import Mesh
-from s2a.page import glb
-from s2a.page.room import PagePart, PageRoom
-from s2a.page.serve import address, started
-from s2a.page.thin import thinned
+from s2a.scan.evidence.bounds import Bounds
+from s2a.scene.geometry.camera import CameraPose
+from s2a.scene.scene import Mesh
+from s2a.view.page import glb
+from s2a.view.page.detail import thinned
+from s2a.view.page.room import PagePart, PageRoom
+from s2a.view.page.serve import address, started
 
 WIDTH = 400
 """[pixel] of the panel."""

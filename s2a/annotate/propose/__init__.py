@@ -1,3 +1,1 @@
-"""Fronts proposed by a network that sees the planes of a scan: their rectangles, their handles, what opens how."""
-
-from s2a.annotate.propose.config import ProposeConfig as ProposeConfig
+"""Fronts proposed by a network that sees the planes of a scan: their rectangles, handles and joints."""

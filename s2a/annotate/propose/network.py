@@ -10,13 +10,13 @@ import numpy as np
 import torch
 from torch import nn
 
-from s2a.annotate import joints
+from s2a.annotate import region
 from s2a.annotate.propose.layers import Layer
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 
 CHANNELS = 9
 """Of what the network sees of a cell: seen, RGB, height, what stands out, its relief, walls, height over the floor."""
-Motion = tuple[Literal["slide"], joints.Direction] | tuple[Literal["hinge"], Literal["right", "left", "top", "bottom"]]
+Motion = tuple[Literal["slide"], region.Direction] | tuple[Literal["hinge"], Literal["right", "left", "top", "bottom"]]
 MOTIONS: tuple[Motion, ...] = (
     ("slide", "out"),
     ("slide", "right"),

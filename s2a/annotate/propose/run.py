@@ -6,18 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.annotate import joints
 from s2a.annotate.annotation import Draft, Item
-from s2a.annotate.propose.cells import CellBox
-from s2a.annotate.propose.config import ProposeConfig
-from s2a.annotate.propose.flaps import is_flap
-from s2a.annotate.propose.fronts import SeenFront, fronts
-from s2a.annotate.propose.layers import Layer, Points, floor_of, layers, spread
+from s2a.annotate.propose.fronts import CellBox, SeenFront, fronts, is_flap
+from s2a.annotate.propose.layers import Layer, Points, ProposeConfig, floor_of, layers, spread
 from s2a.annotate.propose.network import FrontNetwork, Motion, load
-from s2a.annotate.region import FrontRegion, GrowConfig
+from s2a.annotate.region import FrontRegion, GrowConfig, hinge_at, slide
 from s2a.annotate.surface import SplitSurface
-from s2a.geometry.planes import fit_plane
-from s2a.scene import Joint
+from s2a.scene.geometry.planes import fit_plane
+from s2a.scene.scene import Joint
 
 SIDES = {"right": 0, "left": 1, "top": 2, "bottom": 3}
 """Index of a side in `joints.hinge_at`."""
@@ -80,8 +76,8 @@ def _grip(layer: Layer, handle: CellBox) -> np.ndarray:
 
 def _joint(region: FrontRegion, motion: Motion) -> Joint:
     if motion[0] == "slide":
-        return joints.slide(region, motion[1])
-    return joints.hinge_at(region, SIDES[motion[1]])
+        return slide(region, motion[1])
+    return hinge_at(region, SIDES[motion[1]])
 
 
 def _place(layer: Layer, column: float, row: float) -> np.ndarray:

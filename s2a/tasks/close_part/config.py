@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from s2a.ranges import Fraction, NotNegative, Positive
+from s2a.core.bounds import Fraction, NotNegative, Positive
 from s2a.tasks.part_handles import PartMdp
 
 

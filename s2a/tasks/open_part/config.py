@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from s2a.ranges import AtLeast, Fraction, NotNegative, Positive
+from s2a.core.bounds import AtLeast, Fraction, NotNegative, Positive
 from s2a.tasks.part_handles import PartMdp
 
 

@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
+from s2a.core.errors import InputError
 from s2a.env.state import State
 from s2a.env.task import MdpConfig, Task
-from s2a.errors import InputError
 from s2a.planner.trajectory import Trajectory
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from s2a.core.bounds import Fraction, NotNegative, Positive
 from s2a.env.task import MdpConfig
-from s2a.ranges import Fraction, NotNegative, Positive
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from s2a import robot as robots
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import merge
+from s2a.core.errors import InputError
 from s2a.planner.contact import FIRM, SLOPING, Contact
 from s2a.planner.grasp_cache import GraspCache
 from s2a.planner.misses import Unreachable
@@ -24,13 +23,14 @@ from s2a.planner.segments import Segments
 from s2a.planner.straight_paths import LIFT
 from s2a.planner.trajectory import Picked, Trajectory
 from s2a.robot.spec import RobotSpec
-from s2a.scene import Joint
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Joint
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import DEFAULT_ROBOT
 from s2a.sim.nearby import Workspace
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 from s2a.tasks.pick_place.config import PickPlaceConfig
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import DEFAULT_ROBOT
 
 Ends = tuple[np.ndarray, np.ndarray]
 """Start and place of an object's body frame, 7-vectors, scene frame."""

@@ -24,6 +24,7 @@ from s2a.planner.segments import Segments
 from s2a.planner.trajectory import Trajectory, eased
 from s2a.robot.collision import robot_shape
 from s2a.robot.spec import GripperSpec, RobotSpec
+from s2a.scene.usd.sim_scene import SimRoom
 from s2a.sim.limit_use import Limits
 from s2a.sim.soft import RATE, SoftSimulation
 from s2a.sim.soft_body import SoftBody
@@ -31,7 +32,6 @@ from s2a.sim.soft_config import SoftConfig
 from s2a.tasks.pick_place.skill import pick
 from s2a.tasks.pick_place.soft_metrics import SoftEpisode, SoftMetrics, outcome
 from s2a.tasks.pick_place.soft_stage import NAME, hulls_near, with_body
-from s2a.usd.sim_scene import SimRoom
 
 AFTER = 1.5
 """[s] That an episode goes on after the arm's motion: half a second to come to rest, and one at rest."""

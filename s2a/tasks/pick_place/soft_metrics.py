@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.ranges import Fraction, NotNegative, Positive
+from s2a.core.bounds import Fraction, NotNegative, Positive
 
 COLUMNS = ("success", "placed", "at_rest", "gripper_gone", "carried", "released_at_rest", "arm_clear", "finite")
 """Of an outcome, what holds or not; success: all of the others."""

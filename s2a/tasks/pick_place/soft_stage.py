@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.planner.object_grasps import matrix
 from s2a.planner.obstacles import RoomHulls
-from s2a.scene import Mesh
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.sim_scene import Collider, Mass, SimBody, SimRoom, in_scene
 from s2a.sim.soft_body import SoftBody
 from s2a.sim.soft_config import SoftConfig
-from s2a.usd.sim_scene import Collider, Mass, SimBody, SimRoom, in_scene
 
 NAME = "teddy_bear"
 GAP = 0.003

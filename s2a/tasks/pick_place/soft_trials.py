@@ -7,16 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2a.errors import InputError
+from s2a.core.errors import InputError
 from s2a.planner.obstacles import RoomHulls
 from s2a.planner.places import NEAR, first_planned, place_poses
 from s2a.robot.spec import RobotSpec
+from s2a.scene.usd.sim_scene import SimRoom, in_scene
 from s2a.sim.soft_body import SoftBody
 from s2a.sim.soft_config import SoftConfig
 from s2a.tasks.pick_place.config import PickPlaceConfig
 from s2a.tasks.pick_place.soft import SoftTrial, plan_trial
 from s2a.tasks.pick_place.soft_stage import EVEN, NAME, standing, with_body
-from s2a.usd.sim_scene import SimRoom, in_scene
 
 DRAWS = 20
 """Of a pose, until the body stands at it."""

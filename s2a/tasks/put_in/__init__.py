@@ -10,11 +10,11 @@ import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
-from s2a.articulation import lever_arm, travel
+from s2a.core.errors import InputError
 from s2a.env.state import State
-from s2a.errors import InputError
 from s2a.planner.insides import at_zero
 from s2a.planner.trajectory import Trajectory
+from s2a.scene.articulation import lever_arm, travel
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, axis_of
 from s2a.tasks.pick_place import PickPlaceTask

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from s2a.ranges import Fraction, Positive
+from s2a.core.bounds import Fraction, Positive
 from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
 
 

@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 
 from s2a import robot as robots
-from s2a.errors import InputError
-from s2a.geometry.mesh_ops import merge
+from s2a.core.errors import InputError
 from s2a.planner.part_plan import PlannerConfig
 from s2a.planner.places import first_planned, free_object, place_poses
 from s2a.planner.put_in import PutPlan, PutTask, plan_put
 from s2a.planner.trajectory import Shutting, Trajectory
 from s2a.robot.tool_path import opening_coordinate
-from s2a.scene import Joint, Mesh
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.scene import Joint, Mesh
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import DEFAULT_ROBOT
 from s2a.sim.nearby import Workspace
 from s2a.sim.simulation import Simulation
 from s2a.tasks.pick_place import skill
 from s2a.tasks.put_in.config import PutInConfig
-from s2a.usd import sim_stage
-from s2a.usd.sim_scene import DEFAULT_ROBOT
 
 APPROACH, DEPTH = 0.1, 0.0
 """[m] Straight path to the handle, and how far the grasp is past the grasp point; as conf/planner has them."""

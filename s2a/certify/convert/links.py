@@ -1,0 +1,166 @@
+"""A simulation-ready room as links: what moves or carries something that moves, each with its hulls and surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import newton
+import numpy as np
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from s2a.core.errors import InputError
+from s2a.scene.geometry.mesh_ops import bake
+from s2a.scene.scene import Mesh
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import SimRoom, in_scene
+from s2a.sim.room import add_room, carrier_of, kept_bodies, open_physics, owner
+from s2a.sim.solver import SimConfig
+from s2a.sim.world import empty_world, joint_index, stiffen
+
+STATIC = "static"
+"""Id of the link that is the room itself."""
+ALL = "all"
+"""Stands for every articulated part and free object."""
+MIN_AREA = 1e-8
+"""[m^2] A tenth of a millimetre squared: less is not seen."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rigid body, or the room itself.
+
+    Attributes:
+        colliders: convex hulls by name, in the body's frame, which is the scene's for all but free objects.
+        visuals: surfaces by name, in the same frame.
+    """
+
+    colliders: dict[str, Mesh] = field(default_factory=dict)
+    visuals: dict[str, Mesh] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LinkedRoom:
+    """A room of which some bodies move and all else stands still.
+
+    Attributes:
+        room: the room.
+        active: ids of the articulated parts and free objects that move.
+        kept: ids of these and of the fixed bodies that carry them, parents before children.
+        links: by id, STATIC among them.
+        builder: the same room for Newton.
+        shape_names: name of every shape of the builder; that of a hull names it in its link too.
+    """
+
+    room: SimRoom
+    active: tuple[str, ...]
+    kept: tuple[str, ...]
+    links: dict[str, Link]
+    builder: newton.ModelBuilder
+    shape_names: list[str]
+
+    def filtered(self) -> list[tuple[str, str]]:
+        """Return the pairs of links that do not collide: those that a joint connects, and those that overlap somewhere."""
+        found = set()
+        for part in (i for i in self.active if i in self.room.articulations):
+            others = (carrier_of(self.room, part, self.kept), *self.room.articulations[part].filtered)
+            found |= {(min(part, i), max(part, i)) for i in others if i in self.kept}
+        return sorted(found)
+
+
+def read_links(path: Path, parts: str | Sequence[str], config: SimConfig) -> LinkedRoom:
+    """Read a simulation-ready room with its surfaces.
+
+    Args:
+        path: the file.
+        parts: ALL, or ids of the articulated parts and free objects that move; all others are frozen at the scanned pose.
+        config: how physics is stepped.
+
+    Raises:
+        InputError: no such file, or another kind of stage; an id that cannot move; nothing is to move.
+    """
+    room = sim_stage.read(path)
+    named = (parts,) if isinstance(parts, str) else tuple(parts)
+    active = (*room.articulations, *room.free) if named == (ALL,) else tuple(dict.fromkeys(named))
+    if not active:
+        raise InputError(
+            f"{path}: nothing of room {room.name!r} is to move; give parts={ALL}, parts=drawer_7 or parts=[drawer_6,door_8]"
+        )
+    kept = kept_bodies(room, active)
+    builder = empty_world()
+    add_room(builder, room, open_physics(path), active, load_sites=True)
+    for part in (i for i in active if i in room.articulations):
+        dof = builder.joint_qd_start[joint_index(builder, part)]
+        builder.joint_stiffness[dof] = config.joint.joint_stiffness(room.articulations[part])
+        builder.joint_damping[dof] = config.joint.joint_damping(room.articulations[part])
+        stiffen(builder, dof, config.dt)
+    names = [_name(label) for label in builder.shape_label]
+    links = {i: Link() for i in (*kept, STATIC)}
+    for shape, name in enumerate(names):
+        if builder.shape_flags[shape] & newton.ShapeFlags.COLLIDE_SHAPES:
+            body = builder.shape_body[shape]
+            link = STATIC if body < 0 else builder.body_label[body].split("/")[-1]
+            links[link].colliders[name] = _hull(builder, shape)
+    _add_visuals(links, room, kept)
+    return LinkedRoom(room, active, kept, links, builder, names)
+
+
+def _name(label: str) -> str:
+    """Return the name of a shape, from the path of its prim: drawer_7_hull_00, drawer_7_grasp; of the room floor_1_00."""
+    last, body = label.split("/")[-1], owner(label)
+    return last if body == STATIC else f"{body}_{last}"
+
+
+def _hull(builder: newton.ModelBuilder, shape: int) -> Mesh:
+    """Return a collider in its body's frame."""
+    source, (*position, x, y, z, w) = builder.shape_source[shape], builder.shape_transform[shape]
+    points = np.asarray(source.vertices, np.float64) * np.array(builder.shape_scale[shape])
+    points = Rotation.from_quat((x, y, z, w)).apply(points) + position
+    return Mesh(points, np.asarray(source.indices).reshape(-1, 3))
+
+
+def _visible(mesh: Mesh) -> bool:
+    """Return whether a surface is more than MuJoCo refuses: three vertices, or no area."""
+    return len(mesh.vertices) > 3 and bool(mesh.face_areas.sum() > MIN_AREA)
+
+
+def _add_visuals(links: dict[str, Link], room: SimRoom, kept: Sequence[str]) -> None:
+    """Give every surface to the link that it moves with."""
+    if _visible(room.static_visual):
+        links[STATIC].visuals[STATIC] = room.static_visual
+    for body in (b for b in (*room.bodies.values(), *room.free.values()) if _visible(b.visual)):
+        link = body.id if body.id in kept else carrier_of(room, body.id, kept) or STATIC
+        points = body.visual.vertices if body.id in kept else in_scene(body, body.visual)
+        links[link].visuals[body.id] = Mesh(points, body.visual.faces, body.visual.colors)
+
+
+FOLDER = "meshes"
+"""Of the mesh files, beside the file of the room."""
+
+
+def write_hull(path: Path, mesh: Mesh) -> None:
+    """Write a collider as OBJ; its numbers are read back as the same float32."""
+    path.write_text(_vertices(mesh.vertices) + _rows("f {} {} {}", mesh.faces + 1))
+
+
+def write_surface(path: Path, mesh: Mesh) -> None:
+    """Write a surface as OBJ; its colours go into .mtl and .png files of the same name."""
+    uv, texture = bake(mesh.faces, mesh.colors)
+    Image.fromarray(texture[..., :3]).save(path.with_suffix(".png"))
+    path.with_suffix(".mtl").write_text(f"newmtl {path.stem}\nKd 1 1 1\nmap_Kd {path.stem}.png\n")
+    corners = np.stack([mesh.faces.ravel() + 1, np.arange(mesh.faces.size) + 1], axis=1).reshape(-1, 6)
+    path.write_text(
+        f"mtllib {path.stem}.mtl\nusemtl {path.stem}\n{_vertices(mesh.vertices)}"
+        + _rows("vt {:.6f} {:.6f}", uv)
+        + _rows("f {}/{} {}/{} {}/{}", corners)
+    )
+
+
+def _vertices(points: np.ndarray) -> str:
+    return _rows("v {:.9g} {:.9g} {:.9g}", points)
+
+
+def _rows(form: str, rows: np.ndarray) -> str:
+    return "".join(form.format(*row) + "\n" for row in rows.tolist())

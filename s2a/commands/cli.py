@@ -1,0 +1,263 @@
+"""The command line: `s2a <command> key=value ...`.
+
+A command is a module of `s2a.commands` with a `Config` and a `run(config) -> str`. Its values are those of
+`conf/<command>.yaml` with the user's overrides. User errors are one line on stderr and exit code 2.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import importlib
+import itertools
+import keyword
+import os
+import re
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from omegaconf.errors import OmegaConfBaseException
+
+from s2a.commands import usage
+from s2a.core import config, errors, progress
+from s2a.core.errors import CheckFailed, InputError
+from s2a.core.progress import StdoutFilter
+
+COMMANDS = {
+    "import": "turn a mesh file into a scan, or predictions for a scan into an annotated one",
+    "sample": "furnish a virtual room and scan it: writes an annotated scan",
+    "check": "compare an annotated scan with its own surface; exit with 1 if they contradict each other",
+    "annotate": "annotate a scan in the browser, or let a network propose parts",
+    "register": "find the parts that stand open in a second scan of a room, and their joints",
+    "export": "turn an annotated scan into two flavours of USD, descriptive and geometric",
+    "insert": "insert objects into a room where they belong, as a layer over its stage",
+    "prepare": "turn a geometric stage into a simulation-ready one",
+    "convert": "write a simulation-ready stage as MJCF or URDF, for other simulators",
+    "certify": "validate a simulation-ready stage; exit with 1 if a check fails",
+    "identify": "find mass, friction, damping and spring of a joint from recorded pulls",
+    "optimize": "find the best time law with which an arm pulls a part, by gradient",
+    "perceive": "train a network that tells a part's grasp and joint from a depth camera's frame",
+    "pool": "prepare the parts of many virtual rooms, to train one policy on all",
+    "train": "train a policy by reinforcement learning (PPO)",
+    "evaluate": "measure the success of a policy or of the planner",
+    "do": "do what a sentence says, in simulation: a language model or rules plan, the planner acts",
+    "bench": "measure a policy on furniture that nobody trains on, part by part",
+    "collect": "collect demonstrations with cameras, as a LeRobot dataset",
+    "replay": "play demonstrations again: do they succeed?",
+    "zoo": "write a hundred labelled objects, as untidy as downloads, to insert",
+    "view": "show a scan or a stage: its tree as text, or an image",
+    "report": "show a run, a sweep, an evaluation, a study or a validation report as one page",
+}
+OUTPUTS = ("out", "image", "images", "html", "record")
+"""Keys that name output files and folders."""
+ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")
+"""How an argument begins that is key=value, or removes a key."""
+FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code: 0; 1 for a failed check or a bug; 2 for bad input; 130 if interrupted."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    progress.set_up()
+    progress.log_in_lines("--debug" in arguments)
+    try:
+        return _dispatch(arguments)
+    except progress.Terminated:
+        return _fail("terminated", 128 + signal.SIGTERM)
+    except KeyboardInterrupt:
+        return _fail("interrupted", 130)
+    except CheckFailed:
+        return 1
+    except BrokenPipeError:  # the reader of our output, such as head, has exited
+        sys.stdout = None
+        return 0
+    except Exception as error:
+        if "--debug" in arguments:
+            progress.show(traceback.format_exc(), sys.stderr)
+        if isinstance(error, (InputError, OSError)):
+            return _fail(str(error) + _remedy(error), 2)
+        return _fail(
+            f"{type(error).__name__}: {error}; this is a bug{_unless(arguments)}: report what --debug shows", 1
+        )
+
+
+def _remedy(error: Exception) -> str:
+    """Return what to do about an error of the system, where it does not say it: Warp's cache cannot be written."""
+    name = getattr(error, "filename", None)
+    if isinstance(error, OSError) and isinstance(name, str) and "warp" in Path(name).parts:
+        return "; set WARP_CACHE_PATH to a folder that can be written"
+    return ""
+
+
+def run(command: str, values: dict[str, Any]) -> None:
+    """Run a command with composed values and print its summary; a CheckFailed is printed and raised again."""
+    module = _module(command)
+    settings = config.load(module.Config, values)
+    _refuse_replacing_input(settings)
+    start = time.perf_counter()
+    verdict: CheckFailed | None = None
+    with contextlib.redirect_stdout(StdoutFilter()), errors.required():
+        try:
+            summary = module.run(settings)
+        except CheckFailed as no:
+            verdict, summary = no, str(no)
+    if summary:  # all but the first process of torchrun are silent
+        progress.show(summary)
+    print(f"{command}: {time.perf_counter() - start:.1f} s", file=sys.stderr)
+    if verdict is not None:
+        raise verdict
+
+
+def job(composed: Any) -> None:
+    """Run one job of a sweep; its outputs lie below the job's own folder."""
+    progress.log_in_lines()
+    context = HydraConfig.get()
+    values = config.plain(composed)
+    for key in set(OUTPUTS).intersection(values):
+        place = values[key]
+        if place in (None, config.REQUIRED):
+            continue
+        if Path(place).is_absolute():
+            raise InputError(
+                f"key {key!r} is {place!r}; in a sweep, whose runs would overwrite it, give a relative path"
+            )
+        values[key] = str(Path(context.runtime.output_dir) / place)
+    run(str(context.job.config_name), values)
+
+
+def sweep(command: str, overrides: Sequence[str]) -> None:
+    """Run a command once per combination of the comma-separated values, with Hydra's sweeper and launcher.
+
+    Raises:
+        InputError: an override that cannot be read, or that names an unknown key or option.
+    """
+    # Hydra reads its arguments from sys.argv, and prints errors itself unless asked to raise them.
+    folder, made = _sweep_folder(overrides)
+    sys.argv = ["s2a", "--multirun", "hydra/job_logging=none", *config.opened(overrides), f"hydra.sweep.dir={folder}"]
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    try:
+        hydra.main(config_path=str(config.folder()), config_name=command, version_base="1.3")(job)()
+    except (HydraException, OmegaConfBaseException) as error:
+        raise InputError(config.explain(error, config.keys(config.compose(command)))) from error
+    finally:
+        _overview(command, folder)
+        for empty in (folder, *folder.parents) if made else ():
+            with contextlib.suppress(OSError):  # there are results in it
+                empty.rmdir()
+
+
+def _module(command: str) -> Any:
+    """Import a command.
+
+    Raises:
+        InputError: it needs an extra that is not installed.
+    """
+    # A keyword of Python's names no module that a statement could import.
+    name = f"s2a.commands.{command}{'_' * keyword.iskeyword(command)}"
+    if name in sys.modules:
+        return sys.modules[name]
+    with errors.required(), _uncollected():
+        return importlib.import_module(name)
+
+
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """Keep Python's collector from the objects that are made meanwhile.
+
+    To go through those of torch and Newton, while they are imported and once more at the end, takes half of the ten seconds
+    that a command needs to start and end.
+    """
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+def _refuse_replacing_input(settings: Any) -> None:
+    """Raise an InputError if `out` is an input file, named by another key."""
+    paths = {name: value for name, value in vars(settings).items() if isinstance(value, Path)}
+    out = paths.pop("out", None)
+    for name, path in paths.items():
+        if out is not None and path.is_file() and os.path.realpath(out) == os.path.realpath(path):
+            raise InputError(f"out {str(out)!r} would replace what the key {name!r} names; choose another path")
+
+
+def _sweep_folder(overrides: Sequence[str]) -> tuple[Path, bool]:
+    """Return the folder of a sweep, and whether it was made: the requested one, else a new one with Hydra's naming."""
+    asked = [text.partition("=")[2] for text in overrides if text.startswith("hydra.sweep.dir=")]
+    if asked:
+        return Path(asked[-1]), False
+    first = Path(time.strftime("multirun/%Y-%m-%d/%H-%M-%S"))
+    for number in itertools.count(1):  # another sweep may have begun in the same second
+        folder = first if number == 1 else first.with_name(f"{first.name}-{number}")
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir(parents=True)
+            return folder, True
+    raise AssertionError("there is always another number")
+
+
+def _overview(command: str, folder: Path) -> None:
+    """Print a command's overview of all jobs of a sweep, if it has one."""
+    module = _module(command)
+    if hasattr(module, "overview") and (text := module.overview(folder)):
+        progress.show(text)
+
+
+def _dispatch(arguments: list[str]) -> int:
+    """Run the command, sweep or help text that the arguments select."""
+    flags = [argument for argument in arguments if argument.startswith("-")]
+    command, *overrides = [argument for argument in arguments if not argument.startswith("-")] or [""]
+    if unknown := [flag for flag in flags if flag not in FLAGS]:
+        raise InputError(f"flag {unknown[0]!r} is unknown{config.nearest(unknown[0], FLAGS)}")
+    if "--version" in flags:
+        print(version("s2a"))
+    elif not command:
+        print(usage.general(COMMANDS), end="")
+    elif command not in COMMANDS:
+        raise InputError(f"command {command!r} is unknown{config.nearest(command, COMMANDS)}")
+    elif "--help" in flags or "-h" in flags:
+        print(usage.command(command, COMMANDS[command], _module(command).Config))
+    elif "--multirun" in flags or "-m" in flags:
+        sweep(command, overrides)
+    else:
+        run(command, compose(command, overrides))
+    return 0
+
+
+def compose(command: str, arguments: Sequence[str]) -> dict[str, Any]:
+    """Return a command's values with its arguments: key=value, and words for its key SENTENCE, if it has one.
+
+    Raises:
+        InputError: an argument that cannot be read, an unknown key or option, or several arguments of words.
+    """
+    key = getattr(_module(command), "SENTENCE", None)
+    words = [argument for argument in arguments if key and not ASSIGNMENT.match(argument)]
+    if len(words) > 1:
+        raise InputError(
+            f'{" ".join(words)[:80]!r} are {len(words)} arguments; put the {key} into quotation marks: "..."'
+        )
+    values = config.compose(command, [argument for argument in arguments if argument not in words])
+    return values | ({key: words[0]} if key and words else {})
+
+
+def _unless(arguments: Sequence[str]) -> str:
+    """Name the nested keys that were overridden: not all of their values are validated, so one may be the cause."""
+    tunables = [argument for argument in arguments if "." in argument.partition("=")[0]]
+    return f", unless {' or '.join(tunables)} makes no sense" if tunables else ""
+
+
+def _fail(message: str, code: int) -> int:
+    """Print an error message; return the exit code."""
+    progress.report(message)
+    return code

@@ -1,0 +1,135 @@
+"""Help texts of the command line, generated from the documentation of the configuration classes."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import is_dataclass
+from itertools import takewhile
+from typing import Any, get_args, get_origin, get_type_hints
+
+from s2a.core import config
+from s2a.core.errors import InputError
+
+GENERAL = """\
+usage: s2a <command> key=value ...
+
+{commands}
+
+s2a <command> --help   keys of the command, their defaults and meaning
+-m, --multirun         run once per value of key=a,b; each run writes `out` below its own folder
+--debug                show the traceback of an error
+--version              show the version
+"""
+
+
+def general(commands: Mapping[str, str]) -> str:
+    """Return the help text of the whole command."""
+    return GENERAL.format(commands="\n".join(f"  {command:10}{meaning}" for command, meaning in commands.items()))
+
+
+def command(name: str, meaning: str, cls: type) -> str:
+    """Return the help text of one command: examples, then every key with its default and its meaning."""
+    values = sorted(config.leaves(config.compose(name)), key=lambda leaf: "." in leaf[0])
+    meanings = attributes(cls) | _chosen(cls, config.compose(name))
+    words = getattr(sys.modules[cls.__module__], "SENTENCE", None)
+    first = f'"{words}" ' if words else ""
+    lines = [f"s2a {name} {first}key=value ...: {meaning}", *examples(name), ""]
+    for key, value in values:
+        lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, meanings)}".rstrip())
+    return "\n".join([*lines, *options(name, cls)])
+
+
+def _chosen(cls: type, values: Mapping[str, Any]) -> dict[str, str]:
+    """Read the meaning of the keys of those fields that depend on the values."""
+    found: dict[str, str] = {}
+    for key in values:
+        if chosen := config.note(cls, key, config.Chosen):
+            found |= attributes(chosen.choose(values), f"{key}.")
+        if described := config.note(cls, key, config.Described):
+            found |= {f"{key}.{name}": meaning for name, meaning in described.describe(values).items()}
+    return found
+
+
+def examples(name: str) -> list[str]:
+    """Return the comment at the head of a command's YAML, which shows example calls."""
+    lines = (config.folder() / f"{name}.yaml").read_text().splitlines()
+    return [line.removeprefix("#").rstrip() for line in takewhile(lambda line: line.startswith("#"), lines)]
+
+
+def typed(value: Any) -> str:
+    """Return a value as a user types it: true, null, [1,2]."""
+    if value == config.REQUIRED:
+        return "(required)"
+    if isinstance(value, (list, tuple)):
+        return f"[{','.join(map(typed, value))}]"
+    return json.dumps(value) if value is None or isinstance(value, bool) else f"{value}"
+
+
+def groups(name: str) -> dict[str, list[str]]:
+    """Return the files of the config groups that a command composes from sub-folders, by group."""
+    text = (config.folder() / f"{name}.yaml").read_text()
+    found = re.findall(r"^\s*- (?:override )?/?([\w/]+)(?:@\w+)?: ", text, flags=re.MULTILINE)
+    return {group: sorted(path.stem for path in (config.folder() / group).glob("*.yaml")) for group in found}
+
+
+def options(name: str, cls: type) -> list[str]:
+    """List the options of the config groups of a command: of shared groups those that it can load.
+
+    Args:
+        name: the command.
+        cls: its settings.
+    """
+    found = groups(name)
+    required = [f"{key}=given" for key, value in config.leaves(config.compose(name)) if value == config.REQUIRED]
+    for group, names in found.items():
+        found[group] = [each for each in names if _loads(name, cls, [*required, f"{group}={each}"])]
+    return ["", *(f"  {group}=...  one of: {', '.join(names)}" for group, names in found.items())] if found else []
+
+
+def _loads(name: str, cls: type, overrides: Sequence[str]) -> bool:
+    """Return whether a command can load its settings with overrides."""
+    try:
+        config.load(cls, config.compose(name, overrides))
+    except InputError:
+        return False
+    return True
+
+
+def meaning_of(key: str, meanings: Mapping[str, str]) -> str:
+    """Return the meaning of a dotted key; entries of a dictionary share one under `*`, or that of the whole dictionary."""
+    names = key.split(".")
+    inside = (".".join([*names[:i], "*", *names[i + 1 :]]) for i in range(1, len(names)))
+    return next((meanings[name] for name in (key, *inside, ".".join(names[:-1])) if name in meanings), "")
+
+
+def attributes(cls: type, prefix: str = "") -> dict[str, str]:
+    """Read the meaning of every dotted key from the `Attributes:` of a dataclass and of those inside it.
+
+    What lies in a dictionary of dataclasses is found under the key `*`; the meaning of each key of another dictionary may be an
+    annotation of its type, `Annotated[dict[str, float], {key: meaning}]`. Choices that the text does not name are added to it.
+    """
+    found: dict[str, str] = {}
+    for part in reversed(cls.__mro__[:-1]):
+        section = inspect.cleandoc(part.__doc__ or "").partition("Attributes:\n")[2]
+        entries = re.findall(r"^    (\w+): (.*(?:\n {8,}.*)*)", section, flags=re.MULTILINE)
+        found |= {f"{prefix}{key}": " ".join(text.split()) for key, text in entries}
+    annotated: dict[str, Any] = get_type_hints(cls, include_extras=True)
+    for key, kind in get_type_hints(cls).items():
+        for meanings in (note for note in get_args(annotated[key])[1:] if isinstance(note, Mapping)):
+            found |= {f"{prefix}{key}.{name}": meaning for name, meaning in meanings.items()}
+        if text := found.get(f"{prefix}{key}"):
+            found[f"{prefix}{key}"] = _with_choices(text, config.expected(kind))
+        inner, path = (get_args(kind)[1], f"{key}.*") if get_origin(kind) is dict else (kind, key)
+        if isinstance(inner, type) and is_dataclass(inner):
+            found |= attributes(inner, f"{prefix}{path}.")
+    return found
+
+
+def _with_choices(text: str, expected: str) -> str:
+    """Return the meaning of a key with what it may be ("one of: a, b, or null"), unless the text names all of that."""
+    choices = expected.partition("one of: ")[2].removesuffix(", or null").split(", ")
+    return text if all(choice in text for choice in choices) else f"{text.rstrip('.')}; {expected}."

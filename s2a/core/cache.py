@@ -1,0 +1,115 @@
+"""Results that take seconds, kept by what they were made of: the same surfaces, settings and code give the same result.
+
+Entries lie below ~/.cache/s2a, or $S2A_CACHE; any of them may be deleted at any time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from s2a.scene.scene import Mesh
+
+Arrays = dict[str, np.ndarray]
+UNREADABLE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+"""What reading a damaged or foreign entry raises."""
+
+
+def folder() -> Path:
+    """Return where entries lie."""
+    return Path(os.environ.get("S2A_CACHE") or Path.home() / ".cache" / "s2a")
+
+
+def recall(kind: str, of: Sequence[Mesh | np.ndarray | str], make: Callable[[], Mapping[str, np.ndarray]]) -> Arrays:
+    """Return named arrays from the cache, or make them and keep them.
+
+    An entry that cannot be read is made again, and one that cannot be written is not kept. Several processes may write
+    the same entry at once: each writes aside and renames.
+
+    Args:
+        kind: what is made; entries of one kind lie in a folder of that name.
+        of: all that the result depends on, beside the code.
+        make: makes it.
+    """
+    found = find(kind, of)
+    if found is None:
+        found = dict(make())
+        keep(kind, of, found)
+    return found
+
+
+def find(kind: str, of: Sequence[Mesh | np.ndarray | str]) -> Arrays | None:
+    """Return an entry of the cache; None where there is none that can be read."""
+    try:
+        with np.load(_path(kind, of), allow_pickle=False) as entry:
+            return dict(entry)
+    except UNREADABLE:
+        return None
+
+
+def keep(kind: str, of: Sequence[Mesh | np.ndarray | str], made: Mapping[str, np.ndarray]) -> None:
+    """Keep an entry in the cache, if it can be written."""
+    _keep(_path(kind, of), dict(made))
+
+
+def key(of: Sequence[Mesh | np.ndarray | str]) -> str:
+    """Return the digest of meshes, arrays and words, in their order, and of the code that works on them."""
+    digest = hashlib.blake2b(_code(), digest_size=20)
+    for item in of:
+        arrays = [item.vertices, item.faces, item.colors] if isinstance(item, Mesh) else [item]
+        for value in arrays:
+            array = np.ascontiguousarray(value) if isinstance(value, np.ndarray) else np.array(str(value))
+            digest.update(f"{array.dtype} {array.shape} ".encode())
+            digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def pack(meshes: Sequence[Mesh]) -> Arrays:
+    """Return meshes as named arrays."""
+    arrays: Arrays = {"count": np.array(len(meshes))}
+    for k, mesh in enumerate(meshes):
+        arrays |= {f"vertices_{k}": mesh.vertices, f"faces_{k}": mesh.faces}
+        arrays |= {} if mesh.colors is None else {f"colors_{k}": mesh.colors}
+    return arrays
+
+
+def unpack(arrays: Mapping[str, np.ndarray]) -> list[Mesh]:
+    """Return the meshes that `pack` packed."""
+    names = [[f"{name}_{k}" for name in ("vertices", "faces", "colors")] for k in range(int(arrays["count"]))]
+    return [Mesh(arrays[v], arrays[f], arrays.get(c)) for v, f, c in names]
+
+
+def _path(kind: str, of: Sequence[Mesh | np.ndarray | str]) -> Path:
+    return folder() / kind / f"{key(of)}.npz"
+
+
+def _keep(path: Path, arrays: Arrays) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+            try:
+                np.savez(file, **arrays)  # type: ignore[arg-type]
+                file.close()
+                os.replace(file.name, path)
+            except BaseException:
+                os.unlink(file.name)
+                raise
+    except OSError:
+        return  # a full or read-only disk costs time, not the result
+
+
+@cache
+def _code() -> bytes:
+    """Return the digest of the modules that make what is kept: other code, other results."""
+    package = Path(__file__).parent
+    digest = hashlib.blake2b()
+    for path in sorted(path for name in ("prepare", "geometry", "robot") for path in (package / name).rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.digest()

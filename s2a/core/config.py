@@ -1,0 +1,273 @@
+"""Values from the YAML tree and the command line -> frozen dataclasses, strictly.
+
+The tree `conf/` holds every value once and mirrors the package; a frozen dataclass without defaults, beside the code
+that uses it, holds the names, types, units and meaning. `load` joins the two: a key that is missing, unknown or of
+another type is an error, and so is a value outside the bounds of its type (`s2a.core.bounds`).
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+import dacite
+from hydra import compose as hydra_compose
+from hydra import initialize_config_dir
+from hydra.errors import HydraException, MissingConfigException, OverrideParseException
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from s2a.core import aliases, bounds
+from s2a.core.errors import InputError
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Annotation of a field whose dataclass depends on the values: `Annotated[Base, Chosen(choose)]`.
+
+    Attributes:
+        choose: all plain values -> the field's dataclass, a subclass of its type.
+    """
+
+    choose: Callable[[Mapping[str, Any]], type]
+
+
+@dataclass(frozen=True)
+class Described:
+    """Annotation of a dictionary field whose keys depend on the values: `Annotated[dict[str, float], Described(describe)]`.
+
+    Attributes:
+        describe: all plain values -> the meaning of each possible key.
+    """
+
+    describe: Callable[[Mapping[str, Any]], Mapping[str, str]]
+
+
+REQUIRED = "???"
+"""Placeholder of a value without a default in a YAML file."""
+
+
+def folder() -> Path:
+    """Return the folder of the YAML tree: inside the installed package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parent
+    return package / "conf" if (package / "conf").is_dir() else package.parent / "conf"
+
+
+def compose(name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """Compose `conf/<name>.yaml` with `key=value` overrides in Hydra's grammar.
+
+    Returns:
+        Plain nested dictionaries, interpolations resolved; `???` stays where a required value was not given.
+
+    Raises:
+        InputError: an override that cannot be read, or that names an unknown key or option.
+    """
+    with initialize_config_dir(str(folder()), version_base="1.3"):
+        try:
+            return plain(hydra_compose(name, opened(overrides)))
+        except (HydraException, OmegaConfBaseException, ValueError) as error:
+            raise InputError(explain(error, keys(plain(hydra_compose(name), resolve=False)))) from error
+
+
+def file(name: str) -> dict[str, Any]:
+    """Return the values of one file of the tree, `conf/<name>.yaml`; unlike `compose`, also inside of a Hydra job."""
+    return plain(OmegaConf.load(folder() / f"{name}.yaml"))
+
+
+def plain(config: Any, resolve: bool = True) -> dict[str, Any]:
+    """Turn a composed Hydra configuration into nested dictionaries; required values without a value stay `???`.
+
+    Args:
+        config: the DictConfig.
+        resolve: Replace interpolations by their values.
+    """
+    return dict(OmegaConf.to_container(config, resolve=resolve))  # type: ignore[arg-type]
+
+
+def load(cls: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
+    """Build a frozen dataclass from plain nested dictionaries: every key known, present, of its type, in its range.
+
+    Lists become tuples, strings become paths and integers become floats where the dataclass says so.
+
+    Raises:
+        InputError: naming the key, the value, and what is possible.
+    """
+    if missing := [key for key, value in leaves(values) if value == REQUIRED]:
+        raise InputError(f"key {prefix + missing[0]!r} has no value; give {prefix}{missing[0]}=...")
+    values = {key: _chosen(cls, key, value, values) for key, value in values.items()}
+    rules = dacite.Config(strict=True, type_hooks={float: _float, int: _int, Path: _path})
+    try:
+        loaded = dacite.from_dict(cls, _tuples(values), rules)
+    except dacite.WrongTypeError as error:
+        key, given = f"{prefix}{error.field_path}", _given(values, error)
+        raise InputError(f"key {key!r} is {given!r}; expected {expected(error.field_type)}") from error
+    except dacite.MissingValueError as error:
+        key = f"{prefix}{error.field_path}"
+        raise InputError(f"key {key!r} is missing; give +{key}=...") from error
+    except dacite.UnexpectedDataError as error:
+        name = sorted(error.keys)[0]
+        raise InputError(_unknown(name, [key for key in keys(values) if name not in key.split(".")])) from error
+    bounds.check(cls, loaded, prefix.removesuffix("."))
+    return loaded
+
+
+N = TypeVar("N", Chosen, Described)
+
+
+def note(cls: type, key: str, kind: type[N]) -> N | None:
+    """Return the annotation of a field that depends on the values; None for any other."""
+    hint = get_type_hints(cls, include_extras=True).get(key)
+    return next((found for found in get_args(hint)[1:] if isinstance(found, kind)), None)
+
+
+def _chosen(cls: type, key: str, value: Any, values: Mapping[str, Any]) -> Any:
+    """Return a field's value, loaded where its dataclass depends on the values; InputError for a key that nothing describes."""
+    if not isinstance(value, Mapping):
+        return value
+    if (described := note(cls, key, Described)) and (
+        unknown := set(value).difference(known := described.describe(values))
+    ):
+        raise InputError(_unknown(f"{key}.{min(unknown)}", [f"{key}.{name}" for name in known]))
+    found = note(cls, key, Chosen)
+    return load(found.choose(values), value, f"{key}.") if found else value
+
+
+def opened(overrides: Sequence[str]) -> list[str]:
+    """Return overrides that may add keys to those dictionaries whose keys are not all listed: reward terms."""
+    return [f"++{text}" if text.startswith("reward.") else text for text in overrides]
+
+
+def leaves(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    """List the dotted key and the value of everything that is not a dictionary."""
+    found: list[tuple[str, Any]] = []
+    for key, value in values.items():
+        nested = isinstance(value, Mapping)
+        found += leaves(value, f"{prefix}{key}.") if nested else [(f"{prefix}{key}", value)]
+    return found
+
+
+def keys(values: Mapping[str, Any]) -> list[str]:
+    """List the dotted keys of everything that can be overridden."""
+    return [key for key, _ in leaves(values)]
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return the end of an error message: the known names closest to a mistyped one, or all where none is close."""
+    known = list(known)
+    close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+    return f"; did you mean: {', '.join(close)}" if close else f"; known: {', '.join(known)}"
+
+
+def explain(error: Exception, known: Iterable[str]) -> str:
+    """Turn an error of Hydra or OmegaConf about the overrides into one line.
+
+    Args:
+        error: their exception.
+        known: the keys that can be overridden.
+    """
+    text = str(error)
+    if isinstance(error, OverrideParseException):
+        return f"{error.override!r} is not key=value; quote a value with special characters: 'key=\"value\"'"
+    if isinstance(error, MissingConfigException) and error.options:
+        group, _, option = str(error.missing_cfg_file).rpartition("/")
+        if now := aliases.OPTIONS.get((group, option)):
+            return f"key {group!r} is {option!r}; that option is now {now!r}"
+        return f"key {group!r} is {option!r}{nearest(option, error.options)}"
+    if found := re.search(r"Could not override '([^']+)'|Key '([^']+)' is not in struct", text):
+        return _unknown(found[1] or found[2], list(known))
+    if found := re.search(r"Missing mandatory value: (\S+)", text):
+        return f"key {found[1]!r} has no value; give {found[1]}=..."
+    if found := re.search(r"Ambiguous value for argument '([^']+)'", text):
+        return f"{found[1]!r} gives several values; write key=[a,b] for a list, or add -m to run once with each"
+    return " ".join(text.split())
+
+
+def _unknown(name: str, known: list[str]) -> str:
+    """Return the message about a key that does not exist: its present name, if it has been renamed, or the closest ones."""
+    if renamed := aliases.current(name, known):
+        return f"key {name!r} is now {renamed!r}"
+    return f"key {name!r} is unknown{_nearest_key(name, known)}"
+
+
+def _nearest_key(name: str, known: list[str]) -> str:
+    """Return the end of an error message: keys that end as a mistyped one does or nearly so, else those of its group."""
+    group, _, last = name.rpartition(".")
+    ends = [key.rpartition(".")[2] for key in known]
+    meant = [last] if last in ends else difflib.get_close_matches(last, ends, n=3, cutoff=0.8)
+    found = [key for key, end in zip(known, ends, strict=True) if end in meant]
+    if found:  # those of its own group first
+        return f"; did you mean: {', '.join(sorted(found, key=lambda key: key.rpartition('.')[0] != group)[:3])}"
+    beside = _beside(group, known)
+    close = difflib.get_close_matches(last, beside, n=3, cutoff=0.5)
+    if close:
+        return f"; did you mean: {', '.join(beside[each] for each in close)}"
+    return f"; known: {', '.join(beside.values())}"
+
+
+def _beside(group: str, known: list[str]) -> dict[str, str]:
+    """Return what lies in a group of keys, or in the innermost around it that there is: the last parts, and keys or `group.*`.
+
+    A command has hundreds of keys: of a group inside the group its name is enough.
+    """
+    while group and not any(key.startswith(f"{group}.") for key in known):
+        group = group.rpartition(".")[0]
+    start = f"{group}." if group else ""
+    inside = [key.removeprefix(start).partition(".") for key in known if key.startswith(start)]
+    return {first: f"{start}{first}{dot and '.*'}" for first, dot, _ in inside}
+
+
+def expected(kind: Any) -> str:
+    """Describe a type of a dataclass field to a user."""
+    if get_origin(kind) is Literal:
+        return "one of: " + ", ".join(map(str, get_args(kind)))
+    if type(None) in get_args(kind):
+        return " or ".join(expected(option) for option in get_args(kind) if option is not type(None)) + ", or null"
+    names = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
+    if get_origin(kind) is tuple:
+        first, *others = get_args(kind)
+        if others and all(other is first for other in others) and first in names:
+            return f"a list of {1 + len(others)} {names[first].removeprefix('a ')}s"
+        inner = [option for option in get_args(kind) if option is not Ellipsis]
+        more = ["..."] if len(inner) < len(get_args(kind)) else []
+        return f"a list [{', '.join([*map(expected, inner), *more])}]"
+    return names.get(kind, str(kind).replace("pathlib.", ""))
+
+
+def _given(values: Mapping[str, Any], error: dacite.WrongTypeError) -> Any:
+    """Return the offending value as the user gave it; dacite pads a list that is too short."""
+    return dict(leaves(values)).get(str(error.field_path), error.value)
+
+
+def _tuples(value: Any) -> Any:
+    """Copy nested values with every list as a tuple, for frozen dataclasses."""
+    if isinstance(value, Mapping):
+        return {key: _tuples(inner) for key, inner in value.items()}
+    return tuple(map(_tuples, value)) if isinstance(value, (list, tuple)) else value
+
+
+def _float(value: Any) -> Any:
+    _refuse_bool(value, float)
+    return float(value) if isinstance(value, int) else value
+
+
+def _int(value: Any) -> Any:
+    _refuse_bool(value, int)
+    return value
+
+
+def _path(value: Any) -> Any:
+    if value == "":  # pathlib takes it for the current folder
+        raise dacite.WrongTypeError(Path, value)
+    return Path(str(value)).expanduser() if isinstance(value, (str, int)) and not isinstance(value, bool) else value
+
+
+def _refuse_bool(value: Any, kind: type) -> None:
+    """Raise for true and false, which are numbers in Python."""
+    if isinstance(value, bool):
+        raise dacite.WrongTypeError(kind, value)

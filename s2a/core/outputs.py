@@ -1,0 +1,217 @@
+"""Atomic outputs: written to a temporary sibling, then renamed."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import glob
+import os
+import shutil
+import stat
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from s2a.core.errors import InputError
+
+MARK = "s2a-"
+"""By which folders beside outputs are known as ours."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What a full disk answers."""
+ATTEMPTS = 50
+PART = ".part"
+"""Ending of a file that is being written by `replace_file`."""
+
+
+def refuse_loss(path: Path, earlier: str, read: Iterable[Path]) -> None:
+    """Raise an InputError if writing a folder would delete foreign files, or inputs that are still needed.
+
+    Args:
+        path: the folder to write.
+        earlier: a file in it by which an earlier output is known, which may be replaced.
+        read: files that are still needed.
+    """
+    _refuse_foreign(path, earlier)
+    for file in read:
+        if Path(os.path.realpath(path)) in Path(os.path.realpath(file)).parents:
+            raise InputError(f"out {str(path)!r} would be replaced with {str(file)!r} in it; choose another path")
+
+
+@contextmanager
+def full_disk_reported(path: Path) -> Iterator[None]:
+    """Raise an InputError that names an output where the block fails because the disk is full; other errors as they are."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in FULL and "requested and" not in str(error):  # the latter is NumPy's
+            raise
+        reason = error.strerror or "the disk is full"
+        raise InputError(f"{path}: cannot be written: {reason}; free some space, or choose another path") from error
+
+
+@contextmanager
+def atomic_write(path: Path, earlier: str | None = None) -> Iterator[Path]:
+    """Yield a temporary path of the same name; when the block succeeds, rename it to `path`.
+
+    When it fails, the temporary path is deleted and an earlier output at `path` stays unchanged.
+
+    Args:
+        path: the file or folder to write.
+        earlier: where `path` is a folder, a file in it by which an earlier output is known, which may be replaced.
+
+    Raises:
+        InputError: a file is to be written where a folder is, or a folder where a file is, or one that is neither empty nor an
+            earlier output; one from the block names `path`.
+    """
+    _refuse_foreign(path, earlier)
+    made = _make_parents(path)
+    try:
+        with full_disk_reported(path):
+            yield from _replacing(path)
+        made = []
+    finally:
+        for folder in made:
+            with suppress(OSError):  # somebody else's file is in it
+                folder.rmdir()
+
+
+def _replacing(path: Path) -> Iterator[Path]:
+    with temporary_folder(path) as room:
+        try:
+            yield room / path.name
+        except InputError as error:
+            raise InputError(str(error).replace(str(room / path.name), str(path))) from error
+        _swap(room, path)
+
+
+def replace_file(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file under another name first, ending in PART, so that it is there whole or not at all.
+
+    For one of many in a folder of ours: unlike `atomic_write` it neither looks for what others left nor keeps them out.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + PART)
+    with full_disk_reported(path):
+        try:
+            write(part)
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+@contextmanager
+def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
+    """Yield a new folder, and delete it afterwards; delete those that killed processes have left there, too.
+
+    Args:
+        beside: the folder is made beside this path; None: in the system's folder for temporary files.
+    """
+    beside = beside or Path(tempfile.gettempdir(), "s2a")
+    _remove_leftovers(beside)
+    room, lock = _locked_folder(beside)
+    try:
+        yield room
+    finally:
+        shutil.rmtree(room)
+        os.close(lock)
+
+
+def require_png(path: Path) -> None:
+    """Raise an InputError unless the file that the key `image` names ends in .png."""
+    if path.suffix.lower() != ".png":
+        raise InputError(f"key 'image' is {str(path)!r}; expected a PNG file: give image=FILE.png")
+
+
+def _locked_folder(path: Path) -> tuple[Path, int]:
+    """Make a folder beside `path`; return it, and a descriptor that keeps it locked for as long as this process lives."""
+    new = tempfile.mkdtemp(prefix=f".{MARK}", dir=path.parent)
+    lock = os.open(new, os.O_RDONLY)
+    with suppress(OSError):  # file systems without locks
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    room = path.parent / f".{path.name}.{MARK}{new[-8:]}"
+    os.rename(new, room)
+    return room, lock
+
+
+def _remove_leftovers(path: Path) -> None:
+    """Remove what processes that were killed have left beside `path`: folders of ours that nobody has locked."""
+    for folder in path.parent.glob(f".{glob.escape(path.name)}.{MARK}????????"):
+        with suppress(OSError):
+            lock = os.open(folder, os.O_RDONLY)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(lock)
+
+
+def _refuse_foreign(path: Path, earlier: str | None) -> None:
+    """Raise if `path` is of the other kind, or replacing it would delete files that are not ours."""
+    remedy = "choose another path or delete it yourself"
+    whole, here = Path(os.path.realpath(path)), Path(os.path.realpath(os.curdir))
+    if whole == here or whole in here.parents:
+        raise InputError(f"out {str(path)!r} is the current folder, or one above it; name a file or a folder in it")
+    try:
+        is_folder = stat.S_ISDIR(path.stat().st_mode)  # asked once: another process may be replacing it
+    except OSError:  # not there, or a loop of links
+        return
+    if earlier is None and is_folder:
+        raise InputError(f"out {str(path)!r} is a folder where a file should be written; {remedy}")
+    if earlier is not None and not is_folder:
+        raise InputError(f"out {str(path)!r} is a file where a folder should be written; {remedy}")
+    if earlier is not None and all(_holds_others(path, earlier) for _ in range(3)):
+        raise InputError(f"out {str(path)!r} is not empty and has no {earlier} as an earlier output would; {remedy}")
+
+
+def _holds_others(path: Path, earlier: str) -> bool:
+    """Return True for a folder with files, but no earlier output; also for a moment while one is being replaced."""
+    try:
+        if not any(path.iterdir()) or (path / earlier).exists():
+            return False
+    except FileNotFoundError:
+        return False
+    time.sleep(0.02)
+    return True
+
+
+def _make_parents(path: Path) -> list[Path]:
+    """Make the folder that `path` lies in; return what had to be made, deepest first."""
+    made = [folder for folder in path.parents if not folder.exists()]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise InputError(f"out {str(path)!r} lies below something that is not a folder: {error.filename!r}") from error
+    return made
+
+
+def _swap(room: Path, path: Path) -> None:
+    """Put room/<name> where `path` was; an earlier folder steps into the room, and comes back if that fails.
+
+    Of several that write the same folder at once, each finds another's from time to time, and tries again.
+    """
+    for left in reversed(range(ATTEMPTS)):
+        try:
+            if not path.is_dir():
+                os.replace(room / path.name, path)
+            else:
+                _swap_folder(room, path)
+            return
+        except OSError as error:
+            if not left or error.errno not in (errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST):
+                raise
+            time.sleep(0.01)
+
+
+def _swap_folder(room: Path, path: Path) -> None:
+    old = room / "earlier"
+    if old.exists():
+        shutil.rmtree(old)
+    os.replace(path, old)
+    try:
+        os.replace(room / path.name, path)
+    except BaseException:
+        if not path.exists():
+            os.replace(old, path)
+        raise

@@ -1,0 +1,91 @@
+"""Progress bars, warnings as lines, and text without control characters, for a terminal."""
+
+from __future__ import annotations
+
+import io
+import logging
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Iterable, Iterator
+from typing import Any, TextIO, TypeVar
+
+from s2a.core.errors import printable
+
+T = TypeVar("T")
+
+
+def track(items: Iterable[T], description: str, total: int | None = None) -> Iterator[T]:
+    """Yield the items with a progress bar and the remaining time, if stderr is a terminal.
+
+    Args:
+        items: items of the loop.
+        description: caption of the bar.
+        total: number of items; needed only where `len(items)` is not known.
+    """
+    # Rich costs 0.1 s to import, which commands that finish at once should not pay.
+    from rich.console import Console
+    from rich.progress import track as bar
+
+    console = Console(stderr=True)
+    yield from bar(items, description, total, console=console, transient=True, disable=not console.is_terminal)
+
+
+class StdoutFilter(io.TextIOBase):
+    """A stdout that drops what libraries print, such as Warp's report of every kernel module that it loads."""
+
+    def __init__(self) -> None:
+        self._reported = False
+
+    def write(self, text: str) -> int:
+        """Drop the text; report once, on stderr, that kernels are being compiled."""
+        if "(compiled)" in text and not self._reported:
+            sys.stderr.write("s2a: compiling kernels for this machine; later runs find them in Warp's cache\n")
+            self._reported = True
+        return len(text)
+
+
+class Terminated(KeyboardInterrupt):
+    """Somebody ended this process: timeout, Slurm, or a user with kill."""
+
+
+def set_up() -> None:
+    """Show letters that the terminal does not know by their numbers; let SIGTERM and SIGHUP clean up as an interrupt does."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, _stop)
+
+
+def show(text: str, stream: TextIO | None = None) -> None:
+    """Print lines, on stdout by default; they may hold the words of a file or of an endpoint."""
+    print("\n".join(map(printable, text.split("\n"))), file=stream or sys.stdout)
+
+
+def report(message: str) -> None:
+    """Print a message as one line on stderr."""
+    show(f"s2a: {' '.join(message.split())}", sys.stderr)
+
+
+def log_in_lines(debug: bool = False) -> None:
+    """Print logged warnings; hide Python's own warnings, which are for developers, unless `--debug` or -W asks for them."""
+    root = logging.getLogger()
+    if not any(isinstance(handler, _Lines) for handler in root.handlers):
+        root.addHandler(_Lines(logging.WARNING))
+    if not debug and not sys.warnoptions:
+        warnings.simplefilter("ignore")
+
+
+class _Lines(logging.Handler):
+    """Writes each log record to stderr as one line."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        report(f"{record.levelname.lower()}: {record.getMessage()}")
+
+
+def _stop(number: int, frame: Any) -> None:
+    raise Terminated

@@ -1,0 +1,190 @@
+"""Independent pieces of work, shared between this process and helpers of its own.
+
+What comes out does not depend on how many helpers there are. Those of all commands on a machine together are fewer than its
+cores, so that commands side by side do not slow each other down. Helpers end when this process does, also when it is killed.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import multiprocessing
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from types import ModuleType
+from typing import TypeVar
+
+import numpy as np
+
+from s2a.core import cache
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+Shared = TypeVar("Shared")
+
+
+def spread(
+    work: Callable[[Shared, Item], Result],
+    shared: Shared,
+    items: Sequence[Item],
+    few: int = 1,
+    meanwhile: Callable[[], object] | None = None,
+) -> Iterator[Result]:
+    """Yield `work(shared, item)` of each item, in their order.
+
+    Helpers begin with the first items; this process does `meanwhile`, and then takes the last ones from them.
+
+    Args:
+        work: a function of a module, that helpers can import.
+        shared: what all the work needs; sent to each helper once.
+        items: the work.
+        few: no helper is started for so many items: they are done before it has started.
+        meanwhile: other work for this process.
+    """
+    with _spare_cores(len(items) - few) as helpers:
+        if not helpers:
+            if meanwhile is not None:
+                meanwhile()
+            yield from (work(shared, item) for item in items)
+            return
+        with _pool(helpers, shared) as pool:
+            with _hidden_main():
+                futures = [pool.submit(_in_helper, work, item) for item in items]
+            if meanwhile is not None:
+                meanwhile()
+            own = _taken_back(work, shared, items, futures)
+            for k, future in enumerate(futures):
+                yield own[k] if k in own else future.result()
+
+
+def _taken_back(
+    work: Callable[[Shared, Item], Result], shared: Shared, items: Sequence[Item], futures: Sequence[Future[Result]]
+) -> dict[int, Result]:
+    """Return the results of the last items, by their index, which no helper had begun."""
+    return {k: work(shared, items[k]) for k in reversed(range(len(items))) if futures[k].cancel()}
+
+
+@contextmanager
+def _pool(helpers: int, shared: object) -> Iterator[ProcessPoolExecutor]:
+    """Return helper processes; they are ended at once when the context is left, whether or not they are at work."""
+    # Processes start afresh: a forked one would share Warp's threads and locks.
+    context = multiprocessing.get_context("spawn")
+    lifeline, held = context.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(helpers, context, _begin, (lifeline, shared))
+    try:
+        yield pool
+    finally:
+        held.close()
+        pool.shutdown(cancel_futures=True)
+        lifeline.close()
+
+
+@contextmanager
+def _hidden_main() -> Iterator[None]:
+    """Hide the main module from helpers that start: each would run it, which a script without a guard does not expect."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+_given: list = []
+"""In a helper: what all its work needs."""
+
+
+def _begin(lifeline: Connection, shared: object) -> None:
+    """Keep in a helper what all its work needs; end it once the other end of its lifeline is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal interrupts helpers too, but their work is ended for them
+    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
+    logging.disable(logging.WARNING)
+    _given.append(shared)
+
+
+def _end_with(lifeline: Connection) -> None:
+    lifeline.poll(None)
+    os._exit(1)
+
+
+def _in_helper(work: Callable[[Shared, Item], Result], item: Item) -> Result:
+    return work(_given[0], item)
+
+
+@contextmanager
+def _spare_cores(limit: int) -> Iterator[int]:
+    """Claim cores for helpers, at most so many, that no other command's helpers have claimed; yield their number.
+
+    The claims are locks on files beside the cache, one for each core but the first that this process may use; they end with
+    this process. None claims more than half of the cores, and of several processes that torchrun started on this machine each
+    its share, or the first would leave the others to work alone.
+    """
+    claims: list[int] = []
+    try:
+        cores = sorted(os.sched_getaffinity(0))
+        limit = min(limit, max(1, len(cores) // max(2, int(os.environ.get("LOCAL_WORLD_SIZE", "1")))))
+        for core in cores[1:]:
+            if len(claims) >= limit:
+                break
+            if (claim := _claim(core)) is not None:
+                claims.append(claim)
+        yield len(claims)
+    finally:
+        for claim in claims:
+            os.close(claim)
+
+
+def _claim(core: int) -> int | None:
+    """Return the descriptor that holds a core's lock; None where another process holds it, or none can be made."""
+    path = cache.folder() / "cores" / f"{socket.gethostname()}-{core}"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        claim = os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(claim)
+        return None
+    return claim
+
+
+CHUNKS_PER_CORE = 8
+"""Few enough to keep the overhead small, enough to balance the load."""
+MIN_ITEMS = 10_000
+"""Smallest chunk that is worth a launch of its own."""
+
+
+def in_parallel(work: Callable[..., Result], *arguments: Iterable) -> list[Result]:
+    """Return what `map` would, from threads; what is raised in one is raised here.
+
+    The first call is made before threads begin. It loads the kernel, which two threads must not do at once, and leaves the
+    processor's vector registers as kernels want them: threads inherit those of the thread that starts them, and after some
+    of NumPy's routines kernels took twice the time.
+    """
+    calls = list(zip(*arguments, strict=True))
+    results = [work(*call) for call in calls[:1]]
+    if len(calls) > 1:
+        with ThreadPoolExecutor(count()) as pool:
+            results += pool.map(lambda call: work(*call), calls[1:])
+    return results
+
+
+def count() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def chunks(length: int) -> list[slice]:
+    """Split a range of items into chunks for all cores: at least one, none empty unless there are no items."""
+    number = int(np.clip(length // MIN_ITEMS, 1, CHUNKS_PER_CORE * count()))
+    ends = np.linspace(0, length, number + 1).astype(int).tolist()
+    return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]

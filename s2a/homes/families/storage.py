@@ -1,0 +1,147 @@
+"""Storage of living rooms, bedrooms and halls.
+
+Ranges: wardrobes 0.6 to 2.5 m wide, 0.55 to 0.65 m deep, 1.8 to 2.4 m high (choicewardrobe.co.uk), hinged doors 0.4 to 0.7 m
+wide (almara.com.au); TV benches 1.0 to 1.5 m wide and wider, 0.35 to 0.5 m deep, 0.4 to 0.65 m high (omnisizes.com,
+marvinbucknell.co.uk, home-and-garden.pro). Chests 0.4 to 1.6 m wide, 0.38 to 0.5 m deep and 0.55 to 1.3 m high are common
+sizes around two that were opened (IKEA Malm: 0.80 x 0.48 x 0.78 m, robotics-handbook.net; 0.80 x 1.23 m, 1010uzu.com). Common
+sizes: nightstands, sideboards, vitrines, shelves, shoe cabinets.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from s2a.homes.casework import CabinetBase, Cell, Column, cabinet, column
+from s2a.homes.draw import chance, integer, pick, uniform
+from s2a.homes.fittings import Opening, Style
+from s2a.homes.solids import Piece
+
+CAP = (0.016, 0.03)
+"""Thickness of a top board [m]."""
+
+
+def _base(rng: np.random.Generator, legs: tuple[float, float] = (0.06, 0.2), things: int = 4) -> CabinetBase:
+    """Return legs or a plinth, and a top board."""
+    on_legs = chance(rng, 0.5)
+    height = uniform(rng, legs if on_legs else (0.04, 0.1))
+    return CabinetBase("legs" if on_legs else "plinth", height, uniform(rng, CAP), integer(rng, 0, things))
+
+
+def _rows(rng: np.random.Generator, count: int) -> tuple[tuple[float, str], ...]:
+    """Return drawers one above the other, often lower ones higher, from below."""
+    lowest = uniform(rng, (1.0, 1.5))
+    return tuple((float(s), "drawer") for s in np.linspace(lowest, 1.0, count))
+
+
+def chest(rng: np.random.Generator, style: Style) -> Piece:
+    """Return a chest of one to three columns of drawers."""
+    width, depth, height = uniform(rng, (0.4, 1.6)), uniform(rng, (0.38, 0.5)), uniform(rng, (0.55, 1.3))
+    columns = 1 + (width > 0.8) * int(chance(rng, 0.75)) + (width > 1.4)
+    count = max(2, round(height / uniform(rng, (0.17, 0.3))))
+    each = tuple(column(1.0, *_rows(rng, count)) for _ in range(columns))
+    return cabinet(rng, "chest of drawers", (depth, width, height), each, style, _base(rng))
+
+
+def nightstand(rng: np.random.Generator, style: Style) -> Piece:
+    """Return a nightstand: one to three drawers, or a drawer or a door with an open compartment."""
+    size = uniform(rng, (0.34, 0.46)), uniform(rng, (0.36, 0.6)), uniform(rng, (0.42, 0.68))
+    door = (1.2, pick(rng, ("left", "right")))
+    plans = (
+        _rows(rng, integer(rng, 1, 3)),
+        ((1.3, "open"), (1.0, "drawer")),
+        ((1.0, "drawer"), (0.9, "open")),
+        (door, (0.7, "drawer")),
+    )
+    return cabinet(rng, "nightstand", size, (column(1.0, *pick(rng, plans)),), style, _base(rng, (0.08, 0.25), 2))
+
+
+def sideboard(rng: np.random.Generator, style: Style) -> Piece:
+    """Return a low cabinet with doors and drawers in two to four columns."""
+    size = uniform(rng, (0.36, 0.5)), uniform(rng, (1.0, 2.2)), uniform(rng, (0.65, 0.95))
+    count = max(2, round(size[1] / uniform(rng, (0.42, 0.6))))
+    each = [_mixed(rng) for _ in range(count)]
+    each[integer(rng, 0, count - 1)] = column(1.0, *_rows(rng, integer(rng, 3, 4)))
+    return cabinet(rng, "sideboard", size, tuple(each), style, _base(rng, (0.1, 0.22)))
+
+
+def _mixed(rng: np.random.Generator) -> Column:
+    """Return a column with a door, a drawer above a door, an open shelf, or drawers."""
+    door = (2.5, pick(rng, ("left", "right")))
+    return column(
+        uniform(rng, (0.9, 1.2)), *pick(rng, ((door,), (door, (1.0, "drawer")), ((1.0, "open"),), _rows(rng, 3)))
+    )
+
+
+def tv_bench(rng: np.random.Generator, style: Style) -> Piece:
+    """Return a low bench with drawers, flaps and open compartments."""
+    size = uniform(rng, (0.36, 0.5)), uniform(rng, (0.9, 2.2)), uniform(rng, (0.4, 0.62))
+    count = max(2, round(size[1] / uniform(rng, (0.45, 0.7))))
+    kinds = (((1.0, "drawer"),), ((1.0, "down"),), ((1.0, "open"),), ((1.0, "drawer"), (0.8, "open")), ((1.0, "up"),))
+    each = [column(uniform(rng, (0.9, 1.2)), *pick(rng, kinds)) for _ in range(count)]
+    each[0] = column(1.0, (1.0, "drawer"))
+    base = replace(_base(rng, (0.06, 0.16)), clutter=integer(rng, 0, 2))
+    return cabinet(rng, "tv stand", size, tuple(each), style, base)
+
+
+def vitrine(rng: np.random.Generator, style: Style) -> Piece:
+    """Return a tall cabinet with glazed doors above drawers or wooden doors."""
+    size = uniform(rng, (0.34, 0.45)), uniform(rng, (0.5, 1.1)), uniform(rng, (1.4, 2.05))
+    kind = "pair" if size[1] > 0.65 else pick(rng, ("left", "right"))
+    glass = Cell(uniform(rng, (2.0, 3.0)), Opening(kind, panel="glazed"))
+    below = pick(
+        rng, ((Cell(1.0, Opening(kind, panel="framed")),), (Cell(0.5, Opening("drawer")), Cell(0.5, Opening("drawer"))))
+    )
+    return cabinet(rng, "cabinet", size, (Column(1.0, (*below, glass)),), style, _base(rng, (0.05, 0.15), 1))
+
+
+def shelf(rng: np.random.Generator, style: Style) -> Piece:
+    """Return open shelves in one to four columns, with drawers or doors as inserts in some cells."""
+    size = uniform(rng, (0.28, 0.4)), uniform(rng, (0.45, 1.6)), uniform(rng, (0.8, 2.1))
+    columns, rows = max(1, round(size[1] / 0.42)), max(2, round(size[2] / 0.38))
+    inserts = ("open", "open", "open", "drawer", "left", "right")
+    each = tuple(
+        Column(1.0, tuple(Cell(1.0, Opening(pick(rng, inserts)), 0) for _ in range(rows))) for _ in range(columns)
+    )
+    name = "bookshelf" if style.theme == "office" else "shelf"
+    return cabinet(
+        rng, name, size, each, style, CabinetBase("plinth", uniform(rng, (0.04, 0.08)), 0.0, integer(rng, 0, 2))
+    )
+
+
+def wardrobe(rng: np.random.Generator, style: Style) -> Piece:
+    """Return a wardrobe with hinged doors, inner drawers, open compartments, mirrors."""
+    size = uniform(rng, (0.55, 0.65)), uniform(rng, (0.6, 2.5)), uniform(rng, (1.8, 2.36))
+    count = max(1, round(size[1] / uniform(rng, (0.42, 0.6))))
+    each = []
+    for i in range(count):
+        door = Opening("left" if i % 2 == 0 else "right", panel="mirror" if chance(rng, 0.12) else None)
+        drawers = tuple(Cell(0.5, Opening("drawer")) for _ in range(integer(rng, 1, 3)))
+        kinds = (
+            (Cell(1.0, door),),
+            (Cell(1.0, door),),
+            (*drawers, Cell(3.2, door)),
+            (*drawers, Cell(2.5, Opening("open"), 2)),
+        )
+        each.append(Column(1.0, pick(rng, kinds)))
+    return cabinet(
+        rng,
+        "wardrobe",
+        size,
+        tuple(each),
+        style,
+        CabinetBase("plinth", uniform(rng, (0.04, 0.1)), 0.0, integer(rng, 0, 1)),
+    )
+
+
+def hall_cabinet(rng: np.random.Generator, style: Style) -> Piece:
+    """Return a shallow shoe cabinet whose flaps tip forward (0.17 to 0.35 m deep), or one with doors."""
+    size = uniform(rng, (0.24, 0.36)), uniform(rng, (0.5, 1.2)), uniform(rng, (0.6, 1.25))
+    tip = tuple(Cell(1.0, Opening("down", limit=uniform(rng, (0.6, 0.9))), 0) for _ in range(integer(rng, 2, 3)))
+    plain = (Cell(2.6, Opening("pair" if size[1] > 0.7 else "left"), 2), Cell(0.7, Opening("drawer")))
+    cells = tip if chance(rng, 0.5) else plain
+    count = max(1, round(size[1] / 0.7)) if cells is tip else 1
+    return cabinet(
+        rng, "shoe cabinet", size, tuple(Column(1.0, cells) for _ in range(count)), style, _base(rng, (0.05, 0.15), 3)
+    )

@@ -1,0 +1,140 @@
+"""Placing furniture by rules: nothing in anything else, all that opens opens into free space, somebody can stand before it.
+
+Every group of pieces is a set of boxes parallel to the room's axes: what it fills, what its parts sweep from closed to open, and
+where one has to stand to open them. A place is taken if no box of what it fills meets a box of any kind of the others, or the
+other way round; two fronts may sweep the same space. Room frame as in `s2a.homes.room`, metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from s2a.homes.boxes import CLEAR, NO_BOXES, Boxes, before_wall, measured, meet
+from s2a.homes.draw import uniform
+from s2a.homes.outline import Outline, Side
+from s2a.homes.solids import Piece, at
+
+
+class Crowded(Exception):
+    """A piece of furniture that a room needs has no place in it."""
+
+
+class FloorPlan:
+    """A room that is being furnished.
+
+    Attributes:
+        room: its shape.
+        rng: where places come from.
+        pieces: what was placed.
+    """
+
+    def __init__(self, room: Outline, rng: np.random.Generator) -> None:
+        self.room, self.rng = room, rng
+        self.pieces: list[Piece] = []
+        self.taken = Boxes(room.solids, NO_BOXES, NO_BOXES)
+
+    def put(self, pieces: Sequence[Piece], pose: np.ndarray, stand: float = 0.0, built_in: bool = False) -> bool:
+        """Place a group at a pose if there is room for it, and return whether there was.
+
+        Args:
+            pieces: the group, in its own frame: back at x = 0.
+            pose: of that frame in the room, shape [4 4].
+            stand: depth of the floor that stays free before its fronts [m].
+            built_in: whether it lies in a wall, as doors and windows do; only what stands out of the wall counts.
+        """
+        boxes = measured(pieces, stand)
+        return self._take(pieces, before_wall(boxes) if built_in else boxes, pose)
+
+    def against(
+        self,
+        pieces: Sequence[Piece],
+        stand: float = 0.0,
+        sides: Iterable[int] | None = None,
+        askew: float = 1.2,
+        gap: float = 0.008,
+        attempts: int = 10,
+    ) -> np.ndarray | None:
+        """Place a group with its back to a wall and return its pose, shape [4 4], or None where no wall has room for it.
+
+        Args:
+            pieces: the group, in its own frame: back at x = 0.
+            stand: depth of the floor that stays free before its fronts [m].
+            sides: walls that are tried, in any order; all by default.
+            askew: largest yaw against the wall [deg].
+            gap: between wall and group [m].
+            attempts: places at each wall.
+        """
+        boxes, walls = measured(pieces, stand), self.room.sides
+        low, high = boxes.filled[:, 0].min(axis=0), boxes.filled[:, 1].max(axis=0)
+        chosen = list(range(len(walls)) if sides is None else sides)
+        for index in self.rng.permutation(chosen).tolist():
+            side = walls[index]
+            slack = side.length - (high[1] - low[1]) - 0.03
+            for _ in range(attempts if slack > 0 else 0):
+                yaw = uniform(self.rng, (-askew, askew))
+                away = gap - low[0] + abs(np.sin(np.radians(yaw))) * max(abs(low[1]), high[1])
+                # Corners are where furniture stands most often.
+                along = slack * float(np.clip(self.rng.uniform(-0.25, 1.25), 0.0, 1.0)) + 0.015 - low[1]
+                pose = side.pose @ at(away, along, 0.0, yaw)
+                if self._take(pieces, boxes, pose):
+                    return pose
+        return None
+
+    def anywhere(
+        self, pieces: Sequence[Piece], stand: float = 0.0, attempts: int = 20, z: float = 0.0
+    ) -> np.ndarray | None:
+        """Place a group anywhere on the floor, level with a wall, and return its pose, or None."""
+        boxes = measured(pieces, stand)
+        for _ in range(attempts):
+            yaw = 90.0 * int(self.rng.integers(4)) + uniform(self.rng, (-2, 2))
+            x, y = self.rng.uniform((0.2, 0.2), np.array(self.room.size[:2]) - 0.2)
+            pose = at(x, y, z, yaw)
+            if self._take(pieces, boxes, pose):
+                return pose
+        return None
+
+    def need(self, found: np.ndarray | None) -> np.ndarray:
+        """Return a pose that must not be None.
+
+        Raises:
+            Crowded: it is None.
+        """
+        if found is None:
+            raise Crowded
+        return found
+
+    def free(self, boxes: Boxes) -> bool:
+        """Return whether boxes in the room's frame have room."""
+        taken = self.taken
+        if not self._within(np.concatenate([boxes.filled, boxes.swept, boxes.stands])):
+            return False
+        return not (
+            meet(boxes.filled, taken.filled, CLEAR)
+            or meet(boxes.filled, taken.swept, CLEAR)
+            or meet(boxes.swept, taken.filled, CLEAR)
+            or meet(boxes.filled, taken.stands, 0.0)
+            or meet(boxes.stands, taken.filled, 0.0)
+        )
+
+    def _within(self, boxes: np.ndarray) -> bool:
+        low, high = np.zeros(3), np.array(self.room.size)
+        return bool((boxes[:, 0, :2] >= low[:2]).all() and (boxes[:, 1] <= high).all())
+
+    def _take(self, pieces: Sequence[Piece], boxes: Boxes, pose: np.ndarray) -> bool:
+        there = boxes.moved(pose)
+        if not self.free(there):
+            return False
+        self.pieces += [piece.moved(pose) for piece in pieces]
+        self.taken = Boxes(*(np.concatenate(pair) for pair in zip(self.taken.groups, there.groups, strict=True)))
+        return True
+
+    def side(self, index: int) -> Side:
+        """Return a wall."""
+        return self.room.sides[index]
+
+    def some_side(self) -> int:
+        """Return the index of a wall; long ones more often."""
+        lengths = np.array([side.length for side in self.room.sides]) ** 2
+        return int(self.rng.choice(len(lengths), p=lengths / lengths.sum()))

@@ -1,0 +1,186 @@
+"""What rooms of every kind share: doors, windows, what hangs on walls, lamps, things on the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from s2a.homes import clutter, decor, objects
+from s2a.homes.draw import chance, integer, pick, uniform
+from s2a.homes.families import openings
+from s2a.homes.floor_plan import Crowded, FloorPlan
+from s2a.homes.room import Hole
+from s2a.homes.solids import Color, Piece, at, box, join
+from s2a.homes.styles import Palette
+
+Holes = dict[int, list[Hole]]
+CORNER = 0.16
+"""[m] Least distance of an opening from a corner."""
+PAINTS: tuple[Color, ...] = ((236, 236, 232), (222, 214, 196), (120, 90, 62), (80, 84, 88))
+
+
+def doors(plan: FloorPlan, colors: Palette, count: int) -> Holes:
+    """Place doors in walls, and return the holes for them.
+
+    Raises:
+        Crowded: there is no room for one of them.
+    """
+    holes: Holes = {}
+    finish = (pick(plan.rng, PAINTS), pick(plan.rng, (colors.wood, colors.paint, PAINTS[0])), colors.metal)
+    for _ in range(count):
+        make = openings.sliding_door if chance(plan.rng, 0.12) else openings.room_door
+        size = (uniform(plan.rng, (0.74, 1.05)), uniform(plan.rng, (2.02, 2.16)))
+        piece = make(plan.rng, *size, finish)
+        _open_wall(plan, holes, piece, size, 0.0, plan.room.size[2] - 0.1)
+    return holes
+
+
+def windows(plan: FloorPlan, colors: Palette, holes: Holes, count: int) -> None:
+    """Place up to so many windows in walls and add their holes."""
+    paint = pick(plan.rng, PAINTS)
+    for _ in range(count):
+        low, high = uniform(plan.rng, (0.8, 1.15)), uniform(plan.rng, (0.8, 1.35))
+        size = (uniform(plan.rng, (0.6, 1.6)), min(high, plan.room.size[2] - low - 0.25))
+        piece = openings.window(plan.rng, *size, paint, pick(plan.rng, (colors.metal, PAINTS[0])))
+        try:
+            _open_wall(plan, holes, piece, size, low, plan.room.size[2] - 0.15)
+        except Crowded:
+            return
+
+
+def _open_wall(plan: FloorPlan, holes: Holes, piece: Piece, size: tuple[float, float], low: float, top: float) -> None:
+    """Place what fills an opening of given width and height in some wall, its lower edge at a height."""
+    for _ in range(40):
+        index = plan.some_side()
+        side = plan.side(index)
+        half = size[0] / 2
+        if side.length < size[0] + 2 * CORNER or low + size[1] > min(top, side.height - 0.1) or _is_gable(plan, index):
+            continue
+        y = uniform(plan.rng, (half + CORNER, side.length - half - CORNER))
+        hole = (y - half, y + half, low, low + size[1])
+        others = holes.setdefault(index, [])
+        if any(hole[0] - 0.1 < other[1] and other[0] - 0.1 < hole[1] for other in others):
+            continue
+        if plan.put([piece], side.pose @ at(0, y, low), built_in=True):
+            others.append(hole)
+            others.sort()
+            return
+    raise Crowded
+
+
+def _is_gable(plan: FloorPlan, index: int) -> bool:
+    """Return whether a wall ends at a slope, which would cut its openings."""
+    if plan.room.slope is None:
+        return False
+    count = len(plan.room.sides)
+    return index in ((plan.room.slope[0] + 1) % count, (plan.room.slope[0] - 1) % count)
+
+
+def hang(plan: FloorPlan, count: int, work: bool = False) -> None:
+    """Hang pictures, mirrors, clocks, shelves or whiteboards on the walls."""
+    rng = plan.rng
+    for _ in range(count):
+        kind = pick(
+            rng, ("picture", "picture", "picture", "clock", "mirror", "shelf", "whiteboard" if work else "picture")
+        )
+        z = uniform(rng, (1.2, 1.5))
+        if kind == "picture":
+            piece = objects.picture(rng, uniform(rng, (0.25, 0.9)), uniform(rng, (0.25, 0.7)))
+        elif kind == "mirror":
+            piece, z = decor.mirror(uniform(rng, (0.35, 0.8)), uniform(rng, (0.5, 1.1))), uniform(rng, (0.8, 1.1))
+        elif kind == "clock":
+            piece, z = objects.clock(), uniform(rng, (1.75, 2.0))
+        elif kind == "shelf":
+            piece, z = _shelf(rng), uniform(rng, (1.15, 1.6))
+        else:
+            piece, z = objects.whiteboard(uniform(rng, (0.9, 1.8)), uniform(rng, (0.6, 1.0))), uniform(rng, (0.9, 1.1))
+        plan.against([piece.moved(at(0, 0, z))], gap=0.001, askew=0.0)
+
+
+def _shelf(rng: np.random.Generator) -> Piece:
+    """Return a wall shelf with things on it, one object."""
+    width = uniform(rng, (0.4, 1.1))
+    board = clutter.Board((0.02, 0.21), (0.02 - width / 2, width / 2 - 0.02), 0.0, 0.35)
+    things = clutter.fill(rng, board, pick(rng, ("living", "bedroom", "office")), integer(rng, 1, 4))
+    shelf = decor.wall_shelf(width)
+    return Piece(shelf.name, shelf.surface, contents=things)
+
+
+def lamps(plan: FloorPlan) -> None:
+    """Hang a lamp from the ceiling where nothing is in its way."""
+    width, depth, height = plan.room.size
+    for _ in range(12):
+        x, y = plan.rng.uniform((0.3 * width, 0.3 * depth), (0.7 * width, 0.7 * depth))
+        low = chance(plan.rng, 0.5) and height > 2.45
+        lamp = (
+            decor.pendant_lamp(uniform(plan.rng, (0.15, 0.3)), uniform(plan.rng, (0.12, 0.2)))
+            if low
+            else objects.ceiling_lamp()
+        )
+        if plan.put([lamp], at(x, y, height - 0.001, uniform(plan.rng, (0, 90)))):
+            return
+
+
+def floor_objects(plan: FloorPlan, kinds: Sequence[str], count: int) -> None:
+    """Stand things on the floor, mostly before walls."""
+    rng = plan.rng
+    for _ in range(count):
+        piece = _floor_thing(rng, pick(rng, kinds))
+        points = piece.surface.vertices
+        low, high = points.min(axis=0), points.max(axis=0)
+        piece = piece.moved(at(-low[0], -(low[1] + high[1]) / 2, -low[2]))
+        if chance(rng, 0.75):
+            plan.against([piece], askew=12, gap=0.03, attempts=4)
+        else:
+            plan.anywhere([piece], attempts=6)
+
+
+def _floor_thing(rng: np.random.Generator, kind: str) -> Piece:
+    """Return a thing that stands on floors."""
+    if kind == "plant":
+        return objects.plant(rng, uniform(rng, (0.5, 1.3)))
+    if kind == "box":
+        return objects.carton((uniform(rng, (0.25, 0.4)), uniform(rng, (0.3, 0.5)), uniform(rng, (0.2, 0.4))))
+    makers = {"bag": objects.bag, "chair": lambda r: objects.chair(), "basket": clutter.basket, "crate": clutter.crate}
+    makers |= {"shoes": clutter.shoes, "can": lambda r: objects.trash_can(), "lamp": lambda r: decor.floor_lamp()}
+    makers |= {"tower": _tower, "tools": clutter.tool_box, "teddy": lambda r: decor.teddy()}
+    return makers[kind](rng)
+
+
+def _tower(rng: np.random.Generator) -> Piece:
+    """Return a computer on the floor."""
+    x, y, z = uniform(rng, (0.18, 0.24)), uniform(rng, (0.08, 0.11)), uniform(rng, (0.35, 0.5))
+    front = box((x, x + 0.003), (-0.6 * y, 0.6 * y), (0.6 * z, 0.9 * z), (70, 72, 78))
+    return Piece("computer tower", join(box((-x, x), (-y, y), (0, z), (40, 40, 44)), front))
+
+
+def sockets(plan: FloorPlan) -> None:
+    """Place sockets low and switches at the height of a hand on the walls."""
+    rng = plan.rng
+    for _ in range(integer(rng, 2, 5)):
+        half, deep = 0.04 * integer(rng, 1, 2), uniform(rng, (0.008, 0.012))
+        plate = box((0, deep), (-half, half), (-0.04, 0.04), (240, 240, 236))
+        switch = chance(rng, 0.4)
+        inner = box(
+            (deep, deep + 0.004),
+            (-0.7 * half, 0.7 * half),
+            (-0.03, 0.03),
+            (250, 250, 248) if switch else (190, 190, 188),
+        )
+        name, z = ("light switch", 1.05) if switch else ("power socket", 0.3)
+        plan.against([Piece(name, join(plate, inner)).moved(at(0, 0, z))], gap=0.0005, askew=0.0)
+
+
+def heater(plan: FloorPlan) -> None:
+    """Place a radiator at a wall."""
+    plan.against([objects.heater(uniform(plan.rng, (0.5, 1.4)))], gap=0.002, askew=0.0)
+
+
+def rug(plan: FloorPlan, color: Color) -> None:
+    """Lay a rug on free floor."""
+    from s2a.homes.cloth import rug as cloth_rug
+
+    plan.anywhere(
+        [cloth_rug(uniform(plan.rng, (1.0, 1.9)), uniform(plan.rng, (0.7, 1.3)), color, (206, 200, 188))], attempts=12
+    )

@@ -1,0 +1,239 @@
+"""Handle families with continuous dimensions: a `GripDesign` is drawn once for a set of fronts and made for each front.
+
+Ranges: bars have hole spacings of 64 to 256 mm (huzhanbrass.com) and are 30 to 50 mm longer (shopmeraki.co); knobs measure 25
+to 38 mm across (engineerfix.com), cups 76 to 127 mm, edge profiles 76 to 152 mm along the front (jamiewenzaw.sainer.biz.id).
+What is drawn goes beyond these at both ends. Common sizes: bars up to 0.6 m, 6 to 24 mm wide, with 18 to 36 mm behind them;
+recessed pulls, straps, all other dimensions. Local frames: on a front at x = 0, z up, metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from s2a.homes.draw import Range, chance, pick, uniform, weighted
+from s2a.homes.handles import QUARTER, bar, cup, edge
+from s2a.homes.solids import Color, Piece, Surface, at, box, cylinder, join, lathe, painted, rotation
+
+METALS: tuple[Color, ...] = (
+    (158, 160, 164),
+    (44, 44, 48),
+    (176, 142, 84),
+    (122, 96, 74),
+    (206, 206, 208),
+    (232, 232, 230),
+    (96, 70, 46),
+)
+"""Steel, black, brass, bronze, chrome, white, leather or wood."""
+WEIGHTS = {
+    "bar": 0.24,
+    "rail": 0.13,
+    "square": 0.10,
+    "bow": 0.13,
+    "knob": 0.16,
+    "cup": 0.06,
+    "edge": 0.07,
+    "recess": 0.04,
+    "strap": 0.03,
+    "none": 0.025,
+}
+"""How often each family is drawn; "none" opens by a push."""
+STYLES = {"rail": "bar", "square": "bar"}
+"""Style of the families that are bars of another section; every other family is its own style."""
+
+
+@dataclass(frozen=True)
+class GripDesign:
+    """One handle of a catalogue.
+
+    Attributes:
+        family: "bar" (flat, round ends), "rail" (round, overhanging its posts), "square", "bow", "knob", "cup", "edge",
+            "recess", "strap" or "none".
+        length: along the front [m]; of a knob its diameter.
+        width: across its length, on the front [m].
+        depth: thickness of what the fingers close on, away from the front [m].
+        clearance: between the front and what the fingers close on [m].
+        bend: of a bow, exponent of its arc: 2 is an ellipse, more is a D; of a knob, taper of its neck.
+        sides: of a knob's section: 4 is square, 24 round.
+        color: of everything.
+    """
+
+    family: str
+    length: float
+    width: float
+    depth: float
+    clearance: float
+    bend: float
+    sides: int
+    color: Color
+
+    @property
+    def style(self) -> str | None:
+        """The style of its Piece; None for a front without a handle."""
+        return None if self.family == "none" else STYLES.get(self.family, self.family)
+
+    @property
+    def rim(self) -> float:
+        """How far an edge profile stands out of its front's outline, which the front gives up [m]."""
+        return 0.002 if self.family == "edge" else 0.0
+
+    def fitted(self, max_length: float) -> GripDesign:
+        """Return the design no longer than what a front has room for [m]."""
+        return replace(self, length=min(self.length, max_length))
+
+
+SIZES: dict[str, tuple[Range, Range, Range, Range]] = {
+    "bar": ((0.08, 0.6), (0.008, 0.024), (0.007, 0.014), (0.02, 0.036)),
+    "rail": ((0.1, 0.6), (0.008, 0.016), (0.008, 0.016), (0.02, 0.036)),
+    "square": ((0.07, 0.6), (0.006, 0.02), (0.006, 0.014), (0.02, 0.036)),
+    "bow": ((0.072, 0.32), (0.008, 0.024), (0.006, 0.012), (0.018, 0.034)),
+    "knob": ((0.02, 0.045), (0.02, 0.045), (0.008, 0.018), (0.01, 0.024)),
+    "cup": ((0.064, 0.14), (0.026, 0.05), (0.018, 0.032), (0.012, 0.02)),
+    "edge": ((0.08, 0.6), (0.006, 0.02), (0.014, 0.035), (0.01, 0.03)),
+    "recess": ((0.08, 0.2), (0.03, 0.06), (0.009, 0.013), (0.0, 0.0)),
+    "strap": ((0.09, 0.18), (0.014, 0.03), (0.0025, 0.004), (0.018, 0.03)),
+    "none": ((0.1, 0.1), (0.01, 0.01), (0.01, 0.01), (0.0, 0.0)),
+}
+"""Length, width, depth and clearance of each family [m]."""
+
+
+def design(rng: np.random.Generator, *families: str, color: Color | None = None) -> GripDesign:
+    """Return a drawn design, of one of the given families or of any."""
+    family = weighted(rng, {f: WEIGHTS[f] for f in (families or WEIGHTS)})
+    lengths, widths, depths, gaps = SIZES[family]
+    # Short handles are more common than long ones.
+    length = lengths[0] + (lengths[1] - lengths[0]) * float(rng.beta(1.3, 2.2))
+    depth = uniform(rng, depths)
+    width = depth if family == "rail" else uniform(rng, widths)
+    bend, sides = uniform(rng, (0.35, 0.75) if family == "knob" else (2.0, 5.0)), 4 if chance(rng, 0.2) else 24
+    return GripDesign(family, length, width, depth, uniform(rng, gaps), bend, sides, color or pick(rng, METALS))
+
+
+def make(grip: GripDesign) -> Piece:
+    """Return the handle of a design, long along y, about the origin; of an edge profile or a cup its upper edge is there.
+
+    Raises:
+        ValueError: the design has no handle.
+    """
+    if grip.family == "none":
+        raise ValueError("this front opens by a push: it has no handle")
+    makers = {"bar": _bar, "rail": _rail, "square": _square, "bow": _bow, "knob": _knob, "cup": _cup}
+    makers |= {"edge": _edge, "recess": _recess, "strap": _strap}
+    piece = makers[grip.family](grip)
+    names = ("length", "width", "depth", "clearance")
+    facts = {"family": grip.family} | {name: round(getattr(grip, name), 5) for name in names}
+    return replace(piece, style=grip.style, facts=facts)
+
+
+def _bar(grip: GripDesign) -> Piece:
+    post = min(0.012, grip.length / 5)
+    return bar(grip.length, grip.width, grip.depth, grip.clearance, post, grip.color)
+
+
+def _rail(grip: GripDesign) -> Piece:
+    """Return a round rod on two round posts inside of its ends, in steps of 32 mm as drawers are bored."""
+    radius, far = grip.depth / 2, grip.clearance + grip.depth / 2
+    bores = max(np.floor((grip.length - 0.03) / 0.032) * 0.032, grip.length / 2)
+    rod = cylinder(radius, grip.length, grip.color, sides=16).moved(
+        at(far, grip.length / 2) @ rotation((QUARTER, 0, 0))
+    )
+    turn = rotation((0, QUARTER, 0))
+    posts = [cylinder(0.8 * radius, far, grip.color, sides=12).moved(at(0, s * bores / 2) @ turn) for s in (-1, 1)]
+    return Piece("handle", join(rod, *posts))
+
+
+def _square(grip: GripDesign) -> Piece:
+    half, wide, front = grip.length / 2, grip.width / 2, grip.clearance + grip.depth
+    post = min(grip.width, grip.length / 5)
+    rod = box((grip.clearance, front), (-half, half), (-wide, wide), grip.color)
+    posts = [box((0, grip.clearance), (y, y + post), (-wide, wide), grip.color) for y in (-half, half - post)]
+    return Piece("handle", join(rod, *posts))
+
+
+def _bow(grip: GripDesign) -> Piece:
+    """Return an arc between two feet: a superellipse from y = -length / 2 to y = length / 2."""
+    angle = np.linspace(0.0, np.pi, 25)
+    power, high = 2.0 / grip.bend, grip.clearance + grip.depth / 2
+    y = (grip.length - grip.depth) / 2 * np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** power
+    x = high * np.sin(angle) ** power
+    path = np.stack([x, y, np.zeros_like(x)], axis=1)
+    return Piece("handle", tube(path, grip.depth / 2, grip.width / 2, grip.color))
+
+
+def _strap(grip: GripDesign) -> Piece:
+    """Return a leather loop: a flat band that stands out from two screws."""
+    angle = np.linspace(0.0, np.pi, 21)
+    y, x = grip.length / 2 * np.cos(angle), grip.clearance * np.sin(angle) ** 1.5 + grip.depth
+    path = np.stack([x, y, np.zeros_like(x)], axis=1)
+    screws = [
+        cylinder(0.005, grip.depth + 0.004, grip.color, sides=12).moved(
+            at(0, s * grip.length / 2) @ rotation((0, QUARTER, 0))
+        )
+        for s in (-1, 1)
+    ]
+    return Piece("handle", join(tube(path, grip.depth / 2, grip.width / 2, grip.color), *screws))
+
+
+def _knob(grip: GripDesign) -> Piece:
+    """Return a knob of round or square section with a tapered neck."""
+    radius = grip.length / 2 * (1.0 if grip.sides > 4 else 1.15)
+    neck, low, high = grip.bend * radius, grip.clearance, grip.clearance + grip.depth
+    rounded = 0.25 * min(grip.depth, radius)
+    profile = [(0, 0), (neck, 0), (0.9 * neck, low), (radius, low + rounded), (radius, high - rounded)]
+    shape = lathe([*profile, (radius - rounded, high), (0, high)], grip.color, sides=grip.sides)
+    # A square section lies level, not on its corner.
+    level = at(0, 0, 0, 180.0 / grip.sides)
+    return Piece("knob", shape.moved(rotation((0, QUARTER, 0)) @ level))
+
+
+def _cup(grip: GripDesign) -> Piece:
+    return cup(grip.length, grip.width, grip.depth, grip.color).moved(at(0, 0, grip.width / 2))
+
+
+def _edge(grip: GripDesign) -> Piece:
+    return edge(grip.length, grip.depth, grip.width, grip.color)
+
+
+def _recess(grip: GripDesign) -> Piece:
+    """Return the lining of a pocket in the front: a tray that is open towards +x; see `panels.pocketed`."""
+    y, z, deep, wall = grip.length / 2, grip.width / 2, grip.depth, 0.0015
+    sides = [
+        box((-deep, 0), (-y, y), (-z, -z + wall), grip.color),
+        box((-deep, 0), (-y, y), (z - wall, z), grip.color),
+        box((-deep, 0), (-y, -y + wall), (-z + wall, z - wall), grip.color),
+        box((-deep, 0), (y - wall, y), (-z + wall, z - wall), grip.color),
+    ]
+    floor = box((-deep, -deep + wall), (-y + wall, y - wall), (-z + wall, z - wall), grip.color)
+    return Piece("handle", join(*sides, floor))
+
+
+def tube(path: np.ndarray, inner: float, across: float, color: Color) -> Surface:
+    """Return a rod of elliptical section along a path in the x-y plane.
+
+    Args:
+        path: points [m], shape [point 3], z = 0.
+        inner: half of its thickness in the plane of the path [m].
+        across: half of its width along z [m].
+        color: of everything.
+    """
+    tangent = np.gradient(path, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    normal = np.cross(tangent, (0.0, 0.0, 1.0))
+    angle = 2 * np.pi * np.arange(12) / 12
+    rings = (
+        path[:, None]
+        + inner * np.cos(angle)[:, None] * normal[:, None]
+        + across * np.sin(angle)[:, None] * (0.0, 0.0, 1.0)
+    )
+    count, around = len(path), len(angle)
+    index = np.arange(count * around).reshape(count, around)
+    a, b = index[:-1], np.roll(index[:-1], -1, axis=1)
+    c, d = np.roll(index[1:], -1, axis=1), index[1:]
+    sides = [np.stack([a, b, c], axis=-1).reshape(-1, 3), np.stack([a, c, d], axis=-1).reshape(-1, 3)]
+    fan = np.stack([np.zeros(around - 2, int), np.arange(1, around - 1), np.arange(2, around)], axis=1)
+    faces = np.concatenate([*sides, fan[:, ::-1], fan + (count - 1) * around])
+    solid = painted(rings.reshape(-1, 3), faces, color)
+    corners = solid.vertices[solid.faces]
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    return solid if volume > 0 else replace(solid, faces=solid.faces[:, ::-1].copy())

@@ -1,0 +1,202 @@
+"""Things of kitchens and bathrooms that stand and lie about. Local frames: standing on z = 0, front towards +x, metres."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from s2a.homes.fronts import TOP, hinged, lid, open_box, panel
+from s2a.homes.furniture import cabinet_body
+from s2a.homes.handles import QUARTER, bar, knob
+from s2a.homes.plumbing import CHROME, pipe
+from s2a.homes.solids import FABRIC, WOOD, Color, Piece, at, box, cylinder, ellipsoid, join, lathe, rotation
+
+BLACK, IRON, WHITE = (40, 40, 44), (66, 66, 72), (236, 234, 228)
+FRUIT: tuple[Color, ...] = ((196, 52, 44), (226, 150, 40), (110, 150, 50), (214, 186, 60))
+BRIGHT: tuple[Color, ...] = ((60, 110, 160), (190, 70, 60), (230, 180, 70), (80, 140, 110), (150, 90, 140))
+
+
+def bread_bin(rng: np.random.Generator) -> Piece:
+    """Return a bread bin, 0.38 m wide; its front lifts up about its upper edge by a knob."""
+    color = (178, 60, 48) if rng.uniform() < 0.5 else (90, 120, 130)
+    deep, wide, high = 0.25, 0.38, 0.2
+    body = join(*(board.moved(at(deep - 0.012, 0)) for board in cabinet_body((deep - 0.012, wide, high), 0.01, color)))
+    leaf = hinged(
+        "lid", panel((0.01, wide - 0.004, high - 0.006), color), TOP, knob(0.014, 0.026).moved(at(0, 0, -0.05))
+    )
+    return Piece("bread bin", body, (leaf.moved(at(deep, 0, high / 2)),))
+
+
+def lidded_bin(radius: float, height: float, color: Color) -> Piece:
+    """Return a round waste bin with a hinged lid and a pedal; its back is at x = -radius."""
+    wall = 0.006
+    body = lathe(
+        [(0, 0), (radius, 0), (radius, height), (radius - wall, height), (radius - wall, wall), (0, wall)], color
+    )
+    pedal = box((radius - 0.01, radius + 0.04), (-0.03, 0.03), (0.01, 0.022), BLACK)
+    cover = lathe([(0, -0.03), (radius, -0.03), (radius, -0.012), (0.8 * radius, 0), (0, 0)], color)
+    return Piece("trash can", join(body, pedal), (lid("trash can lid", cover).moved(at(0, 0, height + 0.032)),))
+
+
+def laundry_basket(rng: np.random.Generator) -> Piece:
+    """Return a wicker basket, 0.42 m wide and 0.62 m high, whose lid opens up by a bar; its back is at x = -0.17."""
+    size = (0.34, 0.42, 0.6)
+    color = (188, 158, 116)
+    slats = [
+        box((0.17, 0.174), (-0.21, 0.21), (z, z + 0.04), (160, 130, 92), FABRIC) for z in np.arange(0.05, 0.55, 0.1)
+    ]
+    grip = bar(0.12, 0.014, 0.012, 0.024, 0.012, BLACK).moved(at(0, 0, -0.12))
+    cover = box((-0.17, 0.17), (-0.21, 0.21), (-0.018, 0), color, WOOD)
+    return Piece(
+        "laundry basket",
+        join(open_box(size, 0.012, color, FABRIC), *slats),
+        (lid("lid", cover, grip).moved(at(0, 0, 0.621)),),
+    )
+
+
+def pot(radius: float, height: float) -> Piece:
+    """Return a cooking pot with two ears and a lid with a knob."""
+    body = cylinder(radius, height, (150, 152, 158))
+    cover = lathe([(0, 0), (radius + 0.003, 0), (radius + 0.003, 0.008), (0.3 * radius, 0.025), (0, 0.025)], CHROME)
+    ears = [box((-0.03, 0.03), (y, y + 0.03), (0.7 * height, 0.78 * height), BLACK) for y in (radius, -radius - 0.03)]
+    grip = cylinder(0.014, 0.02, BLACK).moved(at(0, 0, height + 0.025))
+    return Piece("pot", join(body, cover.moved(at(0, 0, height)), *ears, grip))
+
+
+def pan(radius: float) -> Piece:
+    """Return an open frying pan, its handle towards +x."""
+    profile = [
+        (0, 0),
+        (0.8 * radius, 0),
+        (radius, 0.045),
+        (radius - 0.004, 0.045),
+        (0.8 * radius - 0.002, 0.005),
+        (0, 0.005),
+    ]
+    grip = box((radius - 0.005, radius + 0.18), (-0.011, 0.011), (0.034, 0.048), BLACK)
+    return Piece("pan", join(lathe(profile, IRON), grip))
+
+
+def kettle() -> Piece:
+    """Return an electric kettle on its base, its handle towards -x."""
+    body = lathe([(0, 0.02), (0.085, 0.02), (0.06, 0.2), (0.03, 0.22), (0, 0.225)], CHROME)
+    spout = box((0.05, 0.09), (-0.015, 0.015), (0.17, 0.19), CHROME)
+    grip = pipe([(-0.05, 0, 0.2), (-0.11, 0, 0.2), (-0.12, 0, 0.06), (-0.07, 0, 0.05)], 0.011, BLACK)
+    return Piece("kettle", join(cylinder(0.085, 0.02, BLACK), body, spout, grip))
+
+
+def jar(rng: np.random.Generator) -> Piece:
+    """Return a storage jar with a lid."""
+    radius, height = rng.uniform(0.035, 0.055), rng.uniform(0.1, 0.18)
+    body = cylinder(radius, height, BRIGHT[rng.integers(len(BRIGHT))])
+    return Piece("jar", join(body, cylinder(radius + 0.003, 0.02, (196, 170, 130), WOOD).moved(at(0, 0, height))))
+
+
+def bottle(rng: np.random.Generator, height: float, name: str = "bottle") -> Piece:
+    """Return a bottle with a neck and a cap."""
+    radius, color = 0.145 * height, BRIGHT[rng.integers(len(BRIGHT))]
+    body = lathe([(0, 0), (radius, 0), (radius, 0.62 * height), (0.4 * radius, 0.8 * height), (0, 0.8 * height)], color)
+    neck = cylinder(0.4 * radius, 0.94 * height, color)
+    return Piece(name, join(body, neck, cylinder(0.5 * radius, 0.08 * height, WHITE).moved(at(0, 0, 0.92 * height))))
+
+
+def bowl(radius: float, color: Color) -> Piece:
+    """Return an open bowl."""
+    height = 0.5 * radius
+    outside = [(0, 0), (0.5 * radius, 0), (0.85 * radius, 0.5 * height), (radius, height)]
+    inside = [(radius - 0.006, height), (0.83 * radius - 0.005, 0.5 * height), (0.48 * radius, 0.008), (0, 0.008)]
+    return Piece("bowl", lathe(outside + inside, color))
+
+
+def fruit(rng: np.random.Generator) -> Piece:
+    """Return an apple, orange or the like."""
+    size = rng.uniform(0.065, 0.085)
+    return Piece("fruit", ellipsoid((size,) * 3, FRUIT[rng.integers(len(FRUIT))]).moved(at(0, 0, size / 2)))
+
+
+def plate(radius: float) -> Piece:
+    """Return a shallow plate."""
+    profile = [(0, 0), (0.6 * radius, 0), (radius, 0.02), (radius, 0.024), (0.6 * radius, 0.006), (0, 0.006)]
+    return Piece("plate", lathe(profile, WHITE))
+
+
+def cutting_board() -> Piece:
+    """Return a wooden board that lies."""
+    return Piece("cutting board", box((-0.12, 0.12), (-0.18, 0.18), (0, 0.02), (186, 140, 88), WOOD))
+
+
+def knife_block() -> Piece:
+    """Return a slanted block with five knives in it."""
+    block = box((-0.06, 0.06), (-0.05, 0.05), (0, 0.2), (120, 82, 50), WOOD)
+    grips = [
+        box((x, x + 0.02), (y, y + 0.014), (0.2, 0.29), BLACK) for x in (-0.04, 0.015) for y in (-0.035, 0.0, 0.024)
+    ]
+    return Piece("knife block", join(block, *grips[:5]))
+
+
+def paper_roll(radius: float, height: float, name: str) -> Piece:
+    """Return an upright roll of paper on a foot with a rod through it."""
+    foot, rod = cylinder(1.2 * radius, 0.012, CHROME), cylinder(0.008, height + 0.05, CHROME)
+    return Piece(name, join(foot, rod, cylinder(radius, height, WHITE, FABRIC).moved(at(0, 0, 0.013))))
+
+
+def dish_rack() -> Piece:
+    """Return a draining rack with four plates in it."""
+    rods = [pipe([(-0.15, y, z), (0.15, y, z)], 0.005, CHROME, 8) for y in (-0.17, 0.17) for z in (0.015, 0.1)] + [
+        pipe([(x, -0.17, 0.015), (x, 0.17, 0.015)], 0.005, CHROME, 8) for x in (-0.15, -0.075, 0.0, 0.075, 0.15)
+    ]
+    posts = [pipe([(x, y, 0), (x, y, 0.1)], 0.005, CHROME, 8) for x in (-0.15, 0.15) for y in (-0.17, 0.17)]
+    upright = rotation((QUARTER - 0.15, 0.0, 0.0))
+    plates = [plate(0.11).surface.moved(at(0, y, 0.128) @ upright) for y in (-0.12, -0.06, 0.0, 0.06)]
+    return Piece("dish rack", join(*rods, *posts, *plates))
+
+
+def table(length: float, width: float) -> Piece:
+    """Return a table, 0.75 m high, long along y, centred on the origin."""
+    wood, x, y = (184, 146, 100), width / 2, length / 2
+    legs = [
+        box((a, a + 0.06), (b, b + 0.06), (0, 0.72), wood, WOOD)
+        for a in (-x + 0.03, x - 0.09)
+        for b in (-y + 0.03, y - 0.09)
+    ]
+    apron = box((-x + 0.05, x - 0.05), (-y + 0.05, y - 0.05), (0.65, 0.72), wood, WOOD)
+    return Piece("table", join(box((-x, x), (-y, y), (0.72, 0.75), wood, WOOD), apron, *legs))
+
+
+def mat(rng: np.random.Generator, depth: float, width: float, name: str) -> Piece:
+    """Return a thick mat on the floor, centred on the origin."""
+    pile = box((-depth / 2, depth / 2), (-width / 2, width / 2), (0, 0.02), BRIGHT[rng.integers(len(BRIGHT))], FABRIC)
+    return Piece(name, pile)
+
+
+def hanging_towel(rng: np.random.Generator, width: float, length: float) -> Piece:
+    """Return a towel folded over a rod along y through the origin, its longer half in front."""
+    color = BRIGHT[rng.integers(len(BRIGHT))]
+    y = (-width / 2, width / 2)
+    folds = [
+        box(
+            (0.014 + 0.004 * (i % 2), 0.03 + 0.006 * (i % 2)),
+            (y[0] + i * width / 6, y[0] + (i + 1) * width / 6),
+            (-length, 0.012),
+            color,
+            FABRIC,
+        )
+        for i in range(6)
+    ]
+    top = box((-0.026, 0.03), y, (0.012, 0.028), color, FABRIC)
+    return Piece("towel", join(*folds, top, box((-0.026, -0.014), y, (-0.6 * length, 0.012), color, FABRIC)))
+
+
+def towel_rail(width: float) -> Piece:
+    """Return a rod along y through the origin, 0.07 m from the wall, on two brackets."""
+    half = width / 2
+    return Piece("towel rail", pipe([(-0.07, -half, 0), (0, -half, 0), (0, half, 0), (-0.07, half, 0)], 0.01))
+
+
+def towel_stack(rng: np.random.Generator, count: int) -> Piece:
+    """Return a pile of folded towels."""
+    folded = []
+    for i in range(count):
+        color = BRIGHT[rng.integers(len(BRIGHT))]
+        x, y = 0.12 + rng.uniform(-0.008, 0.008), 0.15 + rng.uniform(-0.008, 0.008)
+        folded.append(box((-x, x), (-y, y), (0.055 * i, 0.055 * (i + 1) - 0.004), color, FABRIC))
+    return Piece("towel", join(*folded))

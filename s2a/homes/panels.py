@@ -1,0 +1,106 @@
+"""Fronts of furniture: slab, framed, glazed, grooved, louvred, mirrored. Local frames: face at x = 0, centred in y and z, metres.
+
+Sizes as cabinet makers use them: boards 16 to 22 mm thick, frames 55 to 90 mm wide around panels that lie 5 to 10 mm deeper.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from s2a.homes.fronts import panel
+from s2a.homes.solids import Color, Surface, at, box, join, rotation
+
+GLASS: Color = (96, 112, 118)
+DARK_GLASS: Color = (30, 32, 36)
+MIRROR: Color = (150, 164, 172)
+Size = tuple[float, float, float]
+Pocket = tuple[float, float, float, float]
+"""A hole of a front: y from, y to, z from, z to [m]."""
+
+
+def front(kind: str, size: Size, color: Color, texture: int, frame: float) -> Surface:
+    """Return a front panel.
+
+    Args:
+        kind: "slab", "framed", "glazed", "window" (dark glass), "grooved", "louvred" or "mirror".
+        size: thickness, width and height [m].
+        color: of its wood or paint.
+        texture: of the same.
+        frame: width of the frame [m], where it has one; small panels have none.
+    """
+    if kind not in ("slab", "grooved", "mirror") and min(size[1:]) < 3.2 * frame:
+        kind = "slab"
+    if kind == "framed":
+        return join(ring(size, frame, color, texture), inset(size, frame, color, texture, 0.4, 0.65, 0.0))
+    if kind == "glazed":
+        return join(ring(size, frame, color, texture), inset(size, frame, GLASS, 0, 0.35, 0.6, 0.75))
+    if kind == "window":
+        return join(ring(size, frame, color, texture), inset(size, frame, DARK_GLASS, 0, 0.0, 0.85, 0.3))
+    if kind == "louvred":
+        return join(ring(size, frame, color, texture), *_slats(size, frame, color, texture))
+    if kind == "grooved":
+        return _grooved(size, color, texture)
+    if kind == "mirror":
+        return join(
+            panel((size[0] - 0.004, *size[1:]), color, texture).moved(at(-0.004, 0)),
+            box((-0.004, 0), *_inner(size, 0.012), MIRROR, dropout=0.5),
+        )
+    return panel(size, color, texture)
+
+
+def ring(size: Size, frame: float, color: Color, texture: int) -> Surface:
+    """Return the frame of a front as four boards."""
+    thick, y, z = size[0], size[1] / 2, size[2] / 2
+    return join(
+        box((-thick, 0), (-y, y), (-z, -z + frame), color, texture),
+        box((-thick, 0), (-y, y), (z - frame, z), color, texture),
+        box((-thick, 0), (-y, -y + frame), (-z + frame, z - frame), color, texture),
+        box((-thick, 0), (y - frame, y), (-z + frame, z - frame), color, texture),
+    )
+
+
+def inset(size: Size, frame: float, color: Color, texture: int, low: float, high: float, dropout: float) -> Surface:
+    """Return what fills a frame, from one fraction of its thickness to another, measured from the back."""
+    back = -size[0]
+    return box((back + low * size[0], back + high * size[0]), *_inner(size, frame), color, texture, dropout)
+
+
+def _inner(size: Size, frame: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    y, z = size[1] / 2 - frame, size[2] / 2 - frame
+    return (-y, y), (-z, z)
+
+
+def _slats(size: Size, frame: float, color: Color, texture: int) -> list[Surface]:
+    """Return tilted slats that fill a frame's height."""
+    high, wide = size[2] - 2 * frame, size[1] / 2 - frame
+    count = max(2, int(high / 0.04))
+    step, deep = high / count, 0.8 * size[0]
+    tilt = rotation((0.0, 0.6, 0.0))
+    slat = box((-deep / 2, deep / 2), (-wide, wide), (-0.003, 0.003), color, texture).moved(tilt)
+    return [slat.moved(at(-size[0] / 2, 0, -high / 2 + (i + 0.5) * step)) for i in range(count)]
+
+
+def _grooved(size: Size, color: Color, texture: int) -> Surface:
+    """Return a board with upright grooves 3 mm deep."""
+    thick, width, height = size
+    count = max(2, round(width / 0.08))
+    step = width / count
+    strips = [
+        box((-0.003, 0), (y + 0.002, y + step - 0.002), (-height / 2, height / 2), color, texture)
+        for y in -width / 2 + step * np.arange(count)
+    ]
+    return join(panel((thick - 0.003, width, height), color, texture).moved(at(-0.003, 0)), *strips)
+
+
+def pocketed(size: Size, hole: Pocket, depth: float, color: Color, texture: int) -> Surface:
+    """Return a slab with a pocket of given depth [m] in its face for a recessed pull."""
+    thick, y, z = size[0], size[1] / 2, size[2] / 2
+    left, right, low, high = hole
+    face = (-depth, 0.0)
+    return join(
+        box((-thick, -depth), (-y, y), (-z, z), color, texture),
+        box(face, (-y, y), (-z, low), color, texture),
+        box(face, (-y, y), (high, z), color, texture),
+        box(face, (-y, left), (low, high), color, texture),
+        box(face, (right, y), (low, high), color, texture),
+    )

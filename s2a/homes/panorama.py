@@ -1,0 +1,191 @@
+"""What a laser scanner on a tripod sees: panoramas of ranges, by casting rays at a triangle mesh.
+
+A panorama is a cube map: six square faces whose pixels are almost evenly spaced in angle. Unlike an equirectangular image it
+wastes no rays at the poles, and a point is projected into it without trigonometry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from s2a.core.bounds import Fraction, NotNegative, Positive
+from s2a.core.workers import chunks, in_parallel
+from s2a.scene.geometry.mesh_query import RayMesh
+
+BEND = 0.25
+"""A cube-map face maps the tangent u in [-1, 1] to u (1 + BEND - BEND u^2): within 20 % of even angular spacing."""
+LATTICE_RMS = (2.0 / 3.0) ** 1.5
+"""Standard deviation of unit white noise on a cubic lattice once it is interpolated linearly along three axes."""
+
+
+@dataclass(frozen=True)
+class NoiseConfig:
+    """Errors of a scanner's ranges.
+
+    Attributes:
+        white: standard deviation of the independent error of each ray [m].
+        correlated: standard deviation of the error that neighbouring rays share [m].
+        correlation: angle over which it is shared [rad].
+        registration: standard deviation of the offset of a whole panorama [m].
+        grazing_cutoff: rays whose incidence has a cosine below this return nothing, raggedly (half of them at this value).
+        tripod_blind_cone: rays steeper down than this below the horizon return nothing [rad]: the tripod.
+        max_elevation: rays steeper up than this above the horizon return nothing [rad].
+    """
+
+    white: NotNegative
+    correlated: NotNegative
+    correlation: Positive
+    registration: NotNegative
+    grazing_cutoff: Fraction
+    tripod_blind_cone: NotNegative
+    max_elevation: NotNegative
+
+
+@wp.struct
+class Errors:
+    """The errors of one panorama, as the kernel wants them; `lattice` is unit white noise on [-1, 1]^3."""
+
+    seed: int
+    white: float
+    correlated: float
+    offset: float
+    grazing_cutoff: float
+    lowest: float
+    highest: float
+    lattice: wp.array3d(dtype=float)
+
+
+@wp.func
+def _smooth_noise(lattice: wp.array3d(dtype=float), d: wp.vec3):
+    """Noise of unit variance that neighbouring directions share: the lattice, interpolated."""
+    last = float(lattice.shape[0] - 1)
+    u = (d[0] * 0.5 + 0.5) * last
+    v = (d[1] * 0.5 + 0.5) * last
+    w = (d[2] * 0.5 + 0.5) * last
+    i = wp.min(int(u), lattice.shape[0] - 2)
+    j = wp.min(int(v), lattice.shape[0] - 2)
+    k = wp.min(int(w), lattice.shape[0] - 2)
+    u -= float(i)
+    v -= float(j)
+    w -= float(k)
+    low = wp.lerp(
+        wp.lerp(lattice[i, j, k], lattice[i, j, k + 1], w),
+        wp.lerp(lattice[i, j + 1, k], lattice[i, j + 1, k + 1], w),
+        v,
+    )
+    high = wp.lerp(
+        wp.lerp(lattice[i + 1, j, k], lattice[i + 1, j, k + 1], w),
+        wp.lerp(lattice[i + 1, j + 1, k], lattice[i + 1, j + 1, k + 1], w),
+        v,
+    )
+    return wp.lerp(low, high, u) / LATTICE_RMS
+
+
+@wp.func
+def pixel_direction(tangents: wp.array(dtype=float), n: int, tid: int):
+    """Unit direction of a pixel; pixels count along columns, rows, then faces (+x -x +y -y +z -z)."""
+    face = tid // (n * n)
+    axis = face // 2
+    d = wp.vec3(0.0, 0.0, 0.0)
+    d[axis] = 1.0 - 2.0 * float(face % 2)
+    d[(axis + 1) % 3] = tangents[tid % n]
+    d[(axis + 2) % 3] = tangents[(tid // n) % n]
+    return wp.normalize(d)
+
+
+@wp.func
+def direction_pixel(d: wp.vec3, n: int):
+    """Index of the pixel that a direction falls into."""
+    axis = int(0)
+    a = wp.vec3(wp.abs(d[0]), wp.abs(d[1]), wp.abs(d[2]))
+    if a[1] > a[0] and a[1] >= a[2]:
+        axis = 1
+    elif a[2] > a[0]:
+        axis = 2
+    u = d[(axis + 1) % 3] / a[axis]
+    v = d[(axis + 2) % 3] / a[axis]
+    face = 2 * axis
+    if d[axis] < 0.0:
+        face += 1
+    col = wp.clamp(int((u * (1.0 + BEND - BEND * u * u) + 1.0) * 0.5 * float(n)), 0, n - 1)
+    row = wp.clamp(int((v * (1.0 + BEND - BEND * v * v) + 1.0) * 0.5 * float(n)), 0, n - 1)
+    return (face * n + row) * n + col
+
+
+@wp.kernel
+def _cast(
+    mesh: wp.uint64,
+    dropout: wp.array(dtype=float),
+    tangents: wp.array(dtype=float),
+    origin: wp.vec3,
+    turn: wp.mat33,
+    errors: Errors,
+    first: int,
+    ranges: wp.array(dtype=float),
+):
+    tid = first + wp.tid()
+    d = pixel_direction(tangents, tangents.shape[0], tid)
+    ranges[tid] = 0.0
+    if d[2] < errors.lowest or d[2] > errors.highest:
+        return
+    ray = turn * d
+    hit = wp.mesh_query_ray(mesh, origin, ray, 100.0)
+    if not hit.result:
+        return
+    rng = wp.rand_init(errors.seed, tid)
+    if wp.abs(wp.dot(hit.normal, ray)) < errors.grazing_cutoff * 2.0 * wp.randf(rng):
+        return
+    # Sharing the lattice between ranges and dropouts is harmless: glass has no other surface to be compared with.
+    shared = _smooth_noise(errors.lattice, d)
+    if dropout[hit.face] > wp.max(0.5 + 0.3 * shared, 0.0):
+        return
+    ranges[tid] = hit.t + errors.offset + errors.correlated * shared + errors.white * wp.randn(rng)
+
+
+def pixel_tangents(spacing: float) -> np.ndarray:
+    """Return the tangents of the pixel centres along a cube-map face, shape [pixel], for a mean angular spacing [rad]."""
+    n = int(np.ceil(np.pi / 2 / spacing))
+    fine = np.linspace(-1.0, 1.0, 20001)
+    centres = (np.arange(n) + 0.5) / n * 2.0 - 1.0
+    return np.interp(centres, fine * (1 + BEND - BEND * fine**2), fine).astype(np.float32)
+
+
+def cast_panorama(
+    mesh: RayMesh,
+    dropout: np.ndarray,
+    T_mesh_scanner: np.ndarray,
+    spacing: float,
+    noise: NoiseConfig,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Return the noisy range [m] of every pixel of a panorama, shape [pixel], float32; 0 where nothing returns.
+
+    Args:
+        mesh: what is scanned (see `ray_mesh`); rays are fastest where its walls are parallel to its axes.
+        dropout: share of rays that a face of the mesh swallows, in patches, shape [face]: glass, screens.
+        T_mesh_scanner: pose of the scanner, whose axes are the panorama's, in the mesh's frame, shape [4 4].
+        spacing: mean angle between rays [rad].
+        noise: the scanner's errors.
+        rng: where this panorama's errors come from.
+    """
+    errors = Errors()
+    errors.seed = int(rng.integers(1 << 30))
+    errors.white, errors.correlated, errors.grazing_cutoff = noise.white, noise.correlated, noise.grazing_cutoff
+    errors.offset, errors.lowest = float(rng.normal(0.0, noise.registration)), -float(np.sin(noise.tripod_blind_cone))
+    errors.highest = float(np.sin(noise.max_elevation)) if noise.max_elevation < np.pi / 2 else 2.0
+    cells = (int(2.0 / noise.correlation) + 2,) * 3
+    errors.lattice = wp.array(rng.normal(size=cells).astype(np.float32), dtype=float, device="cpu")
+    tangents = wp.array(pixel_tangents(spacing), dtype=float, device="cpu")
+    ranges = wp.empty(6 * len(tangents) ** 2, dtype=float, device="cpu")
+    pose = np.asarray(T_mesh_scanner, np.float64)
+    inputs = [mesh.id, wp.array(dropout, dtype=float, device="cpu"), tangents]
+    inputs += [wp.vec3(*map(float, pose[:3, 3])), wp.mat33(*map(float, pose[:3, :3].ravel())), errors]
+
+    def cast(some: slice) -> None:
+        wp.launch(_cast, some.stop - some.start, inputs=[*inputs, some.start], outputs=[ranges], device="cpu")
+
+    in_parallel(cast, chunks(len(ranges)))
+    return ranges.numpy()

@@ -1,0 +1,186 @@
+"""The zero level of a sparse distance field as a triangle mesh: naive surface nets.
+
+One vertex a cell that the surface crosses, one quad an edge that it crosses; only cells whose eight corners were observed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from s2a.core.workers import chunks, in_parallel
+from s2a.homes.tsdf import UNKNOWN, Field, voxel_index, voxel_place, voxel_value
+
+
+@dataclass(frozen=True)
+class Net:
+    """A fused surface before it is thinned out.
+
+    Attributes:
+        points: [m], shape [vertex 3], float32.
+        normals: unit vectors towards free space, shape [vertex 3], float32.
+        faces: vertex indices, counter-clockwise seen from free space, shape [face 3], int32.
+        cells: storage index of each vertex's cell, ascending, shape [vertex]; cell // 64 is its block of 4 x 4 x 4.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    faces: np.ndarray
+    cells: np.ndarray
+
+
+@wp.kernel
+def _crossings(
+    blocks: wp.array(dtype=wp.vec3i),
+    table: wp.array3d(dtype=int),
+    values: wp.array(dtype=float),
+    first: int,
+    kinds: wp.array(dtype=wp.uint8),
+):
+    """Bit 0: the cell holds a vertex. Bits 1 to 3: its edge along x, y, z crosses the surface."""
+    tid = first + wp.tid()
+    if values[tid] == UNKNOWN:
+        return
+    c = voxel_place(blocks, tid)
+    inside = values[tid] < 0.0
+    kind = int(0)
+    known = bool(True)
+    for corner in range(1, 8):
+        v = voxel_value(table, values, c[0] + corner // 4, c[1] + (corner // 2) % 2, c[2] + corner % 2)
+        if v == UNKNOWN:
+            known = False
+        elif (v < 0.0) != inside:
+            kind = kind | 1
+            if corner == 4:
+                kind = kind | 2
+            if corner == 2:
+                kind = kind | 4
+            if corner == 1:
+                kind = kind | 8
+    if not known:
+        kind = kind & 14
+    kinds[tid] = wp.uint8(kind)
+
+
+@wp.kernel
+def _vertices(
+    blocks: wp.array(dtype=wp.vec3i),
+    table: wp.array3d(dtype=int),
+    values: wp.array(dtype=float),
+    cells: wp.array(dtype=int),
+    origin: wp.vec3,
+    voxel: float,
+    points: wp.array(dtype=wp.vec3),
+    normals: wp.array(dtype=wp.vec3),
+):
+    """The mean of the places where a cell's edges cross the surface, and the field's gradient."""
+    tid = wp.tid()
+    c = voxel_place(blocks, cells[tid])
+    total = wp.vec3(0.0, 0.0, 0.0)
+    gradient = wp.vec3(0.0, 0.0, 0.0)
+    count = float(0.0)
+    for corner in range(8):
+        a = wp.vec3i(corner // 4, (corner // 2) % 2, corner % 2)
+        va = voxel_value(table, values, c[0] + a[0], c[1] + a[1], c[2] + a[2])
+        for axis in range(3):
+            if a[axis] == 0:
+                b = a
+                b[axis] = 1
+                vb = voxel_value(table, values, c[0] + b[0], c[1] + b[1], c[2] + b[2])
+                gradient[axis] = gradient[axis] + vb - va
+                if (va < 0.0) != (vb < 0.0):
+                    place = wp.vec3(float(a[0]), float(a[1]), float(a[2]))
+                    place[axis] = va / (va - vb)
+                    total += place
+                    count += 1.0
+    points[tid] = origin + voxel * (wp.vec3(float(c[0]), float(c[1]), float(c[2])) + total / count)
+    normals[tid] = wp.normalize(gradient)
+
+
+@wp.kernel
+def _quads(
+    blocks: wp.array(dtype=wp.vec3i),
+    table: wp.array3d(dtype=int),
+    values: wp.array(dtype=float),
+    edges: wp.array(dtype=int),
+    axis: int,
+    vertex: wp.array(dtype=int),
+    quads: wp.array2d(dtype=int),
+):
+    """The four cells around an edge that crosses the surface, counter-clockwise seen from free space; -1: no such vertex."""
+    tid = wp.tid()
+    c = voxel_place(blocks, edges[tid])
+    for corner in range(4):
+        side = corner
+        if values[edges[tid]] > 0.0:
+            side = 3 - corner
+        o = wp.vec3i(0, 0, 0)
+        if side == 1 or side == 2:
+            o[(axis + 1) % 3] = 1
+        if side >= 2:
+            o[(axis + 2) % 3] = 1
+        index = voxel_index(table, c[0] - o[0], c[1] - o[1], c[2] - o[2])
+        quads[tid, corner] = -1
+        if index >= 0:
+            quads[tid, corner] = vertex[index]
+
+
+def extract(field: Field) -> Net:
+    """Return the surface between free and filled space of a fused field."""
+    stored = [field.blocks, field.table, field.distance]
+    kind = _all_crossings(stored, len(field.distance))
+    cells = np.flatnonzero(kind & 1).astype(np.int32)
+    placed = in_parallel(lambda some: _places(stored, field, cells[some]), chunks(len(cells)))
+    points, normals = (np.concatenate(part) for part in zip(*placed, strict=True))
+    vertex = np.full(len(kind), -1, np.int32)
+    vertex[cells] = np.arange(len(cells), dtype=np.int32)
+    index = wp.array(vertex, dtype=int, device="cpu", copy=False)
+    found = in_parallel(lambda axis: _axis_quads(stored, np.flatnonzero(kind & (2 << axis)), axis, index), range(3))
+    quads = np.concatenate(found)
+    return Net(points, normals, _split(points, quads), cells)
+
+
+def _all_crossings(stored: list, count: int) -> np.ndarray:
+    """Return the kind of each cell, shape [voxel]."""
+    kinds = wp.zeros(count, dtype=wp.uint8, device="cpu")
+
+    def mark(some: slice) -> None:
+        wp.launch(_crossings, some.stop - some.start, inputs=[*stored, some.start], outputs=[kinds], device="cpu")
+
+    in_parallel(mark, chunks(count))
+    return kinds.numpy()
+
+
+def _places(stored: list, field: Field, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices of cells [m] and their normals, shape [cell 3] each."""
+    points, normals = (wp.empty(len(cells), dtype=wp.vec3, device="cpu") for _ in range(2))
+    inputs = [*stored, wp.array(cells, dtype=int, device="cpu"), field.origin, field.voxel]
+    wp.launch(_vertices, len(cells), inputs=inputs, outputs=[points, normals], device="cpu")
+    return points.numpy(), normals.numpy()
+
+
+def _axis_quads(stored: list, edges: np.ndarray, axis: int, vertex: wp.array) -> np.ndarray:
+    """Return the complete quads around the crossed edges along one axis, shape [quad 4]."""
+    quads = wp.empty((len(edges), 4), dtype=int, device="cpu")
+    inputs = [*stored, wp.array(edges.astype(np.int32), dtype=int, device="cpu"), axis, vertex]
+    wp.launch(_quads, len(edges), inputs=inputs, outputs=[quads], device="cpu")
+    found = quads.numpy()
+    return found[(found >= 0).all(axis=1)]
+
+
+def _split(points: np.ndarray, quads: np.ndarray) -> np.ndarray:
+    """Return two triangles a quad, cut along the shorter diagonal, shape [2 quad 3]."""
+    parts = [quads[some] for some in chunks(len(quads))]
+    cut_ac = np.concatenate(in_parallel(lambda part: _is_shorter(points, part), parts))
+    a, b, c, d = quads.T
+    first = np.stack([a, b, np.where(cut_ac, c, d)], axis=1)
+    second = np.stack([np.where(cut_ac, a, b), c, d], axis=1)
+    return np.concatenate([first, second])
+
+
+def _is_shorter(points: np.ndarray, quads: np.ndarray) -> np.ndarray:
+    """Whether a quad's first diagonal is no longer than its second, shape [quad]."""
+    a, b, c, d = (points[corner] for corner in quads.T)
+    return ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)

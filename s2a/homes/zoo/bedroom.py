@@ -1,0 +1,224 @@
+"""Bedroom: decor. Shapes in millimetres, at the ordinary sizes of such objects."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from s2a.homes.solids import FABRIC, WOOD, Surface, box, cylinder, ellipsoid, join, lathe
+from s2a.homes.zoo import paint as p
+from s2a.homes.zoo.shapes import arc, in_plane, plate, put, ring, settled, tube, turned
+from s2a.homes.zoo.zoo_object import ZooObject, zoo_object
+
+
+def _lamp() -> Surface:
+    """A bedside lamp, 420 mm high."""
+    foot = turned([(70, 0), (68, 10), (22, 26), (34, 80), (62, 130), (40, 190), (12, 220), (10, 260)], p.TEAL)
+    shade = lathe([(150, 235), (95, 415), (92, 415), (146, 235), (150, 235)], p.CREAM, sides=32)
+    bulb = put(ellipsoid((60, 60, 80), p.YELLOW), z=290)
+    trims = [
+        lathe([(r, z), (r, z + 8), (r - 6, z + 8), (r - 6, z), (r, z)], p.GOLD, sides=32)
+        for r, z in ((151.5, 235), (98, 407))
+    ]
+    spokes = [put(box((-94, 94), (-2, 2), (396, 400), p.STEEL), yaw=a) for a in (0, 60, 120)]
+    return join(foot, shade, bulb, *trims, *spokes, cylinder(5, 405, p.STEEL))
+
+
+def _candle() -> Surface:
+    """A thick candle on a saucer, 150 mm high with its flame."""
+    dish = lathe([(0, 0), (48, 0), (66, 14), (62, 15), (44, 6), (0, 6)], p.GOLD)
+    wax = put(turned([(36, 0), (36, 92), (33, 98)], p.CREAM), z=5)
+    drips = [
+        put(ellipsoid((10, 12, n), p.WHITE), 35 * np.cos(a), 35 * np.sin(a), 100 - n / 2.2)
+        for a, n in ((0.2, 50), (0.9, 30), (-0.7, 40))
+    ]
+    flame = put(turned([(3, 0), (9, 12), (7, 24), (1, 42)], p.ORANGE), z=112)
+    ear = put(ring(15, 6, p.GOLD), 0, 74, 20, roll=90, yaw=90)
+    return join(
+        dish,
+        wax,
+        *drips,
+        put(cylinder(1.5, 14, p.BLACK), z=100),
+        flame,
+        put(turned([(1, 0), (5, 9), (1, 22)], p.YELLOW), 6, 0, 114),
+        ear,
+    )
+
+
+def _jewellery_box() -> Surface:
+    """220 mm wide with its lid up, pearls and rings inside."""
+    wood = [
+        box((-80, 80), (-110, 110), (0, 12), p.WALNUT),
+        *[box((x, x + 8), (-110, 110), (0, 80), p.WALNUT) for x in (-80, 72)],
+        *[box((-80, 80), (y, y + 8), (0, 80), p.WALNUT) for y in (-110, 102)],
+    ]
+    velvet = box((-72, 72), (-102, 102), (12, 56), p.WINE, FABRIC)
+    lid = put(
+        join(box((0, 12), (-110, 110), (0, 160), p.WALNUT), box((12, 13), (-95, 95), (14, 146), p.SKY)),
+        -80,
+        0,
+        80,
+        pitch=-18,
+    )
+    pearls = [
+        put(ellipsoid((13, 13, 13), p.WHITE), 40 * np.cos(a), 60 * np.sin(a) + 20, 60) for a in np.arange(0, 6.2, 0.26)
+    ]
+    gems = [
+        put(join(put(ring(13, 4, p.GOLD), roll=90), put(ellipsoid((12, 12, 12), c), z=16)), x, y, 66, yaw=60)
+        for x, y, c in ((10, -70, p.RED), (-30, -62, p.TEAL), (0, 24, p.BLUE))
+    ]
+    clasp = box((80, 84), (-14, 14), (52, 76), p.GOLD)
+    return join(*wood, velvet, lid, *pearls, *gems, clasp)
+
+
+def _dreamcatcher() -> Surface:
+    """Hanging, 480 mm high with its feathers."""
+    hoop = put(ring(90, 10, p.BROWN), 0, 0, 360, pitch=90)
+    knots = [
+        (r * np.cos(a), 360 + r * np.sin(a))
+        for r in (88, 62, 38, 18)
+        for a in np.radians(np.arange(0, 360, 36) + (18 if r in (62, 18) else 0))
+    ]
+    web = [
+        tube(
+            [(0, *knots[10 * i + k]), (0, *knots[10 * (i + 1) + (k - s + (0 if i != 1 else 1)) % 10])], 1.6, p.CREAM, 5
+        )
+        for i in range(3)
+        for k in range(10)
+        for s in (0, 1)
+    ]
+    beads = [
+        put(ellipsoid((12, 13, 13), c), 0, *knots[k]) for k, c in ((12, p.TEAL), (17, p.RED), (24, p.TEAL), (29, p.RED))
+    ]
+    feather = plate([(0, 0), (14, -40), (13, -90), (0, -120), (-13, -90), (-14, -40)], (-1.5, 1.5), p.WHITE, 0)
+    tip = plate([(13.5, -80), (13, -90), (0, -122), (-13, -90), (-13.5, -80)], (-2.2, 2.2), p.TEAL, 0)
+    strings = []
+    for y, top, drop in ((-66, 302, 60), (0, 272, 120), (66, 302, 60)):
+        lower = top - drop
+        strings += [tube([(0, y, top), (0, y, lower - 110)], 1.6, p.BROWN, 5), put(join(feather, tip), 0, y, lower)]
+        strings += [put(ellipsoid((13, 14, 14), p.RED), 0, y, lower + 8)]
+    return join(hoop, *web, *beads, *strings, put(ring(12, 3, p.BROWN), 0, 0, 463, pitch=90))
+
+
+def _photo_frame() -> Surface:
+    """For a photo of 130 by 180 mm, leaning on its stand: a house under the sun."""
+    frame = box((0, 16), (-90, 90), (0, 225), p.WALNUT, WOOD)
+    sky, ground = box((15, 17), (-68, 68), (22, 203), p.SKY), box((15, 17.6), (-68, 68), (22, 80), p.GREEN)
+    house = box((15, 18.2), (-40, 20), (60, 110), p.CREAM)
+    roof = plate([(-50, 110), (30, 110), (-10, 150)], (15, 18.2), p.RED, 0)
+    sun = plate(arc(17, 0, 360, 21)[:-1] + (42, 172), (15, 18.2), p.YELLOW, 0)
+    door = box((15, 18.8), (-18, -2), (60, 90), p.BROWN)
+    stand = put(box((-5, 0), (-30, 30), (0, 150), p.BLACK), -100, 0, 0, pitch=24)
+    return settled(join(put(join(frame, sky, ground, house, roof, sun, door), pitch=-12), stand), 3)
+
+
+def _piggy_bank() -> Surface:
+    """170 mm long."""
+    body = put(ellipsoid((160, 120, 115), p.PINK, sides=24), z=72)
+    snout = join(
+        put(cylinder(22, 20, p.PINK), 70, 0, 72, pitch=90),
+        *[put(ellipsoid((4, 8, 12), p.ROSE), 91, y, 73) for y in (-8, 8)],
+    )
+    eyes = [put(ellipsoid((8, 10, 12), p.BLACK), 66, y, 98) for y in (-22, 22)]
+    ears = [
+        put(lathe([(0, 0), (17, 0), (2, 36), (0, 36)], p.ROSE, sides=8), 40, y, 116, pitch=25, roll=-y * 0.5)
+        for y in (-30, 30)
+    ]
+    legs = [put(lathe([(0, 0), (17, 0), (20, 40), (0, 40)], p.PINK), x, y) for x in (-42, 42) for y in (-32, 32)]
+    slot = box((-22, 22), (-3, 3), (124, 131), p.BLACK)
+    coin = put(cylinder(17, 3, p.GOLD), 0, 1.5, 136, roll=90)
+    tail = tube([(-78 - 4 * t, 9 * np.cos(2 * t), 80 + 9 * np.sin(2 * t)) for t in np.linspace(0, 4, 24)], 4, p.ROSE)
+    return join(body, snout, *eyes, *ears, *legs, slot, coin, tail)
+
+
+def _vanity_mirror() -> Surface:
+    """A round mirror on a foot, 380 mm high."""
+    foot = turned([(75, 0), (74, 10), (20, 22), (9, 40), (8, 120), (10, 128)], p.GOLD)
+    fork = tube(in_plane(arc(128, 180, 360, 21) + (0, 250), 0), 6, p.GOLD)
+    disc = join(cylinder(118, 14, p.GOLD, sides=44), put(cylinder(106, 16, p.SKY, sides=44)))
+    glints = [
+        plate([(a, b), (a + 22, b), (a + 92, b + 110), (a + 70, b + 110)], (16, 17.5), p.WHITE, 0)
+        for a, b in ((-70, -60), (-30, -66))
+    ]
+    tilted = put(join(put(disc, pitch=90), *glints), -7, 0, 250, pitch=-10)
+    return join(foot, fork, tilted, *[put(ellipsoid((16, 20, 16), p.GOLD), 0, y, 250) for y in (-126, 126)])
+
+
+def _lava_lamp() -> Surface:
+    """370 mm high."""
+    foot = lathe([(0, 0), (58, 0), (36, 55), (48, 105), (0, 105)], p.SILVER, sides=28)
+    glass = lathe([(0, 105), (48, 105), (50, 130), (26, 320), (0, 320)], p.PURPLE, sides=28)
+    cap = lathe([(0, 318), (28, 318), (16, 368), (0, 370)], p.SILVER, sides=28)
+    spots = ((150, 0.1, 52), (185, 0.9, 34), (205, -0.6, 40), (240, 0.3, 32), (262, 1.3, 20), (290, -0.1, 24))
+    blobs = [
+        put(
+            ellipsoid((s * 0.4, s * 0.9, s), p.ORANGE),
+            (53 - 0.13 * (z - 110)) * np.cos(a) - 2,
+            (53 - 0.13 * (z - 110)) * np.sin(a),
+            z,
+            yaw=np.degrees(a),
+        )
+        for z, a, s in spots
+    ]
+    return join(foot, glass, cap, *blobs)
+
+
+def _tulips() -> Surface:
+    """A vase of seven tulips, 380 mm high."""
+    vase = turned([(40, 0), (46, 8), (58, 70), (36, 140), (46, 175)], p.SKY)
+    parts = [vase]
+    paints = (p.RED, p.YELLOW, p.ROSE, p.ORANGE, p.RED, p.PURPLE, p.YELLOW)
+    for i, color in enumerate(paints):
+        lean, turn = (0, 0) if i == 0 else (16 + 5 * (i % 2), 60 * i)
+        bloom = join(
+            put(turned([(6, 0), (22, 18), (24, 34), (16, 54)], color), z=300 + 12 * (i % 3)),
+            cylinder(3.5, 310, p.LEAF, sides=8),
+        )
+        leaf = put(ellipsoid((5, 26, 150), p.GREEN), 10, 0, 190, pitch=10)
+        parts.append(put(put(join(put(bloom, z=-120), put(leaf, z=-120)), pitch=lean), 0, 0, 120, yaw=turn))
+    return join(*parts)
+
+
+def _matryoshka() -> Surface:
+    """160 mm high."""
+    body = turned([(38, 0), (42, 6), (46, 50), (34, 92), (30, 100)], p.RED)
+    head = turned([(30, 98), (33, 122), (26, 146), (6, 158)], p.YELLOW)
+    face = put(ellipsoid((16, 44, 42), p.CREAM), 26, 0, 124)
+    hair = [put(ellipsoid((12, 22, 12), p.BROWN), 31, s * 9, 141, roll=-s * 20) for s in (-1, 1)]
+    eyes = [put(ellipsoid((4, 5, 6), p.BLACK), 33.5, s * 8, 127) for s in (-1, 1)]
+    cheeks = [put(ellipsoid((4, 8, 8), p.PINK), 32, s * 13, 117) for s in (-1, 1)]
+    mouth, shawl = put(ellipsoid((4, 9, 4), p.RED), 33.5, 0, 112), put(ring(31, 9, p.GREEN), z=99)
+    apron = put(ellipsoid((26, 62, 76), p.WHITE), 34, 0, 48)
+    petals = [
+        put(ellipsoid((4, 15, 15), p.ROSE), 46.5, 12 * np.cos(a), 50 + 12 * np.sin(a)) for a in np.arange(0, 6, 1.257)
+    ]
+    leaves = [put(ellipsoid((4, 20, 9), p.LEAF), 43, s * 20, 30, roll=s * 30) for s in (-1, 1)]
+    return join(
+        body,
+        head,
+        face,
+        *hair,
+        *eyes,
+        *cheeks,
+        mouth,
+        shawl,
+        apron,
+        *petals,
+        *leaves,
+        put(ellipsoid((6, 12, 12), p.YELLOW), 47, 0, 50),
+    )
+
+
+def objects() -> list[ZooObject]:
+    """Return the objects of this module."""
+    return [
+        zoo_object("bedside lamp", "bedroom", _lamp()),
+        zoo_object("candle", "bedroom", _candle()),
+        zoo_object("jewellery box", "bedroom", _jewellery_box()),
+        zoo_object("photo frame", "bedroom", _photo_frame()),
+        zoo_object("piggy bank", "bedroom", _piggy_bank()),
+        zoo_object("make-up mirror", "bedroom", _vanity_mirror()),
+        zoo_object("lava lamp", "bedroom", _lava_lamp()),
+        zoo_object("vase of tulips", "bedroom", _tulips()),
+        zoo_object("dreamcatcher", "bedroom", _dreamcatcher(), "hanging", rare=True),
+        zoo_object("matryoshka", "bedroom", _matryoshka(), rare=True),
+    ]

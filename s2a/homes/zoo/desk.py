@@ -1,0 +1,157 @@
+"""Stationery: what else lies on a desk. Shapes in millimetres, at the ordinary sizes of such objects."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from s2a.homes.solids import Surface, box, cylinder, ellipsoid, join, lathe
+from s2a.homes.zoo import paint as p
+from s2a.homes.zoo.shapes import arc, in_plane, pebble, plate, put, ring, settled, tube, writing
+from s2a.homes.zoo.zoo_object import ZooObject, zoo_object
+
+
+def _stapler() -> Surface:
+    """140 mm long, 60 mm high, its mouth towards the front."""
+    base = put(pebble((140, 36, 10), p.BLACK, 6))
+    magazine = put(box((-62, 66), (-8, 8), (0, 11), p.STEEL), 0, 0, 17, pitch=-6)
+    arm = put(pebble((136, 28, 20), p.RED, 5), 0, 0, 30, pitch=-9)
+    hinge = put(pebble((34, 30, 46), p.RED, 4), -50, 0, 4)
+    return settled(join(base, magazine, arm, hinge, put(box((36, 56), (-9, 9), (9, 11.5), p.SILVER))), 0.5)
+
+
+def _tape() -> Surface:
+    """A desk tape dispenser, 150 mm long."""
+    side = np.array([(-75, 0), (78, 0), (80, 40), (62, 44), (48, 20), (10, 12), (-8, 12), (-56, 46), (-72, 42)])
+    cheeks = [plate(side * (1, 1), span, p.NAVY, 1) for span in ((-32, -22), (22, 32))]
+    floor = box((-72, 76), (-32, 32), (0, 20), p.NAVY)
+    roll = put(lathe([(22, -10), (38, -10), (38, 10), (22, 10), (22, -10)], p.AMBER, sides=32), -26, 0, 54, roll=90)
+    hub = put(lathe([(0, -23), (21, -23), (21, 23), (0, 23)], p.WHITE, sides=24), -26, 0, 54, roll=90)
+    strip = put(box((-92, 0), (-10, 10), (-0.8, 0.8), p.AMBER), 72, 0, 44, pitch=26)
+    teeth = join(box((60, 80), (-32, 32), (18, 41), p.NAVY), box((74, 84), (-14, 14), (40, 44), p.SILVER))
+    return join(floor, *cheeks, roll, hub, put(strip), teeth)
+
+
+def _notebook() -> Surface:
+    """A spiral notebook A5, lying."""
+    cover = [box((-105, 105), (-70, 74), z, p.TEAL) for z in ((0, 1.5), (13, 15))]
+    pages = box((-103, 103), (-68, 72), (1.5, 13), p.CREAM)
+    coils = [put(ring(9, 2.2, p.DARK, sides=6), x, -72, 10.2, pitch=90) for x in np.arange(-98, 100, 9).tolist()]
+    label = join(
+        box((-60, -10), (-35, 45), (15, 15.6), p.WHITE), put(writing("NOTES", 60, p.NAVY, 0.6), -28, 5, 15.3, pitch=-90)
+    )
+    return settled(join(*cover, pages, *coils, label), 1)
+
+
+def _paper_clip() -> Surface:
+    """33 mm long, lying."""
+    loops = [
+        (-4.5, -6),
+        (-4.5, 10),
+        *(arc(4.5, 180, 0, 11) + (0, 10)),
+        (4.5, -11),
+        *(arc(3.7, 0, -180, 11) + (0.8, -11)),
+    ]
+    loops += [(-2.9, 7), *(arc(2.7, 180, 0, 9) + (-0.2, 7)), (2.5, -7)]
+    return settled(put(tube(in_plane(loops, 2, 0.6), 0.6, p.BLUE, 6), yaw=-60), 0.1)
+
+
+def _calculator() -> Surface:
+    """150 mm long, lying."""
+    case = put(pebble((150, 82, 14), p.DARK, 8))
+    screen = join(
+        box((-62, -34), (-32, 32), (13, 14.6), p.SCREEN),
+        put(writing("3.1415", 46, p.BLACK, 0.5), -42, 6, 14.5, pitch=-90),
+    )
+    keys = [
+        put(pebble((13, 14, 5), c, 6), x, y, 12.6)
+        for i, x in enumerate((-18, 0, 18, 36, 54))
+        for y, c in ((-27, p.RED if i == 0 else p.WHITE), (-9, p.WHITE), (9, p.WHITE), (27, p.ORANGE))
+    ]
+    return settled(join(case, screen, *keys), 0.5)
+
+
+def _envelope() -> Surface:
+    """A letter 220 by 110 mm with a stamp, lying."""
+    paper = box((-55, 55), (-110, 110), (0, 3), p.CREAM)
+    flap = [put(tube([(-54, s * 109, 3), (8, 0, 3)], 0.9, p.TAN, 6)) for s in (-1, 1)]
+    seal = put(cylinder(13, 3, p.RED), 6, 0, 2.5)
+    edge = [
+        box((-55.5, 55.5), (y, y + 9), (0.6, 2.4), p.RED if k % 2 else p.BLUE) for k, y in ((0, -110.5), (1, 101.5))
+    ]
+    stripes = [
+        box((x, x + 1.2), (y, y + 12), (0.3, 2.7), (p.RED, p.BLUE)[k % 2])
+        for x in (-55.6, 54.4)
+        for k, y in enumerate(np.arange(-105, 100, 18).tolist())
+    ]
+    return join(paper, *flap, seal, *edge, *stripes)
+
+
+def _desk_calendar() -> Surface:
+    """A calendar that stands like a tent, 170 mm wide."""
+    page = join(box((0, 1.5), (-85, 85), (0, 140), p.WHITE), box((1, 2.4), (-85, 85), (104, 140), p.RED))
+    days = [
+        put(
+            writing(str(i + 1), 5 + 4 * (i > 8), p.RED if i % 7 == 6 else p.BLACK, 0.7),
+            1.5,
+            -66 + 22 * (i % 7),
+            84 - 18 * (i // 7),
+        )
+        for i in range(31)
+    ]
+    front = put(join(page, *days, put(writing("MAY", 52, p.WHITE, 1), 2, 0, 114)), 42, pitch=-17)
+    back = put(box((-1.5, 0), (-85, 85), (0, 140), p.TAN), -42, pitch=17)
+    coils = [put(ring(6, 2, p.DARK, sides=6), 0, y, 136, roll=90) for y in range(-78, 80, 12)]
+    return join(front, back, *coils, box((-42, 42), (-85, 85), (0, 1.5), p.TAN))
+
+
+def _binder() -> Surface:
+    """A ring binder for A4, 320 mm high, standing, its spine to the front."""
+    cover = [box((-285, 0), (y, y + 3), (0, 320), p.BLUE) for y in (-38, 35)] + [
+        box((-3, 0), (-38, 38), (0, 320), p.BLUE)
+    ]
+    paper = box((-272, -30), (-33, 22), (6, 303), p.WHITE)
+    label = join(
+        box((0, 0.8), (-26, 26), (150, 290), p.WHITE),
+        *[box((0.5, 1.2), (-20, 20), (z, z + 3), p.GREY) for z in (190, 205, 220)],
+    )
+    hole = put(join(ring(15, 5, p.SILVER), cylinder(14, 1, p.BLACK)), 0, 0, 70, pitch=90)
+    return join(*cover, paper, label, hole, put(writing("TAX", 40, p.BLACK, 1), 0.5, 0, 250))
+
+
+def _post_it() -> Surface:
+    """A block of sticky notes, 76 mm square, the first sheet curling up."""
+    block = [box((-38, 38), (-38, 38), (4 * i, 4 * i + 4), c) for i, c in enumerate((p.PINK, p.LIME, p.SKY, p.YELLOW))]
+    curl = [(-38, 16), (0, 16.4), (20, 19), (34, 26), (33.6, 26.6), (19.5, 19.8), (0, 17.2), (-38, 16.8)]
+    strips = [plate([curl[i], curl[i + 1], curl[6 - i], curl[7 - i]], (-38, 38), p.YELLOW, 1) for i in range(3)]
+    return join(*block, *strips, put(writing("TO DO", 54, p.BLUE, 0.8), -8, 0, 16.8, pitch=-91))
+
+
+def _abacus() -> Surface:
+    """240 mm wide, standing, ten beads on each of seven rods."""
+    frame = [box((-12, 12), (y, y + 12), (0, 200), p.BROWN) for y in (-120, 108)] + [
+        box((-12, 12), (-120, 120), z, p.BROWN) for z in ((14, 26), (188, 200))
+    ]
+    feet = [put(pebble((90, 18, 16), p.BROWN, 6), 0, y) for y in (-114, 114)]
+    paints = (p.RED, p.ORANGE, p.YELLOW, p.GREEN, p.TEAL, p.BLUE, p.PURPLE)
+    rods, bead = [tube([(0, -110, 40 + 22 * k), (0, 110, 40 + 22 * k)], 2, p.STEEL, 6) for k in range(7)], {}
+    for k, color in enumerate(paints):
+        for i in range(10):
+            shift = 0 if i < (3, 7, 5, 8, 2, 6, 4)[k] else 60
+            bead[k, i] = put(ellipsoid((19, 13.5, 19), color), 0, -99 + 14 * i + shift, 172 - 22 * k)
+    return join(*frame, *feet, *rods, *bead.values())
+
+
+def objects() -> list[ZooObject]:
+    """Return the objects of this module."""
+    return [
+        zoo_object("stapler", "stationery", _stapler()),
+        zoo_object("tape dispenser", "stationery", _tape()),
+        zoo_object("spiral notebook", "stationery", _notebook()),
+        zoo_object("paper clip", "stationery", _paper_clip(), "inside"),
+        zoo_object("calculator", "stationery", _calculator()),
+        zoo_object("envelope", "stationery", _envelope()),
+        zoo_object("desk calendar", "stationery", _desk_calendar()),
+        zoo_object("ring binder", "stationery", _binder(), "inside"),
+        zoo_object("Post-it notes", "stationery", _post_it(), rare=True),
+        zoo_object("abacus", "stationery", _abacus(), rare=True),
+    ]

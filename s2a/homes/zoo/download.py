@@ -1,0 +1,154 @@
+"""What objects look like when they come off the web: any unit, up axis, heading, origin and format, and some are dirty."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from s2a.homes.solids import rotation, translation
+from s2a.homes.zoo.formats import WRITERS
+from s2a.homes.zoo.zoo_object import ZooObject
+from s2a.scene.scene import Mesh
+
+T = TypeVar("T")
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
+"""Metres in each."""
+UPS = {"+y": (-np.pi / 2, 0.0, 0.0), "+z": (0.0, 0.0, 0.0), "+x": (0.0, np.pi / 2, 0.0)}
+"""How the z axis is turned to each up axis: a vector of rotation [rad]."""
+ORIGINS = ("base", "centre", "corner", "far")
+"""What is at zero: the middle of the underside, the middle, the lowest corner, or nothing near."""
+FAR = (3.2, -1.7, 0.6)
+"""Where the middle of the underside is for the last [m]."""
+FLAWS = (*["duplicated vertices"] * 6, "inconsistent winding", "non-manifold edge")
+"""This many objects of a hundred; the others are clean."""
+
+
+@dataclass(frozen=True)
+class Download:
+    """An object as it comes.
+
+    Attributes:
+        object: what it really is.
+        unit: key of UNITS in which its file counts.
+        up: key of UPS.
+        yaw: how far it was turned about its upright axis first [deg].
+        origin: one of ORIGINS.
+        flaw: one of FLAWS, or None.
+        form: key of `formats.WRITERS`.
+    """
+
+    object: ZooObject
+    unit: str
+    up: str
+    yaw: int
+    origin: str
+    flaw: str | None
+    form: str
+
+    @property
+    def file(self) -> str:
+        """Its file's name."""
+        return self.object.slug + WRITERS[self.form][0]
+
+    @property
+    def transform(self) -> np.ndarray:
+        """The similarity from the upright object in metres to the coordinates in its file, shape [4 4]."""
+        scale = np.diag([1 / UNITS[self.unit]] * 3 + [1.0])
+        turn = rotation(UPS[self.up]) @ rotation((0.0, 0.0, np.radians(self.yaw)))
+        return np.array(np.round(scale @ turn @ translation(-self._zero()), 9))
+
+    def _zero(self) -> np.ndarray:
+        """The place in the upright object that becomes its file's origin [m], shape [3]."""
+        vertices = self.object.surface.vertices
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        base = np.array([*(low + high)[:2] / 2, low[2]])
+        return {"base": base, "centre": (low + high) / 2, "corner": low, "far": base - FAR}[self.origin]
+
+    def mesh(self, rng: np.random.Generator) -> Mesh:
+        """Return the mesh in its file's coordinates, with its flaw.
+
+        Args:
+            rng: which triangles are turned over, where winding is inconsistent.
+        """
+        clean = self.object.surface.mesh
+        vertices = self.object.surface.vertices @ self.transform[:3, :3].T + self.transform[:3, 3]
+        mesh = Mesh(vertices, clean.faces, clean.colors)
+        return mesh if self.flaw is None else _DIRT[self.flaw](mesh, rng)
+
+    def truth(self, metres: Sequence[float]) -> dict[str, Any]:
+        """Return what is known of it, ready for JSON.
+
+        Args:
+            metres: the true extents along depth, width and height [m].
+        """
+        front = np.round(self.transform[:3, :3] @ (1.0, 0.0, 0.0) * UNITS[self.unit]).astype(int)
+        axis = int(np.abs(front).argmax())
+        return {
+            "label": self.object.label,
+            "category": self.object.category,
+            "size": [round(float(x), 6) for x in metres],
+            "unit": self.unit,
+            "up": self.up,
+            "front": "-+"[int(front[axis] > 0)] + "xyz"[axis],
+            "origin": self.origin,
+            "transform": self.transform.tolist(),
+            "placement": self.object.placement,
+            "rare": self.object.rare,
+            "flaw": self.flaw,
+            "format": self.form,
+        }
+
+
+def download(objects: Sequence[ZooObject], rng: np.random.Generator) -> list[Download]:
+    """Return the objects as they come; each unit, axis, origin and format comes equally often, but for y and z up.
+
+    Args:
+        objects: what is downloaded.
+        rng: deals them out.
+    """
+
+    def deal(options: Sequence[T]) -> list[T]:
+        """Options in turn, one for each object, shuffled."""
+        return [options[i % len(options)] for i in rng.permutation(len(objects))]
+
+    flaws = [*FLAWS, *[None] * (100 - len(FLAWS))]
+    dealt = zip(
+        deal(list(UNITS)),
+        deal(["+y", "+y", "+z", "+z", "+x"]),
+        deal([0, 90, 180, 270]),
+        deal(ORIGINS),
+        deal(flaws),
+        deal(list(WRITERS)),
+        strict=True,
+    )
+    return [Download(item, *rest) for item, rest in zip(objects, dealt, strict=True)]
+
+
+def _duplicated(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    """Give each triangle three vertices of its own."""
+    assert mesh.colors is not None
+    corners = mesh.faces.ravel()
+    return Mesh(mesh.vertices[corners], np.arange(len(corners)).reshape(-1, 3), mesh.colors[corners])
+
+
+def _turned_over(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    """Turn about every third triangle over."""
+    faces = mesh.faces.copy()
+    over = rng.uniform(size=len(faces)) < 0.3
+    faces[over] = faces[over][:, ::-1]
+    return Mesh(mesh.vertices, faces, mesh.colors)
+
+
+def _finned(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    """Add a third triangle to the first edge, its tip in the middle of the mesh."""
+    assert mesh.colors is not None
+    vertices = np.concatenate([mesh.vertices, mesh.vertices.mean(axis=0)[None]])
+    faces = np.concatenate([mesh.faces, [[*mesh.faces[0][:2], len(mesh.vertices)]]])
+    return Mesh(vertices, faces, np.concatenate([mesh.colors, mesh.colors[mesh.faces[0, :1]]]))
+
+
+_DIRT = {"duplicated vertices": _duplicated, "inconsistent winding": _turned_over, "non-manifold edge": _finned}

@@ -1,0 +1,150 @@
+"""sim.usd and recordings of a part that was pulled -> the dynamics of its joint."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from s2a import robot
+from s2a.core.bounds import Positive
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.joints import dynamics, robot_pull
+from s2a.joints.dynamics import Dynamics
+from s2a.joints.identify import fit, identify
+from s2a.joints.joint_kernels import PARAMETERS
+from s2a.joints.pull import Noise, header, read
+from s2a.joints.pulled import Moving, moving
+from s2a.robot.spec import RobotSpec
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.resistance import Resistance, SoftClose
+from s2a.scene.usd.sim_read import refuse_unphysical
+from s2a.sim.simulation import device_of
+from s2a.sim.world import read_stage
+
+UNITS = {"mass": "of the stage's mass", "damping": "N s/m", "friction": "N", "breakaway": "N more", "spring": "N/m"}
+UNITS |= {"pull_in": "N, of a soft close", "closing": "N s/m, of a soft close"}
+
+
+@dataclass(frozen=True)
+class PullNoise:
+    """Standard deviations of a recording's samples.
+
+    Attributes:
+        opening: [m].
+        force: [N].
+    """
+
+    opening: Positive
+    force: Positive
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a identify`.
+
+    Attributes:
+        stage: the sim.usd.
+        part: id of the articulated part; null: the only one of the stage.
+        pulls: recordings, CSV files: of a hand with the columns time [s], opening [m] (path of the grasp point) and force [N]
+            (along it); or of the robot, with its joints and their torques, as `s2a evaluate recordings=...` writes them. Or
+            folders of LeRobot datasets, whose features have these names; an episode is a recording.
+        episodes: of each dataset, by number; none: all.
+        robot: the robot of its own recordings; it stood where the stage has its base.
+        torques_carry_weight: Take the recorded torques as carrying the robot's own weight too.
+        soft_close_reach: path of the grasp point from shut over which a soft close acts, if the part has one and the stage does
+            not say [m].
+        out: the layer to write over the stage, *.usda, which every command takes in its place.
+        record: a JSON file for the numbers too, or null.
+        noise: how far the recordings' samples are off.
+        device: cpu, cuda:0, or auto: a GPU where there is one.
+    """
+
+    stage: Path
+    part: str | None
+    pulls: tuple[Path, ...]
+    episodes: tuple[int, ...]
+    robot: RobotSpec
+    torques_carry_weight: bool
+    soft_close_reach: Positive
+    out: Path
+    record: Path | None
+    noise: PullNoise
+    device: str
+
+
+def run(config: Config) -> str:
+    """Identify a joint, write it as a layer over its stage, and return it in words."""
+    if not config.pulls:
+        raise InputError("key 'pulls' is empty; give one recording or more: pulls=[a.csv,b.csv]")
+    refuse_unphysical(config.stage)
+    room = sim_stage.read(config.stage, visuals=False)
+    part = room.part(config.part)
+    body = moving(room, part, config.soft_close_reach)
+    found = _identified(config, body, part)
+    with atomic_write(config.out) as out:
+        write_layer(config.stage, config.out, out, part, found, body)
+    if config.record:
+        with atomic_write(config.record) as out:
+            out.write_text(json.dumps(_record(config, part, found), indent=1))
+    lines = [
+        f"  {name:10}{value:9.3g} +- {dev:.2g} {UNITS[name]}" if told else f"  {name:10}    undetermined by these pulls"
+        for name, value, dev, told in _rows(found)
+    ]
+    lines.append(f"  misfit {found.misfit:.2f}; 1 where the recordings are as noisy as given, and explained")
+    return "\n".join([f"{config.out}: joint of {part}, at its grasp point", *lines])
+
+
+def _identified(config: Config, body: Moving, part: str) -> Dynamics:
+    """Return the dynamics that recordings of a hand tell, or of the robot: those with a column of one of its joints."""
+    spec = config.robot
+    by_robot = [bool({*spec.joints} & {*header(path)}) for path in config.pulls]
+    if not any(by_robot):
+        pulls = [each for path in config.pulls for each in read(path, config.episodes)]
+        (found,) = identify([body], [pulls], Noise(**asdict(config.noise)), device_of(config.device))
+        return found
+    if not all(by_robot):
+        raise InputError(
+            f"{config.pulls[by_robot.index(False)]} is no recording of {spec.name}'s joints, others are; give those of one kind"
+        )
+    robot.check_unchanged(spec)
+    base = read_stage(config.stage, part, robot=spec.name).base
+    recordings = [each for path in config.pulls for each in robot_pull.read(path, spec, config.episodes)]
+    pulls = [robot_pull.pull(each, spec, base, body, config.torques_carry_weight) for each in recordings]
+    return fit(body, pulls, config.noise.force)
+
+
+def write_layer(stage: Path, out: Path, file: Path, part: str, found: Dynamics, body: Moving) -> None:
+    """Write what was found as a layer over a stage: to `file`, which will stand at `out`. What is undetermined stays."""
+    value, lever = {name: x for name, x, _, told in _rows(found) if told}, abs(body.lever)
+    below = os.path.relpath(stage.absolute(), out.absolute().parent)
+
+    def at_joint(name: str, power: int) -> float | None:
+        return value[name] * lever**power if name in value else None
+
+    pull_in, closing = at_joint("pull_in", 1) or 0.0, at_joint("closing", 2) or 0.0
+    resistance = Resistance(
+        damping=at_joint("damping", 2),
+        stiffness=at_joint("spring", 2),
+        breakaway=at_joint("breakaway", 1) or 0.0,
+        soft_close=SoftClose(pull_in, closing, body.reach / lever) if pull_in or closing else None,
+    )
+    mass = dynamics.scaled(body.mass, value["mass"]) if "mass" in value else None
+    dynamics.write(below, part, mass, at_joint("friction", 1), resistance, file)
+
+
+def _rows(found: Dynamics) -> list[tuple[str, float, float, bool]]:
+    columns = (found.values.tolist(), found.deviations.tolist(), found.determined.tolist())
+    return list(zip(PARAMETERS, *columns, strict=True))
+
+
+def _record(config: Config, part: str, found: Dynamics) -> dict[str, object]:
+    rows = {
+        name: {"value": value, "deviation": dev, "unit": UNITS[name]} if told else {"value": None, "unit": UNITS[name]}
+        for name, value, dev, told in _rows(found)
+    }
+    about = {"stage": config.stage.name, "part": part, "pulls": [path.name for path in config.pulls]}
+    return {**about, "dynamics": rows, "misfit": found.misfit, **provenance(device_of(config.device))}

@@ -1,0 +1,85 @@
+"""sim.usd -> the time law with which an arm pulls a part, as a file for the planner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from s2a import robot, tasks
+from s2a.core.errors import InputError
+from s2a.core.outputs import atomic_write
+from s2a.joints.pull_optimize import Optimum, PullConfig, optimize
+from s2a.joints.pulled import pulled
+from s2a.planner import pull_law
+from s2a.planner.part_plan import PlannerConfig, planned_path
+from s2a.robot.spec import RobotSpec
+from s2a.scene.usd.sim_read import refuse_unphysical
+from s2a.sim.simulation import SimConfig, Simulation
+from s2a.sim.world import read_stage
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a optimize`.
+
+    Attributes:
+        stage: the sim.usd, or the layer of s2a identify over it.
+        part: id of the articulated part; null: the only one of the stage.
+        out: the file to write, for `planner.pull_law`.
+        offset: how much farther than predicted an earlier pull of the part ended [m].
+        robot: the robot that the stage was prepared for.
+        sim: how physics is stepped: what resists where nothing was identified, gains and limits of the arm.
+        task: what is done: open_part, as far as the planner's motion says; or close_part, from where episodes begin.
+        planner: the planner's motion.
+        pull: what a good pull is.
+    """
+
+    stage: Path
+    part: str | None
+    out: Path
+    offset: float
+    robot: RobotSpec
+    sim: SimConfig
+    task: tasks.MdpSettings
+    planner: PlannerConfig
+    pull: PullConfig
+
+
+def run(config: Config) -> str:
+    """Optimise a pull, write its time law, and say what the model predicts."""
+    low, high = config.pull.min_seconds, config.pull.max_seconds
+    if low > high:
+        raise InputError(
+            f"keys 'pull.min_seconds' ({low}) and 'pull.max_seconds' ({high}): the first is above the second"
+        )
+    if config.pull.knots < KNOTS:
+        raise InputError(
+            f"key 'pull.knots' is {config.pull.knots}; a set-point's spline has {KNOTS} coefficients or more"
+        )
+    refuse_unphysical(config.stage)
+    stage = read_stage(config.stage, config.part, robot=config.robot.name)
+    robot.check_unchanged(config.robot)
+    sim = Simulation(stage, config.sim, 1)
+    tool_path = partial(tasks.task(config.task.name).tool_path, config=config.task)
+    target = pulled(sim, *planned_path(sim, config.planner, tool_path), config.offset)
+    (found,), rounds = optimize([target], config.pull)
+    with atomic_write(config.out) as out:
+        pull_law.write(found.law, out)
+    return f"{config.out}: pull of {stage.target} in {rounds} evaluations\n{_summary(found, config)}"
+
+
+KNOTS = 6
+"""Four coefficients are bound by rest at both ends."""
+
+
+def _summary(found: Optimum, config: Config) -> str:
+    """Return what the model predicts, in lines."""
+    end = min(round(found.law.seconds * config.pull.rate), len(found.opening) - 1)
+    missed = 1e3 * (found.opening[end] + config.offset - found.law.goal)
+    return "\n".join(
+        [
+            f"  {found.law.goal:.3f} m in {found.law.seconds:.2f} s, with {found.force.max():.1f} N at most",
+            f"  predicted to end {missed:+.1f} mm from the goal, at {1e3 * found.speed[end]:.1f} mm/s",
+        ]
+    )

@@ -1,0 +1,269 @@
+"""The dynamics of joints from recordings of how they were pulled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import block_diag, toeplitz
+from scipy.ndimage import binary_erosion, gaussian_filter1d
+from scipy.optimize import lsq_linear
+
+from s2a.core.errors import InputError
+from s2a.joints.dynamics import LOWER, TYPICAL, UPPER, Dynamics
+from s2a.joints.joint_kernels import PARAMETERS
+from s2a.joints.joint_worlds import JointWorlds
+from s2a.joints.pull import Noise, Pull, same_step
+from s2a.joints.pulled import Moving
+from s2a.joints.together import Evaluate, minimize_together
+from s2a.sim.resistance import EDGE
+
+SMOOTHED = 0.05
+"""[s] Standard deviation of the Gaussian that smooths motion and force alike, which leaves their relation as it is."""
+REACH = 2.5
+"""Standard deviations around a sample that have to be of the same motion."""
+MOVES = 0.01
+"""[m/s] Slower, dry friction may be anything below its bound."""
+ASKED = [PARAMETERS.index(name) for name in ("mass", "damping", "friction", "spring", "pull_in", "closing")]
+SOFT_CLOSE = slice(4, 6)
+"""Of ASKED."""
+TELLS = 2.0
+"""Deviations from 0 from which a soft close is believed."""
+
+
+def fit(body: Moving, pulls: Sequence[Pull], force_noise: float) -> Dynamics:
+    """Return the dynamics by which the motion explains the force, by least squares over the samples that move.
+
+    A force's noise is an error of the outcome alone, and biases nothing; that of positions hardly shows in the smoothed
+    accelerations. Breakaway is not asked for; a soft close is left out where it does not tell itself.
+
+    Args:
+        body: with the stage's mass.
+        pulls: recordings at one rate.
+        force_noise: standard deviation of their samples [N], for the misfit alone.
+
+    Raises:
+        InputError: the pulls do not move long enough.
+    """
+    step = same_step(pulls)
+    samples = [_moving_samples(body, pull) for pull in pulls]
+    if (count := sum(len(force) for _, force in samples)) < 4 * len(ASKED):
+        raise InputError(
+            f"the part moves faster than {MOVES} m/s in {count} samples only; give pulls of half a second or longer"
+        )
+    asked = np.any(np.concatenate([columns for columns, _ in samples]) != 0.0, axis=0)
+    found, spread, variance = _solve(samples, asked, step)
+    idle = np.zeros_like(asked)
+    idle[SOFT_CLOSE] = found[SOFT_CLOSE] < TELLS * spread[SOFT_CLOSE]
+    if (asked & idle).any():
+        found, without, variance = _solve(samples, asked & ~idle, step)
+        spread = np.where(idle, spread, without)
+    values, deviations = np.zeros(len(PARAMETERS)), np.full(len(PARAMETERS), np.inf)
+    values[ASKED], deviations[ASKED] = found, spread
+    expected = force_noise**2 * step / (2.0 * np.sqrt(np.pi) * SMOOTHED)
+    return Dynamics(values, deviations, variance / expected)
+
+
+Samples = list[tuple[np.ndarray, np.ndarray]]
+"""What ASKED are multiplied with, shape [sample parameter], and the force [N], of each pull."""
+
+
+def _solve(samples: Samples, asked: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return the ASKED that were asked for, the others 0, their deviations, the others' infinite, and the residuals' variance.
+
+    A deviation is that of the residuals, which the smoothing has made alike among neighbours, or that of the pulls, each left out
+    in turn (the jackknife), where this is larger: a grip that rolls errs alike all along a pull.
+    """
+    matrix, force = (np.concatenate(each) for each in zip(*samples, strict=True))
+    found = _least_squares(matrix, force, asked)
+    residual = force - matrix @ found
+    # Smoothed white noise: samples k steps apart correlate by exp(-(k step / 2 SMOOTHED)^2).
+    lengths = [len(own) for _, own in samples]
+    alike = block_diag(*(toeplitz(np.exp(-((np.arange(n) * step / (2 * SMOOTHED)) ** 2))) for n in lengths))
+    inverse = np.linalg.pinv(matrix[:, asked])
+    free = len(force) - np.trace(matrix[:, asked] @ (inverse @ alike))
+    variance = float(residual @ residual) / max(free, 1.0)
+    deviations = np.full(len(asked), np.inf)
+    deviations[asked] = np.sqrt(variance * np.diagonal(inverse @ alike @ inverse.T))
+    if (pulls := len(samples)) > 1:
+        left = np.repeat(np.arange(pulls), lengths)
+        others = np.array([_least_squares(matrix[left != k], force[left != k], asked) for k in range(pulls)])
+        jackknife = np.sqrt((pulls - 1) * others.var(axis=0))
+        deviations = np.maximum(deviations, np.where(asked, jackknife, np.inf))
+    return found, deviations, variance
+
+
+def _least_squares(matrix: np.ndarray, force: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    found = np.zeros(len(asked))
+    found[asked] = lsq_linear(matrix[:, asked], force, (LOWER[ASKED][asked], UPPER[ASKED][asked])).x
+    return found
+
+
+def _moving_samples(body: Moving, pull: Pull) -> tuple[np.ndarray, np.ndarray]:
+    """Return what ASKED are multiplied with, and the force [N], where a pull moves."""
+    step = pull.step
+
+    def smooth(values: np.ndarray) -> np.ndarray:
+        return gaussian_filter1d(values, SMOOTHED / step, mode="nearest")
+
+    opening = smooth(pull.opening)
+    speed, speeding = np.gradient(opening, step), np.zeros_like(opening)
+    speeding[1:-1] = np.diff(opening, 2) / step**2
+    first, second = body.gravity
+    turn = pull.opening / body.lever if body.joint.kind == "revolute" else np.zeros_like(opening)
+    weight = smooth(first * np.cos(turn) + second * np.sin(turn))
+    acts = smooth(np.clip((body.reach - pull.opening) / (EDGE * body.reach), 0.0, 1.0))
+    soft = (acts, acts * np.minimum(speed, 0.0))
+    columns = np.column_stack([body.inertia * speeding - weight, speed, np.sign(speed), opening, *soft])
+    around = np.ones(2 * round(REACH * SMOOTHED / step) + 1)
+    kept = binary_erosion(np.abs(speed) > MOVES, around) & binary_erosion(np.ones(len(speed), bool), around)
+    return columns[kept], smooth(pull.force)[kept]
+
+
+OPTIONAL = np.isin(PARAMETERS, ("breakaway", "pull_in", "closing"))
+"""What a joint need not have: where recordings do not tell, it is none, and the others are fitted without it."""
+STARTS = np.array(
+    [[1.0, 5.0, 2.0, 1.0, 10.0, 0.0, 0.0], [0.4, 2.0, 1.0, 0.2, 2.0, 0.0, 0.0], [3.0, 15.0, 5.0, 1.0, 20.0, 5.0, 40.0]]
+)
+"""Where the search begins if it ended in a poor minimum from what least squares tell, one after another."""
+POOR = 1.5
+"""Misfit from which a minimum is poor."""
+ROUNDS = 100
+WORSE = 2.0
+"""Of log-likelihood: what a parameter that says nothing may explain by chance."""
+STEP = 0.01
+"""Of the variables, in the differences of gradients by which the curvature is measured."""
+
+
+def identify(
+    bodies: Sequence[Moving], pulls: Sequence[Sequence[Pull]], noise: Noise, device: str = "cpu"
+) -> list[Dynamics]:
+    """Return the dynamics of each body's joint that explain its recordings best.
+
+    Args:
+        bodies: with the stage's masses.
+        pulls: one or more recordings of each, all at one rate.
+        noise: of their samples.
+        device: cpu or cuda:0.
+    """
+    worlds = JointWorlds(bodies, pulls, same_step([pull for own in pulls for pull in own]), noise, device)
+
+    def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        loss, gradient = worlds.loss(parameters(x))
+        return loss, gradient * slopes(x)
+
+    expected = np.array([sum(len(pull.opening) - 1 for pull in own) for own in pulls]) / 2.0
+    points, values = np.zeros((len(bodies), len(PARAMETERS))), np.full(len(bodies), np.inf)
+    for start in (_first(bodies, pulls), *STARTS):
+        poor = values > POOR * expected
+        begin = np.where(poor[:, None], variables(np.broadcast_to(start, points.shape)), points)
+        found = minimize_together(evaluate, begin, variables(LOWER), variables(UPPER), ROUNDS, poor)
+        better = found.values < values
+        points[better], values[better] = found.points[better], found.values[better]
+        if (values <= POOR * expected).all():
+            break
+    return _without_idle(evaluate, points, values, expected)
+
+
+def _without_idle(evaluate: Evaluate, points: np.ndarray, values: np.ndarray, expected: np.ndarray) -> list[Dynamics]:
+    """Return minima as dynamics, fitted again without what is OPTIONAL and undetermined, where that explains them as well.
+
+    Where it does not, and the curvature told nothing, the deviation is that of the likelihoods with it and without.
+
+    Args:
+        evaluate: the loss of all joints.
+        points: shape [joint variable].
+        values: their losses, shape [joint].
+        expected: these where all is right, shape [joint].
+    """
+    first = _dynamics(evaluate, points, values / expected)
+    spread, told = (np.array([getattr(each, name) for each in first]) for name in ("deviations", "determined"))
+    upper = np.broadcast_to(variables(UPPER), points.shape).copy()
+    points, values = points.copy(), values.copy()
+    for k in np.flatnonzero(OPTIONAL):
+        idle = ~told[:, k]
+        bound = upper.copy()
+        bound[idle, k] = 0.0
+        fewer = minimize_together(evaluate, np.minimum(points, bound), variables(LOWER), bound, ROUNDS, idle)
+        dropped = fewer.values < values + WORSE
+        kept = idle & ~dropped
+        lost = 2.0 * (fewer.values[kept] - values[kept])
+        spread[kept, k] = np.minimum(spread[kept, k], parameters(points)[kept, k] / np.sqrt(lost))
+        points[dropped], values[dropped], upper[dropped] = fewer.points[dropped], fewer.values[dropped], bound[dropped]
+    again = _dynamics(evaluate, points, values / expected)
+    known = OPTIONAL & ~told
+    return [
+        replace(each, deviations=np.where(none, old, each.deviations))
+        for each, none, old in zip(again, known, spread, strict=True)
+    ]
+
+
+def _first(bodies: Sequence[Moving], pulls: Sequence[Sequence[Pull]]) -> np.ndarray:
+    """Return what least squares of the force tell, a start for samples so noisy, shape [joint parameter]."""
+    found = np.tile(STARTS[0], (len(bodies), 1))
+    for i, (body, own) in enumerate(zip(bodies, pulls, strict=True)):
+        try:
+            found[i] = fit(body, own, 1.0).values
+        except InputError:  # they hardly move
+            continue
+    return found
+
+
+def _dynamics(evaluate: Evaluate, points: np.ndarray, misfits: np.ndarray) -> list[Dynamics]:
+    """Return minima [joint variable] with their deviations."""
+    rows = zip(points, curvature(evaluate, points), parameters(points), slopes(points), misfits, strict=True)
+    return [Dynamics(x, deviations(point, hessian) * slope, misfit) for point, hessian, x, slope, misfit in rows]
+
+
+def variables(values: np.ndarray) -> np.ndarray:
+    """Return what is searched for PARAMETERS, shape [.. parameter]: the mass's logarithm, the others in TYPICAL."""
+    found = values / TYPICAL
+    found[..., 0] = np.log(values[..., 0])
+    return found
+
+
+def parameters(x: np.ndarray) -> np.ndarray:
+    """Return PARAMETERS of what is searched, shape [.. parameter]."""
+    found = x * TYPICAL
+    found[..., 0] = np.exp(x[..., 0])
+    return found
+
+
+def slopes(x: np.ndarray) -> np.ndarray:
+    """Return the derivative of each parameter by its variable, shape [.. parameter]."""
+    found = np.broadcast_to(TYPICAL, x.shape).copy()
+    found[..., 0] = np.exp(x[..., 0])
+    return found
+
+
+def curvature(evaluate: Evaluate, x: np.ndarray) -> np.ndarray:
+    """Return the second derivatives of each problem at its point, shape [problem variable variable]."""
+    columns = []
+    for k in range(x.shape[1]):
+        ahead, behind = x.copy(), x.copy()
+        ahead[:, k] += STEP
+        behind[:, k] = np.maximum(behind[:, k] - STEP, variables(LOWER)[k])
+        columns.append((evaluate(ahead)[1] - evaluate(behind)[1]) / (ahead - behind)[:, k, None])
+    found = np.stack(columns, axis=1)
+    return (found + found.transpose(0, 2, 1)) / 2
+
+
+def deviations(x: np.ndarray, hessian: np.ndarray) -> np.ndarray:
+    """Return standard deviations of a minimum's variables from its curvature; infinite where that is none.
+
+    What lies at a bound does not move with the others; its deviation is that of its own curvature. Nor do those that curve it
+    downwards, what is OPTIONAL before the others: dry friction has kinks.
+    """
+    free = (x > variables(LOWER) + 1e-6) & (x < variables(UPPER) - 1e-6)
+    own = np.diagonal(hessian)
+    found = np.where(own > 0.0, 1.0 / np.sqrt(np.maximum(own, 1e-12)), np.inf)
+    index = np.flatnonzero(free)
+    while len(index):
+        values, vectors = np.linalg.eigh(hessian[np.ix_(index, index)])
+        if values[0] > 0.0:
+            found[index] = np.sqrt((vectors**2 / values).sum(axis=1))
+            break
+        flat = (np.abs(vectors[:, 0]) * np.where(OPTIONAL[index], 10.0, 1.0)).argmax()
+        found[index[flat]], index = np.inf, np.delete(index, flat)
+    return found

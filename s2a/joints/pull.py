@@ -1,0 +1,243 @@
+"""Recordings of how a part was pulled: its opening and the force on it, over time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from s2a.core.errors import InputError
+
+VERSION = "v3."
+OBSERVED = "observation."
+"""Features of this name are what was measured; `action`, which has the same joints, is what was commanded."""
+SUFFIXES = {".pos": "", ".torque": "_torque", ".effort": "_torque"}
+"""Endings of names by which datasets tell a joint's position from its torque, and what `s2a identify` has in their place."""
+TORQUES = ("effort", "efforts", "torque", "torques")
+"""Last words of features whose names are joints, and whose numbers their torques."""
+CHOICE = "data/chunk_index", "data/file_index"
+"""Columns of `meta/episodes`: the file of an episode's frames."""
+Column = tuple[str, int | None]
+"""A feature, and which of its numbers; None: it is one."""
+
+
+def names(root: Path) -> tuple[str, ...]:
+    """Return the names of a dataset's columns, as a recording's are named (docs/identification.md)."""
+    return tuple(_columns(_info(root)))
+
+
+def lerobot_tables(root: Path, columns: Sequence[str], episodes: Sequence[int]) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the frames of episodes of a dataset: what to call the episode, and its columns, shape [frame column].
+
+    Args:
+        root: folder of the dataset.
+        columns: names; the first is `time`.
+        episodes: their numbers; none: all.
+
+    Raises:
+        InputError: no dataset, another version; a column or an episode is missing; a file that cannot be read.
+    """
+    info = _info(root)
+    found = _columns(info)
+    missing = [name for name in columns if name not in found]
+    if missing:
+        raise InputError(
+            f"{root}: no {missing[0]!r} among the names of its features, {', '.join(found)}; it needs {', '.join(columns)}"
+        )
+    chosen = [found[name] for name in columns]
+    files = _files(root, info)
+    unknown = [episode for episode in episodes if episode not in files]
+    if unknown:
+        raise InputError(f"{root}: no episode {unknown[0]}; it has {', '.join(map(str, sorted(files)))}")
+    features = sorted({feature for feature, _ in chosen})
+    for episode in episodes or sorted(files):
+        yield f"{root}, episode {episode}", _frames(files[episode], episode, features, chosen)
+
+
+def _info(root: Path) -> dict[str, Any]:
+    """Return `meta/info.json`."""
+    path = root / "meta/info.json"
+    try:
+        info = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{root}: no LeRobot dataset, {path.name} cannot be read ({error}); give a CSV file or a dataset's folder"
+        ) from error
+    version = str(info.get("codebase_version")) if isinstance(info, dict) else "none"
+    if not version.startswith(VERSION) or not {"features", "data_path"} <= {*info}:
+        raise InputError(
+            f"{path}: codebase_version {version}; v3.0 is read: convert it with LeRobot's convert_dataset_v21_to_v30"
+        )
+    return info
+
+
+def _columns(info: dict[str, Any]) -> dict[str, Column]:
+    """Return where each named number is; of two with one name the first."""
+    found: dict[str, Column] = {"time": ("timestamp", None)}
+    for feature, about in info["features"].items():
+        if not feature.startswith(OBSERVED) or not str(about.get("dtype")).startswith("float"):
+            continue
+        given, short = about.get("names"), feature.removeprefix(OBSERVED)
+        if isinstance(given, dict):  # {"motors": [...]}, of older recorders
+            given = next(iter(given.values()), None)
+        single = list(about.get("shape", ())) == [1]  # a number a row then, no list
+        for i, name in enumerate(given or ([short] if single else [])):
+            torque = short.split(".")[-1] in TORQUES and name != short
+            found.setdefault(_name(str(name), torque), (feature, None if single else i))
+    return found
+
+
+def _name(name: str, torque: bool) -> str:
+    """Return a name as `s2a identify` has it: `joint` for a position, `joint_torque`."""
+    for ending, instead in SUFFIXES.items():
+        if name.endswith(ending):
+            return name.removesuffix(ending) + instead
+    return f"{name}_torque" if torque and not name.endswith("_torque") else name
+
+
+def _files(root: Path, info: dict[str, Any]) -> dict[int, Path]:
+    """Return the data file of each episode."""
+    found = {}
+    for path in sorted((root / "meta/episodes").glob("*/*.parquet")):
+        rows = _read(path, ["episode_index", *CHOICE])
+        for episode, chunk, file in zip(*(rows[name] for name in ("episode_index", *CHOICE)), strict=True):
+            found[int(episode)] = root / str(info["data_path"]).format(chunk_index=int(chunk), file_index=int(file))
+    if not found:
+        raise InputError(f"{root}: no episodes in meta/episodes; give the folder of a whole dataset")
+    return found
+
+
+def _frames(path: Path, episode: int, features: Sequence[str], columns: Sequence[Column]) -> np.ndarray:
+    """Return the columns of an episode's frames in their order, shape [frame column]."""
+    rows = _read(path, ["episode_index", "frame_index", *features])
+    own = np.flatnonzero(np.array(rows["episode_index"]) == episode)
+    if not len(own):
+        raise InputError(f"{path}: no frames of episode {episode}; give the folder of a whole dataset")
+    own = own[np.argsort(np.array(rows["frame_index"])[own], kind="stable")]
+    values = {name: np.array([rows[name][i] for i in own], float) for name in features}
+    table = [values[name] if i is None else values[name][:, i] for name, i in columns]
+    return np.stack([column.reshape(len(own)) for column in table], axis=1)
+
+
+def _read(path: Path, columns: list[str]) -> dict[str, list[Any]]:
+    """Return columns of a parquet file."""
+    import pyarrow.parquet  # of the extra `collect`, which recordings in CSV do without
+
+    try:
+        return dict(pyarrow.parquet.read_table(path, columns=columns).to_pydict())
+    except (OSError, pyarrow.ArrowException) as error:
+        raise InputError(f"{path}: cannot be read ({error}); give the folder of a whole dataset") from error
+
+
+COLUMNS = ("time", "opening", "force")
+"""Of a recording: [s]; path of the grasp point from where it was scanned [m]; force on the part along that path [N], which opens
+it where it is above 0."""
+JITTER = 0.2
+"""Fraction of the mean time between samples by which one of them may differ."""
+
+
+@dataclass(frozen=True)
+class Pull:
+    """Samples at one rate.
+
+    Attributes:
+        opening: path of the grasp point [m], shape [sample].
+        force: along it [N] at the same times, shape [sample].
+        step: time between samples [s].
+    """
+
+    opening: np.ndarray
+    force: np.ndarray
+    step: float
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of a recording's samples.
+
+    Attributes:
+        opening: [m].
+        force: [N].
+    """
+
+    opening: float
+    force: float
+
+
+def read(path: Path, episodes: Sequence[int] = ()) -> list[Pull]:
+    """Read recordings with the columns COLUMNS; see `tables`."""
+    return [Pull(rows[:, 1], rows[:, 2], step) for rows, step in tables(path, COLUMNS, episodes)]
+
+
+def header(path: Path) -> tuple[str, ...]:
+    """Return the names of a CSV file's columns, or of a LeRobot dataset's; none where there is no file or no text in it."""
+    if path.is_dir():
+        return names(path)
+    if not path.is_file():
+        return ()
+    with path.open(errors="replace") as file:
+        return tuple(name.strip() for name in file.readline().split(","))
+
+
+def tables(path: Path, columns: Sequence[str], episodes: Sequence[int] = ()) -> list[tuple[np.ndarray, float]]:
+    """Return columns of recordings, shape [sample column], and the time between samples [s]; the first column is `time`.
+
+    Args:
+        path: a CSV file, one recording; or the folder of a LeRobot dataset, a recording an episode.
+        columns: their names.
+        episodes: of a dataset, by number; none: all.
+
+    Raises:
+        InputError: no such file; a column is missing; not numbers; times that do not rise evenly; fewer than 10 samples.
+    """
+    if path.is_dir():
+        return [(rows, _step(where, rows)) for where, rows in lerobot_tables(path, columns, episodes)]
+    rows = _csv(path, columns)
+    return [(rows, _step(str(path), rows))]
+
+
+def _csv(path: Path, columns: Sequence[str]) -> np.ndarray:
+    """Return columns of a CSV file, shape [sample column]."""
+    if not path.is_file():
+        raise InputError(
+            f"no recording {str(path)!r}; give a CSV file with the columns {', '.join(columns)}, or a LeRobot dataset's folder"
+        )
+    if not path.read_bytes().strip():
+        raise InputError(f"{path}: empty; give the columns {', '.join(columns)}")
+    try:
+        found = np.genfromtxt(path, delimiter=",", names=True, dtype=float, encoding="utf-8")
+    except (ValueError, IndexError) as error:
+        raise InputError(f"{path}: not a table ({error}); give the columns {', '.join(columns)}") from error
+    names = found.dtype.names or ()
+    missing = [name for name in columns if name not in names]
+    if missing:
+        raise InputError(
+            f"{path}: no column {missing[0]!r} among {', '.join(names) or 'none'}; it needs {', '.join(columns)}"
+        )
+    return np.stack([np.atleast_1d(found[name]) for name in columns], axis=1)
+
+
+def _step(where: str, rows: np.ndarray) -> float:
+    """Return the time between samples [s] of a recording, shape [sample column]; `where` is what to call it."""
+    if len(rows) < 10 or not np.isfinite(rows).all():
+        raise InputError(
+            f"{where}: {len(rows)} samples, or one that is not a number; record 10 or more numbers in each column"
+        )
+    gaps = np.diff(rows[:, 0])
+    if gaps.min() <= 0.0 or np.abs(gaps - gaps.mean()).max() > JITTER * gaps.mean():
+        raise InputError(f"{where}: samples {gaps.min():.4g} to {gaps.max():.4g} s apart; resample them at one rate")
+    return float(gaps.mean())
+
+
+def same_step(pulls: Sequence[Pull]) -> float:
+    """Return the time between samples [s] of recordings that share it; InputError where they do not."""
+    steps = [pull.step for pull in pulls]
+    if max(steps) > (1.0 + JITTER) * min(steps):
+        raise InputError(
+            f"recordings with samples {min(steps):.4g} and {max(steps):.4g} s apart; resample them at one rate"
+        )
+    return float(np.mean(steps))

@@ -1,0 +1,246 @@
+"""Pulls by gradient: the set-points of an arm that bring parts to their goals at least cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.interpolate import BSpline
+
+from s2a.core.bounds import Count, NotNegative, Positive
+from s2a.joints.arm_worlds import ArmWorlds
+from s2a.joints.pulled import Pulled
+from s2a.joints.together import minimize_together
+from s2a.planner.pull_law import PullLaw
+from s2a.planner.trajectory import eased
+
+
+@dataclass(frozen=True)
+class PullConfig:
+    """What a good pull is, and where it is looked for. Costs add up without a unit.
+
+    Attributes:
+        time: cost of a second until the set-point stands [1/s].
+        energy: of the work done on the handle [1/J].
+        peak: of the greatest force on the handle [1/N].
+        end: distance from the goal that costs 1, root mean square from the end on [m].
+        end_speed: speed that costs 1, likewise [m/s].
+        knots: coefficients of the set-point's cubic B-spline.
+        min_seconds: time of the set-point's motion, at least [s].
+        max_seconds: at most [s]; the same as `min_seconds` for a time that is given.
+        beyond: how far past the goal the set-point may go [m].
+        hold: for how long after its motion the part shall stay at the goal [s].
+        rate: set-points a second [1/s], each for a step of physics.
+        rounds: evaluations of the loss and its gradient, at most.
+    """
+
+    time: NotNegative
+    energy: NotNegative
+    peak: NotNegative
+    end: Positive
+    end_speed: Positive
+    knots: Count
+    min_seconds: Positive
+    max_seconds: Positive
+    beyond: NotNegative
+    hold: Positive
+    rate: Positive
+    rounds: Count
+
+
+DEGREE = 3
+NORM = 30.0
+"""The greatest force is the root of the mean of so high a power, which is smooth."""
+SOON = 0.02
+"""[s] In which the end's cost sets in."""
+ARREST = 0.1
+"""[s] A part that closes shall not be faster than its way to shut over this: it slams else."""
+LIMIT = 1.0e3
+"""Cost of a mean square of 1 by which the set-point exceeds the arm's speed and acceleration, in units of them."""
+ROOM = 0.9
+"""Fraction of them that is used: along a bent joint path there are further terms."""
+SAMPLES = 200
+"""Of a spline, where it is looked up."""
+
+
+class PullLoss:
+    """The cost of pulls of many parts, a problem each.
+
+    Attributes:
+        variables: number of a problem's variables.
+        evaluations: how often `__call__` was asked.
+    """
+
+    def __init__(
+        self,
+        pulled: Sequence[Pulled],
+        config: PullConfig,
+        seconds: np.ndarray | None = None,
+        copies: int = 1,
+        device: str = "cpu",
+    ) -> None:
+        """Build `copies` worlds for each part.
+
+        Args:
+            pulled: the parts.
+            config: what a good pull is.
+            seconds: given times, shape [problem]; None: free between the config's.
+            copies: points of each problem that are evaluated at once.
+            device: cpu or cuda:0.
+        """
+        self._config, self._copies, self.variables, self.evaluations = config, copies, config.knots - 2, 0
+        bounds = (config.min_seconds, config.max_seconds)
+        low, high = (np.full(len(pulled), x) if seconds is None else seconds for x in bounds)
+        goal = np.array([each.goal for each in pulled])
+        arms = [each.arm for each in pulled]
+        end = goal - [each.offset for each in pulled]
+        self._closing = torch.tensor(np.repeat([float(each.closing) for each in pulled], copies))
+        columns = (low, high, goal, end, [arm.speed for arm in arms], [arm.acceleration for arm in arms])
+        self._low, self._high, self._goal, self._end, self._speed, self._acceleration = (
+            torch.tensor(np.repeat(np.asarray(x, float), copies)) for x in columns
+        )
+        steps = int(np.ceil((high.max() + config.hold) * config.rate))
+        self._worlds = ArmWorlds([each for each in pulled for _ in range(copies)], steps, 1.0 / config.rate, device)
+        self._begun = torch.arange(1, steps + 1, dtype=torch.float64)[:, None] / config.rate
+        self._splines = tuple(torch.tensor(_basis(config.knots, order)) for order in range(3))
+
+    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return costs, shape [point], and their gradients, shape [point variable], at points [point variable]."""
+        self.evaluations += 1
+        given = torch.tensor(x, requires_grad=True)
+        seconds, path = self._law(given)
+        setpoint = self._setpoints(seconds, path)
+        moved = tuple(torch.tensor(y, requires_grad=True) for y in self._worlds.roll(setpoint.detach().numpy()))
+        cost = self._cost(seconds, path, *moved)
+        cost.sum().backward(retain_graph=True)
+        by = self._worlds.back(*(y.grad.numpy() for y in moved))
+        setpoint.backward(torch.tensor(by))
+        return cost.detach().numpy(), given.grad.numpy()
+
+    def costs(self, x: np.ndarray) -> np.ndarray:
+        """Return costs alone, shape [point], at points [point variable]."""
+        with torch.no_grad():
+            seconds, path = self._law(torch.tensor(x))
+            moved = self._worlds.roll(self._setpoints(seconds, path).numpy())
+            return self._cost(seconds, path, *map(torch.tensor, moved)).numpy()
+
+    def motions(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return openings [m], speeds [m/s] and forces [N] that the model predicts, shape [step point] each."""
+        with torch.no_grad():
+            return self._worlds.roll(self._setpoints(*self._law(torch.tensor(x))).numpy())
+
+    def start(self) -> np.ndarray:
+        """Return the point that is the planner's own ease to the goal, shape [point variable], in the middle of its times."""
+        spline, time = self._splines[0].numpy(), np.linspace(0.0, 1.0, SAMPLES)
+        free = np.concatenate([spline[:, 2:-2], spline[:, -2:].sum(axis=1, keepdims=True)], axis=1)
+        shape = np.clip(np.linalg.lstsq(free, eased(time), rcond=None)[0], 0.0, 1.0)
+        fraction = (self._goal / (self._goal + self._config.beyond)).numpy()
+        return np.concatenate([np.full((len(fraction), 1), 0.5), fraction[:, None] * shape], axis=1)
+
+    def laws(self, x: np.ndarray) -> list[PullLaw]:
+        """Return the time laws of points [point variable], with a sample for each set-point or more."""
+        with torch.no_grad():
+            seconds, path = self._law(torch.tensor(x))
+        spline = _spline(self._config.knots)
+        found = []
+        for time, coefficients, goal in zip(seconds.tolist(), path.numpy(), self._goal.tolist(), strict=True):
+            at = np.linspace(0.0, 1.0, int(np.ceil(time * self._config.rate)) + 1)
+            found.append(PullLaw(time, tuple((spline(at) @ coefficients).tolist()), goal))
+        return found
+
+    def _law(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the times [s], shape [point], and the coefficients [m], shape [point knot], of points."""
+        free = x[:, 1:] * (self._goal + self._config.beyond)[:, None]
+        path = torch.cat([torch.zeros_like(free[:, :2]), free, free[:, -1:]], dim=1)
+        return self._low + x[:, 0] * (self._high - self._low), path
+
+    def _setpoints(self, seconds: torch.Tensor, path: torch.Tensor) -> torch.Tensor:
+        """Return the set-points of every step [m], shape [step point]."""
+        at = (self._begun / seconds).clamp(0.0, 1.0) * (SAMPLES - 1)
+        values = path @ self._splines[0].T
+        index = at.detach().floor().long().clamp(max=SAMPLES - 2)
+        rows = torch.arange(len(path))[None]
+        part = at - index
+        return values[rows, index] * (1.0 - part) + values[rows, index + 1] * part
+
+    def _cost(
+        self,
+        seconds: torch.Tensor,
+        path: torch.Tensor,
+        opening: torch.Tensor,
+        speed: torch.Tensor,
+        force: torch.Tensor,
+    ) -> torch.Tensor:
+        """Return the costs, shape [point], of motions [step point]."""
+        c, dt = self._config, self._worlds.dt
+        after = torch.sigmoid((self._begun - dt - seconds) / SOON)
+        missed = ((opening - self._end) / c.end) ** 2 + (speed / c.end_speed) ** 2
+        end = (after * missed).sum(dim=0) / after.sum(dim=0)
+        allowed = c.end_speed + torch.relu(self._end - opening) / ARREST
+        slam = self._closing * ((torch.relu(speed - allowed) / c.end_speed) ** 2).sum(dim=0) * dt / ARREST
+        work = torch.relu(force * speed).sum(dim=0) * dt
+        scale = force.abs().amax(dim=0).detach().clamp(min=1e-6)
+        peak = scale * ((force / scale).abs() ** NORM).mean(dim=0) ** (1.0 / NORM)
+        fast = (path @ self._splines[1].T) / (seconds * ROOM * self._speed)[:, None]
+        hard = (path @ self._splines[2].T) / (seconds**2 * ROOM * self._acceleration)[:, None]
+        over = sum((torch.relu(x.abs() - 1.0) ** 2).mean(dim=1) for x in (fast, hard))
+        return c.time * seconds + c.energy * work + c.peak * peak + end + slam + LIMIT * over
+
+
+def _spline(knots: int) -> BSpline:
+    """Return the basis of a cubic B-spline with so many coefficients, from 0 to 1."""
+    inner = np.linspace(0.0, 1.0, knots - DEGREE + 1)
+    return BSpline(np.concatenate([[0.0] * DEGREE, inner, [1.0] * DEGREE]), np.eye(knots), DEGREE)
+
+
+def _basis(knots: int, order: int) -> np.ndarray:
+    """Return the basis' derivatives at SAMPLES even times, shape [sample knot]."""
+    spline = _spline(knots)
+    return (spline.derivative(order) if order else spline)(np.linspace(0.0, 1.0, SAMPLES))
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A pull that was found.
+
+    Attributes:
+        law: its time law.
+        cost: of the model's motion.
+        opening: that the model predicts [m], shape [step].
+        speed: likewise [m/s].
+        force: on the handle [N].
+    """
+
+    law: PullLaw
+    cost: float
+    opening: np.ndarray
+    speed: np.ndarray
+    force: np.ndarray
+
+
+def optimize(
+    pulled: Sequence[Pulled], config: PullConfig, seconds: np.ndarray | None = None, device: str = "cpu"
+) -> tuple[list[Optimum], int]:
+    """Return the best pull of each part, and how often all were evaluated.
+
+    Args:
+        pulled: parts and arms.
+        config: what a good pull is.
+        seconds: given times, shape [part]; None: free.
+        device: cpu or cuda:0.
+    """
+    loss = PullLoss(pulled, config, seconds, device=device)
+    bounds = np.zeros(loss.variables), np.ones(loss.variables)
+    found = minimize_together(loss, loss.start(), *bounds, config.rounds, np.ones(len(pulled), bool))
+    return optima(loss, found.points), found.rounds
+
+
+def optima(loss: PullLoss, points: np.ndarray) -> list[Optimum]:
+    """Return points [problem variable] of problems as pulls."""
+    moved, costs = loss.motions(points), loss.costs(points)
+    return [
+        Optimum(law, float(cost), *(x[:, i] for x in moved))
+        for i, (law, cost) in enumerate(zip(loss.laws(points), costs, strict=True))
+    ]

@@ -1,0 +1,124 @@
+"""A part on its joint, its resistance and the arm that pulls it, as a simulation has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2a.planner.arm import Arm, arm_along
+from s2a.robot.tool_path import ToolPath
+from s2a.scene.articulation import lever_arm, open_limit
+from s2a.scene.scene import Joint
+from s2a.scene.usd.resistance import Resistance, SoftClose
+from s2a.scene.usd.sim_scene import Mass, SimRoom
+from s2a.scene.usd.sim_stage import GRAVITY
+from s2a.sim.simulation import Simulation
+
+REACH = 0.04
+"""[m] Of a soft close of which nothing is known."""
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A body that moves on its joint.
+
+    Attributes:
+        joint: scene coordinates.
+        mass: of all that moves, in the same frame.
+        point: grasp point [m], shape [3].
+        reach: path of the grasp point from shut over which a soft close acts, if the part has one [m].
+    """
+
+    joint: Joint
+    mass: Mass
+    point: np.ndarray
+    reach: float = REACH
+
+    @property
+    def lever(self) -> float:
+        """Path of the grasp point by the joint's coordinate, with the sign of opening [1 or m]."""
+        return float(np.copysign(lever_arm(self.joint, self.point), open_limit(self.joint)))
+
+    @property
+    def inertia(self) -> float:
+        """Mass at the grasp point that resists like the body [kg]."""
+        if self.joint.kind == "prismatic":
+            return self.mass.mass
+        axis = np.array(self.joint.axis)
+        arm = np.cross(np.array(self.mass.center) - self.joint.origin, axis)
+        return float((axis @ inertia_tensor(self.mass) @ axis + self.mass.mass * arm @ arm) / self.lever**2)
+
+    @property
+    def gravity(self) -> tuple[float, float]:
+        """Force of the weight along the path of the grasp point [N]: the first number times cos q, plus the second times sin q.
+
+        For a slide q counts as 0.
+        """
+        weight, axis = -self.mass.mass * GRAVITY / self.lever, np.array(self.joint.axis)
+        if self.joint.kind == "prismatic":
+            return weight * axis[2], 0.0
+        first = np.cross(axis, np.array(self.mass.center) - self.joint.origin)
+        return weight * first[2], weight * np.cross(axis, first)[2]
+
+
+def moving(room: SimRoom, part: str, reach: float = REACH) -> Moving:
+    """Return an articulated part of a room as a body on its joint; what carries it stands still.
+
+    Args:
+        room: with the part.
+        part: its id.
+        reach: of a soft close [m], where the stage says nothing of it.
+    """
+    found = room.articulations[part]
+    body = Moving(found.joint, room.bodies[part].mass, np.array(found.grasp.point), reach)
+    soft = found.resistance and found.resistance.soft_close
+    return replace(body, reach=soft.reach * abs(body.lever)) if soft else body
+
+
+def inertia_tensor(mass: Mass) -> np.ndarray:
+    """Return the inertia about the centre of mass [kg m^2], shape [3 3], in the body's frame."""
+    axes = Rotation.from_quat(mass.axes).as_matrix()
+    return axes @ np.diag(mass.inertia) @ axes.T
+
+
+@dataclass(frozen=True)
+class Pulled:
+    """A part and the arm that pulls it.
+
+    Attributes:
+        body: with the stage's mass.
+        dynamics: what resists at its grasp point, as joint_kernels.PARAMETERS name it.
+        arm: the arm along the part's path.
+        offset: how much farther than predicted an earlier pull of the part ended [m]: a grip off the handle's middle bends the
+            arm.
+        closing: The path leads from the goal's distance to shut, else from shut to the goal; openings are along it.
+    """
+
+    body: Moving
+    dynamics: tuple[float, ...]
+    arm: Arm
+    offset: float = 0.0
+    closing: bool = False
+
+    @property
+    def goal(self) -> float:
+        """How far the part shall go [m]."""
+        return float(self.arm.path[-1])
+
+
+def pulled(sim: Simulation, path: ToolPath, arm: np.ndarray, offset: float = 0.0) -> Pulled:
+    """Return the target of a simulation's stage, of which a joint path [pose arm] follows a tool path.
+
+    Its dynamics are the simulation's own: those identified where the stage has them.
+    """
+    stage, config = sim.stage, sim.config.joint
+    part, body = stage.room.articulations[stage.target], moving(stage.room, stage.target)
+    damping, spring = (x / body.lever**2 for x in (config.joint_damping(part), config.joint_stiffness(part)))
+    known, lever = part.resistance or Resistance(), abs(body.lever)
+    soft = known.soft_close or SoftClose(0.0, 0.0, 0.0)
+    dry = (part.friction / lever, known.breakaway / lever)
+    dynamics = (1.0, damping, *dry, spring, soft.force / lever, soft.damping / lever**2)
+    closing = abs(float(path.q[-1])) < abs(float(path.q[path.grasp]))
+    return Pulled(body, dynamics, arm_along(sim, path, arm), offset, closing)

@@ -1,0 +1,300 @@
+"""Two scans of a room, one with parts opened -> the faces that moved and the joint of each part.
+
+The rooms are aligned by what stands still (`register_rooms`). Flat patches of what changed (`register_change`) give joints that
+could be (`register_start`); those that open outwards, are held by what stands still and explain most surface of both scans are
+kept (`register_search`, `register_check`) and fitted by least squares (`register_fit`).
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import ndimage
+
+from s2a.core.errors import InputError
+from s2a.joints.register_check import near_box
+from s2a.joints.register_fit import starts
+from s2a.joints.register_search import ROOM, FittedPart, Scans, candidates, chosen, grown
+from s2a.joints.register_surface import (
+    CHANGED,
+    REACH,
+    Alignment,
+    Cloud,
+    OrientedMesh,
+    Patch,
+    align,
+    changed,
+    match,
+    patches,
+)
+from s2a.scan import folder, ply
+from s2a.scan.ply import ScanMesh
+from s2a.scene.articulation import lever_arm, transform
+from s2a.scene.scene import Joint
+
+NEAR = 0.007
+"""[m] A face that moves lies as near to the open scan, once it has moved."""
+ALIKE = 0.6
+"""Cosine between its normal and that of the open scan, at least."""
+STILL = 0.004
+"""[m] A face that is as near to the open scan where it was has not moved."""
+CELL = 0.006
+"""[m] Width of the cells in which the outline of the front is filled."""
+GAP = 4
+"""Cells that are bridged there."""
+NEXT = 0.02
+"""[m] Sides of a front are not farther from its outline."""
+BEFORE, SUNK, BEHIND = 0.09, 0.04, 0.07
+"""[m] How far what belongs to the part stands before its front; lies behind it within its outline, such as the panes of a window;
+and behind it on its sides."""
+
+
+def moving_faces(joint: Joint, patch: Patch, closed: OrientedMesh, opened: OrientedMesh) -> np.ndarray:
+    """Return the indices of the closed scan's faces that move with a part, ascending.
+
+    Args:
+        joint: as fitted.
+        patch: of its front.
+        closed: the closed scan, all of it.
+        opened: the open scan in the closed one's frame, all of it.
+    """
+    near = np.flatnonzero(near_box(closed.centroids, patch, ROOM))
+    cloud = Cloud(closed.centroids[near], closed.normals[near], near)
+    stays = match(cloud, opened, CHANGED)
+    moves = match(cloud.moved(transform(joint, joint.limits[1])), opened, NEAR)
+    explained = (moves.alike > ALIKE) & ((stays.gap > STILL) | (stays.alike < 0.3)) & (moves.gap < stays.gap)
+    height = (cloud.points - patch.centre) @ patch.normal
+    layer = (height > -SUNK) & (height < BEFORE)
+    flat = (np.abs(height) < 2 * CELL) & (cloud.normals @ patch.normal > 0.7)
+    across = np.linalg.svd(patch.normal[None])[2][1:]
+    cells = np.floor((cloud.points - patch.centre) @ across.T / CELL).astype(int)
+    cells -= cells.min(axis=0) - GAP - 1
+    inside = _outline(cells, explained & layer)[tuple(cells.T)] & layer
+    # Sides of a thick door lie beyond its outline; what both scans show of them has moved for certain.
+    deep = (height > -BEHIND) & (height < BEFORE)
+    sides = explained & deep & (stays.gap >= CHANGED) & near_box(cloud.points, patch, NEXT)
+    return near[(inside & (explained | flat | (stays.gap > STILL))) | sides]
+
+
+def _outline(cells: np.ndarray, marked: np.ndarray) -> np.ndarray:
+    """Return the filled outline of marked points on a grid, its largest connected piece."""
+    grid = np.zeros(cells.max(axis=0) + GAP + 2, bool)
+    grid[tuple(cells[marked].T)] = True
+    grid = ndimage.binary_closing(grid, np.ones((3, 3)), iterations=GAP)
+    grid = ndimage.binary_opening(ndimage.binary_fill_holes(grid), np.ones((3, 3)))
+    labels, count = ndimage.label(grid)
+    if not count:
+        return grid
+    sizes = ndimage.sum_labels(grid, labels, np.arange(1, count + 1))
+    return labels == 1 + int(np.argmax(sizes))
+
+
+MIN_OVERLAP = 0.6
+"""Fraction of the open scan that lies on the closed one if both are of one room; 0.90 to 0.95 among virtual pairs."""
+
+OFFSET = 0.001
+"""[m] Standard deviation of a whole front's distance between two scans: registration of the panoramas, alignment of the rooms."""
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A part that stands open in the open scan.
+
+    Attributes:
+        joint: in the closed scan's frame; its limits go from 0 to how far the part stands open.
+        axis_deviation: standard deviation of the axis' direction [rad].
+        origin_deviation: of the axis' place beside the part [m]; 0 for a slide, whose axis may be anywhere.
+        open_deviation: of the open coordinate [m] or [rad].
+        faces: of the closed scan that move, ascending, shape [face].
+        explained: area that the joint explains in both scans [m^2].
+        rms: distance between both there, along their normals [m].
+    """
+
+    joint: Joint
+    axis_deviation: float
+    origin_deviation: float
+    open_deviation: float
+    faces: np.ndarray
+    explained: float
+    rms: float
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """What two scans say.
+
+    Attributes:
+        alignment: of the open scan to the closed one.
+        proposals: the parts that opened, those with most surface first.
+    """
+
+    alignment: Alignment
+    proposals: list[Proposal]
+
+    @property
+    def one_room(self) -> bool:
+        """Whether both scans show the same room."""
+        return self.alignment.overlap >= MIN_OVERLAP
+
+
+def register(closed: OrientedMesh, opened: OrientedMesh) -> Registration:
+    """Return the parts that stand open in one scan of a room and not in the other; none where they show two rooms.
+
+    Args:
+        closed: the scan with the parts closed, its normals towards free space.
+        opened: the other scan, in a frame of its own that differs by at most 0.2 rad about z.
+    """
+    alignment = align(closed, opened)
+    if alignment.overlap < MIN_OVERLAP:
+        return Registration(alignment, [])
+    room = opened.moved(alignment.motion)
+    scans = difference(closed, room)
+    fronts = patches(scans.before)
+    found = starts(fronts, patches(scans.after), scans.opened)
+    picked = chosen(candidates(found, fronts, scans))
+    proposals = []
+    for candidate in picked:
+        best, whole = grown(candidate, fronts, scans)
+        faces = moving_faces(best.fit.joint, whole, closed, room)
+        proposals.append(proposed(best, whole, faces))
+    return Registration(alignment, proposals)
+
+
+def proposed(found: FittedPart, front: Patch, faces: np.ndarray) -> Proposal:
+    """Return a proposal with its standard deviations: those of the fit, and of OFFSET, which no number of samples lessens."""
+    joint, deviations = found.fit.joint, found.fit.deviations
+    hinge = joint.kind == "revolute"
+    reach = max(lever_arm(joint, point) for point in front.cloud.points[:: max(1, len(front.cloud) // 200)])
+    return Proposal(
+        joint=joint,
+        axis_deviation=float(np.linalg.norm(deviations[:2])),
+        origin_deviation=float(np.hypot(np.linalg.norm(deviations[2:4]), OFFSET)) if hinge else 0.0,
+        open_deviation=float(np.hypot(deviations[-1], OFFSET / reach)),
+        faces=faces,
+        explained=found.area,
+        rms=found.fit.rms,
+    )
+
+
+def difference(closed: OrientedMesh, room: OrientedMesh) -> Scans:
+    """Return what changed between two scans in one frame, as surfaces and as samples SPACING apart."""
+    gaps = [match(faces_cloud(one), other, REACH).gap for one, other in ((closed, room), (room, closed))]
+    moved = [gap > CHANGED for gap in gaps]
+    before, after = (changed(one, mask) for one, mask in zip((closed, room), moved, strict=True))
+    return Scans(
+        closed=part(closed, moved[0]),
+        opened=part(room, moved[1]),
+        still=part(closed, ~moved[0]),
+        first=closed,
+        room=room,
+        before=before,
+        after=after,
+    )
+
+
+def part(surface: OrientedMesh, mask: np.ndarray) -> OrientedMesh:
+    """Return some faces of a surface, by a mask [face]; its vertices stay."""
+    return OrientedMesh(surface.vertices, surface.faces[mask])
+
+
+def faces_cloud(surface: OrientedMesh) -> Cloud:
+    """Return the middles of all faces."""
+    return Cloud(surface.centroids, surface.normals, np.arange(len(surface.faces)))
+
+
+REPORT = "register.json"
+"""The file with all figures, by which an earlier output is known."""
+NAMES = {"prismatic": "drawer", "revolute": "door"}
+"""What a proposed part is called, by the kind of its joint; what it is nobody knows."""
+TYPES = {"prismatic": "translation", "revolute": "rotation"}
+"""Articulate3D's words."""
+
+
+def read(path: Path) -> ScanMesh:
+    """Read the mesh of a scan's folder, whatever annotations are beside it.
+
+    Raises:
+        InputError: no folder, no mesh in it, several, or a damaged one.
+    """
+    if not path.is_dir():
+        what = "is a file" if path.exists() else "does not exist"
+        raise InputError(f"{path}: {what}; give the folder of one scan, which holds its mesh ({folder.MESH})")
+    return ply.read(folder.find_bare(path).mesh)
+
+
+def surface(mesh: ScanMesh) -> OrientedMesh:
+    """Return a scan's mesh as registration takes it."""
+    return OrientedMesh(mesh.vertices, mesh.faces)
+
+
+def label(index: int, proposal: Proposal) -> str:
+    """Return the label of a proposal by its place in the list, such as "drawer.2"."""
+    return f"{NAMES[proposal.joint.kind]}.{index + 1}"
+
+
+def write(found: Registration, mesh: ScanMesh, name: str, out: Path, **facts: Any) -> None:
+    """Write proposals as an annotated scan into a folder.
+
+    Args:
+        found: the proposals.
+        mesh: of the closed scan.
+        name: of the scan.
+        out: the folder, which exists.
+        facts: what else register.json says.
+    """
+    shutil.copyfile(mesh.path, out / folder.MESH)
+    labels = [label(i, proposal) for i, proposal in enumerate(found.proposals)]
+    numbered = list(zip(range(1, len(labels) + 1), labels, found.proposals, strict=True))
+    parts = [{"partId": n, "objectId": n, "label": text, "triIndices": p.faces.tolist()} for n, text, p in numbered]
+    stats = {"totalFaces": len(mesh.faces), "totalVertices": len(mesh.vertices)}
+    joints = [joint_record(n, p, mesh.origin) for n, _, p in numbered]
+    listed = [{"pid": n, "label": text, "group": "others"} for n, text, _ in numbered]
+    model = f"register.{name}"
+    _write(out / f"{name}_parts.json", {"modelId": model, "data": {"stats": stats, "annotations": parts}})
+    _write(out / f"{name}_artic.json", {"modelId": model, "data": {"parts": listed, "articulations": joints}})
+    alignment = {
+        "motion": found.alignment.motion.tolist(),
+        "overlap": found.alignment.overlap,
+        "rms_m": found.alignment.rms,
+    }
+    figures = [{"label": text} | figures_of(p) for _, text, p in numbered]
+    _write(out / REPORT, {**facts, "alignment": alignment, "parts": figures}, indent=1)
+
+
+def joint_record(number: int, proposal: Proposal, origin: np.ndarray) -> dict[str, Any]:
+    """Return Articulate3D's record of a joint; `origin` takes the reader's coordinates to the file's [m], shape [3]."""
+    joint = proposal.joint
+    return {
+        "pid": number,
+        "type": TYPES[joint.kind],
+        "origin": (np.array(joint.origin) + origin).tolist(),
+        "axis": list(joint.axis),
+        "base": [],
+        "rangeMin": joint.limits[0],
+        "rangeMax": joint.limits[1],
+    }
+
+
+def figures_of(proposal: Proposal) -> dict[str, Any]:
+    """Return how certain a proposal is: standard deviations in radians and metres, and what it explains."""
+    return {
+        "kind": proposal.joint.kind,
+        "open": proposal.joint.limits[1],
+        "faces": len(proposal.faces),
+        "explained_m2": proposal.explained,
+        "rms_m": proposal.rms,
+        "deviations": {
+            "axis": proposal.axis_deviation,
+            "origin": proposal.origin_deviation,
+            "open": proposal.open_deviation,
+        },
+    }
+
+
+def _write(path: Path, content: dict[str, Any], indent: int | None = None) -> None:
+    path.write_text(json.dumps(content, indent=indent) + "\n", encoding="utf-8")

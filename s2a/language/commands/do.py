@@ -1,0 +1,155 @@
+"""A sentence and a room -> skills of the planner, executed in simulation; do.json."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from s2a import robot
+from s2a.core.bounds import CountFromZero
+from s2a.core.errors import CheckFailed, InputError
+from s2a.core.outputs import atomic_write
+from s2a.core.provenance import provenance
+from s2a.language.do.episode import execute
+from s2a.language.do.plan import check_sentence
+from s2a.language.do.rules import rules
+from s2a.language.do.run import Result, RoomContext, do
+from s2a.language.do.settings import ExecutionConfig, Skills
+from s2a.language.llm.ask import UsageLog
+from s2a.language.llm.client import LlmConfig, choose, kind_of
+from s2a.planner.part_plan import PlannerConfig
+from s2a.robot.spec import RobotSpec
+from s2a.scene.usd import descriptive, sim_stage
+from s2a.scene.usd.sim_read import refuse_unphysical
+from s2a.sim.camera import CameraConfig
+from s2a.sim.simulation import SimConfig, device_of
+
+SENTENCE = "sentence"
+"""The key that the first argument gives, if that is no key=value."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keys of `s2a do`.
+
+    Attributes:
+        sentence: what is to be done: the first argument, in quotation marks.
+        stage: the sim.usd of the room.
+        scene: the descriptive.usda of the room, with the annotator's labels and the furniture that parts belong to; null: labels
+            are what ids say.
+        out: the do.json to write.
+        images: folder for an image of the room after each skill, 1_open.png and so on, or null.
+        llm: the language model.
+        record: a file for the model's answers, to replay them, or null.
+        plan_only: Plan and check, and execute nothing.
+        retries: answers of the model that may be rejected, of each plan.
+        replans: plans that a model is asked for after a skill has failed.
+        device: cpu, cuda:0, or auto: a GPU where there is one.
+        seed: of the start noise.
+        robot: the robot that the stage was prepared for.
+        sim: how physics is stepped, the same for all skills.
+        skills: the task of each skill, and the thresholds of its metrics.
+        planner: the planner's motion.
+        camera: how images are taken.
+    """
+
+    sentence: str
+    stage: Path
+    scene: Path | None
+    out: Path
+    images: Path | None
+    llm: LlmConfig
+    record: Path | None
+    plan_only: bool
+    retries: CountFromZero
+    replans: CountFromZero
+    device: str
+    seed: CountFromZero
+    robot: RobotSpec
+    sim: SimConfig
+    skills: Skills
+    planner: PlannerConfig
+    camera: CameraConfig
+
+
+def run(config: Config) -> str:
+    """Do what a sentence says, write the record, and return what was done.
+
+    Raises:
+        InputError: a sentence that is ambiguous, of unknown things or impossible; nothing is written.
+        CheckFailed: a skill failed, and no other plan did better; the record is written.
+    """
+    sentence = check_sentence(config.sentence)
+    robot.check_unchanged(config.robot)
+    if config.images and config.images.exists() and not config.images.is_dir():
+        raise InputError(f"key 'images' is {str(config.images)!r}, a file; give a folder")
+    refuse_unphysical(config.stage)
+    model = choose(config.llm, config.record, rules)
+    described = descriptive.read(config.scene) if config.scene else None
+    room = sim_stage.read(config.stage, visuals=config.images is not None)
+    context = RoomContext(room, described, config.robot.name, config.skills.put_in.task.opening)
+    usage = UsageLog(config.llm.prices)
+    replans = 0 if kind_of(config.llm) == "rules" else config.replans  # the rules have one plan a sentence
+    executor = None if config.plan_only else _executor(config, room)
+    with atomic_write(config.out) as out:
+        result = do(context, sentence, model, config.retries, replans, usage, executor)
+        out.write_text(json.dumps(_record(config, sentence, result, usage), indent=1, ensure_ascii=False) + "\n")
+    if result.problem:
+        raise CheckFailed(_summary(config, result))
+    return _summary(config, result)
+
+
+def _executor(config: Config, room: sim_stage.SimRoom) -> Any:
+    """Return what executes a skill."""
+    settings = ExecutionConfig(
+        config.robot.name,
+        device_of(config.device),
+        config.seed,
+        config.sim,
+        config.skills,
+        config.planner,
+        config.camera,
+    )
+
+    def executor(skill: Any, state: Any, number: int) -> Any:
+        image = None
+        if config.images:
+            config.images.mkdir(parents=True, exist_ok=True)
+            image = config.images / f"{number}_{skill.skill}.png"
+        return execute(skill, config.stage, room, state, settings, image)
+
+    return executor
+
+
+def _record(config: Config, sentence: str, result: Result, usage: UsageLog) -> dict[str, Any]:
+    """Return what is written."""
+    return {
+        "sentence": sentence,
+        "stage": str(config.stage),
+        "scene": str(config.scene) if config.scene else None,
+        "llm": kind_of(config.llm),
+        "seed": config.seed,
+        "robot": config.robot.name,
+        "done": not result.problem and bool(result.skills),
+        "problem": result.problem,
+        "plans": result.plans,
+        "skills": result.skills,
+        "between_skills": "the arm is set to home and its base to the next skill's place; neither way is simulated",
+        "answers": usage.entries,
+        "total": usage.total(),
+        **provenance(device_of(config.device)),
+    }
+
+
+def _summary(config: Config, result: Result) -> str:
+    """Return what was done, a line a skill."""
+    head = "planned, not executed" if config.plan_only else f"not done: {result.problem}" if result.problem else "done"
+    lines = [f"{config.out}: {head}"]
+    if config.plan_only:
+        return "\n".join([*lines, *(f"  {check}" for check in result.plans[-1]["checks"])])
+    for each in result.skills:
+        names = " ".join(filter(None, (each["skill"], each["object"], each["part"] or each["support"])))
+        lines.append(f"  {names}: {'succeeded' if each['success'] else 'failed'}, {each['seconds']:.0f} s")
+    return "\n".join(lines)

@@ -1,0 +1,139 @@
+"""Does a plan fit the room? Each skill is checked against the room as the skills before it would leave it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from s2a import robot as robots
+from s2a.core.errors import InputError
+from s2a.language.do.facts import Facts, RoomPart
+from s2a.language.do.plan import Skill, SkillPlan
+from s2a.language.llm.ask import ValidationFeedback
+from s2a.planner.insides import inside_placements
+from s2a.planner.obstacles import RoomHulls
+from s2a.robot.tool_path import opening_coordinate
+from s2a.scene.usd.sim_scene import SimRoom
+
+SHUT = 0.02
+"""[m] Up to which a part counts as shut."""
+
+
+class Checker:
+    """Checks plans against a room.
+
+    Attributes:
+        passed: what holds of the last plan that was checked, a line a skill.
+    """
+
+    def __init__(self, room: SimRoom, facts: Facts, robot: str, opening: float) -> None:
+        """Keep what plans are checked against.
+
+        Args:
+            room: as it stands now.
+            facts: of it.
+            robot: name of the robot.
+            opening: to which a part is opened [m].
+        """
+        self._room, self._facts, self._opening = room, facts, opening
+        self._reach = 2.0 * robots.load(robot).base.reach
+        self.passed: list[str] = []
+
+    def __call__(self, plan: SkillPlan) -> None:
+        """Check a plan; ValidationFeedback tells what does not hold."""
+        self._is_open = {i: thing.open > SHUT for i, thing in self._facts.items() if thing.moves}
+        self._on = {i: thing.on for i, thing in self._facts.items() if thing.kind == "free"}
+        rules: dict[str, Callable[[Skill], str]] = {
+            "open": self._turned,
+            "close": self._turned,
+            "pick_place": self._placed,
+            "put_in": self._put,
+        }
+        self.passed = [f"{skill.words}: {rules[skill.skill](skill)}" for skill in plan.skills]
+
+    def _turned(self, skill: Skill) -> str:
+        """Check that a part can be opened or closed."""
+        part, opens = self._moving(skill.part), skill.skill == "open"
+        if not part.base:
+            raise ValidationFeedback(f"{part.id!r} is out of reach: it has no collision-free base pose.")
+        if self._is_open[part.id] == opens:
+            raise ValidationFeedback(f"{part.id!r} is {'open' if opens else 'shut'} already.")
+        self._is_open[part.id] = opens
+        return f"{part.kind}, was {'shut' if opens else 'open'}, has a free base pose"
+
+    def _placed(self, skill: Skill) -> str:
+        """Check that an object can be picked and placed on a support."""
+        object, support = self._free(skill.object), self._facts[skill.support or ""]
+        if support.kind != "fixed":
+            remedy = "put_in puts things into it" if support.moves else "it would move"
+            raise ValidationFeedback(f"{support.id!r} is no fixed support: {remedy}.")
+        near = RoomHulls(self._room, {object.id}, np.array(self._room.free[object.id].position))
+        if not near.hulls_of(support.id):
+            raise ValidationFeedback(
+                f"{support.id!r} has no collision hulls within 2 m of {object.id!r}: out of reach."
+            )
+        self._near(object, support)
+        self._on[object.id] = support.id
+        return f"free, within reach; {support.id} is fixed, {_gap(object, support):.2f} m away"
+
+    def _put(self, skill: Skill) -> str:
+        """Check that an object can be put into a part."""
+        object, part = self._free(skill.object), self._moving(skill.part)
+        if self._is_open[part.id]:
+            raise ValidationFeedback(
+                f"{part.id!r} is open; put_in opens and shuts it by itself, and begins with it shut."
+            )
+        if self._on[object.id] == part.id:
+            raise ValidationFeedback(f"{object.id!r} is in {part.id!r} already.")
+        self._near(object, part)
+        joint = self._room.articulations[part.id]
+        opened = opening_coordinate(joint.joint, np.array(joint.grasp.point), self._opening)
+        try:
+            places = inside_placements(self._room, object.id, part.id, opened)
+        except InputError as error:
+            raise ValidationFeedback(f"{error}.") from error
+        self._on[object.id] = part.id
+        return f"free, within reach; {part.id} {part.kind}, was shut, has {len(places)} places for it"
+
+    def _moving(self, name: str | None) -> RoomPart:
+        """Return a part that moves on a joint, and hangs on nothing that is open."""
+        part = self._facts[name or ""]
+        if not part.moves:
+            known = ", ".join(i for i, thing in self._facts.items() if thing.moves)
+            raise ValidationFeedback(f"{part.id!r} does not open; what opens: {known or 'nothing'}.")
+        for carrier in self._room.carriers(part.id):
+            if self._is_open.get(carrier):
+                raise ValidationFeedback(
+                    f"{part.id!r} hangs on {carrier!r}, which is open: base poses are of the shut one."
+                )
+        return part
+
+    def _free(self, name: str | None) -> RoomPart:
+        """Return an object that lies free, and not in a shut part."""
+        object = self._facts[name or ""]
+        if object.kind != "free":
+            known = ", ".join(i for i, thing in self._facts.items() if thing.kind == "free")
+            raise ValidationFeedback(
+                f"{object.id!r} is not free: the room was prepared with it fixed; free are: {known or 'none'}."
+            )
+        inside = self._on[object.id]
+        if inside is not None and self._is_open.get(inside) is False:
+            raise ValidationFeedback(f"{object.id!r} is in {inside!r}, which is shut; open that first.")
+        return object
+
+    def _near(self, object: RoomPart, other: RoomPart) -> None:
+        """Raise where one base cannot reach both."""
+        if _gap(object, other) > self._reach:
+            raise ValidationFeedback(
+                f"{object.id!r} and {other.id!r} are {_gap(object, other):.1f} m apart; from one place the arm reaches "
+                f"{self._reach:.1f} m: impossible."
+            )
+
+
+def _gap(object: RoomPart, other: RoomPart) -> float:
+    """Return the horizontal distance of an object's middle from another's box, as if that were not turned [m]."""
+    if object.center is None or other.center is None or other.size is None:
+        return 0.0
+    off = np.abs(np.subtract(object.center, other.center))[:2] - 0.5 * np.array(other.size[:2])
+    return float(np.linalg.norm(np.maximum(off, 0.0)))

@@ -1,0 +1,315 @@
+"""One skill in one simulated episode, from a state of the room to the next; verified by the task's own metric."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from s2a import tasks
+from s2a.core.errors import InputError
+from s2a.core.outputs import temporary_folder
+from s2a.env.vec_env import VecEnv
+from s2a.language.do.handle import motion, refuse_collision
+from s2a.language.do.plan import Skill
+from s2a.language.do.settings import ExecutionConfig
+from s2a.planner.motion import Planner
+from s2a.scene.articulation import displace, lever_arm, open_limit, pose_at, transform
+from s2a.scene.scene import Joint, Mesh, Vec3
+from s2a.scene.usd import sim_stage
+from s2a.scene.usd.sim_scene import Articulation, Collider, Quat, SimBody, SimRoom, in_scene
+from s2a.sim.camera import Camera
+from s2a.sim.simulation import Simulation, device_of
+from s2a.sim.world import SimStage, axis_of
+
+
+@dataclass(frozen=True)
+class RoomChange:
+    """How a room differs from its file.
+
+    Attributes:
+        joints: coordinates of articulated parts [m or rad] by id; those left out are at zero.
+        objects: poses of free objects (position, quaternion xyzw; shape [7]) by id; those left out stand as in the file.
+    """
+
+    joints: dict[str, float] = field(default_factory=dict)
+    objects: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+    def with_(self, other: RoomChange) -> RoomChange:
+        """Return this state where the other says nothing."""
+        return RoomChange({**self.joints, **other.joints}, {**self.objects, **other.objects})
+
+    def plain(self) -> dict[str, object]:
+        """Return the state as values for JSON, to 0.1 mm."""
+        objects = {i: [round(float(x), 4) for x in pose] for i, pose in self.objects.items()}
+        return {"joints": {i: round(q, 4) for i, q in self.joints.items()}, "objects": objects}
+
+
+def opened_by(room: SimRoom, state: RoomChange) -> dict[str, float]:
+    """Return the path by which each part's grasp point stands open [m], by id; negative where it is pushed past shut."""
+    found = {}
+    for part, q in state.joints.items():
+        joint, point = room.articulations[part].joint, np.array(room.articulations[part].grasp.point)
+        found[part] = float(q * np.copysign(1.0, open_limit(joint)) * lever_arm(joint, point))
+    return found
+
+
+def at_state(room: SimRoom, state: RoomChange, without: Collection[str] = ()) -> SimRoom:
+    """Return a room as a state leaves it: what the file calls zero is where each part stands now.
+
+    Hulls, surfaces, grasps and joints of a part that stands open are moved with it, and what hangs on it; its joint's limits
+    are shifted. Base poses stay: they are of the shut part.
+
+    Args:
+        room: as in its file.
+        state: how it differs.
+        without: parts that are left as they are in the file, because an episode starts with them at their coordinate.
+    """
+    for part in room.articulations:  # parents come before children
+        q = state.joints.get(part, 0.0)
+        if q != 0.0 and part not in without:
+            room = _displaced(room, part, q)
+    free = dict(room.free)
+    for i, pose in state.objects.items():
+        free[i] = replace(free[i], position=_vector(pose[:3]), orientation=_quaternion(pose[3:]))
+    return replace(room, free=free)
+
+
+def write(room: SimRoom, state: RoomChange, without: Collection[str], path: Path) -> None:
+    """Write a room as a state leaves it, to exactly this path, its visuals beside it; see `at_state`."""
+    sim_stage.write(at_state(room, state, without), path)
+
+
+def _displaced(room: SimRoom, part: str, q: float) -> SimRoom:
+    """Return a room with a part, and what hangs on it, moved from zero to a coordinate, which is its new zero."""
+    joint = room.articulations[part].joint
+    moved = [part, *(i for i in room.articulations if part in room.carriers(i))]
+    bodies = {i: _moved_body(body, joint, q) if i in moved else body for i, body in room.bodies.items()}
+    joints = {i: _moved_part(each, joint, q) if i in moved else each for i, each in room.articulations.items()}
+    low, high = joint.limits
+    own = replace(joints[part], joint=replace(joint, limits=(low - q, high - q)))
+    return replace(room, bodies=bodies, articulations={**joints, part: own})
+
+
+def _moved_body(body: SimBody, joint: Joint, q: float) -> SimBody:
+    turn = Rotation.from_matrix(transform(joint, q)[:3, :3])
+    (center,) = displace(np.array([body.mass.center], float), joint, q)
+    mass = replace(
+        body.mass, center=_vector(center), axes=_quaternion((turn * Rotation.from_quat(body.mass.axes)).as_quat())
+    )
+    colliders = tuple(Collider(c.part, _moved_mesh(c.mesh, joint, q), c.structure) for c in body.colliders)
+    return replace(body, visual=_moved_mesh(body.visual, joint, q), colliders=colliders, mass=mass)
+
+
+def _moved_part(part: Articulation, joint: Joint, q: float) -> Articulation:
+    """Return an articulation with its axis and grasp moved."""
+    own, grasp = part.joint, part.grasp
+    axis = transform(joint, q)[:3, :3] @ np.array(own.axis)
+    (origin,) = displace(np.array([own.origin]), joint, q)
+    pose = pose_at(joint, np.array([*grasp.point, *grasp.orientation]), q)
+    moved = _moved_mesh(grasp.region, joint, q)
+    held = replace(grasp, point=_vector(pose[:3]), orientation=_quaternion(pose[3:]), region=moved)
+    return replace(
+        part, joint=replace(own, axis=_vector(axis / np.linalg.norm(axis)), origin=_vector(origin)), grasp=held
+    )
+
+
+def _moved_mesh(mesh: Mesh, joint: Joint, q: float) -> Mesh:
+    if not len(mesh.vertices):
+        return mesh
+    return replace(mesh, vertices=displace(np.asarray(mesh.vertices, float), joint, q).astype(np.float32))
+
+
+def _vector(values: Iterable[float]) -> Vec3:
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+def _quaternion(values: Iterable[float]) -> Quat:
+    x, y, z, w = map(float, values)
+    return x, y, z, w
+
+
+TASKS = {"open": "open_part", "close": "close_part", "pick_place": "pick_place", "put_in": "put_in"}
+SUCCESS = {"open": "final_success", "close": "final_success", "pick_place": "success", "put_in": "success"}
+"""The metric of the task by which a skill counts as done: what was opened or closed is so at the end."""
+START_ERROR = 0.01
+"""[m] By which a part may stand elsewhere at the start of an episode than the one before left it."""
+BESIDE = 0.02
+"""[m] Within which of a part's box a free object counts as in or on it, and moves with it."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a skill went.
+
+    Attributes:
+        success: by the task's own metric.
+        reason: why not; empty after a success.
+        state: the room afterwards; as before where nothing was simulated.
+        record: plain values for JSON.
+    """
+
+    success: bool
+    reason: str
+    state: RoomChange
+    record: dict[str, Any] = field(default_factory=dict)
+
+
+def execute(
+    skill: Skill, file: Path, room: SimRoom, state: RoomChange, config: ExecutionConfig, image: Path | None = None
+) -> Outcome:
+    """Execute a skill in an episode that begins in a state of the room.
+
+    Args:
+        skill: a checked one.
+        file: the room's file.
+        room: what is in it, with visuals where an image is asked for.
+        state: what the skills before left.
+        config: robot, physics, tasks, planner.
+        image: PNG file for the room at the end of the episode, or None.
+    """
+    start = time.perf_counter()
+    record: dict[str, Any] = {**vars(skill), "began": {"from": "the state that the skill before left"}}
+    changed = bool(state.joints or state.objects)
+    if not changed:
+        record["began"]["from"] = "the room's file"
+    with temporary_folder() as folder:
+        # A part that is closed starts at its coordinate; all others are where they stand.
+        own = (skill.part,) if skill.part and skill.skill == "close" else ()
+        path = folder / "room.usd" if changed else file
+        if changed:
+            write(room, state, own, path)
+        try:
+            outcome = _episode(skill, path, room, state, own, config, record, image)
+        except InputError as error:
+            reason = f"{skill.words}: {str(error).replace(str(path), 'the room as it stands')}."
+            outcome = Outcome(False, reason, state)
+    record |= {"success": outcome.success, "reason": outcome.reason, "seconds": round(time.perf_counter() - start, 1)}
+    return replace(outcome, record=record)
+
+
+def _episode(
+    skill: Skill,
+    path: Path,
+    room: SimRoom,
+    state: RoomChange,
+    own: tuple[str, ...],
+    config: ExecutionConfig,
+    record: dict[str, Any],
+    image: Path | None,
+) -> Outcome:
+    """Plan and simulate the episode; fills the record."""
+    settings = getattr(config.skills, skill.skill)
+    mdp = _mdp(skill, settings.task, room, state)
+    now = at_state(room, state)
+    also = riders(now, skill.part) if skill.skill in ("open", "close") and skill.part else []
+    task = tasks.task(TASKS[skill.skill])
+    stage = task.read_stage(path, skill.object or skill.part, config.robot, also, mdp)
+    sim = Simulation(stage, config.sim, 1, device_of(config.device))
+    env = tasks.make_env(sim, mdp, settings.metrics, {}, config.seed)
+    planner = _planner(skill, env, config, room, state, record)
+    env.reset_all()
+    offsets = {i: 0.0 if i in own else q for i, q in state.joints.items()}
+    began = _read(sim, stage, offsets)
+    _refuse_jump(skill, room, state, began)
+    record["began"] |= {**began.plain(), "arm": "at home, with start noise", "base": _rounded(stage.base)}
+    metrics, ended = _simulate(env, planner, sim, stage, offsets, image, config)
+    after = state.with_(ended)
+    success = metrics[SUCCESS[skill.skill]] == 1.0
+    record |= {"ended": ended.plain(), "metric": SUCCESS[skill.skill], "metrics": metrics}
+    return Outcome(success, "" if success else _missed(skill, metrics), after)
+
+
+def _mdp(skill: Skill, mdp: Any, room: SimRoom, state: RoomChange) -> Any:
+    """Return the task's settings with what the skill says."""
+    if skill.skill == "close":
+        return replace(mdp, start_opening=max(opened_by(room, state).get(skill.part or "", 0.0), 1e-3))
+    if skill.skill in ("pick_place", "put_in"):
+        return replace(mdp, start=None, place=skill.support or skill.part)
+    return mdp
+
+
+def _planner(
+    skill: Skill, env: VecEnv, config: ExecutionConfig, room: SimRoom, state: RoomChange, record: dict[str, Any]
+) -> Planner:
+    """Return the planner; after opening and closing it lets go of the handle and draws back, which goes into the record."""
+    if skill.object:
+        return Planner(env, config.planner)
+    found = motion(env, config.planner)
+    ajar = [i for i, path in opened_by(room, state).items() if abs(path) > START_ERROR]
+    hanging = [i for i in room.articulations if set(room.carriers(i)) & set(ajar)]
+    refuse_collision(env.sim.stage, [*ajar, *hanging, *state.objects], env.sim.robot, found.arm)
+    record |= {"approach": round(found.approach, 3), "retreat": round(found.retreat, 3)}
+    return Planner(env, config.planner, [found.demonstration])
+
+
+@torch.inference_mode()
+def _simulate(
+    env: VecEnv,
+    planner: Planner,
+    sim: Simulation,
+    stage: SimStage,
+    offsets: dict[str, float],
+    image: Path | None,
+    config: ExecutionConfig,
+) -> tuple[dict[str, float], RoomChange]:
+    """Step until the episode ends; return the task's metrics, and the state one control step before the end."""
+    ended, pose = _read(sim, stage, offsets), sim.joint_q[0].clone()
+    for _ in range(env.max_episode_length):
+        env.step(planner(env.observation.clone()))
+        if env.done[0]:  # the world has been reset
+            break
+        ended, pose = _read(sim, stage, offsets), sim.joint_q[0].clone()
+    if image:
+        Image.fromarray(Camera(stage, config.camera).image(pose)).save(image)
+    values = env.result[0].cpu().tolist()
+    return {name: round(value, 5) for name, value in zip(env.columns, values, strict=True)}, ended
+
+
+def _read(sim: Simulation, stage: SimStage, offsets: dict[str, float]) -> RoomChange:
+    """Return coordinates and poses of what moves in world 0; `offsets`: coordinates that the file calls zero."""
+    joints, objects = {}, {}
+    coords, bodies = sim.joint_q[0].cpu().numpy(), sim.body_q[0].cpu().numpy()
+    for i in stage.active:
+        if i in stage.room.articulations:
+            at = axis_of(sim.world, i, stage.room.articulations[i].joint.kind)[0]
+            joints[i] = float(coords[at]) + offsets.get(i, 0.0)
+        else:
+            objects[i] = tuple(map(float, bodies[sim.body(i)]))
+    return RoomChange(joints, objects)
+
+
+def _refuse_jump(skill: Skill, room: SimRoom, state: RoomChange, began: RoomChange) -> None:
+    """Raise where an episode cannot begin as the one before left the part that it moves."""
+    if skill.part and skill.part in state.joints:
+        was, now = (opened_by(room, each)[skill.part] for each in (state, began))
+        if abs(was - now) > START_ERROR:
+            raise InputError(
+                f"{skill.part} was left open by {was:.3f} m, and its task can begin at {now:.3f} m at most; "
+                "nothing was simulated"
+            )
+
+
+def riders(room: SimRoom, part: str) -> list[str]:
+    """Return the free objects in or on a part, which move with it: their origin is in the box around the part's hulls."""
+    points = np.concatenate([in_scene(room.bodies[part], c.mesh) for c in room.bodies[part].colliders])
+    low, high = points.min(axis=0) - BESIDE, points.max(axis=0) + BESIDE
+    return [i for i, body in room.free.items() if np.all((low <= body.position) & (np.array(body.position) <= high))]
+
+
+def _missed(skill: Skill, metrics: dict[str, float]) -> str:
+    """Return why a skill does not count as done."""
+    values = ", ".join(f"{name} {value:g}" for name, value in metrics.items())
+    return f"{skill.words} was simulated, and {SUCCESS[skill.skill]} does not hold ({values})."
+
+
+def _rounded(values: np.ndarray) -> list[float]:
+    return [round(float(value), 3) for value in values]

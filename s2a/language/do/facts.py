@@ -1,0 +1,192 @@
+"""What a planner of skills knows of a room: its parts with labels, boxes and joints, what stands open, what lies free where."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from s2a.core.errors import InputError, printable
+from s2a.planner.obstacles import RoomHulls
+from s2a.scene.articulation import opening_direction
+from s2a.scene.scene import Vec3
+from s2a.scene.usd.descriptive import DescribedPart, upright_box
+from s2a.scene.usd.sim_scene import SimBody, SimRoom, in_scene
+
+LABEL = 60
+"""Characters of a label that are shown: it is a name, not a text."""
+ABOVE_SUPPORT = 0.02
+"""[m] Above an object's lowest point, from where its support is looked for."""
+KNOWN_FRACTION = 0.5
+"""Of a room's articulated parts, that a description of this room has."""
+
+Kind = Literal["slides", "turns", "free", "fixed"]
+
+
+@dataclass(frozen=True)
+class RoomPart:
+    """A part of the room.
+
+    Attributes:
+        id: its id.
+        label: its name.
+        parent: id of the part that it belongs to, or None.
+        kind: "slides" or "turns" on a joint; "free": it can be picked up; "fixed".
+        center: of its upright box [m], scene coordinates; None where it has no surface.
+        size: of that box [m].
+        facing: horizontal direction that its front faces, of what moves on a joint; else None.
+        on: id of the part that an object stands on or in, of what lies free; else None.
+        open: path by which its grasp point stands open [m]; 0 where it is shut or does not move.
+        base: The robot has a collision-free base pose for it, of what moves on a joint.
+    """
+
+    id: str
+    label: str
+    parent: str | None = None
+    kind: Kind = "fixed"
+    center: Vec3 | None = None
+    size: Vec3 | None = None
+    facing: tuple[float, float] | None = None
+    on: str | None = None
+    open: float = 0.0
+    base: bool = False
+
+    @property
+    def moves(self) -> bool:
+        """True for what moves on a joint."""
+        return self.kind in ("slides", "turns")
+
+
+Facts = Mapping[str, RoomPart]
+"""The parts of a room by id, parents before children."""
+
+
+def gather(
+    room: SimRoom, described: Mapping[str, DescribedPart] | None, opened: Mapping[str, float], robot: str
+) -> dict[str, RoomPart]:
+    """Return the facts of a room.
+
+    Args:
+        room: the simulation-ready room as it stands now.
+        described: the descriptive flavour; None: labels are what ids say. What only the room has, such as what was inserted
+            after the export, is added.
+        opened: by how much parts stand open [m], by id; a part that is left out is shut.
+        robot: name of the robot.
+
+    Raises:
+        InputError: the description is one of another room.
+    """
+    described = described or {}
+    missing = [part for part in room.articulations if part not in described]
+    if described and len(missing) > KNOWN_FRACTION * len(room.articulations):
+        raise InputError(
+            f"the description has no part {missing[0]!r} of room {room.name!r}: it is one of another room; "
+            "give scene= the descriptive.usda of the same export, or leave it out"
+        )
+    points = _points(room)
+    hidden = _hidden(described)
+    ids = [*(i for i in described if i not in hidden), *(i for i in points if i not in described)]
+    found = {i: _thing(i, room, described.get(i), points.get(i), opened, robot) for i in ids}
+    return {i: thing if thing.parent in found else _orphan(thing) for i, thing in found.items()}
+
+
+def text(facts: Facts) -> str:
+    """Return the facts as text for a model: a line of JSON a part."""
+    return "\n".join(json.dumps(line, separators=(",", ":"), ensure_ascii=False) for line in lines(facts))
+
+
+def lines(facts: Facts) -> list[dict[str, Any]]:
+    """Return a dictionary per part, without what its id implies."""
+    return [_line(thing) for thing in facts.values()]
+
+
+def possible(facts: Facts) -> str:
+    """Return what the robot can do in a room, in words."""
+    opens = [i for i, thing in facts.items() if thing.moves and thing.base]
+    free = [i for i, thing in facts.items() if thing.kind == "free"]
+    return f"open or close: {', '.join(opens) or 'none'}; pick up: {', '.join(free) or 'none'}"
+
+
+def _points(room: SimRoom) -> dict[str, np.ndarray]:
+    """Return the corners of the hulls that stand for each part or body [point 3], scene coordinates."""
+    found: dict[str, list[np.ndarray]] = {}
+    for collider in room.static_colliders:
+        found.setdefault(collider.part, []).append(np.asarray(collider.mesh.vertices, float))
+    for body in (*room.bodies.values(), *room.free.values()):
+        for collider in body.colliders:
+            found.setdefault(body.id, []).append(in_scene(body, collider.mesh))
+    return {part: np.concatenate(points) for part, points in found.items()}
+
+
+def _hidden(described: Mapping[str, DescribedPart]) -> set[str]:
+    """Return the ids of handles and of what else belongs to a moving part, unless it moves itself."""
+    hidden: set[str] = set()
+    for i, part in described.items():
+        below = part.parent is not None and (
+            part.parent in hidden or described[part.parent].motion in ("prismatic", "revolute")
+        )
+        if part.motion == "fixed" and (below or part.graspable):
+            hidden.add(i)
+    return hidden
+
+
+def _thing(
+    i: str,
+    room: SimRoom,
+    described: DescribedPart | None,
+    points: np.ndarray | None,
+    opened: Mapping[str, float],
+    robot: str,
+) -> RoomPart:
+    """Return one part; its box is the described one unless it can move."""
+    joint = room.articulations.get(i)
+    kind: Kind = "free" if i in room.free else "fixed"
+    facing, base = None, False
+    if joint is not None:
+        kind = "slides" if joint.joint.kind == "prismatic" else "turns"
+        ahead = opening_direction(joint.joint, np.array(joint.grasp.point))
+        facing = (round(float(ahead[0]), 2) + 0.0, round(float(ahead[1]), 2) + 0.0)
+        base = robot in joint.bases and joint.bases[robot].free
+    center, size = (described.center, described.size) if described and kind == "fixed" else (None, None)
+    if center is None and points is not None:
+        box = upright_box(points)
+        center, size = box.center, box.size
+    parent = described.parent if described else joint.parent if joint else None
+    on = _support(room, room.free[i]) if kind == "free" else None
+    label = described.label if described else i.rpartition("_")[0].replace("_", " ") or i
+    name = " ".join(printable(label).split())[:LABEL]
+    return RoomPart(i, name, parent, kind, center, size, facing, on, opened.get(i, 0.0), base)
+
+
+def _orphan(thing: RoomPart) -> RoomPart:
+    """Return a part whose parent is not among the facts as one that belongs to none."""
+    return RoomPart(**{**vars(thing), "parent": None})
+
+
+def _support(room: SimRoom, body: SimBody) -> str | None:
+    """Return the part whose surface is below an object's middle."""
+    own = np.concatenate([in_scene(body, collider.mesh) for collider in body.colliders])
+    at = np.array([[*body.position[:2], own[:, 2].min() + ABOVE_SUPPORT]])
+    height, names = RoomHulls(room, {body.id}, at[0]).below(at)
+    return names[0] if np.isfinite(height[0]) else None
+
+
+def _line(thing: RoomPart) -> dict[str, Any]:
+    """Return the description of one part."""
+    line: dict[str, Any] = {"id": thing.id}
+    if thing.label != thing.id.rpartition("_")[0].replace("_", " "):
+        line["label"] = thing.label
+    if thing.parent:
+        line["part_of"] = thing.parent
+    if thing.kind != "fixed":
+        line["kind"] = thing.kind
+    if thing.moves:
+        line |= {"open": round(thing.open, 2), "faces": list(thing.facing or ()), "reachable": thing.base}
+    if thing.on:
+        line["on_or_in"] = thing.on
+    if thing.center and thing.size:
+        line |= {name: [round(v, 2) + 0.0 for v in getattr(thing, name)] for name in ("center", "size")}
+    return line

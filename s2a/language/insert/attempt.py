@@ -1,0 +1,242 @@
+"""The insertion of one object in two steps, planning and fixing, with its record."""
+
+from __future__ import annotations
+
+import copy
+import io
+from dataclasses import dataclass, replace
+
+import numpy as np
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from s2a.core.errors import InputError
+from s2a.language.insert import prompts
+from s2a.language.insert.context import InsertContext, Inserted, ObjectRequest
+from s2a.language.insert.pipeline import Planned, fixed, planned
+from s2a.language.insert.place.preferences import floor_height
+from s2a.language.insert.plan import FailedPlan
+from s2a.language.insert.room_state import RoomState
+from s2a.language.insert.settings import InsertSettings
+from s2a.language.insert.stability import drop_check
+from s2a.language.llm.ask import Model, Record, Request, UsageLog, ask, parse, step
+from s2a.scene.geometry.camera import CameraPose, OrbitCamera, render
+from s2a.scene.geometry.mesh_ops import merge, sample
+from s2a.scene.geometry.mesh_query import ray_mesh, visible_distance
+from s2a.scene.scene import Mesh, Scene
+
+AZIMUTHS, ELEVATIONS = 24, np.radians([5.0, 15.0, 25.0, 40.0, 60.0])
+FLAT, STEEP = 0.15, np.radians(25.0)
+"""Height over width of what lies flat, and the least elevation from which it is looked at: edge-on it is a line."""
+CLOSER = (1.0, 0.6, 0.35, 0.2)
+"""Distances that are tried, as fractions of the camera's."""
+POINTS = 80
+"""Sampled on the object."""
+GAP = 0.002
+"""Rays start this far from the surface [m]."""
+LOW, HIGH = 0.15, 2.3
+"""Heights of the camera above the floor [m]."""
+ENOUGH = 0.8
+"""Share of the best view's visible points that a view farther off must have, to be taken for what it shows of the room."""
+
+
+def viewpoint(scene: Scene, object: Mesh, front: np.ndarray, camera: OrbitCamera) -> CameraPose:
+    """Return the camera pose that shows most of an object, from its front and from afar if it can be.
+
+    Args:
+        scene: the room with the object in it.
+        object: in the scene [m].
+        front: horizontal direction that it faces, shape [3].
+        camera: intrinsics; its margin is the largest distance, as a multiple of the one at which the object fills the image.
+    """
+    points = sample(object, POINTS, seed=0).astype(np.float64)
+    middle = object.bounds.mean(axis=0).astype(np.float64)
+    eyes, nearness, facing = _eyes(scene, object, middle, front, camera)
+    if not len(eyes):
+        eyes, nearness, facing = middle[None] + (0.0, 0.0, 1.0), np.ones(1), np.zeros(1)
+    share = visible_fraction(scene, points, eyes)
+    merit = share + 0.15 * facing * share.max() - 0.5 * nearness * (share < ENOUGH * share.max())
+    merit -= 0.1 * nearness * share.max()
+    best = int(np.argmax(np.where(share >= ENOUGH * share.max(), merit, -1.0)))
+    return CameraPose(tuple(eyes[best].tolist()), tuple(middle.tolist()))
+
+
+def visible_fraction(scene: Scene, points: np.ndarray, eyes: np.ndarray) -> np.ndarray:
+    """Return for each eye [eye 3] the share of some points [point 3] of a scene that it sees, shape [eye]."""
+    room = merge([Mesh(part.mesh.vertices, part.mesh.faces) for part in scene.parts.values()])
+    away = eyes[:, None] - points
+    distance = np.linalg.norm(away, axis=2)
+    direction = (away / distance[..., None]).reshape(-1, 3)
+    start = np.tile(points, (len(eyes), 1)) + GAP * direction
+    reach = float(distance.max())
+    seen, _ = visible_distance(ray_mesh(room.vertices, room.faces), start, direction, reach)
+    free = seen.reshape(distance.shape) >= np.minimum(distance - 2 * GAP, reach * 0.999)
+    return np.asarray(free.mean(axis=1))
+
+
+def _eyes(
+    scene: Scene, object: Mesh, middle: np.ndarray, front: np.ndarray, camera: OrbitCamera
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return possible eyes in the room [eye 3], how near each is (0 at the farthest) and how much in front, [eye] each."""
+    radius = float(np.linalg.norm(np.ptp(object.bounds, axis=0))) / 2
+    farthest = max(0.6, camera.margin / 2 * radius / np.tan(camera.fov / 2))
+    heading = np.arctan2(front[1], front[0])
+    azimuth, elevation, closer = (
+        grid.ravel()
+        for grid in np.meshgrid(np.arange(AZIMUTHS) * 2 * np.pi / AZIMUTHS, ELEVATIONS, CLOSER, indexing="ij")
+    )
+    level = np.cos(elevation)
+    away = np.stack([level * np.cos(heading + azimuth), level * np.sin(heading + azimuth), np.sin(elevation)], axis=1)
+    distance = np.maximum(farthest * closer, 1.3 * radius / np.tan(camera.fov / 2))
+    eyes = middle + distance[:, None] * away
+    bounds = np.array([part.mesh.bounds for part in scene.parts.values() if len(part.mesh.vertices)])
+    low, high, floor = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0), floor_height(scene)
+    sides = np.ptp(object.bounds, axis=0)
+    if sides[2] < FLAT * sides[:2].min():
+        steep = elevation >= STEEP - 1e-6
+        eyes, closer, azimuth = eyes[steep], closer[steep], azimuth[steep]
+    inside = ((eyes > low + 0.05) & (eyes < high - 0.05))[:, :2].all(axis=1)
+    inside &= (eyes[:, 2] > floor + LOW) & (eyes[:, 2] < floor + HIGH)
+    return eyes[inside], 1.0 - closer[inside], np.cos(azimuth)[inside]
+
+
+CLOSE = 1.8
+"""Distance of the near image, as a multiple of the object's diagonal."""
+WIDTH = 640
+"""Of the images [pixels]: models take larger ones for more tokens, and they take seconds to render."""
+
+
+@dataclass(frozen=True)
+class ReviewVerdict:
+    """What a model that sees says of an object in its place.
+
+    Attributes:
+        right: True if it looks right.
+        problem: what is wrong, and what would be better; empty if nothing is.
+    """
+
+    right: bool
+    problem: str
+
+
+def reviewed(context: InsertContext, planned: Planned, inserted: Inserted, camera: OrbitCamera) -> Inserted:
+    """Return an insertion that a model finds right, else one by another plan, else the first one.
+
+    Args:
+        context: of the insertion; its record gets the step "review".
+        planned: the object.
+        inserted: the object in its place.
+        camera: intrinsics and framing of the image.
+    """
+    with step(context.record, "review") as said:
+        verdict = _verdict(context, inserted, camera)
+        said |= vars(verdict)
+    if verdict.right:
+        return inserted
+    before = copy.deepcopy(context.record)
+    failed = FailedPlan(inserted.plan, f"It was put there, and does not look right: {verdict.problem[:500]}", False)
+    try:
+        return fixed(context, planned, failed)
+    except InputError as error:
+        context.record.clear()
+        context.record.update(before)
+        context.record["review"]["kept"] = str(error)
+        return inserted
+
+
+def image_pose(inserted: Inserted, scene: Scene, camera: OrbitCamera) -> CameraPose:
+    """Return the camera pose of the image of an object in its place, in the room with it."""
+    front = Rotation.from_quat(inserted.candidate.pose.quaternion).apply([1.0, 0.0, 0.0])
+    return viewpoint(scene, inserted.part.mesh, front, camera)
+
+
+def wide_and_close(inserted: Inserted, scene: Scene, camera: OrbitCamera) -> tuple[CameraPose, CameraPose]:
+    """Return two camera poses on an object in its place: one that shows the room about it, and a near one along the same line."""
+    wide = image_pose(inserted, scene, camera)
+    away = np.subtract(wide.eye, wide.target)
+    size = float(np.linalg.norm(np.ptp(inserted.part.mesh.bounds, axis=0)))
+    nearer = min(1.0, CLOSE * size / float(np.linalg.norm(away)))
+    return wide, CameraPose(tuple((wide.target + nearer * away).tolist()), wide.target)
+
+
+def _verdict(context: InsertContext, inserted: Inserted, camera: OrbitCamera) -> ReviewVerdict:
+    parts = {**context.room.scene.parts, inserted.placement.part_id: inserted.part}
+    scene = Scene(context.room.scene.name, parts, context.room.scene.origin)
+    meshes = [part.mesh for part in parts.values()]
+    camera = replace(camera, width=WIDTH, height=round(WIDTH * camera.height / camera.width), samples=1)
+    images = tuple(_png(render(meshes, pose, camera)) for pose in wide_and_close(inserted, scene, camera))
+    question = _question(inserted, scene)
+    text = prompts.review_question(question)
+    request = Request("review", prompts.REVIEW, (("user", text),), prompts.REVIEW_SCHEMA, question, images)
+    return ask(context.model, request, lambda text: parse(text, ReviewVerdict), context.config.retries, context.usage)
+
+
+def _question(inserted: Inserted, scene: Scene) -> Record:
+    """Return the facts of the question; no pose is in it, so that a recording answers it after a small change of the search."""
+    choice = inserted.candidate.choice
+    longest = float(np.ptp(inserted.part.mesh.bounds, axis=0).max())
+    carrier = {"id": choice.target, "label": scene.parts[choice.target].label}
+    about = {"label": inserted.placement.label, "longest": float(f"{longest:.1g}"), "relation": choice.relation}
+    return about | {"carrier": carrier, "up": inserted.plan.up, "front": inserted.plan.front}
+
+
+def _png(pixels: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, format="PNG", optimize=True)
+    return file.getvalue()
+
+
+class Attempt:
+    """An insertion.
+
+    Attributes:
+        problem: why it failed; empty while it did not.
+    """
+
+    def __init__(self, room: RoomState, request: ObjectRequest, model: Model, settings: InsertSettings) -> None:
+        self._usage, self._request, self._settings = UsageLog(settings.llm.prices), request, settings
+        self._record: Record = {"object": str(request.file), "label": request.label, "hint": request.hint}
+        check = drop_check(settings.hulls, settings.placement.drop_test)
+        self._context = InsertContext(room, model, settings.pipeline, check, self._usage, self._record)
+        self._planned: Planned | None = None
+        self.problem = ""
+
+    @property
+    def footprint(self) -> float:
+        """Area that the object takes [m^2]; 0 if its planning failed."""
+        return self._planned.footprint if self._planned else 0.0
+
+    def plan(self) -> None:
+        """Plan its place."""
+        try:
+            self._planned = planned(self._context, self._request)
+        except InputError as error:
+            self.problem = str(error)
+
+    def fix(self) -> Inserted | None:
+        """Find its pose in the room as it is now; None if that fails, or its planning did."""
+        if self._planned is None:
+            return None
+        try:
+            inserted = fixed(self._context, self._planned)
+            if self._settings.review and not self._context.config.rules:
+                inserted = reviewed(self._context, self._planned, inserted, self._settings.camera)
+        except InputError as error:
+            self.problem = str(error)
+            return None
+        self._record["id"] = inserted.placement.part_id
+        return inserted
+
+    def finished(self) -> Record:
+        """Return the record: results by step, the model's answers, and `problem`, which says why it failed."""
+        about = {"problem": self.problem, "answers": self._usage.entries, "total": self._usage.total()}
+        return self._record | about
+
+
+def attempt(
+    room: RoomState, request: ObjectRequest, model: Model, settings: InsertSettings
+) -> tuple[Inserted | None, Record]:
+    """Insert an object; return it, or None, and its record, whose `problem` says why it failed."""
+    one = Attempt(room, request, model, settings)
+    one.plan()
+    return one.fix(), one.finished()

@@ -1,0 +1,259 @@
+"""Description of a room for a model: one line of JSON per part, with its supports; lengths in whole centimetres."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from scipy import ndimage
+
+from s2a.language.insert.place.supports import is_basin, target_regions
+from s2a.language.insert.plan import Plan
+from s2a.scene.geometry.mesh_ops import normals
+from s2a.scene.geometry.regions import Region, RegionConfig
+from s2a.scene.scene import Joint, Mesh, Scene
+from s2a.scene.usd.descriptive import Box, silhouette, upright_box
+
+THICKEST = 0.5
+"""Thickness from which a part called wall is more than one wall [m]."""
+ALONG = 0.3
+"""Largest gap between a wall and what stands or hangs along it [m]."""
+BAND = (1.2, 1.8)
+"""Heights between which what is along a wall leaves no gap [m]."""
+NARROW, WALL_COUNT = 0.3, 3
+"""Smallest gap that is named [m], and the most gaps."""
+
+
+def is_wall(label: str) -> bool:
+    """Return True if a label names a wall."""
+    return label.lower().endswith("wall")
+
+
+def wall_line(scene: Scene, part_id: str) -> dict[str, Any]:
+    """Return the keys along (ids, in order) and free (widths [m], the widest first) of a wall; none if it has no one side."""
+    box = upright_box(silhouette(scene.parts[part_id].mesh.vertices))
+    turn = box.yaw + (0.0 if box.size[0] >= box.size[1] else np.pi / 2)
+    half, thick = max(box.size[:2]) / 2, min(box.size[:2]) / 2
+    if 2 * thick > THICKEST:
+        return {}
+    along = np.array([np.cos(turn), np.sin(turn)])
+    across = np.array([-along[1], along[0]])
+    found: list[tuple[float, float, str, bool]] = []
+    for other, part in scene.parts.items():
+        if other == part_id or _is_no_thing(scene, other):
+            continue
+        points = part.mesh.vertices
+        off = (points[:, :2] - box.center[:2]) @ across
+        span = (points[:, :2] - box.center[:2]) @ along
+        gap = max(float(off.min()) - thick, -thick - float(off.max()))
+        first, last = max(-half, float(span.min())), min(half, float(span.max()))
+        if gap <= ALONG and last - first > 0.02:
+            low, high = points[:, 2].min(), points[:, 2].max()
+            found.append((first, last, other, bool(low < BAND[1] and high > BAND[0])))
+    found.sort(key=lambda one: (one[0] + one[1]) / 2)
+    free = _gaps([one[:2] for one in found if one[3]], half)
+    return {"along": [one[2] for one in found]} | ({"free": free} if free else {})
+
+
+def _is_no_thing(scene: Scene, part_id: str) -> bool:
+    """Return True for walls, floors, ceilings, parts of furniture, and what has no surface."""
+    part = scene.parts[part_id]
+    if not len(part.mesh.faces) or isinstance(part.motion, Joint) or part.graspable:
+        return True
+    return part.parent is not None or is_wall(part.label) or part.label.lower() in ("floor", "ceiling")
+
+
+def _gaps(taken: list[tuple[float, float]], half: float) -> list[float]:
+    """Return the widths of what some intervals leave of a wall from -half to half [m], the widest first."""
+    at, found = -half, []
+    for first, last in sorted(taken):
+        found.append(first - at)
+        at = max(at, last)
+    found.append(half - at)
+    return sorted((round(float(gap), 1) for gap in found if gap >= NARROW), reverse=True)[:WALL_COUNT]
+
+
+Supports = dict[str, list[Region]]
+"""Horizontal support regions by part id."""
+
+CENTIMETRES = 2
+LEVEL = 0.8
+"""Upward component of a normal from which a face of a noisy scan may be horizontal."""
+WORTH = 0.008
+"""Smallest free area of a described support [m^2]: a glass stands on it."""
+SLIVER, FOOT = 0.1, 0.06
+"""Smallest free area as a fraction of the part's largest support, and smallest free circle [m], of a described support."""
+COUNT = 6
+"""Described supports per part."""
+SMALL, REACH = 0.5, 2.2
+"""Parts without a side this long [m] are small objects, not furniture; above this height [m] parts are out of reach."""
+NEAR = 0.03
+"""An object whose underside is this close to a support stands on it [m]: the noise of a scan and of its plane."""
+
+
+def survey(scene: Scene, config: RegionConfig, part_ids: Iterable[str] | None = None) -> Supports:
+    """Return the horizontal supports of some parts, of all by default; movable and graspable parts have none."""
+    return {i: _supports(scene, i, config) for i in (scene.parts if part_ids is None else part_ids)}
+
+
+def describe(scene: Scene, supports: Supports) -> list[dict[str, Any]]:
+    """Return a description of the room, one dictionary per part.
+
+    Keys: id, label; center and size of its upright box [m]; part_of; opens (slides or turns); on (the part it stands on);
+    supports (kind, height [m], free area [m^2], diameter of the largest free circle [m], room above [m] of each, the largest
+    first). Doors and drawers have no box, nor has what carries nothing and is small or out of reach.
+    """
+    return [_line(scene, part_id, supports) for part_id in shown(scene)]
+
+
+def text(lines: list[dict[str, Any]]) -> str:
+    """Return a description as text for a model: furniture with its doors, then small objects by what they stand on."""
+    described = [_model_line(line, lines) for line in lines if "size" in line]
+    small: dict[str | None, list[str]] = {}
+    for line in lines:
+        if "size" not in line and "opens" not in line:
+            small.setdefault(line.get("on"), []).append(line["id"])
+    described += [{**({"on": on} if on else {}), "things": ids} for on, ids in small.items()]
+    return "\n".join(json.dumps(line, separators=(",", ":"), ensure_ascii=False) for line in described)
+
+
+def shown(scene: Scene) -> list[str]:
+    """Return the ids of the parts that are described: all with a surface except handles and children of doors and drawers."""
+    hidden = {below for i in scene.movable for below in scene.descendants(i)}
+    parts = scene.parts.items()
+    return [i for i, part in parts if len(part.mesh.faces) and i not in hidden and not part.graspable]
+
+
+def worth(regions: list[Region], foot: float = FOOT) -> list[Region]:
+    """Return the regions with a free circle of some diameter [m], those with the most free area first."""
+    largest = max((region.free_area for region in regions), default=0.0)
+    free = [region for region in regions if region.free_area >= max(WORTH, SLIVER * largest) and circle(region) >= foot]
+    return sorted(free, key=lambda region: -region.free_area)[:COUNT]
+
+
+def circle(region: Region) -> float:
+    """Return the diameter of the largest free circle on a region [m]."""
+    return 2.0 * region.cell * float(ndimage.distance_transform_edt(np.pad(region.free, 1)).max())
+
+
+def support(region: Region) -> dict[str, Any]:
+    """Return the description of a support."""
+    kind = "basin" if is_basin(region) else region.kind
+    return {
+        "kind": kind,
+        "height": round(region.height, CENTIMETRES) + 0.0,
+        "free": _two_digits(region.free_area),
+        "circle": round(circle(region), CENTIMETRES),
+        "room": round(region.clearance, 1 if region.clearance >= 1.0 else CENTIMETRES),
+    }
+
+
+def box_of(scene: Scene, part_id: str) -> Box:
+    """Return the upright box around a part and its descendants."""
+    points = [silhouette(scene.parts[i].mesh.vertices) for i in (part_id, *scene.descendants(part_id))]
+    return upright_box(np.concatenate(points))
+
+
+def faces_up(mesh: Mesh) -> bool:
+    """Return True if enough of a surface faces up to carry an object: a quick test before regions are grown."""
+    return bool(mesh.face_areas[normals(mesh)[:, 2] > LEVEL].sum() > 0.1 * WORTH)
+
+
+def context_of(scene: Scene, supports: Supports, plan: Plan, count: int) -> dict[str, Any]:
+    """Return the support that a plan refers to, and the objects nearest to its place, one per label and none longer than a metre.
+
+    A wall is a support without measures: its ledges carry nothing of what hangs on it.
+    """
+    choice = plan.choices[0]
+    regions = [] if choice.relation == "hanging" else supports.get(choice.target, [])
+    meant = choice.height
+    if meant is not None:
+        near_by = [region for region in regions if abs(region.height - meant) < NEAR]
+        regions = sorted(near_by, key=lambda region: -region.free_area) or sorted(
+            regions, key=lambda region: abs(region.height - meant)
+        )
+    part = scene.parts[choice.target]
+    below: dict[str, Any] = {"part": part.label}
+    middle = part.mesh.bounds.mean(axis=0) if len(part.mesh.vertices) else np.zeros(3)
+    if regions:
+        below |= support(regions[0]) | {"widest": round(float(np.hypot(*regions[0].size)), CENTIMETRES)}
+        middle = regions[0].center
+    if plan.near is not None and len(scene.parts[plan.near].mesh.vertices):
+        middle = scene.parts[plan.near].mesh.bounds.mean(axis=0)
+    bounds = {i: scene.parts[i].mesh.bounds for i in shown(scene) if i != choice.target and i not in scene.movable}
+    near = [
+        (float(np.linalg.norm(b.mean(axis=0) - middle)), i) for i, b in bounds.items() if np.ptp(b, axis=0).max() < 1.0
+    ]
+    first = {scene.parts[i].label: i for _, i in sorted(near, reverse=True)}  # of each kind the nearest
+    nearest = [i for _, i in sorted(near) if first[scene.parts[i].label] == i][:count]
+    things = [{"label": scene.parts[i].label, "size": _rounded(box_of(scene, i).size)} for i in nearest]
+    return {"support": below, "neighbours": things}
+
+
+def _supports(scene: Scene, part_id: str, config: RegionConfig) -> list[Region]:
+    part = scene.parts[part_id]
+    if isinstance(part.motion, Joint) or part.graspable or not faces_up(part.mesh):
+        return []
+    return target_regions(scene, part_id, config, ("horizontal", "inside"))
+
+
+def _line(scene: Scene, part_id: str, supports: Supports) -> dict[str, Any]:
+    """Return the description of one part."""
+    part, box = scene.parts[part_id], box_of(scene, part_id)
+    small = part.parent is None and max(box.size) < SMALL
+    carries = worth(supports.get(part_id, []), 2.0 * FOOT if small else FOOT)
+    line: dict[str, Any] = {"id": part_id, "label": part.label}
+    if part.parent is not None:
+        line["part_of"] = part.parent
+    if isinstance(part.motion, Joint):
+        return {**line, "opens": "slides" if part.motion.kind == "prismatic" else "turns"}
+    if below := _carrier(scene, part_id, box, supports):
+        line["on"] = below
+    if carries or not (small or box.center[2] - box.size[2] / 2 > REACH):
+        line |= {"center": _rounded(box.center), "size": _rounded(box.size)}
+    if carries:
+        line["supports"] = [support(region) for region in carries]
+    if is_wall(part.label):
+        line |= wall_line(scene, part_id)
+    return line
+
+
+def _model_line(line: dict[str, Any], lines: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a description as a model reads it: without what the id implies, supports as plain lists, with doors and drawers."""
+    id_says = line["id"].rpartition("_")[0].replace("_", " ")
+    described = {key: value for key, value in line.items() if key != "label" or value != id_says}
+    if "supports" in line:
+        described["supports"] = [list(values.values()) for values in line["supports"]]
+    opens = {other["id"]: other["opens"] for other in lines if "opens" in other and other.get("part_of") == line["id"]}
+    return described | ({"opens": opens} if opens else {})
+
+
+def _carrier(scene: Scene, part_id: str, box: Box, supports: Supports) -> str | None:
+    """Return the id of the part that a part stands on."""
+    if scene.parts[part_id].parent is not None:
+        return None
+    foot = np.array([[box.center[0], box.center[1], box.center[2] - box.size[2] / 2]])
+    for other, regions in supports.items():
+        if other != part_id and any(_stands_on(foot, region) for region in regions):
+            return other
+    return None
+
+
+def _stands_on(foot: np.ndarray, region: Region) -> bool:
+    (row, column, above) = region.places(foot)[0]
+    rows, columns = region.support.shape
+    if not (abs(above) < NEAR and 0 <= row < rows and 0 <= column < columns):
+        return False
+    # The object hid the support from the scanner: the outline counts, not the cells.
+    return True
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+def _rounded(values: Iterable[float]) -> list[float]:
+    """Round, without negative zeros."""
+    return [round(float(value), CENTIMETRES) + 0.0 for value in values]

@@ -1,0 +1,285 @@
+"""Drop test: does a placed object stay where it is when it falls from a little above?
+
+The obstacles are the scan's own triangles near the object, each a thin prism behind its face, so that nothing rests on a
+hull that the scan does not have. The object is its convex hulls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from s2a.core.bounds import NotNegative, Positive
+from s2a.scene.scene import Mesh
+
+ANGLES = np.arange(12) * np.pi / 12
+SIDES = np.array([[0.0, 0.0, 1.0], *np.stack([np.cos(ANGLES), np.sin(ANGLES), 0.0 * ANGLES], axis=1)])
+"""Directions in which triangles may be too far away to matter, shape [13 3]: boxes turned by 15 deg, of which one fits."""
+CLOSE = 0.025
+"""Until an object has moved by almost so much, triangles farther away than this in one of these directions do not matter [m]."""
+
+
+def near(support: Mesh, bounds: np.ndarray, reach: float) -> np.ndarray:
+    """Return the triangles that hulls may touch [m], shape [face 3 3], float64.
+
+    Args:
+        support: the scene's triangles.
+        bounds: of the hulls [m], shape [hull 2 3].
+        reach: triangles within this distance of a hull's box are meant [m].
+    """
+    triangles = support.vertices[support.faces].astype(np.float64)
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
+    found = np.zeros(len(triangles), bool)
+    for first, last in bounds:
+        found |= ((low <= last + reach) & (high >= first - reach)).all(axis=1)
+    return triangles[found & (support.face_areas > 1e-8)]
+
+
+def close(triangles: np.ndarray, hulls: Sequence[Mesh]) -> np.ndarray:
+    """Return which triangles matter as long as the hulls hardly move, shape [face]."""
+    along = triangles @ SIDES.T
+    low, high = along.min(axis=1), along.max(axis=1)
+    found = np.zeros(len(triangles), bool)
+    for hull in hulls:
+        own = hull.vertices @ SIDES.T
+        found |= ((low <= own.max(axis=0) + CLOSE) & (high >= own.min(axis=0) - CLOSE)).all(axis=1)
+    return found
+
+
+def model(hulls: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, config: DropTestConfig) -> mujoco.MjModel:
+    """Return a model of prisms and a free body, its frame at the object's middle."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = config.step
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.default.mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+    geom = spec.default.geom
+    geom.type, geom.density, geom.condim = mujoco.mjtGeom.mjGEOM_MESH, config.density, 6
+    geom.friction, geom.solref[:] = config.friction, [config.stiffness, 1.0]
+    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    behind = across / np.linalg.norm(across, axis=1, keepdims=True) * config.thickness
+    prisms = np.concatenate([triangles, triangles - behind[:, None]], axis=1) - center
+    for number, prism in enumerate(prisms):
+        _geom(spec, spec.worldbody, f"prism_{number}", prism)
+    body = spec.worldbody.add_body(name="object")
+    body.add_freejoint()
+    for number, hull in enumerate(hulls):
+        _geom(spec, body, f"hull_{number}", hull.vertices.astype(np.float64) - center)
+    return spec.compile()
+
+
+def _geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, points: np.ndarray) -> None:
+    """Add the convex hull of points [point 3] to a body."""
+    spec.add_mesh(name=name, uservert=points.ravel())
+    body.add_geom(meshname=name)
+
+
+INTERVAL = 10
+"""Steps between two tests of rest."""
+FIRST_TRIANGLES = 200
+"""Nearest triangles to a wall-mounted object that are tested first."""
+NONE = 1e-9
+"""Change of a speed that is none [m/s]: what a slow fall would grow to in two seconds from there is under a millimetre."""
+
+
+@dataclass(frozen=True)
+class DropTestConfig:
+    """Settings of a drop test.
+
+    Attributes:
+        drop: height from which it falls [m].
+        seconds: duration, unless it rests before [s].
+        still: window in which its speed must not have changed for it to rest [s].
+        steady: fraction by which the speed may have changed meanwhile.
+        creep: how far that speed may take it in the time that is left [m]; below 0 the test runs to the end.
+        step: of the simulation [s].
+        search_radius: triangles within this distance of a hull's box take part [m].
+        thickness: of the prisms behind them [m].
+        density: of the object [kg/m^3].
+        friction: sliding [1], torsional [m] and rolling [m].
+        stiffness: time constant of contacts [s].
+        drift: max distance from the placed position [m].
+        tilt: max angle from the placed pose [rad].
+        penetration: max depth at rest [m].
+        contact_distance: a wall-mounted object has a surface within this distance behind it [m].
+    """
+
+    drop: NotNegative
+    seconds: Positive
+    still: NotNegative
+    steady: NotNegative
+    creep: float
+    step: Positive
+    search_radius: NotNegative
+    thickness: Positive
+    density: Positive
+    friction: tuple[NotNegative, NotNegative, NotNegative]
+    stiffness: Positive
+    drift: NotNegative
+    tilt: NotNegative
+    penetration: NotNegative
+    contact_distance: NotNegative
+
+
+@dataclass(frozen=True)
+class DropTestResult:
+    """Result of a drop test.
+
+    Attributes:
+        drift: distance from the placed position at the end [m].
+        tilt: angle of its upright from the placed one [rad].
+        penetration: max depth of a contact in the last quarter [m].
+        problem: why the object does not stay; empty if it does.
+        rest: where one that does not stay came to rest all the same: `about`, a point [m]; `shift` of that point [m]; `turn`
+            about it, xyzw; None if it did not rest, or was not dropped.
+    """
+
+    drift: float
+    tilt: float
+    penetration: float
+    problem: str
+    rest: dict[str, list[float]] | None = None
+
+    @property
+    def stays(self) -> bool:
+        """The object stays where it was placed."""
+        return not self.problem
+
+
+def drop_test(
+    hulls: Sequence[Mesh], support: Mesh, config: DropTestConfig, hangs_on: np.ndarray | None = None
+) -> DropTestResult:
+    """Drop an object.
+
+    Args:
+        hulls: convex hulls of the object, placed in the scene [m].
+        support: the scene's triangles around it, looking outwards.
+        config: the drop and its bounds.
+        hangs_on: for what is attached: direction to the wall, shape [3]; it does not fall, only its contact is tested.
+
+    Raises:
+        ValueError: no hulls.
+    """
+    if not hulls:
+        raise ValueError("an object without convex hulls cannot be dropped")
+    bounds = np.array([hull.bounds for hull in hulls])
+    center = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
+    triangles = near(support, bounds, config.search_radius)
+    if hangs_on is not None:
+        return _hangs(hulls, triangles, center, np.asarray(hangs_on, float), config)
+    radius = float(np.linalg.norm(bounds[:, 1].max(axis=0) - center))
+    few = triangles[close(triangles, hulls)]
+    found = _dropped(model(hulls, few, center, config), radius, CLOSE - config.thickness, config)
+    if found is None:
+        found = _dropped(model(hulls, triangles, center, config), radius, np.inf, config)
+    assert found is not None  # nothing moves farther than infinitely far
+    return found if found.rest is None else replace(found, rest={"about": center.tolist(), **found.rest})
+
+
+def _dropped(built: mujoco.MjModel, radius: float, stray: float, config: DropTestConfig) -> DropTestResult | None:
+    """Return the result for an object that falls; None if a point of it moves too far.
+
+    Args:
+        built: it and its obstacles.
+        radius: distance of its farthest point from its middle [m].
+        stray: distance that is too far [m].
+        config: of the drop test.
+    """
+    data = mujoco.MjData(built)
+    data.qpos[2] += config.drop
+    steps, window = round(config.seconds / config.step), round(config.still / config.step)
+    speeds = np.full((window, 6), np.inf)
+    deepest, touches, rests = 0.0, False, False
+    for step in range(steps):
+        mujoco.mj_step(built, data)
+        speeds[step % window] = data.qvel * ([1.0] * 3 + [radius] * 3)
+        left = (steps - 1 - step) * config.step
+        probe = step % INTERVAL == 0
+        if probe and _moved(data.qpos, radius) > stray:
+            return None
+        rests = probe and _rests(speeds, speeds[step % window], left, config)
+        if rests or step >= 0.75 * steps:
+            deepest, touches = max(deepest, _depth(data)), touches or data.ncon > 0
+        if rests:
+            mujoco.mj_integratePos(built, data.qpos, data.qvel, left)
+            break
+    drift = float(np.linalg.norm(data.qpos[:3]))
+    upright = np.clip(1.0 - 2.0 * (data.qpos[4] ** 2 + data.qpos[5] ** 2), -1.0, 1.0)
+    tilt = float(np.arccos(upright))
+    problem = "" if np.isfinite(drift) else "the simulation diverged"
+    # Clauses in the order in which a reader wants them: what fell also drifted.
+    clauses = [
+        (touches, "it falls: nothing supports it"),
+        (tilt <= config.tilt, f"it tilts by {np.degrees(tilt):.1f} deg"),
+    ]
+    clauses += [(drift <= config.drift, f"it drifts by {1000 * drift:.0f} mm")]
+    clauses += [(deepest <= config.penetration, f"it sinks in by {1000 * deepest:.1f} mm")]
+    problem = problem or next((words for holds, words in clauses if not holds), "")
+    return DropTestResult(drift, tilt, deepest, problem, _rest(data) if problem and rests else None)
+
+
+def _rest(data: mujoco.MjData) -> dict[str, list[float]]:
+    """Return how a dropped object has moved and turned about its middle."""
+    w, x, y, z = data.qpos[3:7].tolist()
+    return {"shift": data.qpos[:3].tolist(), "turn": [x, y, z, w]}
+
+
+def _moved(pose: np.ndarray, radius: float) -> float:
+    """Return how far the points of an object have moved at most [m], for its pose and its radius [m]."""
+    turn = 2.0 * np.arctan2(np.linalg.norm(pose[4:]), abs(pose[3]))
+    return float(np.linalg.norm(pose[:3]) + radius * turn)
+
+
+def _rests(speeds: np.ndarray, speed: np.ndarray, left: float, config: DropTestConfig) -> bool:
+    """Return whether an object stays at rest for the time that is left [s].
+
+    At rest, the contacts of the simulation yield at a constant speed of micrometres a second. What is about to fall is as slow
+    at first, but its speed grows: by a multiple, within the window of the test.
+
+    Args:
+        speeds: of late, of its surface by moving and by turning [m/s], shape [step 6].
+        speed: the last one, shape [6].
+        left: until the end of the test.
+        config: its bounds.
+    """
+    fast, change = np.linalg.norm(speed), np.linalg.norm(speeds - speed, axis=1).max()
+    return bool(fast * left <= config.creep and change <= config.steady * fast + NONE)
+
+
+def _hangs(
+    hulls: Sequence[Mesh], triangles: np.ndarray, center: np.ndarray, toward: np.ndarray, config: DropTestConfig
+) -> DropTestResult:
+    """Return whether an attached object is at its wall and not in it."""
+    # The wall alone: a prism behind a ragged edge of the scan would reach into the room.
+    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    wall = triangles[across @ toward < -0.5 * np.linalg.norm(across, axis=1)]
+    # What is not before the object's foremost point is not in it, and a few triangles suffice to find a contact.
+    gaps = (wall @ toward).min(axis=1) - max(float((hull.vertices @ toward).max()) for hull in hulls)
+    wall = wall[np.argsort(gaps, kind="stable")]
+    for count in (max(FIRST_TRIANGLES, int((gaps <= 0).sum())), len(wall)):
+        found = _attached(model(hulls, wall[:count], center, config), toward, config)
+        if found.stays or found.penetration > config.penetration or count >= len(wall):
+            break
+    return found
+
+
+def _attached(built: mujoco.MjModel, toward: np.ndarray, config: DropTestConfig) -> DropTestResult:
+    """Return whether an object at its place penetrates nothing, and has contact a little farther on."""
+    data = mujoco.MjData(built)
+    mujoco.mj_forward(built, data)
+    deepest = _depth(data)
+    data.qpos[:3] += toward * config.contact_distance
+    mujoco.mj_forward(built, data)
+    touches = data.ncon > 0
+    problem = "" if touches else f"there is nothing within {1000 * config.contact_distance:.0f} mm behind it"
+    if deepest > config.penetration:
+        problem = f"it penetrates its obstacles by {1000 * deepest:.1f} mm"
+    return DropTestResult(0.0, 0.0, deepest, problem)
+
+
+def _depth(data: mujoco.MjData) -> float:
+    """Return the depth of the deepest contact [m]."""
+    return max(0.0, -float(data.contact.dist.min())) if data.ncon else 0.0

@@ -1,0 +1,282 @@
+"""The coarse search for a pose: occupied cells in layers over a region, correlated with the object's.
+
+The object's turned copies slide over the grid of a region. A place is possible where no layer of the object meets an occupied
+cell of the same layer and where the cells it touches carry. What remains is ranked; exact tests follow
+(`s2a.language.insert.place.pose`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft, ndimage
+
+from s2a.core.bounds import Count, Fraction, NotNegative, Numbers, Positive
+from s2a.language.insert.place.fit import SweptVolume, fill
+from s2a.language.insert.place.preferences import PreferenceConfig, Preferences, at_the_back, closeness, hanging_score
+from s2a.language.insert.place.supports import BASIN
+from s2a.scene.geometry.mesh_ops import sample
+from s2a.scene.geometry.occupancy import Grid, distinct_cells, mask_of, occupied_layers
+from s2a.scene.geometry.regions import Region
+from s2a.scene.scene import Mesh
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """Search on the occupancy grid.
+
+    Attributes:
+        turns: yaws to test, relative to the facing direction of the region [deg].
+        layers: number of occupancy layers between the region and the top of the object.
+        contact_height: points lower than this above the lowest one touch the support [m].
+        samples: points sampled on the object's surface.
+        min_supported_fraction: smallest fraction of the touching cells that must be supported.
+        margin: clearance kept around the object [m].
+        max_useful_clearance: clearance beyond this does not improve a placement [m].
+        max_overhang: largest fraction of the object, seen from above, that is beyond its support.
+        max_placements: placements ranked per yaw.
+        clearance_weight: weight of the clearance around the object.
+        facing_weight: weight of the facing direction.
+        neighbour_weight: weight of the distance to the requested neighbour.
+        backing_weight: weight of a back that is against something, for relation "against".
+        neighbour_distance: distance over which the neighbour's weight decays [m].
+        habits: where people put things.
+    """
+
+    turns: Numbers
+    layers: Count
+    contact_height: NotNegative
+    samples: Count
+    min_supported_fraction: Fraction
+    margin: NotNegative
+    max_useful_clearance: Positive
+    max_overhang: Fraction
+    max_placements: Count
+    clearance_weight: float
+    facing_weight: float
+    neighbour_weight: float
+    backing_weight: float
+    neighbour_distance: Positive
+    habits: PreferenceConfig
+
+
+@dataclass(frozen=True)
+class OccupancyGrid:
+    """The padded occupancy grid over a region.
+
+    Attributes:
+        pad: cells added on each side of the region.
+        carries: supported cells with clearance, shape [row column].
+        layers: occupied cells by layer, shape [layer row column].
+        edges: heights of the layers' borders above the region [m], shape [layer + 1].
+        beyond: cells beyond the outline of the region, over which objects would overhang, shape [row column].
+    """
+
+    pad: int
+    carries: np.ndarray
+    layers: np.ndarray
+    edges: np.ndarray
+    beyond: np.ndarray
+
+
+def occupancy_grid(
+    region: Region,
+    radius: float,
+    height: float,
+    obstacles: Sequence[Mesh],
+    volumes: list[SweptVolume],
+    config: SearchConfig,
+) -> OccupancyGrid:
+    """Return the grid for an object of a radius and height [m] among obstacles and the swept volumes of doors and drawers."""
+    pad = int(np.ceil(radius / region.cell)) + 2
+    carries = np.pad(region.free, pad)
+    edges = np.linspace(config.contact_height, max(height, 2 * config.contact_height), config.layers + 1)
+    origin = region.points(np.array([[-pad, -pad]]))[0]
+    raster = Grid(region.axes, origin, region.cell, carries.shape, edges[0], edges[-1], config.layers)
+    layers, _ = occupied_layers(obstacles, raster)
+    for volume in volumes:
+        fill(layers, edges, region, pad, volume, config.contact_height)
+    grow = max(1, round(config.margin / region.cell))
+    grown = np.stack([ndimage.binary_dilation(layer, iterations=grow) for layer in layers])
+    # What stands at the border hides it from the scanner: the outline counts, and a cell of tolerance.
+    outline = ndimage.binary_dilation(ndimage.binary_fill_holes(np.pad(region.support, pad)))
+    # What is in a basin may reach over its rim.
+    beyond = ~outline & (region.rim_fraction <= BASIN)
+    return OccupancyGrid(pad, carries, grown, edges, beyond)
+
+
+Keep = Callable[[np.ndarray], np.ndarray]
+"""A filter of places [m], shape [place 3] -> shape [place]."""
+BACK_FIRST = 0.6
+"""Weight of the neighbour of what stands against something: its back comes first."""
+
+
+@dataclass(frozen=True)
+class GridCandidate:
+    """A placement on the grid.
+
+    Attributes:
+        score: the higher, the better.
+        turn: yaw relative to the facing direction [rad].
+        place: cell of the object's origin, shape [2].
+        room: distance from the nearest obstacle or edge [m].
+    """
+
+    score: float
+    turn: float
+    place: np.ndarray
+    room: float
+
+
+def grid_candidates(
+    grid: OccupancyGrid,
+    region: Region,
+    object: Mesh,
+    base: np.ndarray,
+    preferences: Preferences,
+    config: SearchConfig,
+    keep: Keep | None = None,
+) -> list[GridCandidate]:
+    """Return possible places, best first.
+
+    Args:
+        grid: occupancy grid of the region.
+        region: where the object goes.
+        object: in its own frame.
+        base: rotation from the object's frame to the region's at turn 0, shape [3 3].
+        preferences: what makes a placement better.
+        config: turns and weights.
+        keep: of points [m], shape [place 3], those that a wish allows, shape [place]; None for all.
+    """
+    shape = tuple(fft.next_fast_len(n, real=True) for n in grid.carries.shape)
+    spectra = fft.rfft2(np.stack([~grid.carries, *grid.layers, grid.beyond]).astype(np.float32), shape)
+    room = _room(grid) * region.cell
+    nearness = closeness(grid.carries.shape, grid.pad, region, preferences, config.neighbour_distance)
+    points = np.concatenate([sample(object, config.samples, seed=0), object.vertices])
+    turns = np.radians(config.turns) if region.kind != "vertical" else np.zeros(1)
+    found: list[GridCandidate] = []
+    for turn in turns:
+        c, s = np.cos(turn), np.sin(turn)
+        local = points @ (base @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])).T
+        local[:, 2] -= local[:, 2].min()
+        prints = _prints(local, region.cell, grid, config)
+        possible = _possible(spectra, prints, shape, grid.carries.shape, config)
+        places = np.argwhere(possible)
+        places = places[:: max(1, len(places) // config.max_placements)]
+        if keep is not None and len(places):
+            places = places[keep(region.points(places - grid.pad + 0.5))]
+        if not len(places):
+            continue
+        free = _lowest(room, places, distinct_cells(np.concatenate(prints)))
+        score = _scores(places, free, prints, local, grid, region, base, turn, preferences, config)
+        score = score + config.neighbour_weight * nearness[tuple(places.T)] * (
+            BACK_FIRST if preferences.against else 1.0
+        )
+        best = np.argsort(-score, kind="stable")[: config.max_placements // 4]
+        found += [GridCandidate(float(score[i]), float(turn), places[i] - grid.pad + 0.5, float(free[i])) for i in best]
+    return sorted(found, key=lambda one: -one.score)
+
+
+def _scores(
+    places: np.ndarray,
+    free: np.ndarray,
+    prints: list[np.ndarray],
+    local: np.ndarray,
+    grid: OccupancyGrid,
+    region: Region,
+    base: np.ndarray,
+    turn: float,
+    wanted: Preferences,
+    config: SearchConfig,
+) -> np.ndarray:
+    """Return how good places are but for the wished neighbour, shape [place]; `free` is their clearance [m]."""
+    habits = config.habits
+    useful = habits.backed_clearance if any(wanted.backed) else config.max_useful_clearance
+    clearance = config.clearance_weight * np.minimum(free, useful) / useful
+    if region.kind == "vertical":
+        cells = distinct_cells(np.concatenate(prints))
+        return clearance + hanging_score(places, cells, local, region, grid.pad, wanted, habits)
+    away = at_the_back(places, local, region, grid.pad, wanted)
+    if wanted.against:
+        walls = np.asarray(grid.layers[grid.layers.shape[0] // 2 :].any(axis=0))
+        backing = config.backing_weight * _back(walls, places, local, region, base, turn)
+        return 0.2 * clearance + backing - 0.01 * config.facing_weight * abs(turn)
+    at_back = habits.back_weight * np.exp(-away / habits.back_distance)
+    return np.asarray(clearance + at_back + config.facing_weight * np.cos(turn))
+
+
+def _prints(local: np.ndarray, cell: float, grid: OccupancyGrid, config: SearchConfig) -> list[np.ndarray]:
+    """Return the cells of an object, relative to its origin: those it stands on, then those of each layer, [cell 2] each."""
+    # The touching points of a noisy or curved bottom lie within `touch` of the lowest one.
+    picked = [local[:, 2] < config.contact_height]
+    picked += [
+        (local[:, 2] >= low) & (local[:, 2] <= high) for low, high in zip(grid.edges, grid.edges[1:], strict=False)
+    ]
+    picked[1] |= picked[0]
+    cells = np.floor(local[:, :2] / cell + 0.5).astype(int)
+    return [_filled(cells[some]) for some in picked]
+
+
+def _filled(cells: np.ndarray) -> np.ndarray:
+    """Return cells [cell 2] with those that they enclose: a box is not put over what it would swallow."""
+    if not len(cells):
+        return cells
+    there, low = mask_of(cells)
+    return np.asarray(np.argwhere(ndimage.binary_fill_holes(there)) + low)
+
+
+def _possible(
+    spectra: np.ndarray, prints: list[np.ndarray], fast: tuple[int, ...], shape: tuple[int, ...], config: SearchConfig
+) -> np.ndarray:
+    """Return the places at which the object meets nothing and stands on cells that carry, shape [row column]."""
+    kernels = np.zeros((len(prints), *fast), np.float32)
+    for kernel, cells in zip(kernels, prints, strict=True):
+        kernel[tuple(cells.T)] = 1.0  # negative indices wrap around, as the transform does
+    turned = np.conj(fft.rfft2(kernels))
+    hanging = fft.irfft2(spectra[0] * turned[0], fast)[: shape[0], : shape[1]]
+    hits = fft.irfft2((spectra[1:-1] * turned[1:]).sum(axis=0), fast)[: shape[0], : shape[1]]
+    possible = (hits < 0.5) & (hanging < (1.0 - config.min_supported_fraction) * len(prints[0]) + 0.5)
+    cells = distinct_cells(np.concatenate(prints))
+    outline = np.zeros(fast, np.float32)
+    outline[tuple(cells.T)] = 1.0
+    over = fft.irfft2(spectra[-1] * np.conj(fft.rfft2(outline)), fast)[: shape[0], : shape[1]]
+    possible &= over < config.max_overhang * len(cells) + 0.5
+    low, high = np.maximum(0, -cells.min(axis=0)), np.minimum(shape, shape - cells.max(axis=0))
+    inner = np.zeros_like(possible)
+    inner[low[0] : max(high[0], 0), low[1] : max(high[1], 0)] = True
+    return possible & inner
+
+
+def _room(grid: OccupancyGrid) -> np.ndarray:
+    """Return every cell's distance to the nearest obstacle, or to the border of what carries, in cells."""
+    return ndimage.distance_transform_edt(np.pad(grid.carries & ~grid.layers.any(axis=0), 1))[1:-1, 1:-1]
+
+
+def _lowest(field: np.ndarray, places: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Return the lowest value of a field under an object's cells at each place, shape [place]."""
+    lowest = np.full(len(places), np.inf)
+    solid = np.zeros(np.ptp(cells, axis=0) + 3, bool)
+    solid[tuple((cells - cells.min(axis=0) + 1).T)] = True
+    rim = np.argwhere(solid & ~ndimage.binary_erosion(ndimage.binary_fill_holes(solid))) + cells.min(axis=0) - 1
+    for cell in rim:
+        np.minimum(lowest, field[tuple((places + cell).T)], out=lowest)
+    return lowest
+
+
+def _back(
+    walls: np.ndarray, places: np.ndarray, local: np.ndarray, region: Region, base: np.ndarray, turn: float
+) -> np.ndarray:
+    """Return for each place which share of the strip behind the object something stands in, shape [place]."""
+    forward = (base @ np.array([np.cos(turn), np.sin(turn), 0.0]))[:2]
+    side = np.array([-forward[1], forward[0]])
+    along, across = local[:, :2] @ forward, local[:, :2] @ side
+    width = np.arange(across.min(), across.max(), region.cell)
+    seen = np.zeros((len(places), len(width)), bool)
+    for behind in np.arange(1.0, 4.0) * region.cell:
+        strip = (along.min() - behind) * forward + width[:, None] * side
+        cells = places[:, None] + np.floor(strip / region.cell + 0.5).astype(int)
+        cells = np.clip(cells, 0, np.array(walls.shape) - 1)
+        seen |= walls[cells[..., 0], cells[..., 1]]
+    return seen.mean(axis=1)

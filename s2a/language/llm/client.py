@@ -1,0 +1,230 @@
+"""Language models over the network: any endpoint that speaks OpenAI's chat protocol."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import TIMEOUT_MAX, Thread
+from typing import Any, Literal, TypeVar
+
+from s2a.core.bounds import Count, CountFromZero, NotNegative, Positive
+from s2a.core.errors import InputError, encodable, printable
+from s2a.language.llm.ask import Answer, Model, Request, is_count, tokens
+from s2a.language.llm.replay import recorded, recorder
+from s2a.language.llm.rules import rules
+
+T = TypeVar("T")
+MAX_WAIT = 60.0
+"""Before a retry, as an endpoint may ask for [s]."""
+
+
+@dataclass(frozen=True)
+class LlmConfig:
+    """The language model.
+
+    Attributes:
+        kind: "chat" queries a model over the network, "replay" answers from a recording, "rules" is the rule-based fallback;
+            "auto" is chat where OPENAI_API_KEY is set, and rules elsewhere.
+        model: name of the model at the endpoint. Key and address come from OPENAI_API_KEY and OPENAI_BASE_URL.
+        timeout: for one answer [s].
+        attempts: retries after a broken connection, an overload or a server error; the wait doubles from half a second.
+        temperature: sampling temperature; 0 for the likeliest answer.
+        max_tokens: of an answer.
+        max_response_bytes: of a response; a longer one is an error.
+        prices: US dollars per million tokens of the request and of the answer.
+        answers: the recording, for replay.
+    """
+
+    kind: Literal["auto", "chat", "replay", "rules"]
+    model: str
+    timeout: Positive
+    attempts: CountFromZero
+    temperature: NotNegative
+    max_tokens: Count
+    max_response_bytes: Count
+    prices: tuple[NotNegative, NotNegative]
+    answers: Path | None
+
+
+def kind_of(config: LlmConfig) -> str:
+    """Return who is asked: "chat", "replay" or "rules"."""
+    if config.kind != "auto":
+        return config.kind
+    return "chat" if os.environ.get("OPENAI_API_KEY") else "rules"
+
+
+def choose(config: LlmConfig, record: Path | None, fallback: Model = rules) -> Model:
+    """Return the model that is asked for; its answers are added to the recording `record`, if one is given.
+
+    Args:
+        config: which one.
+        record: the recording, or None.
+        fallback: the rules of llm=rules.
+
+    Raises:
+        InputError: replay without a recording, or chat without a key.
+    """
+    kind = kind_of(config)
+    if record is not None and not record.parent.is_dir():
+        raise InputError(
+            f"record {str(record)!r} lies in no folder; make {str(record.parent)!r} first, or choose another"
+        )
+    if kind == "replay":
+        if config.answers is None:
+            raise InputError(
+                "llm=replay needs a recording; give llm.answers=FILE, which record=FILE of llm=chat writes"
+            )
+        return recorded(config.answers)
+    model = fallback if kind == "rules" else Chat(config)
+    return model if record is None else recorder(model, record)
+
+
+class Chat:
+    """Asks an endpoint."""
+
+    def __init__(self, config: LlmConfig) -> None:
+        import httpx2  # these take a second, which nobody pays who asks no model
+        import openai
+
+        if not os.environ.get("OPENAI_API_KEY"):
+            raise InputError(
+                "llm=chat needs OPENAI_API_KEY in the environment; set it (a local server takes any), or llm=rules"
+            )
+        self._config, self._openai, self._structured = config, openai, True
+        # No wait for a part of a response is longer than that for the whole.
+        try:
+            self._client = openai.OpenAI(timeout=config.timeout, max_retries=config.attempts)
+        except (openai.OpenAIError, httpx2.InvalidURL, ValueError) as error:
+            raise InputError(f"the model's endpoint cannot be asked: {error}; check OPENAI_BASE_URL") from error
+
+    def __call__(self, request: Request) -> Answer:
+        """Return the model's answer; an empty one if it declines.
+
+        Raises:
+            InputError: the endpoint cannot be reached, refuses the request, does not answer in time, or answers what is no
+                chat completion.
+        """
+        start = time.perf_counter()
+        try:
+            body = self._completion(request)
+        except InputError:
+            raise
+        except Exception as error:  # of the client, its transport, or what they make of an odd response
+            raise InputError(
+                f"model {self._config.model!r} at {self._client.base_url} failed: "
+                f"{printable(' '.join(str(error).split())[:300]) or type(error).__name__}; "
+                f"check OPENAI_BASE_URL, OPENAI_API_KEY and llm.model, or give llm=rules"
+            ) from error
+        return self._answer(body, request, time.perf_counter() - start)
+
+    def _completion(self, request: Request) -> dict[str, Any]:
+        """Return the response, asked for by schema where the endpoint knows that."""
+        if not (self._structured and request.schema):
+            return self._read(self._send(request, {}))
+        wanted = {"name": request.step, "schema": request.schema, "strict": True}
+        try:
+            format = {"type": "json_schema", "json_schema": wanted}
+            return self._read(self._send(request, {"response_format": format}))
+        except (self._openai.BadRequestError, self._openai.UnprocessableEntityError):
+            self._structured = False
+            return self._read(self._send(request, {}))
+
+    def _send(self, request: Request, more: dict[str, Any]) -> bytes:
+        """Send a request and return the response, if it comes in time and is not too long."""
+        messages: list[dict[str, Any]] = [{"role": "system", "content": request.system}]
+        messages += [{"role": role, "content": text} for role, text in request.messages]
+        if request.images:
+            messages[1]["content"] = [{"type": "text", "text": messages[1]["content"]}, *map(_image, request.images)]
+        # The client bounds each wait for a part of a response; this bounds their sum, headers and retries included.
+        seconds = self._config.timeout * (self._config.attempts + 1) + MAX_WAIT * self._config.attempts
+        return within(min(seconds, TIMEOUT_MAX), lambda: self._receive(messages, more), self._late)
+
+    def _receive(self, messages: list[dict[str, Any]], more: dict[str, Any]) -> bytes:
+        """Return the response to a request; its body may take as long as an answer may."""
+        with self._client.chat.completions.with_streaming_response.create(
+            model=self._config.model,
+            messages=messages,  # type: ignore[arg-type]
+            temperature=self._config.temperature,
+            max_tokens=self._config.max_tokens,
+            **more,
+        ) as response:
+            found, deadline = bytearray(), time.monotonic() + self._config.timeout
+            for piece in response.iter_bytes():  # as they come: a size would wait for as many
+                found += piece
+                if len(found) > self._config.max_response_bytes:
+                    raise InputError(
+                        f"model {self._config.model!r} answered more than {self._config.max_response_bytes} bytes; "
+                        f"try another model, or raise llm.max_response_bytes"
+                    )
+                if time.monotonic() > deadline:
+                    raise self._late()
+        return bytes(found)
+
+    def _late(self) -> InputError:
+        return InputError(
+            f"model {self._config.model!r} did not end its answer in time; "
+            f"raise llm.timeout ({self._config.timeout:g} s), or try another model"
+        )
+
+    def _read(self, text: bytes) -> dict[str, Any]:
+        """Return a response as a dictionary."""
+        try:
+            body = json.loads(text)
+            if not isinstance(body["choices"][0]["message"], dict):
+                raise TypeError("the message is no object")
+        except (ValueError, TypeError, LookupError, RecursionError) as error:
+            raise InputError(
+                f"{self._client.base_url} answered what is no chat completion: {text[:80]!r}; check OPENAI_BASE_URL"
+            ) from error
+        found: dict[str, Any] = body
+        return found
+
+    def _answer(self, body: dict[str, Any], request: Request, seconds: float) -> Answer:
+        """Return what a response says; what is not text is nothing. Tokens that it does not tell are estimated."""
+        text = body["choices"][0]["message"].get("content")
+        text = encodable(text) if isinstance(text, str) else ""
+        told = body.get("usage")
+        usage = told if isinstance(told, dict) else {}
+        asked, said = (usage.get(key) for key in ("prompt_tokens", "completion_tokens"))
+        estimate = tokens(request.system + "".join(message for _, message in request.messages))
+        return Answer(
+            text,
+            self._config.model,
+            seconds,
+            asked if is_count(asked) and asked else estimate,
+            said if is_count(said) and said else tokens(text),
+        )
+
+
+def _image(png: bytes) -> dict[str, Any]:
+    """Return a PNG file as a part of a message."""
+    return {"type": "image_url", "image_url": {"url": f"data:image/png;base64,{base64.b64encode(png).decode()}"}}
+
+
+def within(seconds: float, call: Callable[[], T], late: Callable[[], Exception]) -> T:
+    """Return the result of a call, or raise what it raises, or what `late` makes if it takes longer than `seconds`.
+
+    A late call goes on in a thread that ends with the program.
+    """
+    done: SimpleQueue[tuple[T | None, BaseException | None]] = SimpleQueue()
+
+    def work() -> None:
+        try:
+            done.put((call(), None))
+        except BaseException as error:
+            done.put((None, error))
+
+    Thread(target=work, daemon=True).start()
+    try:
+        result, error = done.get(timeout=seconds)
+    except Empty:
+        raise late() from None
+    if error is not None:
+        raise error
+    return result  # type: ignore[return-value]

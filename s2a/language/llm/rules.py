@@ -1,0 +1,251 @@
+"""The rule-based fallback: answers the questions for models from a table of usual places and sizes (`s2a.language.llm.kinds`)."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from s2a.language.insert.hints import BEDDING, is_kind_of
+from s2a.language.insert.place.stable_pose import AXES, sideways
+from s2a.language.insert.placement import Placement
+from s2a.language.insert.scale import FLAT
+from s2a.language.insert.script import write_script
+from s2a.language.insert.wishes.choices import parse_hint
+from s2a.language.llm.ask import Answer, Request
+from s2a.language.llm.kinds import ObjectKind, known
+
+UNKNOWN_HEIGHT, UNKNOWN_LONGEST = (0.03, 0.35), (0.06, 0.4)
+"""Ranges for unknown objects [m]: hand-held."""
+FIRM = 0.08
+"""Tilt margin, as a fraction of a right angle, beyond which more does not matter: a bottle has 0.1, a cube 0.5."""
+FIRMER, FIRMEST = 0.6, 0.3
+"""Weight of the tilt margin itself, and the margin beyond which more does not matter."""
+MOUTH = 0.8
+"""Weight of the hollow at an end: that of a mug outweighs its handle."""
+LOW, STEADY = 0.35, 0.4
+"""Height over longest side of what lies, and the tilt margin beyond which more does not matter for that."""
+SPREAD, UPRIGHT_SPREAD = 0.4, 0.2
+"""Standard deviation of the logarithm of height over longest side, within a kind; of one whose height is its longest side."""
+MIRRORED, MOST = 2.0, 0.2
+"""Weight of what differs along an axis between its ends, and the most that counts: few objects are the same above and below."""
+ROUND, ALIKE = 0.5, 0.05
+"""Weight of two sides that are alike, to that fraction: a cup, a plate or a tin has its axis upright."""
+ANYWHERE = tuple("on table|on desk|on counter|on shelf|inside shelf|on cabinet|on nightstand|on dresser".split("|"))
+"""Places for unknown objects, and for hand-held ones none of whose places exist in the room; never the floor."""
+COLOURED = 8.0
+"""Difference in the spread of colours, of 255, that tells a front from a back."""
+FLATTER, FRAMED = 0.05, 0.3
+"""Differences of a front and a back: of the tilt margins, as fractions of a right angle, and of the hollow fractions."""
+UNEVEN = 0.5
+"""Difference of the cross-sections at the ends of an axis, two slices each, from which it is the one from front to back."""
+SHEET = 0.12
+"""Thinnest side over the longest below which what hangs is a sheet, which faces along it."""
+SOFT = ("bed", "sofa", "armchair", "couch")
+"""What carries pillows and blankets, which belong on no table."""
+HAND_HELD = 0.6
+"""Longest side of what may be put down anywhere [m]."""
+
+
+def rules(request: Request) -> Answer:
+    """Answer a question from the table."""
+    if request.step == "script":
+        return write_scripts(request)
+    entry = known(str(request.facts["label"]))
+    said = _plan(request.facts, entry) if request.step == "plan" else _size(request.facts, entry)
+    return Answer(json.dumps(said), "rules")
+
+
+def _size(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
+    """Answer the question about the size."""
+    height, longest = (entry.height, entry.longest) if entry else (UNKNOWN_HEIGHT, UNKNOWN_LONGEST)
+    reason = "the table says so" if entry else "the table does not know it: something hand-held"
+    noun = entry.noun if entry else str(facts["label"])[:60]
+    return {"noun": noun, "height": height, "longest": longest, "unit": "unknown", "reason": reason}
+
+
+def write_scripts(request: Request) -> Answer:
+    """Answer a question for a script: it copies the plan."""
+    return Answer(write_script(_placement(request.facts)), "plan")
+
+
+def _plan(facts: Any, entry: ObjectKind | None) -> dict[str, Any]:
+    """Answer the question about the place."""
+    up = _up(facts, entry)
+    hangs = bool(entry and entry.places[0][0] == "hanging")
+    hint = parse_hint(facts.get("wish") or "", facts["room"], hangs)
+    choices = hint.choices or _choices(facts["room"], entry, _breadth(facts, entry, up))
+    if up == facts.get("tried_up", up):
+        choices = [one for one in choices if (one["target"], one["height"]) not in facts.get("tried", ())] or choices
+    front = {"+z": "-y", "+y": "+z"}.get(up, sideways(up)[0])
+    if choices and choices[0]["relation"] == "hanging":
+        up, front = _flat(facts, entry)
+    plan = {"up": up, "front": front, "near": hint.near, "choices": choices[:3]}
+    if choices:
+        return plan
+    places = ", ".join(f"{how} {where}" for how, where in (entry.places if entry else map(_place, ANYWHERE)))
+    return {**plan, "declined": f"the room has none of the places of the table for it: {places}"}
+
+
+def _breadth(facts: Any, entry: ObjectKind | None, up: str) -> float:
+    """Estimate the width of an object's footprint [m]: the shorter of its horizontal sides."""
+    low, high = entry.longest if entry else UNKNOWN_LONGEST
+    level = [side for side, axis in zip(facts["sides"], "xyz", strict=True) if axis != up[1]]
+    return math.sqrt(low * high) * min(level) / max(facts["sides"])
+
+
+def _choices(room: list[dict[str, Any]], entry: ObjectKind | None, breadth: float) -> list[dict[str, Any]]:
+    """Return the places that exist in the room, those first whose free circle has the footprint's width [m].
+
+    What belongs to none of them is put anywhere only if it is hand-held: the rest is refused rather than misplaced.
+    """
+    own = _existing(room, entry.places if entry else (), breadth)
+    anywhere = entry is None or (entry.longest[1] <= HAND_HELD and entry.places[0][1] not in SOFT and _stands(entry))
+    others = _existing(room, tuple(_place(place) for place in ANYWHERE), breadth) if anywhere else []
+    found = own + [one for one in others if one not in own]
+    return [{key: value for key, value in option.items() if key not in ("free", "circle")} for option in found]
+
+
+def _stands(entry: ObjectKind) -> bool:
+    """Return True for what is kept on furniture, not on the floor or on a wall."""
+    return entry.places[0][0] in ("on", "in", "inside") and entry.places[0][1] != "floor"
+
+
+def _place(text: str) -> tuple[str, str]:
+    how, _, where = text.partition(" ")
+    return how, where
+
+
+def _existing(room: list[dict[str, Any]], places: tuple[tuple[str, str], ...], breadth: float) -> list[dict[str, Any]]:
+    """Return the options that a room has for some places, wide enough ones first."""
+    found: list[dict[str, Any]] = []
+    seconds: list[dict[str, Any]] = []
+    for how, where in places:
+        lines = [line for line in room if _is_meant(line, where)]
+        options = [option for line in lines for option in _options(line, how, room)]
+        options.sort(key=lambda option: (option["circle"] < breadth, -option["free"]))
+        found += [option for option in options[:1] if option not in found]
+        seconds += options[1:3]
+    found += [option for option in seconds if option not in found]
+    return sorted(found, key=lambda option: option["circle"] < breadth)
+
+
+def _is_meant(line: dict[str, Any], where: str) -> bool:
+    """Return True if a part is what the table names; a bed is slept on with its blanket on it."""
+    covers = where == "bed" and line["label"].lower() in BEDDING and max(line.get("size", (0.0,))[:2]) > 0.9
+    return covers or is_kind_of(line["label"], where)
+
+
+def _options(line: dict[str, Any], how: str, room: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the choices that a part offers for a relation of the table, with their free area and free circle."""
+    target = {"target": line["id"], "reason": f"the table says: {how} {line['label']}"}
+    if how == "hanging" and "size" in line:
+        high, wide = line["size"][2], max(line["size"][:2])
+        free = {"free": high * wide, "circle": min(high, wide)}
+        return [{**target, "surface": "vertical", "relation": "hanging", "height": None, **free}]
+    if how == "against":
+        floors = [other for other in room if other["label"] == "floor" and "supports" in other]
+        against = {**target, "surface": "horizontal", "relation": "against", "height": None}
+        return [{**against, "target": floor["id"], **_free(floor["supports"][0])} for floor in floors[:1]]
+    kinds = {"on": ("horizontal",), "in": ("basin", "inside"), "inside": ("inside",)}.get(how, ())
+    surface = {"horizontal": "horizontal", "basin": "horizontal", "inside": "inside"}
+    relation = "on" if how == "on" else "in"
+    return [
+        {**target, "surface": surface[s["kind"]], "relation": relation, "height": s["height"], **_free(s)}
+        for s in line.get("supports", ())
+        if s["kind"] in kinds
+    ]
+
+
+def _free(support: dict[str, Any]) -> dict[str, float]:
+    return {key: support[key] for key in ("free", "circle")}
+
+
+def _up(facts: Any, entry: ObjectKind | None) -> str:
+    """Return the up axis that suits the table's proportions, on which it stands, and along which its ends differ."""
+    merits = {axis: _merit(facts, entry, axis) for axis in AXES}
+    if facts.get("unstable"):
+        # It did not stay: take another axis, on which it stands firmly.
+        del merits[facts["tried_up"]]
+        merits = {axis: merit * min(1.0, facts["feet"].get(axis, 0.0) / STEADY) for axis, merit in merits.items()}
+    return max(merits, key=merits.__getitem__)
+
+
+def _merit(facts: Any, entry: ObjectKind | None, axis: str) -> float:
+    """Return how well an axis suits as the one that points up."""
+    flat = entry is not None and _usual(entry) < LOW
+    feet = facts["feet"].get(axis, 0.0)
+    firm = min(1.0, feet / (STEADY if flat else FIRM)) + FIRMER * min(feet, FIRMEST)
+    # Containers have their opening up.
+    mouth = MOUTH * (facts["hollow"].get(axis, 0.0) - facts["hollow"].get(_opposite(axis), 0.0))
+    slices = facts.get("slices", {}).get(axis[1], ())
+    ends = MIRRORED * min(MOST, sum(abs(one - other) for one, other in zip(slices, slices[::-1], strict=True)) / 5)
+    one, other = (side for name, side in zip("xyz", facts["sides"], strict=True) if name != axis[1])
+    turned = ROUND if abs(one - other) <= ALIKE * max(one, other) else 0.0
+    habit = {"+z": 0.1, "+y": 0.08, "+x": 0.04}.get(axis, 0.0) + (0.2 if axis == facts["up"] else 0.0)
+    return (firm + mouth + ends + turned) * _fit(facts, entry, axis) + habit
+
+
+def _fit(facts: Any, entry: ObjectKind | None, axis: str) -> float:
+    """Return how well the proportions suit the table with an axis up, 0 to 1."""
+    if entry is None:
+        return 1.0
+    side, longest = facts["sides"]["xyz".index(axis[1])], max(facts["sides"])
+    ratio = max(side / longest, FLAT)
+    low, high = entry.height[0] / entry.longest[1], min(1.0, entry.height[1] / entry.longest[0])
+    spread = UPRIGHT_SPREAD if entry.height == entry.longest else SPREAD
+    off = math.log(ratio / _usual(entry)) / spread
+    return min(ratio / low, high / ratio, 1.0) ** 2 * math.exp(-(off**2) / 2)
+
+
+def _usual(entry: ObjectKind) -> float:
+    """Return the usual height of a kind over its longest side."""
+    return min(1.0, math.sqrt(entry.height[0] * entry.height[1] / (entry.longest[0] * entry.longest[1])))
+
+
+def _opposite(axis: str) -> str:
+    return axis.translate(str.maketrans("+-", "-+"))
+
+
+def _flat(facts: Any, entry: ObjectKind | None) -> tuple[str, str]:
+    """Return the up axis and the front of a hanging object, which faces away from its back."""
+    depth = _depth(facts)
+    axes = [axis for axis in ("+z", "+y", "+x") if axis[1] != depth]
+    up = facts["up"] if facts["up"] in axes else max(axes, key=lambda axis: _fit(facts, entry, axis))
+    usual = {"x": "+x", "y": "-y", "z": "+z"}[depth]
+    other = _opposite(usual)
+
+    def more(name: str) -> float:
+        found = facts.get(name, {})
+        return float(found.get(other, 0.0) - found.get(usual, 0.0))
+
+    # A framed image has its colours in front, a frame its hollow, and what lies firmly on its back has a flat one.
+    for name, least in (("varied", COLOURED), ("hollow", FRAMED)) if _is_sheet(facts) else ():
+        if abs(more(name)) > least:
+            return up, other if more(name) > 0 else usual
+    return up, other if more("feet") > FLATTER else usual
+
+
+def _depth(facts: Any) -> str:
+    """Return the axis along which a hanging object faces: its thinnest; of a thick one that along which its ends differ most."""
+    sides, slices = dict(zip("xyz", facts["sides"], strict=True)), facts.get("slices", {})
+    uneven = {axis: abs(sum(found[:2]) - sum(found[3:])) for axis, found in slices.items()}
+    if _is_sheet(facts) or max(uneven.values(), default=0.0) < UNEVEN:
+        return min(sides, key=sides.__getitem__)
+    return max(uneven, key=uneven.__getitem__)
+
+
+def _is_sheet(facts: Any) -> bool:
+    return bool(min(facts["sides"]) < SHEET * max(facts["sides"]))
+
+
+def _placement(facts: Any) -> Placement:
+    """Read the placement from the facts of a script."""
+    return Placement(
+        facts["id"],
+        facts["label"],
+        facts["reference"],
+        tuple(facts["translate"]),
+        tuple(facts["orient"]),
+        facts["scale"],
+    )

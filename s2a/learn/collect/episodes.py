@@ -1,0 +1,220 @@
+"""Episodes as they are collected: what all worlds saw and did, and what it takes to play each of them again."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from s2a.core.errors import InputError
+from s2a.env.vec_env import VecEnv
+from s2a.learn.collect.episode import UNFINISHED, Dataset, Episode, Features
+from s2a.learn.collect.video import CHANNELS, Encoders, FrameMemory
+from s2a.learn.evaluate import Policy
+from s2a.robot.urdf import position_limits
+from s2a.sim.recorder import Recorder
+from s2a.sim.views import CAMERAS, Views
+from s2a.sim.world import axis_of
+
+POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+
+
+class Collector:
+    """Runs episodes, and yields those that succeed.
+
+    Attributes:
+        features: what every frame holds.
+        encoded: frames of all worlds in the last batch, whether kept or not.
+    """
+
+    def __init__(
+        self,
+        env: VecEnv,
+        recorder: Recorder,
+        views: Views,
+        size: tuple[int, int],
+        every: int,
+        world: Mapping[str, object],
+    ) -> None:
+        """Keep what is watched.
+
+        Args:
+            env: the worlds.
+            recorder: of their sensors, made before the environment.
+            views: their cameras.
+            size: width and height of the images [pixel].
+            every: control steps a frame.
+            world: physics and task, as plain values.
+        """
+        self._env, self._recorder, self._views, self._every = env, recorder, views, every
+        sim = env.sim
+        rate = 1.0 / (sim.config.dt * sim.config.substeps)
+        fps = round(rate / every)
+        if abs(fps * every - rate) > 1e-3 * rate:
+            raise InputError(
+                f"key 'every' is {every}, and {rate:.4g} control steps a second are no whole number of frames"
+            )
+        stage, spec = sim.stage, sim.robot
+        self._parts = [i for i in stage.active if i in stage.room.articulations]
+        self._objects = [i for i in stage.active if i in stage.room.free]
+        self._tool = torch.tensor([*spec.tool_offset, 0.0, 0.0, 0.0, 1.0], device=sim.device)
+        columns = {
+            "observation.state": spec.recorded[1:],
+            "observation.tool": POSE,
+            "observation.part": self._parts,
+            "observation.objects": [f"{i}.{name}" for i in self._objects for name in POSE],
+            "action": spec.joints,
+        }
+        columns = {name: tuple(each) for name, each in columns.items() if len(each)}
+        self.features = Features(spec.name, fps, columns, CAMERAS, size, position_limits(spec), world)
+        joints = stage.room.articulations
+        self.encoded = 0
+        self._coords = [axis_of(sim.world, i, joints[i].joint.kind)[0] for i in self._parts]
+        self._bodies = [sim.body(i) for i in self._objects]
+
+    @property
+    def device(self) -> str:
+        """Where it is simulated."""
+        return str(self._env.sim.device)
+
+    def encoders(self, dataset: Dataset | type[Dataset]) -> Encoders:
+        """Return the processes that write the images of a batch as a dataset keeps them."""
+        keys = tuple((camera, kind) for camera in CAMERAS for kind in CHANNELS)
+        layout = FrameMemory(keys, self._env.num_envs, self.features.size)
+        return Encoders(layout, dataset.FILES, self.features.fps)
+
+    @torch.inference_mode()
+    def run(self, policy: Policy, seed: int, folder: Path, encoders: Encoders, task: str) -> Iterator[Episode]:
+        """Run one episode in every world, and yield those that succeed.
+
+        Args:
+            policy: who acts.
+            seed: of where the episodes start, and of cameras and light.
+            folder: for the images.
+            encoders: that write them.
+            task: what the robot is to do, in words.
+        """
+        env, count = self._env, self._env.num_envs
+        env.reset_all(seed)
+        self._views.begin(np.random.default_rng(seed))
+        start = each_world(env.state_dict(), count)
+        encoders.begin(folder)
+        watch = _Watch(env)
+        frames: list[dict[str, np.ndarray]] = []
+        lengths = np.zeros(count, dtype=int)
+        self._recorder.sample()
+        seen = self._at_rest()
+        while watch.alive.any():
+            self.render(encoders)
+            frame = self._columns(seen)
+            for _ in range(self._every):
+                seen = watch.step(policy, self._recorder)
+            frame["action"] = _numbers(env.sim.joint_target_q[:, : env.num_actions])
+            frames.append(frame)
+            encoders.add(watch.alive)
+            lengths += watch.alive
+        self.encoded = int(lengths.sum())
+        columns = {name: np.stack([each[name] for each in frames], axis=1) for name in self.features.columns}
+        files, actions = encoders.end(), np.stack(watch.actions)
+        for world in np.flatnonzero(watch.result[:, env.columns.index(env.task.LOGGED[0])] > 0.5):
+            yield Episode(
+                {name: each[world, : lengths[world]] for name, each in columns.items()},
+                files[world],
+                task,
+                dict(zip(env.columns, watch.result[world].tolist(), strict=True)),
+                {"seed": seed, "world": int(world), "worlds": count},
+                actions[: watch.steps[world], world],
+                {name: each[world] for name, each in start.items()},
+            )
+
+    def render(self, encoders: Encoders) -> None:
+        """Put what all cameras see where it is encoded from."""
+        slot = encoders.slot()
+        for camera in self._views.render(self._env.sim.joint_q):
+            for kind, image in self._views.images().items():
+                target = slot[camera, kind]
+                torch.from_numpy(target.view(np.int16) if kind != "image" else target).copy_(image)
+
+    def _columns(self, seen: torch.Tensor) -> dict[str, np.ndarray]:
+        """Return what is observed now, shape [world n] each."""
+        sim = self._env.sim
+        links = sim.body_q[:, sim.layout.tool_body]
+        found = {"observation.state": seen, "observation.tool": _composed(links, self._tool)}
+        if self._coords:
+            found["observation.part"] = sim.joint_q[:, self._coords]
+        if self._bodies:
+            found["observation.objects"] = sim.body_q[:, self._bodies].flatten(1)
+        return {name: _numbers(values) for name, values in found.items()}
+
+    def _at_rest(self) -> torch.Tensor:
+        """Return what the robot's sensors would tell of the start, had it stood there: no torques are known yet."""
+        sim = self._env.sim
+        found = torch.zeros(sim.num_envs, len(sim.robot.recorded) - 1, device=sim.device)
+        found[:, : sim.layout.robot_joints] = sim.joint_q[:, : sim.layout.robot_joints]
+        return found
+
+
+class _Watch:
+    """Which worlds are still in their first episode, and how that of the others ended."""
+
+    def __init__(self, env: VecEnv) -> None:
+        self._env = env
+        self.alive = np.ones(env.num_envs, dtype=bool)
+        self.steps = np.zeros(env.num_envs, dtype=int)
+        self.result = np.zeros((env.num_envs, len(env.columns)), dtype=np.float32)
+        self.actions: list[np.ndarray] = []
+
+    def step(self, policy: Policy, recorder: Recorder) -> torch.Tensor:
+        """Do a control step; return what the robot's sensors told."""
+        action = policy(self._env.observation.clone())
+        self.actions.append(_numbers(action))
+        self._env.step(action)
+        self.steps += self.alive
+        ended = self.alive & (self._env.done.cpu().numpy() == 1)
+        if ended.any():
+            self.result[ended] = self._env.result.cpu().numpy()[ended]
+            self.alive &= ~ended
+        return recorder.sample()
+
+
+def _numbers(values: torch.Tensor) -> np.ndarray:
+    """Return a copy."""
+    return values.to(torch.float32).cpu().numpy().copy()
+
+
+def _composed(pose: torch.Tensor, local: torch.Tensor) -> torch.Tensor:
+    """Return the pose of a frame that is moved by a vector in poses [... 7], position and quaternion xyzw."""
+    v, w = pose[..., 3:6], pose[..., 6:]
+    offset = local[:3].expand_as(v)
+    turned = offset + 2.0 * torch.cross(v, torch.cross(v, offset, dim=-1) + w * offset, dim=-1)
+    return torch.cat([pose[..., :3] + turned, pose[..., 3:]], dim=-1)
+
+
+def each_world(state: Mapping[str, torch.Tensor], count: int) -> dict[str, np.ndarray]:
+    """Return those arrays of `VecEnv.state_dict` that have a row a world, shape [world ...]; sums over worlds are left out."""
+    rows = {name: value for name, value in state.items() if name != "counts" and len(value) % count == 0 and len(value)}
+    return {name: value.reshape(count, -1, *value.shape[1:]).cpu().numpy() for name, value in rows.items()}
+
+
+def temporary(root: Path) -> tempfile.TemporaryDirectory[str]:
+    """Return a folder in a dataset for files of episodes that are not finished; those of a run that was killed are deleted."""
+    root.mkdir(parents=True, exist_ok=True)
+    for left in root.glob(f"{UNFINISHED}*"):
+        shutil.rmtree(left, ignore_errors=True)
+    return tempfile.TemporaryDirectory(prefix=UNFINISHED, dir=root)
+
+
+def restored(env: VecEnv, episodes: list[dict[str, np.ndarray]]) -> None:
+    """Put each world where the episode of the same index in a list began."""
+    now = env.state_dict()
+    starts = {name: np.stack([each[name] for each in episodes]) for name in episodes[0]}
+    state = {
+        name: torch.from_numpy(starts[name]).reshape(value.shape).to(value) if name in starts else value
+        for name, value in now.items()
+    }
+    env.load_state_dict(state)
+    env.done.zero_()

@@ -1,0 +1,179 @@
+"""How good a policy is: one episode a world, counted once, with intervals."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, Literal
+
+import numpy as np
+import torch
+
+from s2a.core.progress import track
+from s2a.env.kernels import ERRORS
+from s2a.env.vec_env import VecEnv
+from s2a.sim.pool import PoolPart
+
+_log = logging.getLogger(__name__)
+Policy = Callable[[torch.Tensor], torch.Tensor]
+"""Observation [world observation] -> action [world action]."""
+
+
+def evaluate(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda: None) -> dict[str, Any]:
+    """Run one episode in every world from a fresh reset.
+
+    Args:
+        env: the worlds.
+        policy: what acts in them.
+        watch: called after the reset and after every step.
+
+    Returns:
+        Number of episodes; the task's thresholds and the version of its metrics; the rate of every 0-or-1 column (the task's
+        metrics tell what they mean) with its Wilson 95 % interval; mean, min and max of the others; the number of episodes with
+        each of ERRORS.
+    """
+    return {"episodes": env.num_envs, **summary(env, run_episodes(env, policy, watch))}
+
+
+@torch.inference_mode()
+def run_episodes(env: VecEnv, policy: Policy, watch: Callable[[], None] = lambda: None) -> dict[str, torch.Tensor]:
+    """Return how the first episode of every world went, by column [world]; see `evaluate`."""
+    env.reset_all()
+    watch()
+    result = torch.full((env.num_envs, len(env.columns)), torch.nan, device=env.result.device)
+    pending = torch.ones(env.num_envs, dtype=torch.bool, device=env.result.device)
+    for _ in track(range(env.max_episode_length), "evaluate"):
+        env.step(policy(env.observation.clone()))
+        watch()
+        finished = pending & (env.done == 1)
+        result[finished] = env.result[finished]
+        pending &= ~finished
+        if not pending.any():
+            break
+    return dict(zip(env.columns, result.cpu().unbind(dim=1), strict=True))
+
+
+def summary(env: VecEnv, column: Mapping[str, torch.Tensor]) -> dict[str, Any]:
+    """Return what finished episodes came to, from their results by column [episode]; see `evaluate`."""
+    task = env.task
+    rates = [name for name in task.METRICS if name not in task.VALUES]
+    values = {
+        name: {"mean": float(column[name].mean()), "min": float(column[name].min()), "max": float(column[name].max())}
+        for name in task.VALUES
+    }
+    return {
+        "metrics_version": task.METRICS_VERSION,
+        "thresholds": dict(task.thresholds),
+        **{name: rate(float(column[name].sum()), len(column[name])) for name in rates},
+        **values,
+        **{name: int(column[name].sum()) for name in ERRORS},
+    }
+
+
+def rate(hits: float, episodes: float) -> dict[str, float]:
+    """Return how many of the episodes were hits, as a share with its Wilson 95 % interval (of whole numbers)."""
+    from scipy.stats import binomtest  # 0.9 s to import, which no start of a training should pay
+
+    low, high = binomtest(round(hits), round(episodes)).proportion_ci(0.95, method="wilson")
+    return {"rate": hits / episodes, "low": float(low), "high": float(high)}
+
+
+Agent = Literal["zero", "random", "extreme"]
+HELD = (1, 60, 240)
+"""[control steps] For which the extreme agent holds an action, by world: noise, pushes of a second, from end to end."""
+
+
+def baseline(agent: Agent, env: VecEnv, seed: int) -> Policy:
+    """Return a policy that has learned nothing: actions of zero, uniform ones in [-1, 1], or -1 and 1 held for HELD."""
+    device = env.observation.device
+    if agent == "zero":
+        return lambda observation: torch.zeros(env.num_envs, env.num_actions, device=device)
+    generator = torch.Generator(device).manual_seed(seed)
+
+    def uniform(observation: torch.Tensor) -> torch.Tensor:
+        return torch.rand(env.num_envs, env.num_actions, generator=generator, device=device) * 2.0 - 1.0
+
+    if agent == "random":
+        return uniform
+    held = torch.tensor(HELD, device=device)[torch.arange(env.num_envs, device=device) % len(HELD)]
+    signs = torch.zeros(env.num_envs, env.num_actions, device=device)
+
+    def extreme(observation: torch.Tensor) -> torch.Tensor:
+        anew = env.episode_step % held == 0
+        signs[anew] = uniform(observation)[anew].sign()
+        return signs.clone()
+
+    return extreme
+
+
+def warn_of_errors(counts: Mapping[str, float], env: VecEnv) -> None:
+    """Log a warning for each of ERRORS that befell `metrics.error_fraction` of the episodes or more.
+
+    Args:
+        counts: "episodes", and how many of them had each of ERRORS.
+        env: whose settings the remedy names.
+    """
+    sim = env.sim.config
+    causes = {
+        "invalid": f"were ended by a value that is not finite; make sim.dt (now {sim.dt:.4g} s) smaller",
+        "row_overflow": f"dropped constraint rows; make sim.njmax (now {sim.njmax}) larger",
+        "contact_overflow": f"dropped contacts; make sim.nconmax (now {sim.nconmax}) larger",
+    }
+    for name in ERRORS:
+        if counts[name] > 0 and counts[name] >= env.task.error_fraction * counts["episodes"]:
+            _log.warning("%d of %d episodes %s", counts[name], counts["episodes"], causes[name])
+
+
+RESAMPLES = 2000
+"""Of the parts, for an interval."""
+
+
+def by_part(
+    rates: Mapping[str, np.ndarray], entries: Sequence[PoolPart], stage_of_env: np.ndarray, seed: int
+) -> dict[str, Any]:
+    """Return what the episodes of a pool's parts came to.
+
+    Args:
+        rates: columns of 0 and 1 by name, shape [episode].
+        entries: the parts.
+        stage_of_env: index of each episode's part, shape [episode].
+        seed: of the intervals' draws.
+
+    Returns:
+        "parts": each part's rates; "over_parts": the mean of these rates with its bootstrap 95 % interval over parts, for all,
+        and by kind of joint, of handle and of room.
+    """
+    each = {name: _mean_by(values, stage_of_env, len(entries)) for name, values in rates.items()}
+    rows = [
+        {**asdict(entry), "episodes": int((stage_of_env == i).sum()), **{n: float(v[i]) for n, v in each.items()}}
+        for i, entry in enumerate(entries)
+    ]
+    groups: dict[str, Callable[[PoolPart], str]] = {
+        "kind": lambda entry: entry.kind,
+        "handle": lambda entry: entry.handle,
+        "room": lambda entry: entry.room.rsplit("_", 1)[0],
+    }
+    tables: dict[str, Any] = {"all": _group(each, np.arange(len(entries)), seed)}
+    for name, key in groups.items():
+        keys = np.array([key(entry) for entry in entries])
+        tables[name] = {value: _group(each, np.flatnonzero(keys == value), seed) for value in sorted(set(keys))}
+    return {"parts": rows, "over_parts": tables}
+
+
+def _mean_by(values: np.ndarray, stage: np.ndarray, count: int) -> np.ndarray:
+    """Return the mean of each stage's values, shape [stage]."""
+    return np.bincount(stage, values, count) / np.maximum(np.bincount(stage, minlength=count), 1)
+
+
+def _group(each: Mapping[str, np.ndarray], members: np.ndarray, seed: int) -> dict[str, Any]:
+    """Return how many parts a group has, and the mean of every rate over them with its interval."""
+    return {"parts": len(members), **{name: interval(values[members], seed) for name, values in each.items()}}
+
+
+def interval(values: np.ndarray, seed: int) -> dict[str, float]:
+    """Return the mean of some parts' rates with its bootstrap 95 % interval: of the means of parts drawn with replacement."""
+    random = np.random.default_rng(seed)
+    means = values[random.integers(0, len(values), (RESAMPLES, len(values)))].mean(axis=1)
+    low, high = np.quantile(means, (0.025, 0.975))
+    return {"rate": float(values.mean()), "low": float(low), "high": float(high)}

@@ -1,0 +1,121 @@
+"""The settings of proximal policy optimisation, and rsl-rl's names for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from s2a.core.bounds import Count, CountFromZero, Fraction, NotEmpty, NotNegative, Positive
+
+BROKEN = (
+    "the policy has non-finite parameters; go on from the last checkpoint (resume=true), or train again with a smaller "
+    "ppo.learning_rate or ppo.reward_scale"
+)
+"""What ends a training before it is saved."""
+
+
+@dataclass(frozen=True)
+class PpoConfig:
+    """rsl-rl's settings.
+
+    Attributes:
+        iterations: of collecting and learning.
+        num_steps_per_env: control steps a world collects for an iteration.
+        num_learning_epochs: passes over them.
+        num_mini_batches: parts of a pass.
+        learning_rate: at the start; adapted to keep the divergence at `desired_kl`.
+        critic_learning_rate: the critic's own, which is not adapted; null: it has the actor's. Where the divergence holds the
+            actor's at its lowest, 1e-5, a critic with the same does not follow. Needs `cuda_graph`.
+        desired_kl: divergence of a policy from the one before it.
+        gamma: discount of a control step.
+        lam: of the generalised advantage estimate.
+        clip_param: clip of the probability ratio, and of the value's change where `use_clipped_value_loss` is true.
+        use_clipped_value_loss: clip the value's change. It is clipped in units of the return, so that returns in the hundreds
+            are learned slowly.
+        reward_scale: factor of the reward that rsl-rl is given.
+        value_loss_coef: weight of the value's loss.
+        entropy_coef: weight of the entropy.
+        max_grad_norm: where the gradient is cut.
+        hidden_dims: widths of the layers of actor and critic (ELU).
+        init_std: standard deviation of the first policy's actions; of another run's too, where this one begins with it.
+        min_std: below it no action's standard deviation falls.
+        imitation_iterations: number of the first iterations, in which the policy does not improve by its own reward, but imitates
+            the planner in the states to which it comes itself, as DAgger does (Ross et al. 2011); the critic learns meanwhile.
+            Needs `cuda_graph`. A run that begins with another's policy does not imitate.
+        critic_iterations: where a run begins with a policy that has no critic (init=pretrained): number of the first iterations,
+            in which the critic alone learns. Needs `cuda_graph`.
+        save_interval: iterations between checkpoints.
+        cuda_graph: collecting and updating never wait for the device, and an update is replayed as captured graphs on a GPU;
+            the arithmetic is the same. Of the two below, it needs neither.
+        fused_adam: take the optimiser's step in one kernel instead of some ten.
+        torch_compile_mode: how torch.compile treats the networks, and the loss where `cuda_graph` is true; null: not at all.
+        tf32: multiply matrices in TensorFloat-32 (ten bits of mantissa) on a GPU that can.
+    """
+
+    iterations: Count
+    num_steps_per_env: Count
+    num_learning_epochs: Count
+    num_mini_batches: Count
+    learning_rate: Positive
+    critic_learning_rate: Positive | None
+    desired_kl: Positive
+    gamma: Fraction
+    lam: Fraction
+    clip_param: Positive
+    use_clipped_value_loss: bool
+    reward_scale: Positive
+    value_loss_coef: NotNegative
+    entropy_coef: float
+    max_grad_norm: Positive
+    hidden_dims: Annotated[tuple[Count, ...], NotEmpty()]
+    init_std: Positive
+    min_std: Positive
+    imitation_iterations: CountFromZero
+    critic_iterations: CountFromZero
+    save_interval: Count
+    cuda_graph: bool
+    fused_adam: bool
+    torch_compile_mode: Literal["default", "max-autotune-no-cudagraphs"] | None
+    tf32: bool
+
+
+def rsl_rl_settings(config: PpoConfig, privileged: bool = False) -> dict[str, Any]:
+    """Return the settings under rsl-rl's names; `privileged`: the critic is told more than the actor sees."""
+    network = {
+        "class_name": "MLPModel",
+        "hidden_dims": list(config.hidden_dims),
+        "activation": "elu",
+        "obs_normalization": True,
+    }
+    gaussian = "s2a.learn.rl.cuda_graph_ppo:LazyGaussian" if config.cuda_graph else "GaussianDistribution"
+    own = {
+        "imitation_iterations": config.imitation_iterations,
+        "compile_mode": config.torch_compile_mode,
+        "critic_rate": config.critic_learning_rate,
+    }
+    noise = {"init_std": config.init_std, "std_range": (config.min_std, 1.0e6), "std_type": "scalar"}
+    return {
+        "num_steps_per_env": config.num_steps_per_env,
+        "save_interval": config.save_interval,
+        "obs_groups": {"actor": ["policy"], "critic": ["policy", "privileged"] if privileged else ["policy"]},
+        "torch_compile_mode": config.torch_compile_mode,
+        "check_for_nan": False,  # the environment resets worlds that are not finite, and counts them
+        "algorithm": {
+            "class_name": "s2a.learn.rl.cuda_graph_ppo:GraphPpo" if config.cuda_graph else "PPO",
+            "num_learning_epochs": config.num_learning_epochs,
+            "num_mini_batches": config.num_mini_batches,
+            "learning_rate": config.learning_rate,
+            "schedule": "adaptive",
+            "desired_kl": config.desired_kl,
+            "gamma": config.gamma,
+            "lam": config.lam,
+            "clip_param": config.clip_param,
+            "use_clipped_value_loss": config.use_clipped_value_loss,
+            "value_loss_coef": config.value_loss_coef,
+            "entropy_coef": config.entropy_coef,
+            "max_grad_norm": config.max_grad_norm,
+            **(own if config.cuda_graph else {}),
+        },
+        "actor": {**network, "distribution_cfg": {"class_name": gaussian, **noise}},
+        "critic": network,
+    }

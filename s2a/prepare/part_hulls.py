@@ -1,0 +1,264 @@
+"""Convex hulls of an articulated part with a free finger gap, and the pairs of bodies that must not collide."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+
+from s2a.core.bounds import AtLeast, Count, CountFromZero, Positive
+from s2a.prepare.target import Target
+from s2a.scene.geometry.bar import bar_hulls, bar_profile
+from s2a.scene.geometry.convex import (
+    clip,
+    coacd_default,
+    deepest,
+    grown,
+    hull,
+    one_hull,
+    overlap,
+    subtract,
+    sweep,
+    vhacd,
+)
+from s2a.scene.geometry.front_panel import (
+    FingerSpace,
+    Pocket,
+    facing_frame,
+    find_pocket,
+    finger_space,
+    front_behind,
+    front_coordinate,
+    patch,
+    pocket_hulls,
+    pocketed,
+    reassign_border,
+    slab,
+)
+from s2a.scene.geometry.knob import knob_hulls
+from s2a.scene.geometry.sheet import before_wall, hidden_wall, sheet_hulls, sheet_opening, straight_sheet
+from s2a.scene.scene import Joint, Mesh
+from s2a.scene.usd.sim_scene import Collider, SimBody
+
+BLOCKED = 2e-4
+"""[m] A hull that reaches into the finger gap by a smaller ball than this leaves it free."""
+
+
+@dataclass(frozen=True)
+class ColliderConfig:
+    """Settings of the target's convex decomposition.
+
+    Attributes:
+        method: "handle" (each part on its own, the grasp region finer, the finger gap kept free), "coacd" (the
+            library's defaults on all parts fused) or "one_hull" (all parts in one convex hull; it fills the finger gap).
+        bar_slices: places along a bar-like handle at which its section is taken; similar neighbours become one hull.
+        handle_hulls: max number of hulls of a grasp region that is neither bar nor knob.
+        front_panel_hulls: max number of hulls of each other part.
+        thickness: of the front, inwards from its outer surface, of which alone a scan knows [m].
+        resolution: voxels of the decomposition.
+        max_vertices: max number of vertices of a hull.
+        seed: of the decomposition.
+    """
+
+    method: Literal["handle", "coacd", "one_hull"]
+    bar_slices: Count
+    handle_hulls: Count
+    front_panel_hulls: Count
+    thickness: Positive
+    resolution: Count
+    max_vertices: Annotated[int, AtLeast(4)]
+    seed: CountFromZero
+
+
+@dataclass(frozen=True)
+class Handle:
+    """The handle of a part, and the front panel behind it.
+
+    Attributes:
+        frame: the grasp frame's axes as columns [3 3]: z into the furniture.
+        region: the grasp region, borders tidied.
+        plane: the front behind it as outward normal and offset [m]; None where none was scanned.
+        front: where the line through the grasp point along z meets that plane: its coordinate on z [m]; without a plane
+            that of the grasp point.
+        space: where the fingers go.
+        pocket: that the region lines, where it is a recessed pull.
+    """
+
+    frame: np.ndarray
+    region: Mesh
+    plane: tuple[np.ndarray, float] | None
+    front: float
+    space: FingerSpace
+    pocket: Pocket | None = None
+
+
+def find_handle(target: Target) -> tuple[Handle, dict[str, Mesh]]:
+    """Return the handle at the grasp, and the tidied surface of every other part of the body, by id."""
+    region, frame, point = target.grasp.region, target.frame, target.point
+    others = {i: mesh for i, mesh in target.surfaces.items() if i not in target.grasp_parts}
+    plane = front_behind(others[target.id], region, frame) if target.id in others else None
+    if plane is None:
+        return Handle(frame, region, None, float(point @ frame[:, 2]), FingerSpace(None, ())), others
+    others[target.id], region = reassign_border(others[target.id], region, frame, plane)
+    front = front_coordinate(plane, frame, point)
+    pocket = find_pocket(region, frame, plane)
+    if pocket is not None:
+        return Handle(frame, region, plane, front, FingerSpace(None, ()), pocket), others
+    return Handle(frame, region, plane, front, finger_space(region, point, frame, front)), others
+
+
+def target_colliders(
+    target: Target, handle: Handle, others: dict[str, Mesh], config: ColliderConfig
+) -> tuple[Collider, ...]:
+    """Return the convex hulls of an articulated part's body."""
+    if config.method != "handle":
+        fused = target.surface
+        hulls = (
+            one_hull(fused, config.max_vertices)
+            if config.method == "one_hull"
+            else coacd_default(fused, config.max_vertices, config.seed)
+        )
+        return tuple(Collider(target.id, piece) for piece in hulls)
+    found = []
+    plate = _plate(handle, others.get(target.base_plate or ""))
+    for i, mesh in others.items():
+        hulls = _front_panel_hulls(mesh, handle, config) if i == target.id else _rough_hulls(mesh, config)
+        if handle.pocket is not None:
+            hulls = [piece for whole in hulls for piece in pocketed(whole, handle.pocket)]
+        if plate is not None and i == target.base_plate:  # noise and the handle's foot at its border stand out of it
+            hulls = [piece for whole in hulls if (piece := clip(whole, *plate)) is not None]
+        found += [Collider(i, piece) for piece in flatten(hulls, handle)]
+    hulls = (
+        _handle_hulls(handle, others.get(target.id), _ground(handle, plate), config)
+        if handle.pocket is None
+        else pocket_hulls(handle.pocket)
+    )
+    found += [Collider(target.grasp_parts[0], piece) for piece in free_fingers(hulls, handle.space)]
+    return tuple(found)
+
+
+def _front_panel_hulls(mesh: Mesh, handle: Handle, config: ColliderConfig) -> list[Mesh]:
+    """Return a flat front as one slab; another shape as hulls, with what the handle hid from the scanner."""
+    whole = slab(mesh, -handle.frame[:, 2], config.thickness)
+    if whole is not None:
+        return [whole]
+    hidden = [] if handle.plane is None else [patch(handle.region, mesh, handle.frame, handle.plane, config.thickness)]
+    inwards = config.thickness * handle.frame[:, 2]
+    solid = [hull(np.concatenate([p.vertices, p.vertices + inwards])) for p in _rough_hulls(mesh, config)]
+    return [*(piece for piece in solid if piece is not None), *hidden]
+
+
+def _plate(handle: Handle, base: Mesh | None) -> tuple[np.ndarray, float] | None:
+    """Return the plane of a base plate before the front as outward normal and offset [m]; None without one."""
+    return None if base is None else front_behind(base, handle.region, handle.frame)
+
+
+def _ground(handle: Handle, plate: tuple[np.ndarray, float] | None) -> float | None:
+    """Return the depth below the front's plane's origin, against its normal, of what a handle's posts stand on [m].
+
+    That is a base plate before the front; None: the front.
+    """
+    if plate is None or handle.plane is None:
+        return None
+    frame = facing_frame(handle.frame, handle.plane[0])
+    return min(-handle.plane[1], front_coordinate(plate, frame, handle.region.vertices.mean(axis=0)))
+
+
+def _handle_hulls(handle: Handle, front: Mesh | None, ground: float | None, config: ColliderConfig) -> list[Mesh]:
+    """Return a sheet in patches, a bar in slices (which end where fingers need space), a knob in frusta, else hulls."""
+    if handle.plane is not None:
+        frame, deep = facing_frame(handle.frame, handle.plane[0]), -handle.plane[1]
+        opening = None if front is None else sheet_opening(handle.region, frame, handle.plane, front)
+        if opening is not None:
+            return _sheet_hulls(handle, frame, opening, config)
+        profile = bar_profile(handle.region, frame, config.bar_slices)
+        if profile is not None:
+            hulls = bar_hulls(handle.region, frame, profile, deep, ground)
+        else:
+            hulls = knob_hulls(handle.region, frame, deep)
+        if hulls is not None:
+            return hulls
+    return vhacd(handle.region, config.handle_hulls, config.resolution, config.max_vertices)
+
+
+def _sheet_hulls(handle: Handle, frame: np.ndarray, opening: np.ndarray, config: ColliderConfig) -> list[Mesh]:
+    """Return a sheet in a frame square on the front: as lip and wall where it is straight, else in patches."""
+    assert handle.plane is not None
+    front = -handle.plane[1]
+    wall = hidden_wall(handle.region, frame, opening, front)
+    if opening.any():
+        border = None if wall is None else float((wall.vertices @ opening).min())
+        pieces = straight_sheet(handle.region, frame, opening, front, border)
+        if pieces is not None:
+            return pieces
+    patches = sheet_hulls(handle.region, frame, opening, config.handle_hulls, config.max_vertices)
+    return patches if wall is None else [*before_wall(patches, wall, opening), wall]
+
+
+def _rough_hulls(mesh: Mesh, config: ColliderConfig) -> list[Mesh]:
+    return vhacd(mesh, config.front_panel_hulls, config.resolution, config.max_vertices)
+
+
+def flatten(hulls: Iterable[Mesh], handle: Handle) -> list[Mesh]:
+    """Cut hulls of the front that reach into the fingers' space off at the front's plane."""
+    flat = []
+    for piece in hulls:
+        reaches = any(overlap(piece, box) > BLOCKED for box in handle.space.boxes)
+        flat.append(clip(piece, *handle.plane) if reaches and handle.plane is not None else piece)
+    return [piece for piece in flat if piece is not None]
+
+
+def free_fingers(hulls: Iterable[Mesh], space: FingerSpace) -> list[Mesh]:
+    """Cut the fingers' space out of hulls, which may come apart into several."""
+    free = list(hulls)
+    for box in space.boxes:
+        parts = [subtract(piece, box) if overlap(piece, box) > BLOCKED else [piece] for piece in free]
+        free = [part for group in parts for part in group]
+    return free
+
+
+MAX_CONTACT_DEPTH = 1e-5
+"""[m] Hulls that overlap by less touch at most; float32 points of a room are exact to 1e-6. A door whose
+edge lies 0.1 mm in a neighbour does not open."""
+TOUCHING = 2e-4
+"""[m] Gap below which neighbours count as overlapping: no scan resolves it. Fronts that were cut along one border touch all over,
+and twelve contacts without depth hold a drawer against a pull of 15 N."""
+
+
+def filtered_pairs(
+    moving: Mapping[str, SimBody], fixed: Mapping[str, SimBody], joints: Mapping[str, Joint]
+) -> dict[str, dict[str, float]]:
+    """Return, for each articulated part, the bodies that it overlaps on its path, and how deep [m].
+
+    Hulls bulge over what was scanned: of two neighbouring doors one can hit the other's handle, which must not be cut off for
+    that. The other body stands at its scanned pose. Of bodies that only touch the depth is 0.
+
+    Args:
+        moving: articulated parts by id.
+        fixed: cabinets and anchors by id.
+        joints: of the articulated parts.
+    """
+    found: dict[str, dict[str, float]] = {part: {} for part in moving}
+    bounds = {i: _bounds([c.mesh for c in body.colliders]) for i, body in {**fixed, **moving}.items()}
+    for part, body in moving.items():
+        meshes = [hull(grown(collider.mesh.vertices, TOUCHING)) for collider in body.colliders]
+        hulls = [mesh for mesh in meshes if mesh is not None]
+        reach = _bounds([cover for piece in hulls for cover in sweep(piece, joints[part])])
+        for other, still in {**fixed, **moving}.items():
+            low, high = bounds[other]
+            if other == part or (low > reach[1]).any() or (high < reach[0]).any():
+                continue
+            depth = deepest(hulls, [collider.mesh for collider in still.colliders], joints[part])
+            if depth > MAX_CONTACT_DEPTH:
+                found[part][other] = max(0.0, depth - TOUCHING / 2)
+    return found
+
+
+def _bounds(meshes: Sequence[Mesh]) -> np.ndarray:
+    """Return the lowest and highest corner of meshes [m], shape [2 3]; an empty box where there is none."""
+    if not meshes:
+        return np.array([[np.inf] * 3, [-np.inf] * 3])
+    corners = np.array([mesh.bounds for mesh in meshes])
+    return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])

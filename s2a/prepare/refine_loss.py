@@ -1,0 +1,311 @@
+"""The loss of a room's joints and its gradient, by Warp's tape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from s2a.core.bounds import Fraction, NotNegative, Positive
+from s2a.prepare.refine_front import Faces
+from s2a.prepare.refine_kernels import Joints, Paths, Terms, sum_paths, sum_terms
+from s2a.scene.articulation import open_limit
+from s2a.scene.geometry.mesh_ops import centroids, keep, normals, sample
+from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.scene.scene import Joint, Mesh
+
+
+@dataclass(frozen=True)
+class RefineConfig:
+    """How far furniture and annotations are trusted. Standard deviations unless said otherwise.
+
+    Attributes:
+        parallel: of an axis or a front against its furniture's [rad].
+        level: of furniture against gravity [rad].
+        hang: of an axis against its own front [rad].
+        edge: of a hinge line's distance from the edge, in the front's plane [m].
+        inset: mean of that distance, into the front [m].
+        depth: of a hinge line's distance from the front's face [m].
+        flush: of closed fronts of one piece of furniture from one plane [m].
+        ajar: largest distance of a front before the others that is taken for standing ajar [m].
+        axis: of the annotated axes where a room has too few joints to tell, each of two components [rad].
+        arm: annotated lines err by so much per error of their axis [m/rad]: both come from two points that someone picked.
+        zero: of the closed coordinate of a slide [m].
+        zero_angle: the same of a hinge [rad].
+        penetration: of a part into the rest of the scan on its path [m].
+        cut: residual from which a term counts less and less, in standard deviations.
+        known: largest fraction of the annotation's standard deviation that is left where a direction counts as known.
+        worse: an axis may get farther from the true one by this [rad] where the annotation happened to be good.
+        regret: getting farther by more counts as much as being off by this [rad]; moves are shortened accordingly.
+        sure: a closed coordinate is changed from so many standard deviations on.
+    """
+
+    parallel: Positive
+    level: Positive
+    hang: Positive
+    edge: Positive
+    inset: float
+    depth: Positive
+    flush: Positive
+    ajar: Positive
+    axis: Positive
+    arm: Positive
+    zero: Positive
+    zero_angle: Positive
+    penetration: Positive
+    cut: Positive
+    known: Fraction
+    worse: NotNegative
+    regret: NotNegative
+    sure: Positive
+
+
+AXIS, LINE, ALONG_FRAME, FACE, LEVEL, PRIOR, FLUSH = range(7)
+"""Kinds of terms: what a value is of. See `Term`."""
+TILT, SHIFT, ZERO = (0, 1), (2, 3), 4
+"""Where the parameters of a joint are among its five."""
+COUNT = 5
+"""Parameters of a joint."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One residual, (value - expected) / sigma, with a robust loss.
+
+    Attributes:
+        kind: what the value is:
+            AXIS: axis . direction; LINE: the point of the axis nearest to `point`, . direction [m];
+            ALONG_FRAME: axis . the frame's axis `index`; FACE: direction . the frame's axis `index`;
+            LEVEL: the frame's turn `index` [rad]; PRIOR: the joint's parameter `index`;
+            FLUSH: `point`, fixed to the part, moved to the closed coordinate, . direction [m].
+        joint: number of the joint.
+        frame: number of the frame.
+        index: see `kind`.
+        direction: unit, shape [3].
+        point: shape [3], [m].
+        expected: of the value.
+        sigma: standard deviation, in the unit of the value.
+        cut: number of sigmas from which a residual counts less and less (Cauchy); 0: none.
+    """
+
+    kind: int
+    joint: int
+    sigma: float
+    frame: int = 0
+    index: int = 0
+    direction: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+    point: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+    expected: float = 0.0
+    cut: float = 0.0
+
+
+@dataclass(frozen=True)
+class PartPath:
+    """Points of a part on its way, and the distance to what is around it.
+
+    Attributes:
+        joint: number of the joint.
+        points: of the part in the scanned pose [m], shape [point 3].
+        slack: depth that each may have within the rest without a loss [m], shape [point].
+        coordinates: of the path, [m] or [rad], shape [step].
+        low: lowest corner of the grid [m], shape [3].
+        cell: width of its cells [m].
+        distance: to the rest of the scan at the grid's corners [m], negative behind its surface, shape [x y z].
+        weight: of the mean squared depth of all points and steps [1/m^2].
+    """
+
+    joint: int
+    points: np.ndarray
+    slack: np.ndarray
+    coordinates: np.ndarray
+    low: np.ndarray
+    cell: float
+    distance: np.ndarray
+    weight: float
+
+
+class Loss:
+    """The loss of a room's joints as a function of all parameters: joints [joint 5], then frames [frame 3], in one vector."""
+
+    def __init__(self, joints: Sequence[Joint], normals: Sequence[np.ndarray], frames: Sequence[np.ndarray]) -> None:
+        """Take the annotated joints, the normals of their fronts [3], and the axes of the frames as columns [3 3]."""
+        sides = [across(np.array(joint.axis), normal) for joint, normal in zip(joints, normals, strict=True)]
+        self.first, self.second = (np.array([side[k] for side in sides]).reshape(-1, 3) for k in (0, 1))
+        self.joints, self._frames = tuple(joints), _array(frames, wp.mat33d)
+        self._turns = len(frames)
+        self._kernel_joints = Joints()
+        self._kernel_joints.kind = _array([int(joint.kind == "revolute") for joint in joints], int)
+        vectors = [joint.axis for joint in joints], [joint.origin for joint in joints], self.first, self.second
+        for name, value in zip(("axis", "origin", "first", "second"), vectors, strict=True):
+            setattr(self._kernel_joints, name, _array(value, wp.vec3d))
+        self._launches: list[tuple[wp.Kernel, int, list]] = []
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return COUNT * len(self.joints) + 3 * self._turns
+
+    def of(self, terms: Sequence[Term], paths: Sequence[PartPath] = ()) -> Loss:
+        """Take what is added up, and return itself."""
+        self._launches = [(sum_terms, len(terms), [self._kernel_joints, self._frames, _terms(terms)])]
+        if paths:
+            table = _paths(paths)
+            self._launches.append((sum_paths, len(table.joint), [self._kernel_joints, table]))
+        return self
+
+    def __call__(self, parameters: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the loss and its gradient, shape [parameter]."""
+        cut = COUNT * len(self.joints)
+        values = _array(parameters[:cut].reshape(-1, COUNT), wp.float64, requires_grad=True)
+        turns = _array(parameters[cut:].reshape(-1, 3), wp.float64, requires_grad=True)
+        loss = wp.zeros(1, dtype=wp.float64, device="cpu", requires_grad=True)
+        with wp.Tape() as tape:
+            for kernel, count, inputs in self._launches:
+                variables = [values, turns] if kernel is sum_terms else [values]
+                wp.launch(kernel, dim=count, inputs=[*inputs, *variables, loss], device="cpu")
+        tape.backward(loss)
+        return float(loss.numpy()[0]), np.concatenate([values.grad.numpy().ravel(), turns.grad.numpy().ravel()])
+
+    def hessian(self, parameters: np.ndarray, frame: Sequence[int], step: float = 1e-5) -> np.ndarray:
+        """Return the second derivatives by central differences of the gradient, shape [parameter parameter].
+
+        Joints meet only in the frames, so that one parameter of all joints, or of all frames, is moved at once.
+
+        Args:
+            parameters: where.
+            frame: number of each joint's frame.
+            step: of the differences.
+        """
+        count, cut = len(self.joints), COUNT * len(self.joints)
+        found = np.zeros((self.size, self.size))
+        of_joint = np.arange(cut).reshape(count, COUNT)
+        of_frame = np.arange(cut, self.size).reshape(-1, 3)
+        for k in range(COUNT):
+            row = self._difference(parameters, of_joint[:, k], step)
+            for i in range(count):
+                found[of_joint[i], of_joint[i, k]] = row[of_joint[i]]
+        for k in range(3):
+            row = self._difference(parameters, of_frame[:, k], step)
+            for i, f in enumerate(frame):
+                found[of_joint[i], of_frame[f, k]] = found[of_frame[f, k], of_joint[i]] = row[of_joint[i]]
+            for mine in of_frame:
+                found[mine, mine[k]] = row[mine]
+        return (found + found.T) / 2.0
+
+    def _difference(self, parameters: np.ndarray, moved: np.ndarray, step: float) -> np.ndarray:
+        """Return the derivative of the gradient along some parameters, all moved at once."""
+        shift = np.zeros(self.size)
+        shift[moved] = step
+        return (self(parameters + shift)[1] - self(parameters - shift)[1]) / (2.0 * step)
+
+
+def across(axis: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return two unit directions across an axis, shape [3] each; the first lies in the plane with this normal, if one does.
+
+    For a slide along the normal the first is level.
+    """
+    first = np.cross(axis, normal)
+    if np.linalg.norm(first) < 0.3:
+        first = np.cross(np.eye(3)[2] if abs(axis[2]) < 0.9 else np.eye(3)[0], axis)
+    first /= np.linalg.norm(first)
+    return first, np.cross(axis, first)
+
+
+def _array(values: object, dtype: type, requires_grad: bool = False) -> wp.array:
+    return wp.array(
+        np.asarray(values, np.int32 if dtype is int else np.float64),
+        dtype=dtype,
+        device="cpu",
+        requires_grad=requires_grad,
+    )
+
+
+def _terms(terms: Sequence[Term]) -> Terms:
+    """Return a table of terms, a column for each attribute."""
+    table = Terms()
+    for name in ("kind", "joint", "frame", "index"):
+        setattr(table, name, _array([getattr(term, name) for term in terms], int))
+    for name in ("direction", "point"):
+        setattr(table, name, _array([getattr(term, name) for term in terms], wp.vec3d))
+    for name in ("expected", "sigma", "cut"):
+        setattr(table, name, _array([getattr(term, name) for term in terms], wp.float64))
+    return table
+
+
+def _paths(paths: Sequence[PartPath]) -> Paths:
+    """Return a table with a row for each point and step of each path."""
+    table, counts = Paths(), [len(path.points) * len(path.coordinates) for path in paths]
+    number = np.repeat(np.arange(len(paths)), counts)
+    table.joint, table.grid = _array(np.array([path.joint for path in paths])[number], int), _array(number, int)
+    rows = [np.tile(path.points, (len(path.coordinates), 1)) for path in paths]
+    table.point = _array(np.concatenate(rows), wp.vec3d)
+    table.slack = _array(np.concatenate([np.tile(path.slack, len(path.coordinates)) for path in paths]), wp.float64)
+    steps = [np.repeat(path.coordinates, len(path.points)) for path in paths]
+    table.coordinate = _array(np.concatenate(steps), wp.float64)
+    weights = [path.weight / count for path, count in zip(paths, counts, strict=True)]
+    table.weight = _array(np.repeat(weights, counts), wp.float64)
+    table.low, table.cell = _array([path.low for path in paths], wp.vec3d), _array([p.cell for p in paths], wp.float64)
+    shapes = np.array([path.distance.shape for path in paths], np.int32)
+    table.shape = wp.array(shapes, dtype=wp.vec3i, device="cpu")
+    table.start = _array(np.cumsum([0, *(path.distance.size for path in paths[:-1])]), int)
+    table.distance = _array(np.concatenate([path.distance.ravel() for path in paths]), wp.float64)
+    return table
+
+
+CELL = 0.015
+"""[m] Width of a cell of the grid."""
+AROUND = 0.06
+"""[m] The grid reaches this far beyond the front: what is hit there tells of the joint, what lies farther of the room."""
+REACH = 0.03
+"""[m] Farther behind a surface there may be another object's back."""
+POINTS = 100
+"""Points of a front that are followed."""
+STEPS = (0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
+"""Fractions of the range at which they are looked at."""
+SLACK = 0.004
+"""[m] Twice a laser scan's noise, or the gap around a front."""
+MOST = 400_000
+"""Cells of a grid; larger parts get wider cells."""
+
+
+def path(faces: Faces, part: str, number: int, weight: float) -> PartPath | None:
+    """Return the path of a part, or None where nothing lies around it.
+
+    Args:
+        faces: of the room.
+        part: id of a part that moves.
+        number: of its joint.
+        weight: of the mean squared depth [1/m^2].
+    """
+    surface, scene, joint = faces.surface, faces.surface.scene, faces.surface.scene.joint(part)
+    own = scene.parts[part].mesh
+    if not own.face_areas.any() or not open_limit(joint):
+        return None
+    low, high = own.bounds
+    low, high = low - AROUND, high + AROUND
+    near = faces.near(low - REACH, high + REACH)
+    rest = keep(Mesh(surface.mesh.vertices, surface.mesh.faces), near[~faces.own(part, near)])
+    if len(rest.faces) < 20:
+        return None
+    cell = max(CELL, float((np.prod(high - low) / MOST) ** (1 / 3)))
+    counts = np.ceil((high - low) / cell).astype(int) + 1
+    places = low + cell * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    distance = _distance(rest, surface.winding, places).reshape(counts)
+    points = sample(own, POINTS, 0)
+    slack = SLACK + np.maximum(0.0, -_distance(rest, surface.winding, points))
+    return PartPath(number, points, slack, open_limit(joint) * np.array(STEPS), low, cell, distance, weight)
+
+
+def _distance(rest: Mesh, winding: float, places: np.ndarray) -> np.ndarray:
+    """Return the distance of places [place 3] to a surface [m], negative straight behind it, at most REACH, shape [place]."""
+    tree = ray_mesh(rest.vertices, rest.faces)
+    face, gap = nearest_faces(tree, places, REACH)
+    found = np.full(len(places), REACH)
+    near = face >= 0
+    away = places[near] - centroids(rest)[face[near]]
+    height = winding * np.einsum("ij,ij->i", away, normals(rest)[face[near]])
+    behind = (height < 0) & (gap[near] < -height + 1e-3)
+    found[near] = np.where(behind, -gap[near], gap[near])
+    return found

@@ -1,0 +1,273 @@
+"""Convex hulls of the static room, the flat tops of its supports, and its visible surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+
+from s2a.core.bounds import AtLeast, Count, CountFromZero, Fraction, NotNegative, Positive
+from s2a.core.cache import pack, recall, unpack
+from s2a.core.progress import track
+from s2a.prepare.target import bodies
+from s2a.scene.geometry.convex import APART, MARGIN, clip, contains, cut_free, one_hull, overlap, vhacd, volume
+from s2a.scene.geometry.mesh_ops import centroids, normals
+from s2a.scene.geometry.planes import TILT, Plane, find_planes, slabs
+from s2a.scene.geometry.simplify import DecimateConfig, Decimated, decimate_room, is_structure
+from s2a.scene.scene import Mesh, Part, Scene
+from s2a.scene.usd.sim_scene import Collider
+
+GRID = 5
+"""Points along each side of an object's outline below which a top is looked for."""
+INSIDE = 1e-3
+"""[m] Below the top, for those points."""
+
+
+@dataclass(frozen=True)
+class TopConfig:
+    """How a level top is found.
+
+    Attributes:
+        band: largest distance of its faces from where an object stands on it [m].
+        unevenness: largest distance from its height of `level_fraction` of it [m]; a bed has no level top.
+        level_fraction: of its area.
+        cell: width of the cells of which its boxes are made [m].
+        closing: holes of up to twice as many cells are closed.
+        boxes: largest number of boxes.
+        headroom: what hulls of the support reach above the top is cut off up to this height [m].
+    """
+
+    band: Positive
+    unevenness: Positive
+    level_fraction: Fraction
+    cell: Positive
+    closing: CountFromZero
+    boxes: Count
+    headroom: Positive
+
+
+@dataclass(frozen=True, eq=False)
+class LevelTop:
+    """The level top of a support.
+
+    Attributes:
+        part: id of the support.
+        height: of the top [m].
+        boxes: that end there, scene coordinates.
+        layer: what the support's other hulls leave to them, convex hulls, scene coordinates.
+    """
+
+    part: str
+    height: float
+    boxes: tuple[Mesh, ...]
+    layer: tuple[Mesh, ...]
+
+    def carries(self, low: np.ndarray, high: np.ndarray) -> bool:
+        """Return True if there is a box below each of the points of an outline from `low` to `high` [2]."""
+        sides = [np.linspace(low[k], high[k], GRID) for k in range(2)]
+        points = np.stack(np.meshgrid(*sides, [self.height - INSIDE], indexing="ij"), axis=-1).reshape(-1, 3)
+        return bool(np.any([contains(each, points) for each in self.boxes], axis=0).all())
+
+
+def level_top(part: str, mesh: Mesh, ground: float, thickness: float, config: TopConfig) -> LevelTop | None:
+    """Return the top of a support at the height where an object was found to stand; None where that is not level.
+
+    Args:
+        part: id of the support.
+        mesh: its surface.
+        ground: height [m].
+        thickness: of the boxes [m].
+        config: how.
+    """
+    height, areas = centroids(mesh)[:, 2], mesh.face_areas
+    near = np.flatnonzero((np.abs(height - ground) < config.band) & (normals(mesh)[:, 2] > TILT) & (areas > 0))
+    if not len(near):
+        return None
+    middle = _median(height[near], areas[near])
+    flat = near[np.abs(height[near] - middle) <= config.unevenness]
+    if areas[flat].sum() < config.level_fraction * areas[near].sum():
+        return None
+    plane = Plane(np.array([0.0, 0.0, 1.0]), middle, flat)
+    boxes = slabs(mesh, plane, config.cell, config.closing, thickness, config.boxes)
+    layer = tuple(_raised(each, middle - thickness / 2, config.headroom) for each in boxes)
+    return LevelTop(part, middle, tuple(boxes), layer)
+
+
+def reused(tops: Sequence[LevelTop], part: str, ground: float, band: float) -> LevelTop | None:
+    """Return the top of a part that was found before at nearly this height [m]."""
+    return next((top for top in tops if top.part == part and abs(top.height - ground) < band), None)
+
+
+def _raised(hull: Mesh, above: float, height: float) -> Mesh:
+    """Return a hull whose vertices above some height are raised [m]."""
+    return Mesh(hull.vertices + np.where(hull.vertices[:, 2:] > above, [0.0, 0.0, height], 0.0), hull.faces)
+
+
+def _median(values: np.ndarray, weights: np.ndarray) -> float:
+    """Return the weighted median."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])
+
+
+THIN = 0.1
+"""Thickness of a hull as a fraction of its width below which it is cut in layers."""
+THINNEST = 0.002
+"""[m] A thinner layer is not worth a collider."""
+
+
+@dataclass(frozen=True)
+class RoomConfig:
+    """How the static room becomes convex hulls.
+
+    Attributes:
+        part_hulls: largest number of hulls of one part.
+        furniture_hulls: the same of one around a moving part of no furniture: furniture that is not annotated as that.
+        min_decomposed_size: parts whose bounding box has a shorter diagonal [m] become one hull.
+        resolution: voxels of the decomposition.
+        max_vertices: largest number of vertices of a hull.
+        structure_labels: words that make a label one of a wall, floor or ceiling; those become thin boxes.
+        flatness: largest distance of a wall's surface from its box [m].
+        cell: width of the cells of which a wall's boxes are made [m].
+        boxes: largest number of boxes of each plane of a wall.
+        thickness: of those boxes [m].
+        base_radius: radius of the upright column around a robot's base that stays free [m].
+        base_height: its height [m].
+        clearance: what stays free around the paths of the articulated parts [m].
+        cut_hulls: largest number of hulls into which a cut takes one apart.
+        min_volume: what is left of a hull after cutting counts from this volume on [m^3].
+        min_cut_volume: the same for each hull but the largest into which it is taken apart [m^3].
+    """
+
+    part_hulls: Count
+    furniture_hulls: Count
+    min_decomposed_size: NotNegative
+    resolution: Count
+    max_vertices: Annotated[int, AtLeast(4)]
+    structure_labels: tuple[str, ...]
+    flatness: Positive
+    cell: Positive
+    boxes: Count
+    thickness: Positive
+    base_radius: NotNegative
+    base_height: NotNegative
+    clearance: NotNegative
+    cut_hulls: Count
+    min_volume: NotNegative
+    min_cut_volume: NotNegative
+
+
+def part_hulls(part: Part, config: RoomConfig) -> tuple[Collider, ...]:
+    """Return the convex hulls of a part of the static room, from the cache where they were made before; part "" owns them."""
+    structure = is_structure(part.label, config.structure_labels)
+    hulls = unpack(
+        recall("room", [part.mesh, repr((structure, config))], lambda: pack(_hulls(part.mesh, structure, config)))
+    )
+    return tuple(Collider("", hull, structure) for hull in hulls)
+
+
+def cut_out(
+    colliders: Sequence[Collider], obstacles: Sequence[Mesh], config: RoomConfig
+) -> tuple[tuple[Collider, ...], tuple[str, ...]]:
+    """Cut colliders free of obstacles; return them with the ids of the parts of which something was cut off."""
+    found: list[Collider] = []
+    trimmed: dict[str, None] = {}
+    for collider in colliders:
+        left = cut_all(collider.mesh, obstacles, config.cut_hulls, config.min_volume, config.min_cut_volume)
+        if not any(piece is collider.mesh for piece in left):
+            trimmed[collider.part] = None
+        found += [Collider(collider.part, piece, collider.structure) for piece in left]
+    return tuple(found), tuple(trimmed)
+
+
+def below_tops(colliders: Sequence[Collider], tops: Sequence[LevelTop], config: RoomConfig) -> list[Collider]:
+    """Cut colliders free of the layers of their own part's level tops."""
+    found: list[Collider] = []
+    for collider in colliders:
+        layers = [hull for top in tops if top.part == collider.part for hull in top.layer]
+        found += cut_out([collider], layers, config)[0]
+    return found
+
+
+def cut_all(
+    hull: Mesh, obstacles: Sequence[Mesh], count: int = 1, min_volume: float = 0.0, min_cut_volume: float = 0.0
+) -> list[Mesh]:
+    """Return the largest convex parts of a hull that are free of all obstacles, the hull itself where it is free of them.
+
+    Args:
+        hull: what is cut.
+        obstacles: convex hulls that nothing of it may reach into.
+        count: largest number of parts.
+        min_volume: none is left of a cut hull whose largest part is smaller [m^3].
+        min_cut_volume: the same for each of its other parts.
+    """
+    hit = [obstacle for obstacle in obstacles if overlap(hull, obstacle) > APART]
+    if not hit:
+        return [hull]
+    left = _layers(hull, hit) if count > 1 else [hull]
+    for obstacle in hit:
+        parts = [part for piece in left for part in cut_free(piece, obstacle, count, min_cut_volume)]
+        left = parts if len(parts) <= count else sorted(parts, key=volume, reverse=True)[:count]
+    left = sorted(left, key=volume, reverse=True)
+    return [part for k, part in enumerate(left) if volume(part) >= (min_cut_volume if k else min_volume)]
+
+
+def _layers(hull: Mesh, obstacles: Sequence[Mesh]) -> list[Mesh]:
+    """Split a thin hull, such as a floor's, below the obstacles that only graze it, so that it gets no hole there."""
+    _, _, axes = np.linalg.svd(hull.vertices - hull.vertices.mean(axis=0), full_matrices=False)
+    *_, width, thickness = np.ptp(hull.vertices @ axes.T, axis=0)
+    if thickness > THIN * width:
+        return [hull]
+    found = [hull]
+    for up in (axes[2], -axes[2]):
+        above = np.array([(obstacle.vertices @ up).min() for obstacle in obstacles]) - MARGIN
+        grazing = above[above > (hull.vertices @ up).min() + THINNEST]
+        if len(grazing):
+            split = (clip(hull, up, grazing.min()), clip(hull, -up, -grazing.min()))
+            found = max(found, [part for part in split if part is not None], key=len)
+    return found
+
+
+def _hulls(mesh: Mesh, structure: bool, config: RoomConfig) -> list[Mesh]:
+    """Return thin boxes for a wall, hulls for anything else."""
+    if not structure and np.linalg.norm(np.ptp(mesh.bounds, axis=0)) < config.min_decomposed_size:
+        return one_hull(mesh, config.max_vertices)
+    if not structure:
+        return vhacd(mesh, config.part_hulls, config.resolution, config.max_vertices)
+    planes = find_planes(mesh, config.flatness, min_area=20 * config.cell**2, count=6)
+    boxes = [slabs(mesh, p, config.cell, closing=3, thickness=config.thickness, count=config.boxes) for p in planes]
+    return [box for group in boxes for box in group]
+
+
+class StaticRoom:
+    """The static room of a scene; what was made of it once is kept."""
+
+    def __init__(self, scene: Scene, room: RoomConfig, decimate: DecimateConfig) -> None:
+        self._scene, self._room, self._decimate = scene, room, decimate
+        self._hulls: dict[tuple[str, int], tuple[Collider, ...]] = {}
+        self._visuals: dict[tuple[str, ...], Decimated] = {}
+
+    def ahead(self, articulated: Sequence[str]) -> None:
+        """Make it as it is if all these parts can be prepared and no object is extracted."""
+        static = [i for i, owner in bodies(self._scene, articulated).items() if owner is None]
+        self.visual(static)
+        self.colliders(static)
+
+    def colliders(self, parts: Sequence[str], fine: Collection[str] = ()) -> list[Collider]:
+        """Return the convex hulls of static parts, named after these; more of those that are `fine`."""
+        found = []
+        for part in track([i for i in parts if len(self._scene.parts[i].mesh.faces)], "room colliders"):
+            config = replace(self._room, part_hulls=self._room.furniture_hulls) if part in fine else self._room
+            if (key := (part, config.part_hulls)) not in self._hulls:
+                self._hulls[key] = part_hulls(self._scene.parts[part], config)
+            found += [Collider(part, hull.mesh, hull.structure) for hull in self._hulls[key]]
+        return found
+
+    def visual(self, parts: Sequence[str]) -> Decimated:
+        """Return static parts as one mesh with fewer faces."""
+        asked = tuple(parts)
+        if asked not in self._visuals:
+            self._visuals[asked] = decimate_room(self._scene, parts, self._decimate)
+        return self._visuals[asked]

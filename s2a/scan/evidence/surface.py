@@ -1,0 +1,140 @@
+"""The scanned surface of a room as one mesh, and the places in its free interior from which it can be seen."""
+
+from __future__ import annotations
+
+import copy
+from functools import cached_property
+
+import numpy as np
+
+from s2a.scene.geometry.mesh_ops import merge
+from s2a.scene.geometry.mesh_query import RayMesh, ray_mesh, visible_distance
+from s2a.scene.scene import Mesh, Scene
+
+GRID = 7
+"""Candidate viewpoints along each side of the room's box: half a metre apart in a room of four metres."""
+CLEARANCE = 0.2
+"""[m] A viewpoint has this much free space around it: a scanner's head or a hand-held device."""
+ENCLOSED = 0.7
+"""Fraction of the rays from a place in a room that hit its surface; outside of it most of them hit nothing."""
+FACING = 0.9
+"""Fraction of the rays from free space that hit surfaces from one and the same side; the rest are open edges and noise."""
+REACH = 30.0
+"""[m] Longest line of sight."""
+
+
+class ScanSurface:
+    """The scanned surface of a scene.
+
+    Attributes:
+        scene: its parts.
+        mesh: all of their surfaces as one mesh [m], in scene coordinates.
+        owner: index of the part of each face among `ids`, shape [face].
+        ids: ids of the parts.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Merge the surfaces of a scene."""
+        self.scene = scene
+        self.ids = tuple(scene.parts)
+        meshes = [scene.parts[i].mesh for i in self.ids]
+        self.mesh: Mesh = merge([Mesh(mesh.vertices, mesh.faces) for mesh in meshes])
+        self.owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
+
+    def with_scene(self, scene: Scene) -> ScanSurface:
+        """Return the same surface with another annotation of joints; the parts and their meshes must be the same."""
+        other = copy.copy(self)
+        other.scene = scene
+        return other
+
+    @cached_property
+    def tree(self) -> RayMesh:
+        """The whole surface, for rays."""
+        return ray_mesh(self.mesh.vertices, self.mesh.faces)
+
+    @property
+    def viewpoints(self) -> np.ndarray:
+        """Places in the room's free interior [m], shape [viewpoint 3]: surface all around, all of it seen from one side."""
+        return self._interior[0]
+
+    @property
+    def winding(self) -> float:
+        """1 if the normals of the faces look into the room, -1 if the whole mesh is wound the other way."""
+        return -1.0 if self._interior[1] else 1.0
+
+    @cached_property
+    def _interior(self) -> tuple[np.ndarray, bool]:
+        """The viewpoints, and True if they see the backs of the faces: the whole mesh is wound the other way.
+
+        Hollow furniture and the space behind walls are excluded: from there surfaces are seen from the other side. Which
+        side is the front is decided by the majority of all places.
+        """
+        low, high = np.quantile(self.mesh.vertices, [0.005, 0.995], axis=0).astype(np.float64)
+        steps = (np.arange(GRID) + 0.5) / GRID
+        places = low + (high - low) * np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
+        distance, behind = self._around(places)
+        hit = distance < REACH
+        enclosed = (hit.mean(axis=1) > ENCLOSED) & (distance.min(axis=1) > CLEARANCE)
+        fraction = (behind & hit).sum(axis=1) / np.maximum(1, hit.sum(axis=1))
+        front, back = enclosed & (fraction < 1 - FACING), enclosed & (fraction > FACING)
+        backs = bool(back.sum() > front.sum())
+        return places[back if backs else front], backs
+
+    def sight(self, start: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the distance of rays to the surface [m], at most REACH, and if they meet it from behind, shape [ray] each.
+
+        Args:
+            start: of the rays [m], shape [ray 3].
+            direction: unit directions, shape [ray 3] or [3].
+        """
+        distance, behind = visible_distance(self.tree, start, direction, REACH)
+        return distance, behind != self._interior[1]
+
+    def is_free(self, points: np.ndarray) -> bool:
+        """Return True if points [point 3] lie in free space: surface around them, and hardly any of it seen from behind."""
+        distance, behind = self._around(points)
+        hit = distance < REACH
+        inside = ((behind != self._interior[1]) & hit).sum() / max(1, hit.sum())
+        return bool(hit.mean() > ENCLOSED and inside < 1.5 * (1 - FACING))
+
+    def _around(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the distance to the surface in all directions from some places [m], and if it is a face's back there."""
+        rays = sphere(48)
+        starts, directions = np.repeat(places, len(rays), axis=0), np.tile(rays, (len(places), 1))
+        distance, behind = visible_distance(self.tree, starts, directions, REACH)
+        return distance.reshape(-1, len(rays)), behind.reshape(-1, len(rays))
+
+    def seen(self, points: np.ndarray, normal: np.ndarray, grazing: float = 0.2) -> tuple[float, float]:
+        """Return how much is seen of points on a flat surface from its two sides: fractions of the lines of sight.
+
+        Args:
+            points: on the surface [m], shape [point 3].
+            normal: unit direction that tells the sides apart, shape [3].
+            grazing: lines of sight whose incidence has a smaller cosine tell nothing.
+
+        Returns:
+            The fraction of all lines of sight to viewpoints on the side of the normal that are free, and the same for
+            the other side; 0 where no viewpoint lies on that side.
+        """
+        views = self.viewpoints
+        if not len(points) or not len(views):
+            return 0.0, 0.0
+        way = views[None] - points[:, None]
+        length = np.linalg.norm(way, axis=2)
+        way = way / np.maximum(length, 1e-9)[..., None]
+        incidence = way @ normal
+        start = points[:, None] + 0.01 * way
+        free = visible_distance(self.tree, start.reshape(-1, 3), way.reshape(-1, 3), REACH)[0].reshape(length.shape)
+        open_ = free > length - 0.02
+        sides = []
+        for side in (incidence > grazing, incidence < -grazing):
+            sides.append(float((open_ & side).sum() / max(1, side.size)))
+        return sides[0], sides[1]
+
+
+def sphere(count: int) -> np.ndarray:
+    """Return unit directions spread evenly, shape [count 3], by the golden angle (Fibonacci lattice)."""
+    i = np.arange(count) + 0.5
+    height, angle = 1 - 2 * i / count, np.pi * (1 + 5**0.5) * i
+    around = np.sqrt(1 - height**2)
+    return np.stack([around * np.cos(angle), around * np.sin(angle), height], axis=1)

@@ -1,0 +1,292 @@
+"""The descriptive flavour: the room in words and boxes, for language models; a page of text without a single triangle.
+
+Parts nest as they belong together. A flag that is absent is false, and a part without a motion stands still.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom
+
+from s2a.core.errors import InputError
+from s2a.scene.scene import Joint, Part, Scene, Vec3
+from s2a.scene.usd.joints import KINDS, site_point
+from s2a.scene.usd.stage import ROOT, check_ids, new_stage, open_stage, read_attribute, reading, save, write_attribute
+
+DIRECTIONS = 32
+"""Directions whose extreme points discard most of the others before the hull is built (Akl and Toussaint, 1978)."""
+FLAT = 1e-12
+"""Turns of less than this fraction of the squared extent are straight: rounding of collinear points."""
+
+
+def hull(points: np.ndarray) -> np.ndarray | None:
+    """Return the convex hull of points [n 2] as indices, counterclockwise; None if all points lie on one line."""
+    if len(points) < 3:
+        return None
+    points = points.astype(np.float64)
+    candidates = _outside_inner_polygon(points)
+    order = candidates[np.lexsort((points[candidates, 1], points[candidates, 0]))]
+    tolerance = FLAT * float(np.square(np.ptp(points, axis=0)).sum())
+    lower, upper = _chain(points, order, tolerance), _chain(points, order[::-1], tolerance)
+    outline = np.array([*lower[:-1], *upper[:-1]])
+    return outline if len(outline) > 2 else None
+
+
+def _outside_inner_polygon(points: np.ndarray) -> np.ndarray:
+    """Return the indices of the points that are not strictly inside the polygon of the extreme points."""
+    angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS)
+    extremes = np.stack([(points @ np.array([np.cos(a), np.sin(a)])).argmax() for a in angles])
+    corners = points[list(dict.fromkeys(extremes.tolist()))]
+    inner = np.ones(len(points), bool)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        (dx, dy), (x, y) = end - start, (points - start).T
+        inner &= dx * y - dy * x > 0.0
+    return np.flatnonzero(~inner)
+
+
+def _chain(points: np.ndarray, order: np.ndarray, tolerance: float) -> list[int]:
+    """Return one half of the hull of points in lexicographic order (Andrew's monotone chain), both ends included."""
+    chain: list[int] = []
+    coordinates = points[order].tolist()
+    kept: list[list[float]] = []
+    for index, (x, y) in zip(order.tolist(), coordinates, strict=True):
+        while len(chain) > 1 and _cross(kept[-2], kept[-1], x, y) <= tolerance:
+            chain.pop()
+            kept.pop()
+        chain.append(index)
+        kept.append([x, y])
+    return chain
+
+
+def _cross(a: list[float], b: list[float], x: float, y: float) -> float:
+    """Return twice the signed area of the triangle a, b, (x, y): positive where the path turns left."""
+    return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
+
+
+WORTH_TURNING = 0.98
+"""Largest footprint of a turned box as a fraction of the axis-aligned one: round objects need no direction."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box that stands upright.
+
+    Attributes:
+        center: [m], scene coordinates.
+        size: length of its sides [m]; the third is vertical.
+        yaw: rotation of its first side about z from the scene's x axis [rad], in -pi/4 to pi/4.
+    """
+
+    center: Vec3
+    size: Vec3
+    yaw: float
+
+
+def upright_box(points: np.ndarray) -> Box:
+    """Return the upright box of smallest footprint around points [n 3] (m; n at least 1)."""
+    low, high = points.min(axis=0).astype(float), points.max(axis=0).astype(float)
+    yaw = _best_yaw(points[:, :2], footprint=float(np.prod((high - low)[:2])))
+    if yaw != 0.0:
+        turned = points[:, :2].astype(float) @ _turn(-yaw).T
+        low[:2], high[:2] = turned.min(axis=0), turned.max(axis=0)
+    middle = 0.5 * (low + high)
+    middle[:2] = _turn(yaw) @ middle[:2]
+    return Box(tuple(middle.tolist()), tuple((high - low).tolist()), yaw)
+
+
+def silhouette(points: np.ndarray) -> np.ndarray:
+    """Return the points, of those given [n 3], that their upright box depends on: hull from above, lowest, highest.
+
+    The box of several parts follows from their few silhouettes, instead of their many points.
+    """
+    outline = hull(points[:, :2])
+    return points if outline is None else points[[*outline, points[:, 2].argmin(), points[:, 2].argmax()]]
+
+
+def _best_yaw(points: np.ndarray, footprint: float) -> float:
+    """Return the yaw of the smallest rectangle around points [n 2]; 0 if none is clearly smaller than the footprint.
+
+    One side of the smallest rectangle lies along an edge of the convex hull (Freeman and Shapira, 1975).
+    """
+    corners = hull(points)
+    if corners is None:
+        return 0.0
+    outline = points[corners].astype(float)
+    edges = np.roll(outline, -1, axis=0) - outline
+    quarter = 0.5 * math.pi
+    yaws = (np.arctan2(edges[:, 1], edges[:, 0]) + 0.5 * quarter) % quarter - 0.5 * quarter
+    areas = [float(np.prod(np.ptp(outline @ _turn(-yaw).T, axis=0))) for yaw in yaws]
+    best = int(np.argmin(areas))
+    return float(yaws[best]) if areas[best] <= WORTH_TURNING * footprint else 0.0
+
+
+def _turn(angle: float) -> np.ndarray:
+    """Rotation of the plane by an angle [rad], shape [2 2]."""
+    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+
+
+FLAVOUR = "descriptive"
+MILLIMETRES, DIRECTION, DEGREES = 3, 4, 1
+"""Decimals of lengths [m] and angles [rad], of unit vectors, and of yaw [deg]: a scan knows no more."""
+
+LEGEND = """A room, part by part: a prim inside another is a part of it. Metres, z up.
+center, size: upright box around a part with all inside it; yaw: degrees its size[0] side is turned from x about z.
+motion: prismatic (slides along axis), revolute (turns about axis through origin, right-handed) or free;
+limits: m or rad from the pose shown; against: what it moves against. graspable: held here; grasp: where to hold.
+Whatever is absent: false, fixed, not turned, unknown."""
+
+Types = Sdf.ValueTypeNames
+
+
+@dataclass(frozen=True)
+class DescribedPart:
+    """What the description says of a part.
+
+    Attributes:
+        label: the annotator's name for it.
+        parent: id of the part that it belongs to; None for an object.
+        motion: "prismatic", "revolute", "free" or "fixed".
+        graspable: a gripper holds the moving part here.
+        center: of its upright box [m], scene coordinates; None where nothing was scanned of it.
+        size: of that box [m]; the third is vertical.
+        yaw: how far its first side is turned from the x axis about z [rad].
+        joint: how it moves, rounded as it is described; None for what is fixed or free.
+        against: id of the body that it moves against, or "world"; None for what has no joint.
+        mass: [kg] if annotated, else None.
+    """
+
+    label: str
+    parent: str | None
+    motion: str
+    graspable: bool
+    center: Vec3 | None
+    size: Vec3 | None
+    yaw: float = 0.0
+    joint: Joint | None = None
+    against: str | None = None
+    mass: float | None = None
+
+
+def write(scene: Scene, path: Path) -> None:
+    """Write the description of a scene to exactly this path, which ends in .usda.
+
+    Raises:
+        InputError: an id that cannot be a prim's name, or a path that cannot be written.
+    """
+    check_ids(scene)
+    stage = new_stage()
+    stage.GetRootLayer().documentation = LEGEND
+    root = stage.GetDefaultPrim()
+    write_attribute(root, "flavour", Types.String, FLAVOUR)
+    write_attribute(root, "name", Types.String, scene.name)
+    outlines = {part_id: silhouette(part.mesh.vertices) for part_id, part in scene.parts.items()}
+    _write_box(root, list(outlines.values()))
+    for part_id in scene.parts:
+        prim = _write_part(stage, scene, part_id)
+        _write_box(prim, [outlines[i] for i in (part_id, *scene.descendants(part_id))])
+    save(stage, path)
+
+
+def read(path: Path) -> dict[str, DescribedPart]:
+    """Read the parts of a description by id, parents before children.
+
+    Raises:
+        InputError: no such file, not USD, or a stage of another flavour.
+    """
+    with reading(path):
+        stage = open_stage(path)
+        root = stage.GetDefaultPrim()
+        flavour = read_attribute(root, "flavour", str)
+        if flavour != FLAVOUR:
+            raise InputError(f"{path}: flavour {flavour!r}; expected {FLAVOUR!r}: the descriptive.usda of s2a export")
+        prims = [
+            prim for prim in Usd.PrimRange(root) if prim != root and read_attribute(prim, "label", str) is not None
+        ]
+        return {prim.GetName(): _read_part(prim, root) for prim in prims}
+
+
+def _read_part(prim: Usd.Prim, root: Usd.Prim) -> DescribedPart:
+    parent = prim.GetParent()
+    return DescribedPart(
+        label=read_attribute(prim, "label", str),
+        parent=None if parent == root else parent.GetName(),
+        motion=read_attribute(prim, "motion", str, "fixed"),
+        graspable=read_attribute(prim, "graspable", bool, False),
+        center=read_attribute(prim, "center", tuple),
+        size=read_attribute(prim, "size", tuple),
+        yaw=math.radians(read_attribute(prim, "yaw", float, 0.0)),
+        joint=described_joint(prim),
+        against=read_attribute(prim, "against", str),
+        mass=read_attribute(prim, "mass", float),
+    )
+
+
+def described_joint(prim: Usd.Prim) -> Joint | None:
+    """Return the joint that a prim describes, or None."""
+    kind, axis = read_attribute(prim, "motion", str), read_attribute(prim, "axis", tuple)
+    if kind not in KINDS.values() or axis is None:
+        return None
+    # Rounded there, so no longer of unit length.
+    unit = tuple(x / math.hypot(*axis) for x in axis)
+    return Joint(kind, unit, read_attribute(prim, "origin", tuple), read_attribute(prim, "limits", tuple))
+
+
+def prim_path(scene: Scene, part_id: str) -> str:
+    """Return the path of the prim that describes a part: its ancestors, then itself."""
+    return "/".join((ROOT, *reversed(scene.ancestors(part_id)), part_id))
+
+
+def _write_part(stage: Usd.Stage, scene: Scene, part_id: str) -> Usd.Prim:
+    part = scene.parts[part_id]
+    prim = UsdGeom.Xform.Define(stage, prim_path(scene, part_id)).GetPrim()
+    _describe(prim, "label", Types.String, part.label)
+    if part.graspable:
+        _describe(prim, "graspable", Types.Bool, True)
+    if part.mass is not None:
+        _describe(prim, "mass", Types.Double, round(part.mass, MILLIMETRES))
+    _write_motion(prim, scene, part_id, part)
+    return prim
+
+
+def _write_box(prim: Usd.Prim, outlines: Sequence[np.ndarray]) -> None:
+    """Describe the box around some outlines [n 3]; nothing where there is no point."""
+    points = np.concatenate([np.zeros((0, 3)), *outlines])
+    if not len(points):
+        return
+    box = upright_box(points)
+    _describe(prim, "center", Types.Double3, _rounded(box.center))
+    _describe(prim, "size", Types.Double3, _rounded(box.size))
+    if yaw := round(math.degrees(box.yaw), DEGREES):
+        _describe(prim, "yaw", Types.Double, yaw)
+
+
+def _write_motion(prim: Usd.Prim, scene: Scene, part_id: str, part: Part) -> None:
+    """Describe how a part moves, against what, and where to hold it; nothing for a fixed part."""
+    if part.motion == "fixed":
+        return
+    _describe(prim, "movable", Types.Bool, True)
+    _describe(prim, "motion", Types.Token, part.motion.kind if isinstance(part.motion, Joint) else part.motion)
+    if not isinstance(part.motion, Joint):
+        return
+    _describe(prim, "against", Types.String, scene.parent_body(part_id) or "world")
+    _describe(prim, "axis", Types.Double3, _rounded(part.motion.axis, DIRECTION))
+    _describe(prim, "origin", Types.Double3, _rounded(part.motion.origin))
+    _describe(prim, "limits", Types.Double2, _rounded(part.motion.limits))
+    point = site_point(scene, part_id)
+    if point is not None:
+        _describe(prim, "grasp", Types.Double3, _rounded(point))
+
+
+def _describe(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: object) -> None:
+    """Author an attribute in as few words as USD's text allows."""
+    write_attribute(prim, name, kind, value, terse=True)
+
+
+def _rounded(values: Sequence[float] | np.ndarray, decimals: int = MILLIMETRES) -> tuple[float, ...]:
+    """Round, without negative zeros."""
+    return tuple(round(float(value), decimals) + 0.0 for value in values)

@@ -1,0 +1,158 @@
+"""Joints, bodies and grasp points in UsdPhysics and Newton's schemas, with the exact values as attributes.
+
+Bodies stand at the identity, so a joint's frame is the same in both bodies: its origin, turned so that X is the axis.
+Where an editor moved a body afterwards, the joint goes with the body that it moves, as that one's surface does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+
+from s2a.core.errors import InputError
+from s2a.scene.scene import Joint, Scene
+from s2a.scene.usd.stage import placement, read_attribute, where, write_attribute
+
+SITE_RADIUS = 0.01
+"""[m]; what a grasp point looks like, without effect."""
+RIGID = 1e-4
+"""Largest departure of a matrix from a rotation: single precision and rounded digits, but no scale that is meant."""
+
+EPSILON = 1e-14
+"""An axis this close to -X (by its cosine) is -X itself."""
+
+Types = Sdf.ValueTypeNames
+KINDS = {"PhysicsPrismaticJoint": "prismatic", "PhysicsRevoluteJoint": "revolute"}
+
+
+def frame(axis: Sequence[float]) -> Gf.Quatf:
+    """Return the shortest rotation that takes X to a unit axis [3]; the turned X is the axis within 1e-6.
+
+    Not `Gf.Rotation(x, axis)`: that takes directions less than 4.5e-4 rad apart for the same.
+    """
+    x, y, z = axis
+    if x < -1.0 + EPSILON:  # half a turn, about z as well as about any other axis across X
+        return Gf.Quatf(0.0, 0.0, 0.0, 1.0)
+    # (1 + cos, sin * turning axis) is the half-angle quaternion before normalization; sin * turning axis = X x axis.
+    w, i, j, k = np.array([1.0 + x, 0.0, -z, y]) / math.hypot(1.0 + x, y, z)
+    return Gf.Quatf(w, i, j, k)
+
+
+def write_joint(stage: Usd.Stage, path: str, joint: Joint, parent: str, child: str) -> UsdPhysics.Joint:
+    """Define a PrismaticJoint or RevoluteJoint between two bodies whose points lie in scene coordinates.
+
+    Args:
+        stage: where to.
+        path: path of the joint.
+        joint: axis, origin and limits; kept as doubles beside the physics frames, which are float32.
+        parent: path of the body that it moves against.
+        child: path of the body that moves.
+    """
+    schema = UsdPhysics.PrismaticJoint if joint.kind == "prismatic" else UsdPhysics.RevoluteJoint
+    prim = schema.Define(stage, path)
+    _connect(prim, parent, child, Gf.Vec3f(*joint.origin), frame(joint.axis))
+    # UsdPhysics turns by degrees.
+    lower, upper = joint.limits if joint.kind == "prismatic" else map(math.degrees, joint.limits)
+    prim.CreateAxisAttr(UsdPhysics.Tokens.x)
+    prim.CreateLowerLimitAttr(lower)
+    prim.CreateUpperLimitAttr(upper)
+    write_attribute(prim.GetPrim(), "axis", Types.Double3, joint.axis)
+    write_attribute(prim.GetPrim(), "origin", Types.Double3, joint.origin)
+    write_attribute(prim.GetPrim(), "limits", Types.Double2, joint.limits)
+    return prim
+
+
+def write_fixed_joint(stage: Usd.Stage, path: str, child: str) -> UsdPhysics.FixedJoint:
+    """Define a FixedJoint that holds a body where it is in the world."""
+    prim = UsdPhysics.FixedJoint.Define(stage, path)
+    _connect(prim, None, child, Gf.Vec3f(0.0), Gf.Quatf(1.0))
+    return prim
+
+
+def read_joint(prim: Usd.Prim) -> Joint:
+    """Read a joint that `write_joint` wrote, exactly.
+
+    Raises:
+        InputError: another type of joint, or axis, origin or limits missing or wrong.
+    """
+    kind = KINDS.get(prim.GetTypeName())
+    if kind is None:
+        raise InputError(
+            f"{where(prim)} is a {prim.GetTypeName() or 'prim without type'}; possible: {', '.join(KINDS)}"
+        )
+    values = {name: read_attribute(prim, name, tuple) for name in ("axis", "origin", "limits")}
+    if missing := [name for name, value in values.items() if value is None]:
+        raise InputError(f"{where(prim)} has no s2a:{missing[0]}; export the scan again")
+    try:
+        return Joint(kind, **values)  # type: ignore[arg-type]
+    except ValueError as error:
+        raise InputError(f"{where(prim)}: {error}; export the scan again") from error
+
+
+def placed(joint: Joint, body: Usd.Prim) -> Joint:
+    """Return a joint as the transform of the body that it moves takes it along; the same joint where there is none.
+
+    The limits stay: they count from the pose in which the body stands, wherever that is.
+
+    Raises:
+        InputError: the transform is no rotation and translation: ranges and masses would no longer be those of the surface.
+    """
+    matrix = placement(body)
+    if matrix is None:
+        return joint
+    turn, shift = matrix[:3, :3], matrix[3, :3]
+    if not (np.isfinite(matrix).all() and np.abs(turn @ turn.T - np.eye(3)).max() <= RIGID and np.linalg.det(turn) > 0):
+        raise InputError(
+            f"{where(body)}: a transform of it or of what is above it scales, shears or mirrors, which its joint cannot "
+            "follow; move and turn it only, and scale the scan before s2a export"
+        )
+    axis = np.array(joint.axis) @ turn
+    return replace(joint, axis=tuple(axis / np.linalg.norm(axis)), origin=tuple(joint.origin @ turn + shift))
+
+
+def write_body(stage: Usd.Stage, path: str, *, root: bool = False) -> UsdGeom.Xform:
+    """Define a rigid body.
+
+    Args:
+        stage: where to.
+        path: path of the body.
+        root: Mark it as the root of an articulation.
+    """
+    body = UsdGeom.Xform.Define(stage, path)
+    UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
+    if root:
+        UsdPhysics.ArticulationRootAPI.Apply(body.GetPrim())
+    return body
+
+
+def site_point(scene: Scene, part_id: str) -> np.ndarray | None:
+    """Return the grasp point of an articulated part [3] (scene coordinates, m); None if no surface is annotated there."""
+    if not any(scene.parts[i].mesh.face_areas.any() for i in scene.handle_parts(part_id)):
+        return None
+    return scene.grasp_point(part_id)
+
+
+def write_site(stage: Usd.Stage, path: str, point: np.ndarray) -> UsdGeom.Sphere:
+    """Define a grasp point [3] (scene coordinates, m): a Sphere without collision that Newton reads as a site."""
+    site = UsdGeom.Sphere.Define(stage, path)
+    site.CreateRadiusAttr(SITE_RADIUS)
+    site.CreateExtentAttr([Gf.Vec3f(-SITE_RADIUS), Gf.Vec3f(SITE_RADIUS)])
+    site.CreatePurposeAttr(UsdGeom.Tokens.guide)
+    site.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*map(float, point)))
+    site.GetPrim().ApplyAPI("NewtonSiteAPI")
+    return site
+
+
+def _connect(joint: UsdPhysics.Joint, parent: str | None, child: str, origin: Gf.Vec3f, turn: Gf.Quatf) -> None:
+    """Author the bodies of a joint (no parent: the world) and its frame, the same in both."""
+    if parent is not None:
+        joint.CreateBody0Rel().SetTargets([parent])
+    joint.CreateBody1Rel().SetTargets([child])
+    joint.CreateLocalPos0Attr(origin)
+    joint.CreateLocalPos1Attr(origin)
+    joint.CreateLocalRot0Attr(turn)
+    joint.CreateLocalRot1Attr(turn)

@@ -1,0 +1,283 @@
+"""The reader of the simulation-ready flavour; its layout is documented in `s2a.scene.usd.sim_stage`, which writes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
+
+from s2a.core.errors import InputError
+from s2a.scene.scene import Mesh, Vec3
+from s2a.scene.usd import refinement, resistance
+from s2a.scene.usd.joints import KINDS, read_joint
+from s2a.scene.usd.sim_scene import (
+    PREPARE_AGAIN,
+    Articulation,
+    Base,
+    Collider,
+    Grasp,
+    Mass,
+    Quat,
+    Reduction,
+    SimBody,
+    SimRoom,
+)
+from s2a.scene.usd.stage import ROOT, open_stage, read_attribute, read_mesh, where
+
+FLAVOUR = "simready"
+EMPTY = Mesh(np.zeros((0, 3)), np.zeros((0, 3)))
+
+
+def open_physics(path: Path) -> Usd.Stage:
+    """Open a simulation-ready file without its visuals.
+
+    Raises:
+        InputError: no such file, not USD, another kind of stage, or one of an older layout.
+    """
+    return _checked(open_stage(path, payloads=False), path)
+
+
+def read(path: Path, *, visuals: bool = True) -> SimRoom:
+    """Read a simulation-ready file; equal to what was written.
+
+    Args:
+        path: the file.
+        visuals: Read the surfaces too; without them they are empty, and nothing but physics is loaded.
+
+    Raises:
+        InputError: no such file, another kind of stage, or a damaged one.
+    """
+    stage = _checked(open_stage(path), path) if visuals else open_physics(path)
+    root, static = stage.GetDefaultPrim(), stage.GetPrimAtPath(f"{ROOT}/static")
+    joints = {prim.GetName(): prim for prim in stage.GetPrimAtPath(f"{ROOT}/joints").GetChildren()}
+    prims = {prim.GetName(): prim for prim in root.GetChildren() if prim.HasAPI(UsdPhysics.RigidBodyAPI)}
+    bodies = {name: _body(prim) for name, prim in prims.items()}
+    visual = static.GetChild("visual")
+    for part in (i for i in prims if _moves(joints.get(i))):
+        _refuse_loose(part, joints, path)
+    return SimRoom(
+        name=read_attribute(root, "name", str, ""),
+        bodies={name: body for name, body in bodies.items() if name in joints},
+        articulations={i: _articulation(prims[i], joints[i]) for i in prims if _moves(joints.get(i))},
+        static_visual=_mesh(visual, static),
+        static_colliders=_colliders(static),
+        free={name: body for name, body in bodies.items() if name not in joints},
+        notes=_strings(root, "notes"),
+        static_parts=_strings(visual, "parts") if visual else (),
+        static_face_part=_face_part(visual),
+        reductions=tuple(
+            r for r in (_reduction(static, *group) for group in (("structure", "shell"), ("other",))) if r is not None
+        ),
+    )
+
+
+def _checked(stage: Usd.Stage, path: Path) -> Usd.Stage:
+    """Return a stage if it is of this flavour and layout, else raise an InputError."""
+    root = stage.GetDefaultPrim()
+    if read_attribute(root, "flavour", str) != FLAVOUR:
+        raise InputError(f"{path}: not a simulation-ready stage (no s2a:flavour {FLAVOUR!r}); run s2a prepare")
+    if root.GetAttribute("s2a:target"):
+        raise InputError(f"{path}: holds one part, as an older s2a wrote it; {PREPARE_AGAIN}")
+    if missing := [name for name in ("static", "joints") if not root.GetChild(name)]:
+        raise InputError(f"{path}: {ROOT}/{missing[0]} is missing; {PREPARE_AGAIN}")
+    return stage
+
+
+def _moves(joint: Usd.Prim | None) -> bool:
+    return joint is not None and joint.GetTypeName() in KINDS
+
+
+def _body(prim: Usd.Prim) -> SimBody:
+    """Read a body, its points in its own frame."""
+    api = UsdPhysics.MassAPI(prim)
+    x, y, z, w = _xyzw(api.GetPrincipalAxesAttr().Get() or Gf.Quatf(1.0))
+    mass = Mass(
+        _required(api.GetMassAttr()),
+        tuple(_required(api.GetCenterOfMassAttr())),
+        tuple(_required(api.GetDiagonalInertiaAttr())),
+        (x, y, z, w),
+        read_attribute(prim, "massSource", str, ""),
+    )
+    position, orientation = _pose(prim)
+    return SimBody(
+        id=prim.GetName(),
+        visual=_mesh(prim.GetChild("visual"), prim),
+        colliders=_colliders(prim),
+        mass=mass,
+        completed=read_attribute(prim, "completed", int, 0),
+        position=position,
+        orientation=orientation,
+    )
+
+
+def _refuse_loose(part: str, joints: dict[str, Usd.Prim], path: Path) -> None:
+    """Raise an InputError where no chain of joints holds an articulated part to the world."""
+    carriers = [part]
+    while _moves(joints.get(carriers[-1])):
+        carriers.append(_parent(joints[carriers[-1]]))
+        if carriers[-1] in carriers[:-1] or carriers[-1] not in joints:
+            raise InputError(f"{path}: {part!r} hangs on {carriers[-1]!r}, which nothing fixes; {PREPARE_AGAIN}")
+
+
+def _parent(joint: Usd.Prim) -> str:
+    """Return the id of the body that a joint hangs on."""
+    parents = UsdPhysics.Joint(joint).GetBody0Rel().GetTargets()
+    if len(parents) != 1:
+        raise InputError(f"{where(joint)} hangs on {len(parents)} bodies, not on one; {PREPARE_AGAIN}")
+    return parents[0].name
+
+
+def _articulation(prim: Usd.Prim, joint: Usd.Prim) -> Articulation:
+    """Read how a body moves and how it is grasped."""
+    pairs = (
+        UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel() if prim.HasAPI(UsdPhysics.FilteredPairsAPI) else None
+    )
+    moved = read_joint(joint)
+    return Articulation(
+        joint=moved,
+        parent=_parent(joint),
+        grasp=_grasp(prim),
+        bases=dict(_base(child) for child in _children(prim, "bases")),
+        friction=joint.GetAttribute("newton:friction").Get() or 0.0,
+        filtered=tuple(path.name for path in pairs.GetTargets()) if pairs else (),
+        notes=_strings(prim, "notes"),
+        resistance=resistance.read(joint),
+        refinement=refinement.read(prim, moved),
+    )
+
+
+def _grasp(prim: Usd.Prim) -> Grasp:
+    site, region = prim.GetChild("grasp"), prim.GetChild("region")
+    size = read_attribute(site, "size", tuple) if site else None
+    if size is None or not region:
+        raise InputError(f"{where(prim)} moves, but lacks a grasp with s2a:size and a region; {PREPARE_AGAIN}")
+    point, orientation = _pose(site)
+    return Grasp(point, orientation, size, read_mesh(region), read_attribute(site, "internal", bool, False))
+
+
+def _base(prim: Usd.Prim) -> tuple[str, Base]:
+    """Read the name of a robot, and where it stands."""
+    position, orientation = _pose(prim)
+    values = {"reason": str, "free": bool, "pedestal": float, "radius": float}
+    found = {name: read_attribute(prim, name, kind) for name, kind in values.items()}
+    given = {name: value for name, value in found.items() if value is not None}
+    return read_attribute(prim, "robot", str, prim.GetName()), Base(position, orientation, **given)
+
+
+def _colliders(prim: Usd.Prim) -> tuple[Collider, ...]:
+    return tuple(
+        Collider(read_attribute(p, "part", str, "?"), _mesh(p, prim), read_attribute(p, "structure", bool, False))
+        for p in _children(prim, "colliders")
+        if p.HasAPI(UsdPhysics.CollisionAPI)
+    )
+
+
+def _mesh(prim: Usd.Prim | None, body: Usd.Prim) -> Mesh:
+    """Read a surface in the frame of its body, bit for bit where no editor moved it in there; empty if there is none."""
+    if not prim or not prim.IsLoaded():
+        return EMPTY
+    if not prim.IsA(UsdGeom.PointBased):
+        raise InputError(f"{where(prim)}: the visuals are missing; put the file that s2a prepare wrote beside this one")
+    return read_mesh(prim, frame=body)
+
+
+def _face_part(visual: Usd.Prim | None) -> np.ndarray | None:
+    primvar = UsdGeom.PrimvarsAPI(visual).GetPrimvar("s2a:part") if visual and visual.IsLoaded() else None
+    return np.asarray(primvar.Get(), np.int32) if primvar and primvar.HasValue() else None
+
+
+def _reduction(prim: Usd.Prim, group: str, old: str = "") -> Reduction | None:
+    """Return what decimation did to a group of surfaces, or None; `old` is its name in older files."""
+    name = group if prim.HasAttribute(f"s2a:{group}:facesBefore") else old
+    counts = {n: prim.GetAttribute(f"s2a:{name}:faces{n.capitalize()}").Get() for n in ("before", "after", "asked")}
+    errors = {n: prim.GetAttribute(f"s2a:{name}:error{n.capitalize()}").Get() for n in ("mean", "p99", "max")}
+    return None if None in {**counts, **errors}.values() else Reduction(group, **counts, **errors)
+
+
+def _strings(prim: Usd.Prim, name: str) -> tuple[str, ...]:
+    return tuple(prim.GetAttribute(f"s2a:{name}").Get() or ())
+
+
+def _children(prim: Usd.Prim, name: str) -> list[Usd.Prim]:
+    scope = prim.GetChild(name)
+    return list(scope.GetChildren()) if scope else []
+
+
+def _required(attribute: Usd.Attribute) -> Any:
+    value = attribute.Get()
+    if value is None:
+        raise InputError(f"{where(attribute.GetPrim())} has no {attribute.GetName()}; {PREPARE_AGAIN}")
+    return value
+
+
+def _pose(prim: Usd.Prim) -> tuple[Vec3, Quat]:
+    """Return a prim's position [m] and orientation: exactly what was written, or what an editor's transforms come to."""
+    ops = {op.GetOpName(): op.Get() for op in UsdGeom.Xformable(prim).GetOrderedXformOps()}
+    matrix = UsdGeom.Xformable(prim).GetLocalTransformation()
+    if not ops.keys() <= {"xformOp:translate", "xformOp:orient"}:
+        ops = {"xformOp:translate": matrix.ExtractTranslation(), "xformOp:orient": matrix.ExtractRotationQuat()}
+    x, y, z = ops.get("xformOp:translate", (0.0, 0.0, 0.0))
+    return (x, y, z), _xyzw(ops.get("xformOp:orient", Gf.Quatd(1.0)))
+
+
+def _xyzw(quat: Gf.Quatd | Gf.Quatf) -> Quat:
+    x, y, z = quat.GetImaginary()
+    return x, y, z, quat.GetReal()
+
+
+def refuse_unphysical(path: Path) -> None:
+    """Raise an InputError for a stage with NaN, a mass that no body has, a joint without bodies or a hull without volume.
+
+    Args:
+        path: a simulation-ready room.
+    """
+    stage = open_physics(path)  # which must outlive its prims
+    for prim in stage.Traverse():
+        _check_numbers(prim)
+        if prim.IsA(UsdPhysics.Joint):
+            _check_joint(prim)
+    room = read(path, visuals=False)
+    for body in (*room.bodies.values(), *room.free.values()):
+        _check_body(body, path)
+    _check_hulls([collider.mesh.vertices for collider in room.static_colliders], f"{path}: the room")
+
+
+def _check_numbers(prim: Usd.Prim) -> None:
+    """Raise if an authored number of a prim is NaN; infinity may stand for "no limit"."""
+    for attribute in prim.GetAuthoredAttributes():
+        try:
+            numbers = np.asarray(attribute.Get(), dtype=np.float64)
+        except (TypeError, ValueError):  # a text, or something else that is no number
+            continue
+        if np.isnan(numbers).any() and attribute.Get() is not None:
+            raise InputError(f"{where(prim)}: {attribute.GetName()} is not a number; {PREPARE_AGAIN}")
+
+
+def _check_joint(prim: Usd.Prim) -> None:
+    """Raise unless a joint moves a body, against another one or the world."""
+    joint, stage = UsdPhysics.Joint(prim), prim.GetStage()
+    moved, against = joint.GetBody1Rel().GetTargets(), joint.GetBody0Rel().GetTargets()
+    bodies = [stage.GetPrimAtPath(path) for path in (*moved, *against)]
+    if len(moved) != 1 or len(against) > 1 or not all(body and body.HasAPI(UsdPhysics.RigidBodyAPI) for body in bodies):
+        given = ", ".join(map(str, (*moved, *against))) or "nothing"
+        raise InputError(f"{where(prim)} joins {given}; expected rigid bodies of the stage: {PREPARE_AGAIN}")
+
+
+def _check_body(body: SimBody, path: Path) -> None:
+    """Raise if a body has no mass and inertia, or no hull with a volume."""
+    mass, inertia = body.mass.mass, np.array(body.mass.inertia)
+    if not 0.0 < mass < np.inf or not ((inertia > 0.0) & (inertia < np.inf)).all():
+        given = ", ".join(f"{moment:g}" for moment in inertia)
+        raise InputError(
+            f"{path}: {body.id} has mass {mass:g} kg and inertia {given}; expected numbers above 0: {PREPARE_AGAIN}"
+        )
+    _check_hulls([collider.mesh.vertices for collider in body.colliders], f"{path}: {body.id}")
+
+
+def _check_hulls(hulls: list[np.ndarray], owner: str) -> None:
+    """Raise if a hull has no volume."""
+    for points in hulls:
+        if len(points) < 4 or np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-9) < 3:
+            raise InputError(f"{owner} has a collision hull of {len(points)} points without volume; {PREPARE_AGAIN}")

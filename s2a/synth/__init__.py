@@ -1,5 +1,0 @@
-"""Virtual scans: rooms whose truth is known, scanned with rays and written in the files of real scans."""
-
-from s2a.synth.sample import RoomKind, SampleConfig, sample
-
-__all__ = ["RoomKind", "SampleConfig", "sample"]

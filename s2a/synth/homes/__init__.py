@@ -1,5 +1,0 @@
-"""Varied homes: ten kinds of rooms whose shape, furniture and handles are drawn from continuous ranges, see `furnish`."""
-
-from s2a.synth.homes.kinds import HOMES, furnish, home, stream
-
-__all__ = ["HOMES", "furnish", "home", "stream"]

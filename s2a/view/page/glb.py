@@ -1,0 +1,142 @@
+"""A mesh as binary glTF 2.0, small enough to travel: positions in 16 bits of the mesh's own box.
+
+Of a box of 10 m that is 0.15 mm. Source: glTF 2.0, with the extensions KHR_mesh_quantization and KHR_materials_unlit.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+
+from s2a.scene.scene import Mesh
+
+AMBIENT = 2.2
+"""Intensity of the light from everywhere: the scan's colours hold its light already, so that it is most of the light."""
+LIGHTS = (("above", 1.3, (1.0, 2.0, 4.0)), ("aside", 0.6, (-3.0, -1.0, 1.0)))
+"""Name, intensity and place of the other lights, which are far away."""
+BRIGHTEST = (AMBIENT + sum(intensity for _, intensity, _ in LIGHTS)) / np.pi
+"""What no surface exceeds."""
+
+
+def brightness(mesh: Mesh) -> np.ndarray:
+    """Return the fraction of its own linear colour with which each vertex reflects the page's light, shape [vertex].
+
+    A diffuse surface (Lambert) reflects light of intensity 1 with its colour over pi, as three.js reckons.
+    """
+    normals = vertex_normals(mesh)
+    total = np.full(len(normals), AMBIENT)
+    for _, intensity, place in LIGHTS:
+        total += intensity * np.maximum(normals @ (np.array(place) / np.linalg.norm(place)), 0.0)
+    return total / np.pi
+
+
+def vertex_normals(mesh: Mesh) -> np.ndarray:
+    """Return the mean normal of the faces at each vertex, weighted by their areas, shape [vertex 3]; 0 where there is none."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
+    facing, count = np.cross(b - a, c - a), len(mesh.vertices)
+    sums = [sum(np.bincount(corner, column, count) for corner in mesh.faces.T) for column in facing.T]
+    normals = np.stack(sums, axis=1) if len(mesh.faces) else np.zeros((count, 3))
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+
+UNSIGNED_SHORT, UNSIGNED_INT = 5123, 5125
+MAX_SHORT = 65535
+MIN_EXTENT = 1e-6
+"""[m] A flat mesh's extent across itself is taken for this: a scale of zero has no inverse."""
+UNLIT = "KHR_materials_unlit"
+ALIGNMENT = 4
+WHITE, PLAIN = (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)
+"""Linear RGB: what leaves the colours of vertices as they are, and the colour of surfaces without one."""
+
+Color = tuple[float, float, float]
+
+
+def encode(
+    mesh: Mesh, color: Color | None = None, opacity: float = 1.0, both_sides: bool = False, baked: bool = False
+) -> bytes:
+    """Return a mesh as the bytes of a .glb file.
+
+    Args:
+        mesh: with a face at least, in any frame [m].
+        color: linear RGB of the whole mesh, 0 to 1; None: its vertices' colours, or else PLAIN.
+        opacity: 1 for opaque.
+        both_sides: Show faces from behind, too.
+        baked: Hold the page's light in the colours of the vertices, so that pixels are not shaded; without `color`.
+    """
+    low, extent = mesh.bounds[0], np.maximum(np.ptp(mesh.bounds, axis=0), MIN_EXTENT)
+    points = np.zeros((len(mesh.vertices), 4), np.uint16)  # the fourth aligns them
+    points[:, :3] = np.rint((mesh.vertices - low) / extent * MAX_SHORT)
+    short = len(mesh.vertices) <= MAX_SHORT
+    indices = mesh.faces.astype(np.uint16 if short else np.uint32).ravel()
+    arrays: list[tuple[np.ndarray, dict[str, Any]]] = [
+        (
+            indices,
+            {"componentType": UNSIGNED_SHORT if short else UNSIGNED_INT, "type": "SCALAR", "count": indices.size},
+        ),
+        (points, {"min": points[:, :3].min(axis=0).tolist(), "max": points[:, :3].max(axis=0).tolist()}),
+    ]
+    attributes = {"POSITION": 1}
+    if baked or (color is None and mesh.colors is not None):
+        arrays.append((_linear(mesh, brightness(mesh) / BRIGHTEST if baked else 1.0), {}))
+        attributes["COLOR_0"] = 2
+    plain = WHITE if "COLOR_0" in attributes else PLAIN
+    material = _material(color or plain, opacity, both_sides)
+    if baked:
+        material["pbrMetallicRoughness"]["baseColorFactor"] = [*3 * (BRIGHTEST,), opacity]
+        material["extensions"] = {UNLIT: {}}
+    document = {
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_mesh_quantization", *[UNLIT] * baked],
+        "extensionsRequired": ["KHR_mesh_quantization"],
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": low.tolist(), "scale": extent.tolist()}],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 0, "material": 0}]}],
+        "materials": [material],
+    }
+    return _packed(document, arrays)
+
+
+def _material(color: Color, opacity: float, both_sides: bool) -> dict[str, Any]:
+    surface = {"baseColorFactor": [*color, opacity], "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    mode = "BLEND" if opacity < 1.0 else "OPAQUE"
+    return {"pbrMetallicRoughness": surface, "alphaMode": mode, "doubleSided": both_sides}
+
+
+def _linear(mesh: Mesh, level: np.ndarray | float) -> np.ndarray:
+    """Return the sRGB colours of vertices as glTF wants them: linear, 16 bits, shape [vertex 4], the fourth being opacity.
+
+    Args:
+        mesh: PLAIN where it has no colours.
+        level: fraction of its colour that each vertex has, shape [vertex].
+    """
+    steps = np.arange(256) / 255.0
+    table = np.where(steps <= 0.04045, steps / 12.92, ((steps + 0.055) / 1.055) ** 2.4)
+    colors = np.tile(PLAIN, (len(mesh.vertices), 1)) if mesh.colors is None else table[mesh.colors]
+    # The 256 steps of sRGB again: the eye sees no more, and a file of them packs smaller.
+    colors = table[np.searchsorted((table[1:] + table[:-1]) / 2, colors * np.reshape(level, (-1, 1)))]
+    linear = np.full((len(colors), 4), MAX_SHORT, np.uint16)
+    linear[:, :3] = np.rint(MAX_SHORT * colors)
+    return linear
+
+
+def _packed(document: dict[str, Any], arrays: list[tuple[np.ndarray, dict[str, Any]]]) -> bytes:
+    """Return a document and the arrays of its accessors in glTF's container."""
+    payload, views, accessors = b"", [], []
+    for number, (array, facts) in enumerate(arrays):
+        view = {"buffer": 0, "byteOffset": len(payload), "byteLength": array.nbytes}
+        views.append(view | ({"byteStride": array.strides[0]} if array.ndim == 2 else {}))
+        vectors = {"componentType": UNSIGNED_SHORT, "type": "VEC3", "count": len(array), "normalized": True}
+        accessors.append((vectors if array.ndim == 2 else {}) | {"bufferView": number} | facts)
+        payload += _padded(array.tobytes(), b"\0")
+    document |= {"buffers": [{"byteLength": len(payload)}], "bufferViews": views, "accessors": accessors}
+    text = _padded(json.dumps(document, separators=(",", ":")).encode(), b" ")
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(payload), b"BIN\0") + payload
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _padded(data: bytes, filler: bytes) -> bytes:
+    return data + filler * (-len(data) % ALIGNMENT)

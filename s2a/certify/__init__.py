@@ -1,4 +1,4 @@
-"""Is a stage simulation-ready? Checks of its structure, its surfaces, and its behaviour under physics."""
+"""Validation of a simulation-ready stage: its structure, its surfaces, and its behaviour under physics."""
 
 import logging
 

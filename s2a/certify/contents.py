@@ -1,4 +1,4 @@
-"""What a sim.usd holds, read without trusting it: what is missing is None or empty, and named by a rule."""
+"""Contents of a sim.usd, read without trusting it, and the rules for its surfaces."""
 
 from __future__ import annotations
 

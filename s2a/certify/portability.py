@@ -1,4 +1,4 @@
-"""What another simulator would make of a sim.usd: whatever it says of physics that s2a's own simulation does not read."""
+"""Portability of a sim.usd: its physics as another simulator reads it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the scanned surface in a sim.usd says about its joints, grasps, colliders and base poses."""
+"""Evidence of the scanned surface in a sim.usd about its joints, grasps, colliders and base poses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the prims of a sim.usd must say, whatever a simulator makes of them."""
+"""Static rules for the prims of a sim.usd, independent of any simulator."""
 
 from __future__ import annotations
 

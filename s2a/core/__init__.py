@@ -1,4 +1,4 @@
-"""What every room needs: errors, configuration, outputs, progress, provenance, caches, worker processes.
+"""The common base: errors, configuration, outputs, progress, provenance, caches, worker processes.
 
 In: values, files and terminals. Out: the same, checked; nothing here reads a room.
 """

@@ -1,4 +1,4 @@
-"""Boxes around furniture, parallel to the axes: what it fills, what its parts sweep, where one stands to open them. Metres."""
+"""Boxes around furniture, parallel to the axes: filled space, swept space of parts, standing room before them. Metres."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What fronts of furniture are made of: the kind of each opening, and the materials that a cabinet's fronts share."""
+"""Fronts of furniture: the kind of each opening, and the materials that a cabinet's fronts share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scanner in a hand does to a scan: places drift along the path, and the fused surface is smoothed."""
+"""Errors of a hand-held scanner: drift along its path, and smoothing of the fused surface."""
 
 from __future__ import annotations
 

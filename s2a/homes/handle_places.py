@@ -1,4 +1,4 @@
-"""Where handles sit on fronts: drawers, doors, flaps. Local frames: the front's middle, its face at x = 0, z up, metres."""
+"""Places of handles on drawers, doors and flaps. Local frames: the front's middle, its face at x = 0, z up, metres."""
 
 from __future__ import annotations
 

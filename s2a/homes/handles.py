@@ -1,4 +1,4 @@
-"""What a hand takes hold of: bars, knobs, levers, cups, edge pulls. Local frames: on a front at x = 0, z up, metres."""
+"""Handles: bars, knobs, levers, cups, edge pulls. Local frames: on a front at x = 0, z up, metres."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What closes a cell of a cabinet: drawers, doors, pairs of doors, flaps, rising shutters, with their handles in place.
+"""Fronts that close a cell of a cabinet: drawers, doors, pairs of doors, flaps, rising shutters, with their handles.
 
 Drawers run on 3/4 or full extension runners of 250 to 650 mm (Blum Tandem, Hettich Quadro); hinges open by 80 to 110 degrees
 (Blum Clip Top 107 and 110, Salice 94); flaps by 75 to 107 degrees (Blum Aventos); reveals are 2 to 5 mm.

@@ -1,4 +1,4 @@
-"""What a laser scanner on a tripod sees: panoramas of ranges, by casting rays at a triangle mesh.
+"""Panoramas of ranges of a laser scanner on a tripod, by casting rays at a triangle mesh.
 
 A panorama is a cube map: six square faces whose pixels are almost evenly spaced in angle. Unlike an equirectangular image it
 wastes no rays at the poles, and a point is projected into it without trigonometry.

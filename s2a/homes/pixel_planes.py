@@ -1,4 +1,4 @@
-"""What each pixel of a panorama measured: not a point alone but the plane through it.
+"""Planes measured by the pixels of a panorama.
 
 A pixel's plane comes from its direct neighbours: ones farther away lie beside a handle's bar, which is two or three pixels
 wide, and would turn its planes by tens of degrees.

@@ -1,4 +1,4 @@
-"""What every furnished room has: walls with openings, floor and ceiling, places for a scanner.
+"""A furnished room: walls with openings, floor and ceiling, places for a scanner.
 
 Room frame: inner corner at the origin, x along the width, y along the depth, z up, metres.
 """

@@ -1,4 +1,4 @@
-"""What a camera paints on a coarse surface: the true point that is seen through each of its points.
+"""Colours of a coarse surface: the true point seen through each of its points.
 
 A handle that is missing in the mesh of a phone is in its texture, on the front behind it.
 """

@@ -1,4 +1,4 @@
-"""What one household's furniture panels like: a palette drawn for a home, and a style drawn from it for each piece."""
+"""Styles of one household's furniture: a palette drawn for a home, and a style drawn from it for each piece."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From millions of even triangles to a scan's uneven ones: large on planes, small on detail."""
+"""Reduction of millions of even triangles to a scan's uneven ones: large on planes, small on detail."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is exactly true of a virtual scan, as JSON."""
+"""The truth about a virtual scan, as JSON."""
 
 from __future__ import annotations
 

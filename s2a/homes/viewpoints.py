@@ -1,4 +1,4 @@
-"""Where a scanner is put up in a furnished room: in free air, one after the other where most handles and surface are new."""
+"""Viewpoints of a scanner in a furnished room, chosen in free air for the most unseen handles and surface."""
 
 from __future__ import annotations
 

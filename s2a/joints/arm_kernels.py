@@ -1,4 +1,4 @@
-"""What moves joints that an arm pulls: kernels of `s2a.joints.arm_worlds`."""
+"""Kernels of `s2a.joints.arm_worlds`: forces on joints that an arm pulls."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import warp as wp

@@ -1,4 +1,4 @@
-"""What moves pulled joints and what their recordings correct: kernels of `s2a.joints.joint_worlds`."""
+"""Kernels of `s2a.joints.joint_worlds`: forces on pulled joints, and corrections by their recordings."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import warp as wp

@@ -1,4 +1,4 @@
-"""What tells a part that opens from an object that was moved: it opens outwards, and what holds it stands still around it."""
+"""Checks that tell a part that opens from an object that was moved: it opens outwards, and its furniture is still."""
 
 from __future__ import annotations
 

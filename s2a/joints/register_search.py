@@ -1,4 +1,4 @@
-"""From many joints that could be to those that are: each is fitted roughly; what explains most surface comes first."""
+"""The search among candidate joints: each is fitted roughly; the one that explains most surface comes first."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How good a policy is: one episode a world, counted once, with intervals."""
+"""Evaluation of a policy: one episode a world, counted once, with intervals, over parts and part by part."""
 
 from __future__ import annotations
 

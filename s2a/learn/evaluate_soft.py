@@ -1,4 +1,4 @@
-"""How good the planner is with a soft body: trials one after the other, counted as `s2a.learn.evaluate` counts worlds."""
+"""Evaluation of the planner with a soft body: trials one after the other, counted as `s2a.learn.evaluate` counts worlds."""
 
 from __future__ import annotations
 

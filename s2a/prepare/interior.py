@@ -1,4 +1,4 @@
-"""What a scan of a closed drawer cannot show: the open box behind its front, and the back and sides of its furniture."""
+"""Interiors that a scan of a closed part cannot show: the box behind a front, the back and sides of its furniture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a body weighs, and how it resists turning."""
+"""Mass and inertia of bodies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one articulated part needs: grasp, colliders, base pose; made for many parts on all processors, and cached."""
+"""Results for one articulated part: grasp, colliders, base pose; for many parts on all processors, and cached."""
 
 from __future__ import annotations
 

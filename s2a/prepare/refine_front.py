@@ -1,4 +1,4 @@
-"""What one scan tells of a moving part's front: its plane and its sides, each with the uncertainty that the scan leaves."""
+"""The front of a moving part in one scan: its plane and its sides, each with its uncertainty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The joints of a room as one problem: what its scan tells of them, and the parameters that fit it best."""
+"""The joints of a room as one problem: observations of its scan, and the parameters that fit them best."""
 
 from __future__ import annotations
 

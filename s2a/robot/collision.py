@@ -1,4 +1,4 @@
-"""What a robot collides with: spheres around its links against surfaces (scanned, or of collision hulls) and each other."""
+"""Collision geometry of a robot: spheres around its links against surfaces, collision hulls and each other."""
 
 from __future__ import annotations
 

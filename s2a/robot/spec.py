@@ -1,4 +1,4 @@
-"""What the rest of the package knows of a robot: one arm with a parallel gripper, described by `conf/robot/<name>.yaml`."""
+"""Description of a robot: one arm with a parallel gripper, from `conf/robot/<name>.yaml`."""
 
 from __future__ import annotations
 

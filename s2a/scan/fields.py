@@ -1,4 +1,4 @@
-"""Typed access to annotation JSON: a wrong value becomes one line that says where it stands and what belongs there."""
+"""Typed access to annotation JSON: a wrong value becomes one line that names its place and the expected value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which files of a folder make up a scan on a ScanNet++ mesh."""
+"""The files of a scan on a ScanNet++ mesh in a folder."""
 
 from __future__ import annotations
 

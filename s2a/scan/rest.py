@@ -1,4 +1,4 @@
-"""What no hierarchy covers: ScanNet++'s objects and unannotated faces, as flat, fixed parts."""
+"""Surfaces outside every hierarchy: ScanNet++'s objects and unannotated faces, as flat, fixed parts."""
 
 from __future__ import annotations
 

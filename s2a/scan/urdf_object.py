@@ -1,4 +1,4 @@
-"""The URDF of one object, as a network predicts it from images -> predicted parts of the scan in which the object stands.
+"""The URDF of one object, as a network predicts it from images, as predicted parts of the scan around it.
 
 The object is fitted into its box in the scan, and each face of the scan in the box goes to the link whose surface is nearest.
 """

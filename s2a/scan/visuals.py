@@ -1,4 +1,4 @@
-"""What there is to see in a scan or a stage: its surfaces, or what stands for them in contacts."""
+"""Visible surfaces of a scan or a stage, or their colliders."""
 
 from __future__ import annotations
 

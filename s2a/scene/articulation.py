@@ -1,4 +1,4 @@
-"""What a joint does to the part that it moves: the one copy of it for scans, preparation, simulation and validation.
+"""Motion of a part by its joint: the one copy of it for scans, preparation, simulation and validation.
 
 A joint's coordinate q is 0 in the scanned pose, [m] for a slide and [rad] for a hinge; points and directions are in scene
 coordinates. The farther limit from zero is the open one, since a scan's zero is the pose in which the part was found.

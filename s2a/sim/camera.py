@@ -1,4 +1,4 @@
-"""What a camera sees of one world: Newton's own renderer, the scan's colours as a texture."""
+"""Camera images of one world, by Newton's renderer with the scan's colours as a texture."""
 
 from __future__ import annotations
 

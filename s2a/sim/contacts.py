@@ -1,4 +1,4 @@
-"""What the robot presses on: forces between its links and one body of every world, by link and by region of the surface.
+"""Contact forces between the robot's links and one body of every world, by link and by region of the surface.
 
 The gripper's pads are the fingers' links. A contact belongs to where it lies, whatever collider carries it.
 """

@@ -1,4 +1,4 @@
-"""How much of a robot's limits a policy uses: of what it commands, and of what then moves."""
+"""Utilisation of a robot's limits by a policy: of its commands, and of the motion that follows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which colliders of the room a world needs: those near the path of what moves, as many as physics can afford."""
+"""Colliders of the room that a world needs: those near the path of what moves, as many as physics can afford."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a robot's own sensors tell while it works: joint positions and torques."""
+"""Recordings of a robot's own sensors: joint positions and torques."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 import csv

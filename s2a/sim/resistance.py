@@ -1,4 +1,4 @@
-"""What MuJoCo's joints do not know of how a part resists: dry friction that is greatest at rest, and a soft close."""
+"""Resistance of parts that MuJoCo's joints do not have: dry friction that is greatest at rest, and a soft close."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 from collections.abc import Callable, Sequence

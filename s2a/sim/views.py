@@ -1,4 +1,4 @@
-"""What cameras see of all worlds at once: one that stands before the furniture, one at the wrist."""
+"""Camera images of all worlds at once: one camera before the furniture, one at the wrist."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 from collections.abc import Iterator

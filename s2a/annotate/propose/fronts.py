@@ -1,4 +1,4 @@
-"""From what the network sees of a plane to fronts: rectangles, how they open, and their handles."""
+"""Fronts from the network's map of a plane: rectangles, the ways in which they open, and their handles."""
 
 from __future__ import annotations
 

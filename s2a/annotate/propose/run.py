@@ -1,4 +1,4 @@
-"""From a scan's surface to proposed parts."""
+"""Proposed parts of a scan's surface."""
 
 from __future__ import annotations
 

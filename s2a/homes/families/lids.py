@@ -1,4 +1,4 @@
-"""What opens upwards: trunks, storage benches, bins, laundry baskets; all common sizes.
+"""Furniture that opens upwards: trunks, storage benches, bins, laundry baskets; all common sizes.
 
 Trunks 0.6 to 1.3 m wide, 0.38 to 0.55 m deep, 0.38 to 0.55 m high; bins 0.2 to 0.36 m across, 0.28 to 0.7 m high. Backs at x = 0.
 """

@@ -1,4 +1,4 @@
-"""What rooms of every kind share: doors, windows, what hangs on walls, lamps, things on the floor."""
+"""Furnishing that rooms of every kind share: doors, windows, wall decoration, lamps, things on the floor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What objects look like when they come off the web: any unit, up axis, heading, origin and format, and some are dirty."""
+"""Objects as downloads are: any unit, up axis, heading, origin and format, some of them dirty."""
 
 from __future__ import annotations
 

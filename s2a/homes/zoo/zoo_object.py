@@ -1,4 +1,4 @@
-"""What the zoo consists of: a shape with its label, built upright in millimetres and handed out in metres."""
+"""An object of the zoo: a shape with its label, built upright in millimetres and returned in metres."""
 
 from __future__ import annotations
 

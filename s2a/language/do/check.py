@@ -1,4 +1,4 @@
-"""Does a plan fit the room? Each skill is checked against the room as the skills before it would leave it."""
+"""Checks of a plan against the room: each skill against the state that the skills before it leave."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a planner of skills knows of a room: its parts with labels, boxes and joints, what stands open, what lies free where."""
+"""Facts of a room for a planner of skills: parts with labels, boxes and joints, open parts, free objects."""
 
 from __future__ import annotations
 

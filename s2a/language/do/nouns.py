@@ -1,4 +1,4 @@
-"""Which part of a room do words mean? "the top drawer of the desk" -> drawer_17, or why none or several."""
+"""Parts of a room from words: "the top drawer of the desk" -> drawer_17, or the reason for none or several."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an insertion is given and what it returns: settings, object and hint, room, model and logs; the object in its place."""
+"""Input and result of an insertion: object and hint, room, model and logs; the object in its place."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An object's file -> a clean mesh that stands upright in metres."""
+"""An object's file as a clean mesh that is upright and in metres."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What models are told: a system prompt a step, its JSON schema, and how the question is put.
+"""Prompts for models: a system prompt a step, its JSON schema, and the question.
 
 A changed prompt makes recordings void; they say so (`s2a.language.llm.replay`).
 """

@@ -1,4 +1,4 @@
-"""What a script may do: the operations of usd-core that place an object, and no others.
+"""Operations of usd-core that a script may use to place an object.
 
 None of them opens, writes or names a file, but those in `FILES`, whose path is checked.
 """

@@ -1,1 +1,1 @@
-"""What a depth camera shows of a part, and what a network makes of it: grasp, joint and size, without being told."""
+"""Perception: points of a part in a depth image, and a network that estimates grasp, joint and size from them."""

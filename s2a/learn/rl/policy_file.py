@@ -1,4 +1,4 @@
-"""A trained policy as one ONNX file that knows its world: any run's export, or the one that comes with s2a."""
+"""A trained policy as one ONNX file with its world: any run's export, or the bundled one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a check of an annotation finds: a number, its bound, a verdict, and what to do."""
+"""A finding about an annotation: a number, its bound, a verdict, and what to do."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which way a part opens, against the side from which its front was scanned."""
+"""The direction in which a part opens, against the side from which its front was scanned."""
 
 from __future__ import annotations
 

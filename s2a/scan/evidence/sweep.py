@@ -1,4 +1,4 @@
-"""What the untrimmed rest of the scan leaves of a joint's range: the swept path of a part against every other surface."""
+"""The free range of a joint: the swept path of a part against every other surface of the scan."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What meshes are asked; Warp as a geometry library lives here."""
+"""Queries and operations on meshes; Warp as a geometry library."""

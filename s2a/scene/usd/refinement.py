@@ -1,4 +1,4 @@
-"""What `s2a prepare refine_joints=true` did to a joint, on the prim of its part.
+"""Record of a refined joint on the prim of its part (`s2a prepare refine_joints=true`).
 
 s2a:annotated:axis, origin, limits              the joint as annotated
 s2a:refined:angle, shift, zero                  how far it was moved [rad], [m], [m] or [rad]

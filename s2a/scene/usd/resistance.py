@@ -1,4 +1,4 @@
-"""What resists at a joint beside its dry friction, as attributes of the joint: `s2a.scene.usd.sim_stage` documents the file."""
+"""Resistance of a joint beside its dry friction, as attributes of the joint; `s2a.scene.usd.sim_stage` documents the file."""
 
 from __future__ import annotations
 

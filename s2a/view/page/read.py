@@ -1,4 +1,4 @@
-"""From files to the data of a page."""
+"""The data of a page, from files."""
 
 from __future__ import annotations
 

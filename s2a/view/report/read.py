@@ -1,4 +1,4 @@
-"""From files to a report: the contents say what a path holds."""
+"""Reports from files, by their contents."""
 
 from __future__ import annotations
 

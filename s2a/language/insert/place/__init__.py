@@ -1,1 +1,1 @@
-"""Where an object goes: supports, candidates, poses, fit."""
+"""Placement of an object: supports, candidates, poses, fit."""

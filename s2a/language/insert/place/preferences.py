@@ -1,4 +1,4 @@
-"""What makes one free place on a region better than another: its surroundings, and where people put things."""
+"""Preferences among the free places of a region: surroundings, and the habits of people."""
 
 from __future__ import annotations
 

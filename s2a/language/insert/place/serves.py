@@ -1,4 +1,4 @@
-"""Does an object in its place serve who uses the room: is it seen, does it hide nothing, is it out of the way?"""
+"""Usefulness of an object in its place: visible, hiding nothing, out of the way."""
 
 from __future__ import annotations
 

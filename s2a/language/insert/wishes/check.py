@@ -1,4 +1,4 @@
-"""Is a relation of a wish met? Told from the triangles of the room with the object in its place, not from the plan.
+"""Checks of the relations of a placement hint on the triangles of the room with the object in its place.
 
 Left and right, front and back are those of somebody who stands before the thing, on its side towards the middle of the room.
 """

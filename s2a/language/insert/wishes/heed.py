@@ -1,4 +1,4 @@
-"""What an insertion does with a wish: declines what cannot be, narrows the search, objects to what does not meet it."""
+"""Use of a placement hint by an insertion: impossible hints declined, the search narrowed, results refused."""
 
 from __future__ import annotations
 

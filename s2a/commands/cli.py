@@ -43,7 +43,7 @@ OUTPUTS = ("out", "image", "images", "html", "record")
 ASSIGNMENT = re.compile(r"[+~]*[\w.@/]+=|~")
 """How an argument begins that is key=value, or removes a key."""
 _HELP = re.compile(r'"""Command `s2a [\w-]+`: (.*?)\.(?:\n|""")', re.S)
-FLAGS = ("--help", "-h", "--version", "--debug", "--multirun", "-m")
+FLAGS = ("--help", "-h", "--help-all", "--version", "--debug", "--multirun", "-m")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -227,8 +227,9 @@ def _dispatch(arguments: list[str]) -> int:
         print(usage.general({name: meaning(name) for name in commands()}), end="")
     elif command not in commands():
         raise InputError(f"command {command!r} is unknown{config.nearest(command, commands())}")
-    elif "--help" in flags or "-h" in flags:
-        print(usage.command(command, meaning(command), _module(command).Config))
+    elif flags and {"--help", "-h", "--help-all"}.intersection(flags):
+        every = "--help-all" in flags
+        print(usage.command(command, meaning(command), _module(command).Config, every))
     elif "--multirun" in flags or "-m" in flags:
         sweep(command, overrides)
     else:

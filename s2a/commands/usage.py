@@ -6,6 +6,7 @@ import inspect
 import json
 import re
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
 from itertools import takewhile
@@ -20,6 +21,7 @@ usage: s2a <command> key=value ...
 {commands}
 
 s2a <command> --help   keys of the command, their defaults and meaning
+--help-all             the same with the keys of all groups, such as sim.*
 -m, --multirun         run once per value of key=a,b; each run writes `out` below its own folder
 --debug                show the traceback of an error
 --version              show the version
@@ -31,15 +33,27 @@ def general(commands: Mapping[str, str]) -> str:
     return GENERAL.format(commands="\n".join(f"  {command:10}{meaning}" for command, meaning in commands.items()))
 
 
-def command(name: str, meaning: str, cls: type) -> str:
-    """Return the help text of one command: examples, then every key with its default and its meaning."""
+def command(name: str, meaning: str, cls: type, every: bool = False) -> str:
+    """Return the help text of one command: examples, then keys with their defaults and their meaning.
+
+    Args:
+        name: of the command.
+        meaning: what it does.
+        cls: its settings.
+        every: List the keys inside groups, too; else a line a group says how many there are.
+    """
     values = sorted(config.leaves(config.compose(name)), key=lambda leaf: "." in leaf[0])
     meanings = attributes(cls) | _chosen(cls, config.compose(name))
+    inside = Counter(key.partition(".")[0] for key, _ in values if "." in key)
     words = getattr(sys.modules[cls.__module__], "SENTENCE", None)
     first = f'"{words}" ' if words else ""
     lines = [f"s2a {name} {first}key=value ...: {meaning}", *examples(name), ""]
     for key, value in values:
-        lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, meanings)}".rstrip())
+        if every or "." not in key:
+            lines.append(f"  {key + '=' + typed(value):40} {meaning_of(key, meanings)}".rstrip())
+    if inside and not every:
+        lines += ["", *(f"  {f'{group}.*':40} {n} keys: {meanings.get(group, '')}" for group, n in inside.items())]
+        lines += [f"  s2a {name} --help-all lists them."]
     return "\n".join([*lines, *options(name, cls)])
 
 

@@ -256,8 +256,7 @@ class Scene:
         for i in line:
             if self.parts[i].motion != "fixed":
                 return i
-        below = (self.parts[i].motion for i in self.descendants(line[-1]))
-        return line[-1] if any(isinstance(motion, Joint) for motion in below) else None
+        return line[-1] if line[-1] in self._carriers else None
 
     def parent_body(self, part_id: str) -> str | None:
         """Id of the body that a jointed part moves against; None if it has no parent part."""
@@ -266,7 +265,23 @@ class Scene:
 
     def members(self, body_id: str) -> tuple[str, ...]:
         """Ids of the parts that make up a body, itself first."""
-        return tuple(i for i in self.parts if self.body(i) == body_id)
+        return self._members.get(body_id, ())
+
+    @cached_property
+    def _carriers(self) -> frozenset[str]:
+        """Objects (root parts) with a jointed part below."""
+        return frozenset(
+            self.root(i) for i, part in self.parts.items() if isinstance(part.motion, Joint) and part.parent
+        )
+
+    @cached_property
+    def _members(self) -> dict[str, tuple[str, ...]]:
+        """Parts of each body, in the scene's order: one pass over the room, since many ask."""
+        members: dict[str, list[str]] = {}
+        for i in self.parts:
+            if (body := self.body(i)) is not None:
+                members.setdefault(body, []).append(i)
+        return {body: tuple(parts) for body, parts in members.items()}
 
     def grasp_parts(self, part_id: str) -> tuple[str, ...]:
         """Ids of the grasp region of a movable part: its deepest graspable descendants, or itself if it has none.

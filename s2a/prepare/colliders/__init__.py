@@ -1,1 +1,0 @@
-"""Collision hulls of the target, its furniture, the room and free objects."""

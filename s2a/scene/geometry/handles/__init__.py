@@ -1,1 +1,0 @@
-"""Handles by shape: bars, knobs, sheets, and the room for fingers behind them."""

@@ -1,4 +1,4 @@
-"""What rooms of every kind share: doors, windows, what hangs on walls, lamps, things on the floor."""
+"""Shared parts of all kinds of rooms: doors, windows, pictures and shelves, lamps, things on the floor."""
 
 from __future__ import annotations
 

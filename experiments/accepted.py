@@ -2,7 +2,7 @@
 
     python experiments/accepted.py runs/homes/*_phone --work runs/accepted --out experiments/results/accepted.json
 
-Each folder holds a scan of s2a sample virtual=varied detail=phone; its GLB is imported, and proposals are made. The annotator
+Each folder holds a scan of s2a sample detail=phone; its GLB is imported, and proposals are made. The annotator
 accepts those that match a part (intersection over union of 0.5, kind and direction right) and rejects the others; where one has
 no handle, or one without sides to press on, or whose middle is more than OFF beside that of the true one, it clicks on that: what
 stands out there becomes the handle, or a bar that is added. Then come s2a export, prepare and the planner, EPISODES for each

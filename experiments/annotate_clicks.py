@@ -2,7 +2,7 @@
 
     python experiments/annotate_clicks.py kitchen_190 office_192 study_196 [--work runs/clicks] [--out FILE]
 
-A room is ROOM_SEED of `s2a sample virtual=varied`. A script in Chromium clicks where the truth says that parts are: the first
+A room is ROOM_SEED of `s2a sample`. A script in Chromium clicks where the truth says that parts are: the first
 three that one sees from one place and whose handle is there. Then planner and robot open them, 2 episodes each. Needs the extra
 view, selenium and Chromium. A room that is there is not run again.
 """
@@ -59,7 +59,7 @@ def _room(name: str, work: Path) -> dict[str, object]:
     room, seed = name.rsplit("_", 1)
     sample, imported, out = work / "sample", work / "scan", work / "annotated"
     if not imported.is_dir():
-        _s2a("sample", "virtual=varied", f"room={room}", f"seed={seed}", "detail=phone", f"out={sample}")
+        _s2a("sample", f"room={room}", f"seed={seed}", "detail=phone", f"out={sample}")
         _s2a("import", f"mesh={sample / 'scan.glb'}", f"out={imported}", "texel=0.02")
     truth = json.loads((sample / "truth" / "truth.json").read_text())["parts"]
     shift = json.loads((imported / "import.json").read_text())["matrix"][2][3]

@@ -49,7 +49,7 @@ RESULTS = Path(__file__).parent / "results/colliders.json"
 POINTS = 1500
 MARGINS = np.array([[-MARGIN], [MARGIN]])
 STYLES = ("bar", "bar upright", "knob", "cup", "edge", "lever", "bow", "rail", "recess", "square", "strap", "t")
-"""Of classic rooms, and families that varied rooms have besides."""
+"""Handles' styles and families."""
 MEASURES = (
     *("scan_mm", "bias_mm", "fit_mm", "symmetric_mm", "true_mm", "hull_mm"),
     *("gap_pct", "behind_pct", "web_pct", "hulls", "vertices", "seconds"),

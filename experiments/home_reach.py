@@ -1,4 +1,4 @@
-"""From where can a robot open the parts of varied homes? The planner's base search on parts of many rooms, without scanning them.
+"""Base poses for parts of virtual homes: the planner's search on parts of many rooms, without scanning them.
 
     python experiments/home_reach.py [--rooms 100] [--each 2] [--first 100] [--out experiments/results/home_reach.json]
 

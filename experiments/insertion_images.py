@@ -43,7 +43,6 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("runs/insertion_images"))
     parser.add_argument("--seed", type=int, default=100)
     parser.add_argument("--categories", nargs="*", default=[c for c in ROOMS if c != "foreign"], choices=ROOMS)
-    parser.add_argument("--virtual", default="classic", choices=["classic", "varied"])
     parser.add_argument("--name", default="rules")
     args = parser.parse_args()
     args.llm, args.recordings, args.settings = "rules", None, []
@@ -61,7 +60,7 @@ def main() -> None:
 
 def _write(rows: list[dict], args: argparse.Namespace) -> None:
     limits = {"visible": HALF, "cut": CUT, "pixels": PIXELS, "changed": CHANGED}
-    report = {"llm": "rules", "seed": args.seed, "virtual": args.virtual, **provenance("cpu"), "limits": limits}
+    report = {"llm": "rules", "seed": args.seed, **provenance("cpu"), "limits": limits}
     report |= {"summary": summary(rows), "rows": rows}
     (RESULTS / f"insertion_images_{args.name}.json").write_text(json.dumps(report, indent=1) + "\n")
 

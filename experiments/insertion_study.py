@@ -2,7 +2,7 @@
 
     python experiments/insertion_study.py [--llm rules | chat | replay] [--recordings FOLDER] [--methods ours paper]
         [--categories bathroom ... foreign] [--images FOLDER] [--runs runs/insertion] [--name NAME] [--seed 0]
-        [--virtual classic | varied] [--rooms-per-category 1] [llm.model=...]
+        [--rooms-per-category 1] [llm.model=...]
 
 Writes the zoo (`s2a zoo`) and scans of the rooms below RUNS, unless they are there; then puts every object alone into the
 room of its category, and measures what can be measured: its scale against the truth, and in the stage that came out
@@ -79,7 +79,6 @@ def main() -> None:
     parser.add_argument("--name", help="of the results; default: rules, or that of the folder of recordings")
     parser.add_argument("--images", type=Path)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--virtual", default="classic", choices=["classic", "varied"])
     parser.add_argument("--rooms-per-category", type=int, default=1)
     parser.add_argument("settings", nargs="*", help="of `s2a insert`, such as llm.model=gpt-4o-mini")
     args = parser.parse_intermixed_args()
@@ -102,7 +101,7 @@ def main() -> None:
 
 def _write(rows: list[dict], name: str, args: argparse.Namespace) -> None:
     """Write the rows and their table."""
-    preset = {"virtual": args.virtual, "rooms_per_category": args.rooms_per_category}
+    preset = {"rooms_per_category": args.rooms_per_category}
     report = {
         "llm": name if args.recordings else args.llm,
         "seed": args.seed,
@@ -298,9 +297,9 @@ def _zoo(args: argparse.Namespace) -> Path:
 
 def _stage(room: str, seed: int, args: argparse.Namespace) -> Path:
     """Return the stage of a room; scan it if it is not there."""
-    folder = args.runs / (room if args.virtual == "classic" and seed == args.seed else f"{args.virtual}_{room}_{seed}")
+    folder = args.runs / (room if seed == args.seed else f"{room}_{seed}")
     if not (folder / "geometric.usd").exists():
-        _s2a("sample", f"virtual={args.virtual}", f"room={room}", f"seed={seed}", f"out={folder / 'scan'}")
+        _s2a("sample", f"room={room}", f"seed={seed}", f"out={folder / 'scan'}")
         _s2a("export", f"scan={folder / 'scan'}", f"out={folder}")
     return folder / "geometric.usd"
 

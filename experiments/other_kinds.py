@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from twelve_at_once import CATEGORY
 
-from s2a.homes import appliances, clutter, decor, household, objects, toiletries
+from s2a.homes import clutter, decor, household, objects
 from s2a.homes.cloth import pillow
+from s2a.homes.families import kitchen
 from s2a.homes.solids import Piece, Surface, join
-from s2a.homes.zoo.download import UNITS, Download, download
-from s2a.homes.zoo.formats import WRITERS
-from s2a.homes.zoo.zoo_object import ZooObject
+from s2a.homes.zoo.download import UNITS, WRITERS, Download, download
+from s2a.homes.zoo.shapes import ZooObject
 
 CREAM = (230, 220, 200)
 Sampler = Callable[[np.random.Generator], Piece]
@@ -32,15 +32,15 @@ KINDS: dict[str, list[tuple[str, str, Sampler]]] = {
         ("knife block", "on", lambda rng: household.knife_block()),
         ("roll of kitchen paper", "on", lambda rng: household.paper_roll(0.06, 0.25, "paper roll")),
         ("dish rack", "on", lambda rng: household.dish_rack()),
-        ("microwave oven", "on", appliances.microwave),
+        ("microwave oven", "on", kitchen.microwave),
     ],
     "bathroom": [
-        ("cup with toothbrushes", "on", toiletries.toothbrush_cup),
-        ("box of tissues", "on", toiletries.tissue_box),
+        ("cup with toothbrushes", "on", household.toothbrush_cup),
+        ("box of tissues", "on", household.tissue_box),
         ("stack of towels", "on", lambda rng: household.towel_stack(rng, 3)),
         ("shower gel", "on", lambda rng: household.bottle(rng, 0.2)),
-        ("wall lamp", "hanging", lambda rng: toiletries.wall_lamp(0.4)),
-        ("stool", "on", lambda rng: toiletries.stool()),
+        ("wall lamp", "hanging", lambda rng: household.wall_lamp(0.4)),
+        ("stool", "on", lambda rng: household.stool()),
         ("pedal bin", "on", lambda rng: household.lidded_bin(0.11, 0.28, CREAM)),
         ("bathroom mirror", "hanging", lambda rng: decor.mirror(0.45, 0.6)),
         ("scented candle", "on", lambda rng: decor.candle(0.1)),
@@ -77,7 +77,7 @@ KINDS: dict[str, list[tuple[str, str, Sampler]]] = {
         ("notebook", "on", clutter.notebook),
         ("paperback", "on", lambda rng: objects.book(rng, standing=False)[0]),
         ("table lamp", "on", lambda rng: objects.table_lamp()),
-        ("tissue box", "on", toiletries.tissue_box),
+        ("tissue box", "on", household.tissue_box),
         ("house slippers", "on", decor.slippers),
         ("backpack", "on", objects.bag),
         ("glass vase", "on", lambda rng: decor.vase(rng, 0.22)),

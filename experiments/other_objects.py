@@ -1,4 +1,4 @@
-"""Labelled objects into ten varied rooms of unseen seeds, each alone: by the rules, by a model, or by its recorded answers.
+"""Labelled objects into ten rooms of unseen seeds, each alone: by the rules, by a model, or by its recorded answers.
 
     python experiments/other_objects.py [--objects other | zoo] [--llm rules | chat | replay] [--recordings FOLDER] [--name NAME]
         [--runs runs/other] [--seeds 100 101] [--rooms kitchen ...] [--draws 2] [--objects-seed 7] [--at-once 20]
@@ -65,7 +65,7 @@ def main() -> None:
 
 
 def _write(rooms: list[dict], args: argparse.Namespace) -> None:
-    about = {"llm": args.llm, "objects": args.objects, "virtual": "varied", "seeds": args.seeds}
+    about = {"llm": args.llm, "objects": args.objects, "seeds": args.seeds}
     about |= {"objects_seed": args.objects_seed, **provenance("cpu"), "summary": summary(rooms), "usage": usage(rooms)}
     (RESULTS / f"{args.objects}_objects_{args.name}.json").write_text(
         json.dumps(about | {"rooms": rooms}, indent=1) + "\n"

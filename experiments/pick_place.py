@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 from skill_jobs import Row, arguments, evaluated, one, results, run, summarized
-from skill_rooms import EVERY, NAMES
+from skill_rooms import NAMES, ROOMS
 
 RESULTS = Path(__file__).parent / "results/pick_place.json"
 COLUMNS = ("grasped", "carried", "released_at_rest", "placed", "undisturbed")
@@ -29,7 +29,7 @@ VALUES = ("position_error", "angle_error", "drift")
 def main() -> None:
     """Do what has no row, and write the results."""
     parser = arguments(__doc__, RESULTS)
-    every = [label for labels in EVERY.values() for label in labels]
+    every = [label for labels in ROOMS.values() for label in labels]
     parser.add_argument("--objects", nargs="*", default=every, choices=every, metavar="LABEL")
     args = parser.parse_args()
     if args.one:
@@ -39,9 +39,9 @@ def main() -> None:
     jobs = {
         _path(args, room, label, str(seed)): (room, label, str(seed))
         for seed in args.seeds
-        for k in range(max(map(len, EVERY.values())))
+        for k in range(max(map(len, ROOMS.values())))
         for room in args.rooms
-        for label in EVERY[NAMES[room]][k : k + 1]
+        for label in ROOMS[NAMES[room]][k : k + 1]
         if label in args.objects
     }
     run(jobs, args, lambda: results(list(jobs), len(jobs), args))

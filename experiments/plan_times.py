@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from open_close import based, both_tasks, goal_of, settings_of
 from skill_jobs import Row
-from skill_rooms import DEVELOPED, NAMES
+from skill_rooms import DEFAULT, NAMES
 
 from s2a import tasks
 from s2a.core.errors import InputError
@@ -37,7 +37,7 @@ def main() -> None:
     """Plan for every part, print and write the seconds."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--inputs", type=Path, default=Path("runs/skills/inputs"), help="of experiments/skill_rooms.py")
-    parser.add_argument("--rooms", nargs="*", default=DEVELOPED, choices=list(NAMES))
+    parser.add_argument("--rooms", nargs="*", default=DEFAULT, choices=list(NAMES))
     parser.add_argument("--num-envs", type=int, default=64)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--set", nargs="*", default=[], help="further keys of s2a evaluate")

@@ -1,6 +1,6 @@
 """Images of the planes of virtual homes, and where fronts are in them: what the network of the proposals is trained on.
 
-    s2a sample virtual=varied room=kitchen seed=0 detail=phone out=runs/homes_train/kitchen_0_phone    # and so on
+    s2a sample room=kitchen seed=0 detail=phone out=runs/homes_train/kitchen_0_phone    # and so on
     python experiments/proposal_images.py runs/homes_train/* --out runs/proposal_images [--jobs 2]
 
 Each folder holds a scan of s2a sample. Writes an .npz for each; those that are there are kept. Of a phone's scan the textured GLB

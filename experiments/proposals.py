@@ -2,7 +2,7 @@
 
     python experiments/proposals.py runs/homes/* --out experiments/results/proposals.json
 
-Each folder holds a scan of s2a sample virtual=varied. A proposal's faces are matched with those of a
+Each folder holds a scan of s2a sample. A proposal's faces are matched with those of a
 moving part by intersection over union of areas, best pairs first, one to one. Parts of which the scan shows less than MIN_AREA
 are left out. Faces are those of the careful annotator; joints are compared with the truth. Of a phone's scan the textured GLB is
 imported, as s2a import mesh=scan.glb floor=false does; each face has the part of the face that it was split from.

@@ -72,7 +72,7 @@ def measured(path: Path) -> list[Row]:
     seconds = (time.perf_counter() - start) / len(refined)
     before, after = checks(scene, with_joints(scene, refined))
     who = {
-        "scan": f"{facts.get('virtual', 'classic')} {facts['room']} {facts['seed']}",
+        "scan": f"{facts['room']} {facts['seed']}",
         "annotator": facts.get("annotator", {"name": "careful"})["name"],
     }
     rows = []
@@ -125,10 +125,10 @@ def line_error(joint: Joint, true: Joint) -> float:
 
 
 def grouped(rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Return the rows by kind of rooms and annotator."""
+    """Return the rows by annotator."""
     found: dict[str, list[Row]] = {}
     for row in rows:
-        found.setdefault(f"{row['scan'].split()[0]}, {row['annotator']}", []).append(row)
+        found.setdefault(row["annotator"], []).append(row)
     return found
 
 
@@ -188,9 +188,7 @@ def text(result: Mapping[str, Any]) -> str:
 
 def table(groups: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the figures as Markdown."""
-    names = (
-        "rooms, annotator | joints | axis, annotated | refined | ratio | worse by > 0.1 deg | line, annotated | refined"
-    )
+    names = "annotator | joints | axis, annotated | refined | ratio | worse by > 0.1 deg | line, annotated | refined"
     lines = [f"| {names} |", "|" + "---|" * 8]
     for name, row in groups.items():
         axis = f"{row['axis_before']:.2f} deg | {row['axis']:.3f} deg | {row['ratio']:.2f}"

@@ -1,6 +1,6 @@
 """The loss of refined joints around the truth, as pictures: annotated, true, refined.
 
-    python experiments/refinement_landscapes.py SCAN [--parts drawer_4 door_39 ...] [--out docs/refinement.png]
+    python experiments/refinement_landscapes.py SCAN --parts DRAWER DOOR ... [--out docs/refinement.png]
 
 Each picture varies two parameters of one joint, all else as refined: of a slide the two directions of its axis, of a hinge these
 and the two of its line.
@@ -42,7 +42,7 @@ def main() -> None:
     """Draw the landscapes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scan", type=Path, help="folder that s2a sample wrote")
-    parser.add_argument("--parts", nargs="+", default=["drawer_4", "door_39", "lid_58"], help="their ids")
+    parser.add_argument("--parts", nargs="+", required=True, help="their ids")
     parser.add_argument("--out", type=Path, default=OUT, help="image to write")
     args = parser.parse_args()
     wp.config.log_level = wp.LOG_WARNING

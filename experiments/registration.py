@@ -1,6 +1,6 @@
 """How well `s2a register` finds joints: pairs of virtual scans of a home, parts opened and clutter moved between them.
 
-    python experiments/registration.py [--rooms varied:kitchen:100 ...] [--detail full] [--parts 5] [--name registration]
+    python experiments/registration.py [--rooms kitchen:100 ...] [--detail full] [--parts 5] [--name registration]
 
 Each room is scanned twice, from other scanner poses (`registration_pairs`); pairs in the work folder and rows in
 experiments/results/NAME.json are kept. A part counts as found where a proposal of its kind has an IoU of 0.2 or more with its
@@ -8,7 +8,6 @@ faces; parts without one are missed, proposals without a part are false. IoU is 
 surface that the open scan shows too. The origin's error is the distance of both axes beside the part's middle. axis_z and the
 like are errors in the deviations that the proposal states.
 
-    python experiments/registration.py --rooms classic:office:0 --detail demo --name registration_demo    # a minute or two
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from s2a.scene.articulation import transform
 
 RESULTS = Path(__file__).parent / "results"
 KINDS = ("kitchen", "living_room", "bedroom", "office", "workshop", "laundry", "study")
-ROOMS = ["classic:office:0", *(f"varied:{kind}:100" for kind in KINDS)]
+ROOMS = [f"{kind}:100" for kind in KINDS]
 FOUND = 0.2
 """Least IoU of a proposal's faces with those of the part that it is."""
 SEEN = 0.01
@@ -44,7 +43,7 @@ Row = dict[str, Any]
 def main() -> None:
     """Measure each room, and write after each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rooms", nargs="+", default=ROOMS, help="virtual:kind:seed")
+    parser.add_argument("--rooms", nargs="+", default=ROOMS, help="kind:seed")
     parser.add_argument("--detail", default="full")
     parser.add_argument("--parts", type=int, default=5, help="parts that are opened in each room, at most")
     parser.add_argument("--work", type=Path, default=Path(".work/pairs"))
@@ -58,8 +57,8 @@ def main() -> None:
         key = f"{spec}:{args.detail}"
         if key in rows and not args.again:
             continue
-        virtual, room, seed = spec.split(":")
-        rows[key] = measured(make(virtual, room, int(seed), args.detail, args.parts, args.work))
+        room, seed = spec.split(":")
+        rows[key] = measured(make(room, int(seed), args.detail, args.parts, args.work))
         print(key, json.dumps(rows[key], indent=1), flush=True)
         write(rows, file)
     print(json.dumps(summary(rows), indent=1))

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from s2a.homes.sample.sample import Scan, furnished, scan_room, streams
+from s2a.homes.sample.sample import Scan, scan_room, streams
 
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.homes.catalog import Entry, catalog
+from s2a.homes.furnishing import furnish
 from s2a.homes.sample import SampleConfig
 from s2a.homes.solids import join
 from s2a.scene.articulation import displace, lever_arm
@@ -36,16 +37,16 @@ DEFAULTS = ["annotators.careful.border=0", "annotators.careful.axis=0", "annotat
 """Faces and joints as they are, not as an annotator sees them."""
 
 
-def make(virtual: str, room: str, seed: int, detail: str, parts: int, folder: Path) -> dict[str, Any]:
+def make(room: str, seed: int, detail: str, parts: int, folder: Path) -> dict[str, Any]:
     """Return a pair of scans with up to so many parts open; one that is in the work folder is read.
 
     Returns:
         `closed` and `open`: vertices [m] and faces; `numbers`: part of each closed face; `truth`: as JSON.
     """
-    file = folder / f"{virtual}_{room}_{seed}_{detail}_{parts}.npz"
+    file = folder / f"{room}_{seed}_{detail}_{parts}.npz"
     if not file.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        keys = [f"virtual={virtual}", f"room={room}", f"seed={seed}", f"detail={detail}", "out=none", *DEFAULTS]
+        keys = [f"room={room}", f"seed={seed}", f"detail={detail}", "out=none", *DEFAULTS]
         first = config.load(SampleConfig, config.compose("sample", keys))
         opened = choose(first, parts)
         closed = scan_room(first)
@@ -74,7 +75,7 @@ def _second(first: SampleConfig) -> tuple[Scan, int]:
 
 def choose(first: SampleConfig, count: int) -> dict[str, float]:
     """Return up to so many parts and how far they are opened, one of each object first; open ones keep apart."""
-    room = furnished(first, streams(first)[0])
+    room = furnish(first.room, streams(first)[0])
     rng = np.random.default_rng([first.seed, len(first.room), 20])
     entries = catalog(room.pieces)
     shuffled = [entries[i] for i in rng.permutation(len(entries)).tolist()]

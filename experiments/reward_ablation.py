@@ -1,7 +1,7 @@
 """The paper's table of reward weights: does PPO open a scanned drawer, and does it use the handle?
 
-    python experiments/reward_ablation.py STAGES --runs FOLDER [--scan demo/scan --target drawer_7]
-        [--second SCAN --others drawer_15 door_2] [--seeds 3] [--side-by-side 2] [--minutes 9]
+    python experiments/reward_ablation.py STAGES --runs FOLDER [--scan demo/scan --target drawer_15]
+        [--second SCAN --others drawer_22 door_24] [--seeds 3] [--side-by-side 2] [--minutes 9]
 
 STAGES is a folder with twin.usd, one_hull.usd, handle.usd, coacd.usd and moved.usd; where one is missing it is prepared from
 --scan, a folder that `s2a sample` wrote (a virtual scan, whose CAD twin lies in truth/); likewise drawer.usd and door.usd, on
@@ -76,10 +76,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stages", type=Path)
     parser.add_argument("--scan", type=Path, default=Path("demo/scan"))
-    parser.add_argument("--target", default="drawer_7")
+    parser.add_argument("--target", default="drawer_15")
     parser.add_argument("--second", type=Path, help="another scan")
     parser.add_argument(
-        "--others", nargs=2, default=["drawer_15", "door_2"], metavar=("DRAWER", "DOOR"), help="parts of it"
+        "--others", nargs=2, default=["drawer_22", "door_24"], metavar=("DRAWER", "DOOR"), help="parts of it"
     )
     parser.add_argument("--out", type=Path, default=RESULTS)
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of ablation.png and best.png")

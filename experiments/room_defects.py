@@ -1,6 +1,6 @@
 """Which defects of a simulation-ready room does the validation report name?
 
-    python experiments/room_defects.py ROOM --slide drawer_7 --hinge door_8 [--defects NAME ...] [--out FILE]
+    python experiments/room_defects.py ROOM --slide drawer_15 --hinge door_21 [--defects NAME ...] [--out FILE]
 
 ROOM is a room.usd of `s2a prepare`. Each defect is seeded into a copy of it, for a slide and for a hinge; the rules and the
 scanned surface are asked, and physics only where these find nothing. Writes experiments/results/room_defects.json and a table.
@@ -33,7 +33,7 @@ from s2a.scene.usd import sim_stage
 RESULTS = Path(__file__).parent / "results/room_defects.json"
 UNDECIDABLE = {
     ("origin_10cm_off", "slide"): "no effect on a slide",
-    ("grasp_rolled_90", "hinge"): "door_8 has a knob, which can be held any way round",
+    ("grasp_rolled_90", "hinge"): "door_21 has a knob, which can be held any way round",
 }
 """Why the file and the scan cannot tell a defect of a kind of joint, where they cannot."""
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from scipy.stats import binomtest
-from skill_rooms import DEVELOPED, NAMES
+from skill_rooms import DEFAULT, NAMES
 
 from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
@@ -32,7 +32,7 @@ def arguments(doc: str | None, results: Path) -> argparse.ArgumentParser:
     parser.add_argument("--inputs", type=Path, default=Path("runs/skills/inputs"), help="of experiments/skill_rooms.py")
     parser.add_argument("--rows", type=Path, default=Path("runs/skills") / results.stem, help="a file for each job")
     parser.add_argument("--out", type=Path, default=results)
-    parser.add_argument("--rooms", nargs="*", default=DEVELOPED, choices=list(NAMES))
+    parser.add_argument("--rooms", nargs="*", default=DEFAULT, choices=list(NAMES))
     parser.add_argument("--num-envs", type=int, default=8)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--jobs", type=int, default=1, help="processes side by side")

@@ -27,20 +27,16 @@ ROOMS = {
     ("bathroom", 1): ("soap dispenser", "shampoo bottle", "rubber duck", "Listerine"),
     ("bedroom", 1): ("candle", "alarm clock", "matryoshka", "photo frame"),
     ("living_room", 2): ("hourglass", "Rubik's cube", "candelabra", "trophy"),
-}
-"""Kinds and seeds of the rooms, and what is inserted: chosen by their size before any was tried."""
-FRESH = {
     ("office", 2): ("calculator", "tape dispenser", "pencil", "magnifying glass"),
     ("kitchen", 2): ("wine bottle", "Nutella", "rolling pin", "wedge of cheese"),
     ("bathroom", 0): ("toothpaste tube", "perfume bottle", "shaving brush", "Nivea"),
     ("bedroom", 0): ("lava lamp", "reading glasses", "make-up mirror", "hot-water bottle"),
     ("living_room", 1): ("potted cactus", "snow globe", "model sailing boat", "lantern"),
 }
-"""The same, chosen after the planner had been developed on the rooms above, and before any of these was made."""
-EVERY = ROOMS | FRESH
-NAMES = {f"{kind}_{seed}": (kind, seed) for kind, seed in EVERY}
-DEVELOPED = [name for name in NAMES if NAMES[name] in ROOMS]
-"""The rooms that the experiments take unless others are named."""
+"""Kinds and seeds of the rooms, and what is inserted, by its size."""
+NAMES = {f"{kind}_{seed}": (kind, seed) for kind, seed in ROOMS}
+DEFAULT = list(NAMES)[:5]
+"""The rooms that the experiments take unless others are named: one of each kind."""
 ROOM = 0.06
 """[m] Around an object as it is inserted: for the fingers, 15 mm thick and 12 mm off the object, and for half of the hand."""
 
@@ -49,7 +45,7 @@ def main() -> None:
     """Make what is not there."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=Path, default=Path("runs/skills"))
-    parser.add_argument("--rooms", nargs="*", default=DEVELOPED, choices=list(NAMES))
+    parser.add_argument("--rooms", nargs="*", default=DEFAULT, choices=list(NAMES))
     args = parser.parse_args()
     if not (args.runs / "zoo/list.yaml").exists():
         s2a("zoo", f"out={args.runs}/zoo")
@@ -67,7 +63,7 @@ def _insert(runs: Path, name: str) -> None:
         s2a("export", f"scan={folder}/scan", f"out={folder}")
     if not (folder / "ins/insert.json").exists():
         listed = {e["label"]: e for e in yaml.safe_load((runs / "zoo/list.yaml").read_text())}
-        entries = [{"object": f"../zoo/{listed[e]['object']}", "label": e} for e in EVERY[kind, seed]]
+        entries = [{"object": f"../zoo/{listed[e]['object']}", "label": e} for e in ROOMS[kind, seed]]
         (folder / "list.yaml").write_text(yaml.safe_dump(entries))
         s2a("insert", f"stage={folder}/geometric.usd", f"objects={folder}/list.yaml", "llm=rules",
             f"placement.pose.search.margin={ROOM}", f"out={folder}/ins")  # fmt: skip
@@ -92,7 +88,7 @@ def _prepare(runs: Path, name: str) -> None:
         refused[named[1]] = text
         free.remove(named[1])
     rows = {}
-    for label in EVERY[NAMES[name]]:
+    for label in ROOMS[NAMES[name]]:
         found: dict[str, Any] = placed.get(label, {})
         why = refused.get(found.get("id", ""), "" if found else "was not inserted")
         rows[label] = {"id": found.get("id"), "free": bool(found) and not why, "why": why}

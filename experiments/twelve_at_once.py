@@ -1,4 +1,4 @@
-"""Twelve objects at once into each of ten varied rooms of unseen seeds, by the rules.
+"""Twelve objects at once into each of ten rooms of unseen seeds, by the rules.
 
     python experiments/twelve_at_once.py [--runs runs/twelve] [--seeds 100 101] [--rooms kitchen ...] [--count 12] [--name rules]
 
@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def parser_of(text: str | None, runs: Path, rooms: list[str]) -> argparse.ArgumentParser:
-    """Return the arguments of a program that inserts into varied rooms."""
+    """Return the arguments of a program that inserts into virtual rooms."""
     parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=Path, default=runs)
     parser.add_argument("--seeds", nargs="*", type=int, default=[100, 101])
@@ -62,12 +62,12 @@ def study_arguments(parser: argparse.ArgumentParser) -> argparse.Namespace:
     args = parser.parse_intermixed_args()
     if (args.llm != "rules") != bool(args.recordings):
         parser.error("--llm chat and --llm replay need --recordings FOLDER, and --llm rules has none")
-    args.virtual, args.seed = "varied", 0
+    args.seed = 0
     return args
 
 
 def _write(rooms: list[dict], args: argparse.Namespace) -> None:
-    report = {"llm": args.llm, "virtual": "varied", "seeds": args.seeds, "zoo_seed": 0, **provenance("cpu")}
+    report = {"llm": args.llm, "seeds": args.seeds, "zoo_seed": 0, **provenance("cpu")}
     report |= {"summary": summary(rooms), "rooms": rooms}
     (RESULTS / f"twelve_{args.name}.json").write_text(json.dumps(report, indent=1) + "\n")
 

@@ -1,6 +1,6 @@
 """Are wishes heeded, and impossible ones declined? One small object, the wishes of wishes.yaml, unseen rooms.
 
-    python experiments/wishes.py [--runs runs/wishes] [--seed 100] [--virtual classic | varied] [--rooms office kitchen ...]
+    python experiments/wishes.py [--runs runs/wishes] [--seed 100] [--rooms office kitchen ...]
         [--llm rules | chat | replay] [--recordings FOLDER] [--at-once 1] [--name rules] [llm.model=...]
 
 Scans the rooms and makes the zoo unless they are there (`insertion_study.py`; RUNS belongs to one seed). Prints a table by
@@ -43,7 +43,6 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("runs/wishes"))
     parser.add_argument("--seed", type=int, default=100)
     parser.add_argument("--rooms", nargs="*", default=list(yaml.safe_load(WISHES.read_text())))
-    parser.add_argument("--virtual", default="classic", choices=["classic", "varied"])
     parser.add_argument("--llm", default="rules", choices=["rules", "chat", "replay"])
     parser.add_argument("--recordings", type=Path, help="folder of a model's answers, a file a room")
     parser.add_argument("--at-once", type=int, default=1, help="wishes that a model is asked of at a time")
@@ -56,7 +55,7 @@ def main() -> None:
     for name in args.rooms:
         rows += _room(name, yaml.safe_load(WISHES.read_text())[name], args)
         print(table(rows), flush=True)
-        about = {"seed": args.seed, "virtual": args.virtual, "llm": args.llm, **provenance("cpu")}
+        about = {"seed": args.seed, "llm": args.llm, **provenance("cpu")}
         report = about | {"table": summary(rows), "rows": rows}
         (RESULTS / f"wishes_{args.name}.json").write_text(json.dumps(report, indent=1) + "\n")
 

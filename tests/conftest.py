@@ -16,15 +16,19 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["S2A_CACHE"] = str(tmp_path_factory.mktemp("cache"))
 
 
+OFFICE = ("room=office", "seed=101")
+"""The demo's room; its drawers are drawer_14, drawer_15 and drawer_16, with rails."""
+
+
 @pytest.fixture(scope="session")
 def office_scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A virtual office as the demo scans it (seed 0)."""
+    """A virtual office as the demo scans it."""
     from s2a.core import config
     from s2a.homes.sample import SampleConfig, sample  # not needed where only the simulation is tested
 
     out = tmp_path_factory.mktemp("office") / "scan"
     out.mkdir()
-    sample(config.load(SampleConfig, config.compose("sample", [f"out={out}"])), out)
+    sample(config.load(SampleConfig, config.compose("sample", [*OFFICE, f"out={out}"])), out)
     return out
 
 

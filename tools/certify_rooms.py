@@ -2,9 +2,9 @@
 
     python tools/certify_rooms.py --rooms office kitchen --seeds 0 1 2 --detail demo --work runs/certify \
         --out experiments/results/certificates.json
-    python tools/certify_rooms.py --virtual varied --rooms kitchen:1 study:3 --work runs/certify --out FILE.json
+    python tools/certify_rooms.py --rooms kitchen:1 study:3 --work runs/certify --out FILE.json
 
-A room with a colon has its own seed. Of varied rooms handles are counted by family ("rail", "bow"), of classic ones by style.
+A room with a colon has its own seed. Handles are counted by family ("rail", "bow").
 What lies in the work folder already (scans, stages, reports of the same stage and settings) is kept, so that an
 interrupted run goes on where it stopped.
 """
@@ -52,7 +52,6 @@ def main() -> None:
         for result in track(pool.map(_part, parts), "certifying", len(parts)):
             found.append(result)
             whole = {
-                "virtual": asked.virtual,
                 "detail": asked.detail,
                 "prepare": asked.prepare,
                 "styles": rates(found),
@@ -84,8 +83,7 @@ def _seeded(name: str, seeds: list[int]) -> list[tuple[str, int]]:
 
 
 def _folder(room: str, seed: int, asked: argparse.Namespace) -> Path:
-    name = room if asked.virtual == "classic" else f"{asked.virtual}_{room}"
-    return asked.work / f"{name}_{seed}_{asked.detail}"
+    return asked.work / f"{room}_{seed}_{asked.detail}"
 
 
 def _parts(case: tuple[str, int, argparse.Namespace]) -> list[tuple[str, int, str]]:
@@ -94,7 +92,7 @@ def _parts(case: tuple[str, int, argparse.Namespace]) -> list[tuple[str, int, st
     logging.disable(logging.WARNING)
     folder = _folder(room, seed, asked)
     if not (folder / "scan/truth/truth.json").exists():
-        keys = [f"virtual={asked.virtual}", f"room={room}", f"seed={seed}", f"detail={asked.detail}"]
+        keys = [f"room={room}", f"seed={seed}", f"detail={asked.detail}"]
         keys.append(f"out={folder / 'scan'}")
         with atomic_write(folder / "scan", earlier="truth/truth.json") as out:
             sample(config.load(SampleConfig, config.compose("sample", keys)), out)
@@ -168,7 +166,6 @@ def _table(styles: dict[str, dict[str, int]]) -> Table:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--virtual", default="classic", choices=["classic", "varied"])
     parser.add_argument("--rooms", nargs="+", default=["office"])
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--detail", default="demo")

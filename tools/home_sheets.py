@@ -1,4 +1,4 @@
-"""Render contact sheets of varied homes, without scanning them: rooms from above, or handles close up.
+"""Render contact sheets of virtual homes, without scanning them: rooms from above, or handles close up.
 
 python tools/home_sheets.py rooms sheet.png --count 40
 python tools/home_sheets.py handles sheet.png --count 100

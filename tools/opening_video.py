@@ -7,13 +7,13 @@ The first argument is the folder that `make demo` fills; it is read for `room.us
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 from PIL import Image
-from room_images import folder_and_image
 
 from s2a.commands.evaluate import Config
 from s2a.core import config
@@ -38,7 +38,7 @@ MAX_BYTES = 2 * 2**20
 
 def main(demo: Path, out: Path) -> None:
     """Let the planner open the part once; write what a camera sees."""
-    overrides = [f"stage={demo / 'room.usd'}", "part=drawer_7", "out=-", "num_envs=1", "task.start_noise=0"]
+    overrides = [f"stage={demo / 'room.usd'}", "part=drawer_15", "out=-", "num_envs=1", "task.start_noise=0"]
     settings = config.load(Config, config.compose("evaluate", overrides))
     sim = Simulation(settings.read_stages(), settings.sim, settings.num_envs, device_of(settings.device))
     env = make_env(sim, settings.task, settings.metrics, {}, settings.seed)
@@ -71,4 +71,8 @@ def _small(image: np.ndarray) -> Image.Image:
 
 
 if __name__ == "__main__":
-    main(*folder_and_image(__doc__))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("image", type=Path)
+    args = parser.parse_args()
+    main(args.folder, args.image)

@@ -9,19 +9,19 @@ import argparse
 from collections import Counter
 from dataclasses import replace
 
-from s2a.homes.sample.sample import furnished, streams
+from s2a.homes.sample.sample import streams
 
 from s2a.core import config
 from s2a.core.progress import track
-from s2a.homes.catalog import catalog
+from s2a.homes.catalog import catalog, handle_of, part_truth
 from s2a.homes.commands.pool import Config, rooms_of
+from s2a.homes.furnishing import furnish
 from s2a.homes.sample import SampleConfig
-from s2a.homes.truth import handle_of, part_truth
 
 
 def handles(home: SampleConfig) -> Counter[str | None]:
     """Return how many parts of a home have each family or style of handle."""
-    entries = catalog(furnished(home, streams(home)[0]).pieces)
+    entries = catalog(furnish(home.room, streams(home)[0]).pieces)
     ids = {entry.number: entry.part_id for entry in entries}
     return Counter(handle_of(part_truth(entry, ids)) for entry in entries)
 

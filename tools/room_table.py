@@ -1,6 +1,6 @@
 """Time, memory and size of the virtual scan of every room, and of the words that describe it.
 
-    python tools/room_table.py [--virtual varied] [--rooms office kitchen] [--seeds 0 1 2] [--detail demo] \
+    python tools/room_table.py [--rooms office kitchen] [--seeds 0 1 2] [--detail demo] \
         [--keep FOLDER] [--out experiments/results/rooms.json]
 
 Runs `s2a sample` and `s2a export` as a user would, each in a process of its own, one after the other. Seconds are wall clock and
@@ -25,7 +25,6 @@ from rich.progress import track
 
 from s2a.core.provenance import provenance
 from s2a.homes.furnishing import HOMES
-from s2a.homes.rooms import ROOMS
 from s2a.scene.usd import geometric
 
 COUNTS = ("objects", "parts", "movable")
@@ -41,7 +40,6 @@ class Row:
     """What is measured of one room.
 
     Attributes:
-        virtual: "classic" or "varied".
         room: its kind.
         seed: what furnished it.
         detail: of the scanner.
@@ -63,7 +61,6 @@ class Row:
         commit: of the code.
     """
 
-    virtual: str
     room: str
     seed: int
     detail: str
@@ -85,9 +82,9 @@ class Row:
     commit: str | None
 
 
-def measure(virtual: str, room: str, seed: int, detail: str, folder: Path, commit: str | None) -> Row:
+def measure(room: str, seed: int, detail: str, folder: Path, commit: str | None) -> Row:
     """Sample and export a room below a folder, and return its figures."""
-    keys = [f"virtual={virtual}", f"room={room}", f"seed={seed}", f"detail={detail}", f"out={folder / 'scan'}"]
+    keys = [f"room={room}", f"seed={seed}", f"detail={detail}", f"out={folder / 'scan'}"]
     sampled = _run("sample", *keys)
     exported = _run("export", f"scan={folder / 'scan'}", f"out={folder / 'out'}")
     scene = geometric.read(folder / "out" / "geometric.usd")
@@ -96,7 +93,7 @@ def measure(virtual: str, room: str, seed: int, detail: str, folder: Path, commi
     stats = json.loads(next((folder / "scan").glob("*_parts.json")).read_text())["data"]["stats"]
     tokens, tokenizer = count_tokens(text)
     return Row(
-        *(virtual, room, seed, detail, *sampled, *exported),
+        *(room, seed, detail, *sampled, *exported),
         vertices=stats["totalVertices"],
         density=stats["totalVertices"] / stats["totalFaceArea"],
         objects=sum(part.parent is None for part in scene.parts.values()),
@@ -153,9 +150,9 @@ def count_tokens(text: str) -> tuple[int, str]:
 def markdown(rows: list[dict]) -> str:
     """Return the rows as a table in Markdown."""
     lines = [
-        "| virtual | room | seed | detail | sample s | CPU s | GB | export s | CPU s | GB | vertices | per m² | objects | parts "
+        "| room | seed | detail | sample s | CPU s | GB | export s | CPU s | GB | vertices | per m² | objects | parts "
         "| movable | characters a part | jointed | tokens |",
-        "|---" * 18 + "|",
+        "|---" * 17 + "|",
     ]
     for r in rows:
         times = (
@@ -163,35 +160,31 @@ def markdown(rows: list[dict]) -> str:
         )
         counts = (f"{r['vertices'] / 1e3:.0f} k", f"{r['density'] / 1e3:.1f} k", *(str(r[k]) for k in COUNTS))
         sizes = (f"{r['characters']:.0f}", f"{r['jointed']:.0f}", str(r["tokens"]))
-        lines.append(
-            "| " + " | ".join((r["virtual"], r["room"], str(r["seed"]), r["detail"], *times, *counts, *sizes)) + " |"
-        )
+        lines.append("| " + " | ".join((r["room"], str(r["seed"]), r["detail"], *times, *counts, *sizes)) + " |")
     return "\n".join([*lines, "", f"Tokens counted by: {', '.join(sorted({r['tokenizer'] for r in rows}))}."])
 
 
 def merged(path: Path, rows: list[Row]) -> list[dict]:
-    """Return the rows of a file with new ones in place of those of the same preset, room, seed and detail."""
-    # Rows of earlier versions are of the classic rooms.
-    known = [{"virtual": "classic"} | r for r in (json.loads(path.read_text()) if path.is_file() else [])]
-    by_key = {(r["virtual"], r["detail"], r["room"], r["seed"]): r for r in [*known, *map(asdict, rows)]}
+    """Return the rows of a file with new ones in place of those of the same room, seed and detail."""
+    earlier = json.loads(path.read_text()) if path.is_file() else []
+    by_key = {(r["detail"], r["room"], r["seed"]): r for r in [*earlier, *map(asdict, rows)]}
     return [by_key[key] for key in sorted(by_key)]
 
 
 def main() -> None:
     """Measure, write and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--virtual", default="classic", choices=["classic", "varied"])
-    parser.add_argument("--rooms", nargs="+", default=list(ROOMS), choices=list(HOMES))
+    parser.add_argument("--rooms", nargs="+", default=list(HOMES), choices=list(HOMES))
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2])
     parser.add_argument("--detail", default="demo", choices=["demo", "full", "rgbd", "phone"])
-    parser.add_argument("--keep", type=Path, help="folder in which scans and stages stay, as VIRTUAL_ROOM_SEED_DETAIL")
+    parser.add_argument("--keep", type=Path, help="folder in which scans and stages stay, as ROOM_SEED_DETAIL")
     parser.add_argument("--out", type=Path, default=Path("experiments/results/rooms.json"))
     args = parser.parse_args()
     rows, commit = [], provenance("cpu")["commit"]
     for room, seed in track([(room, seed) for room in args.rooms for seed in args.seeds], "rooms"):
         with tempfile.TemporaryDirectory() as folder:
-            kept = args.keep and args.keep / f"{args.virtual}_{room}_{seed}_{args.detail}"
-            rows.append(measure(args.virtual, room, seed, args.detail, kept or Path(folder), commit))
+            kept = args.keep and args.keep / f"{room}_{seed}_{args.detail}"
+            rows.append(measure(room, seed, args.detail, kept or Path(folder), commit))
         # Written after each room: a long measurement that is cut short keeps what it has.
         args.out.write_text(json.dumps(merged(args.out, rows), indent=1) + "\n")
     print(markdown(merged(args.out, [])))

@@ -21,7 +21,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-PART = "part=drawer_7"
+PART = "part=drawer_15"
 TICK = 0.5
 """[s] Between two looks at the clock."""
 
@@ -47,7 +47,7 @@ def steps(demo: str, robot: str) -> list[Step]:
     stapler = f"object={demo}/zoo/objects/stapler.usda label=stapler"
     hint = 'prompt="put it next to the keyboard" llm=rules'
     found = [
-        Step("furnish an office and scan it", 20, f"s2a sample room=office seed=0 detail=demo out={demo}/scan"),
+        Step("furnish an office and scan it", 20, f"s2a sample room=office seed=101 detail=demo out={demo}/scan"),
         Step("write two flavours of USD", 5, f"s2a export scan={demo}/scan out={demo}"),
         Step("write a hundred objects", 4, f"s2a zoo out={demo}/zoo"),
         Step(

@@ -1,6 +1,6 @@
-"""How much virtual rooms differ: sizes of what opens, handles, plans; varied homes beside the classic rooms, without scanning.
+"""Variety of virtual homes: sizes of fronts, handles, plans, without scanning.
 
-    python tools/variety.py --rooms 600 --out docs/variety.png --json experiments/results/variety.json \
+    python tools/variety.py --rooms 600 --json experiments/results/variety.json \
         --listing 0a5c013435_prims.json
 
 The listing is of a real scene: its prims with part_id, parent_id, label and depth, as Articulate3D's repository lists them.
@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,6 @@ from s2a.core.provenance import provenance  # noqa: E402
 from s2a.homes.catalog import Entry, catalog, moves  # noqa: E402
 from s2a.homes.furnishing import HOMES, home  # noqa: E402
 from s2a.homes.room import Room  # noqa: E402
-from s2a.homes.rooms import ROOMS  # noqa: E402
 
 CELL = 0.25
 """[m] Edge of a cell of a floor plan."""
@@ -49,16 +48,12 @@ PANELS = (
 Plan = dict[tuple[int, int], str]
 
 
-def rooms(make: Callable[[str, int], Room], kinds: list[str], count: int) -> Iterator[tuple[str, Room]]:
+def rooms(count: int) -> Iterator[tuple[str, Room]]:
     """Yield so many rooms, kind by kind in turn."""
+    kinds = list(HOMES)
     for i in range(count):
         kind = kinds[i % len(kinds)]
-        yield kind, make(kind, i // len(kinds))
-
-
-def classic(kind: str, seed: int) -> Room:
-    """Return a classic room."""
-    return ROOMS[kind](np.random.default_rng(seed).spawn(1)[0])
+        yield kind, home(kind, i // len(kinds))
 
 
 def measure(found: Iterator[tuple[str, Room]]) -> dict[str, Any]:
@@ -164,25 +159,17 @@ def _apart(a: np.ndarray, b: np.ndarray) -> float:
     return 1.0 - float(((a == b) & (a > 0)).sum()) / max(int(union), 1)
 
 
-def plot(figures: dict[str, dict[str, Any]], out: Path) -> None:
-    """Plot histograms of all figures, one preset over the other."""
+def plot(figures: dict[str, Any], out: Path) -> None:
+    """Plot histograms of all figures."""
     fig, axes = plt.subplots(3, 3, figsize=(12, 9), layout="constrained")
     for axis, name in zip(axes.flat, PANELS, strict=False):
-        everything = np.concatenate([f["values"][name] for f in figures.values()])
-        bins = np.linspace(0.0, np.percentile(everything, 99.5), 41)
-        for preset, f in figures.items():
-            axis.hist(f["values"][name], bins, density=True, histtype="stepfilled", alpha=0.5, label=preset)
+        values = figures["values"][name]
+        axis.hist(values, np.linspace(0.0, np.percentile(values, 99.5), 41), density=True, histtype="stepfilled")
         axis.set_title(name)
-    axes.flat[0].legend()
-    names = sorted({s for f in figures.values() for s in f["styles"]})
-    for i, (_, f) in enumerate(figures.items()):
-        total = sum(f["styles"].values())
-        fractions = [f["styles"].get(n, 0) / total for n in names]
-        axes.flat[7].barh(np.arange(len(names)) + 0.4 * i, fractions, 0.4, alpha=0.7)
-    axes.flat[7].set_yticks(np.arange(len(names)), names)
+    styles = dict(sorted(figures["styles"].items()))
+    axes.flat[7].barh(list(styles), np.array(list(styles.values())) / sum(styles.values()))
     axes.flat[7].set_title("handles by family")
-    for f in figures.values():
-        axes.flat[8].hist(f["nearest"], np.linspace(0, 1, 41), density=True, alpha=0.5)
+    axes.flat[8].hist(figures["nearest"], np.linspace(0, 1, 41), density=True)
     axes.flat[8].set_title("distance to the nearest plan")
     out.parent.mkdir(parents=True, exist_ok=True)
     fig.savefig(out, dpi=90)
@@ -209,15 +196,10 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     parser.add_argument("--listing", type=Path, help="a real scan's list of prims, as JSON")
     args = parser.parse_args()
-    figures = {
-        "varied": measure(rooms(home, list(HOMES), args.rooms)),
-        "classic": measure(rooms(classic, list(ROOMS), args.rooms)),
-    }
-    report: dict[str, Any] = {"rooms": args.rooms, "first_seed": 0, **provenance("cpu")}
-    for preset, f in figures.items():
-        report[preset] = summary(f)
-        if args.listing:
-            report[preset]["real listing"] = overlap(f["labels"], f["movable"], args.listing)
+    figures = measure(rooms(args.rooms))
+    report: dict[str, Any] = {"rooms": args.rooms, "first_seed": 0, **provenance("cpu"), **summary(figures)}
+    if args.listing:
+        report["real listing"] = overlap(figures["labels"], figures["movable"], args.listing)
     plot(figures, args.out)
     text = json.dumps(report, indent=1)
     print(text)

@@ -1,17 +1,107 @@
-"""A furnished room as a scanner sees it: the scan, its colours, and the part that an annotator gives each face to."""
+"""A furnished room as a scanner sees it: the scan, its colours, and the part that an annotator gives each face to.
+
+Colours are those of the nearest piece of furniture with wood grain, weave, light and camera noise. On a coarse surface a camera
+paints the true point that it sees through each point: a handle that a phone's mesh lacks is in its texture, on the front behind.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from s2a.homes.annotate import AnnotationConfig, face_numbers
-from s2a.homes.appearance import vertex_colors
 from s2a.homes.room import Room
 from s2a.homes.scanner import ScannerConfig, scan
-from s2a.homes.sight import sighted, vertex_normals
-from s2a.homes.solids import Surface, rotation
-from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
+from s2a.homes.solids import FABRIC, PLAIN, WOOD, Surface, rotation
+from s2a.scene.geometry.mesh_query import RayMesh, first_hits, nearest_faces, ray_mesh
 from s2a.scene.scene import Mesh
+
+LIGHT_DIRECTION = np.array((0.35, 0.25, 0.9)) / np.linalg.norm((0.35, 0.25, 0.9))
+"""Direction to the light in the room: ceiling lamps, and a window to one side."""
+
+
+def vertex_colors(points: np.ndarray, surface: Surface, nearest: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return the colour of each scanned point, shape [point 3], uint8.
+
+    Args:
+        points: in the room's frame, along which boards and threads run [m], shape [point 3].
+        surface: what was scanned, in the room's frame.
+        nearest: its face nearest to each point, shape [point].
+        rng: where the noise comes from.
+    """
+    a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+    # Half of the light comes from everywhere: walls are white.
+    light = (0.78 + 0.22 * (normal @ LIGHT_DIRECTION))[nearest]
+    texture = surface.textures[nearest]
+    grain = np.select([texture == PLAIN, texture == WOOD, texture == FABRIC], [_plain(points), _wood(points), 1.0], 1.0)
+    weave = np.where(texture == FABRIC, 0.08, 0.015) * rng.normal(size=len(points))
+    color = surface.colors[nearest] * (light * (grain + weave))[:, None] + rng.normal(0.0, 1.5, (len(points), 3))
+    return np.clip(np.rint(color), 0, 255).astype(np.uint8)
+
+
+def _plain(points: np.ndarray) -> np.ndarray:
+    """Return the faint clouds of a painted surface, about 1, shape [point]."""
+    x, y, z = points.T
+    return 1.0 + 0.015 * np.sin(7 * x + 3 * z) * np.sin(5 * y - 4 * z + 1)
+
+
+def _wood(points: np.ndarray) -> np.ndarray:
+    """Return boards of 0.12 m with grain along x, about 1, shape [point]."""
+    x, y, z = points.T
+    board = np.floor((y + z) / 0.12)
+    tone = 0.08 * np.sin(board * 12.9898)
+    return 1.0 + tone + 0.06 * np.sin(260 * (y + z) + 3 * np.sin(4 * x + board) + 2 * np.sin(9 * x))
+
+
+MAX_ATTEMPTS = 4
+"""Nearest cameras that are tried for each point."""
+CHUNK = 100_000
+"""Points that are asked for at once."""
+NEAR = 0.09
+"""[m] Farther before or behind a point, what a camera sees is something else."""
+
+
+def sighted(mesh: RayMesh, points: np.ndarray, normals: np.ndarray, cameras: np.ndarray) -> np.ndarray:
+    """Return for each point what the nearest camera sees in its direction, shape [point 3] [m]; itself where none sees it.
+
+    Args:
+        mesh: the true room.
+        points: of the coarse surface, in the frame of the mesh [m], shape [point 3].
+        normals: of that surface towards free space, shape [point 3].
+        cameras: where pictures were taken, in the same frame [m], shape [camera 3].
+    """
+    parts = [slice(i, i + CHUNK) for i in range(0, len(points), CHUNK)]
+    return np.concatenate([_sighted(mesh, points[some], normals[some], cameras) for some in parts])
+
+
+def _sighted(mesh: RayMesh, points: np.ndarray, normals: np.ndarray, cameras: np.ndarray) -> np.ndarray:
+    places, open_ = points.astype(np.float64).copy(), np.ones(len(points), bool)
+    rays = cameras[None].astype(np.float32) - points[:, None].astype(np.float32)
+    far = np.linalg.norm(rays, axis=2)
+    facing = np.einsum("pci,pi->pc", rays, normals.astype(np.float32)) / far
+    # Pictures from close by and straight ahead are sharpest.
+    order = np.argsort(far / np.clip(facing, 0.05, 1.0), axis=1)[:, :MAX_ATTEMPTS]
+    for rank in range(order.shape[1]):
+        some = np.flatnonzero(open_)
+        if not len(some):
+            break
+        eyes, reach = cameras[order[some, rank]], far[some, order[some, rank]]
+        ahead = (points[some] - eyes) / reach[:, None]
+        hits = first_hits(mesh, eyes, ahead)
+        good = np.abs(hits - reach) < NEAR
+        places[some[good]] = eyes[good] + hits[good, None] * ahead[good]
+        open_[some[good]] = False
+    return places
+
+
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return unit normals of vertices, weighted by area, shape [vertex 3]."""
+    a, b, c = np.moveaxis(vertices[faces].astype(np.float64), 1, 0)
+    cross = np.cross(b - a, c - a)
+    total = np.stack([np.bincount(faces.ravel(), np.repeat(cross[:, i], 3), len(vertices)) for i in range(3)], axis=1)
+    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
+
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Weights of red, green and blue (ITU-R BT.709)."""

@@ -14,9 +14,9 @@ import numpy as np
 from s2a.homes import clutter, leaves
 from s2a.homes.clutter import Board
 from s2a.homes.draw import chance, integer
-from s2a.homes.fittings import Opening, Style
-from s2a.homes.furniture import cabinet_body
+from s2a.homes.fronts import cabinet_body
 from s2a.homes.solids import Piece, Surface, at, box, join
+from s2a.homes.styles import Opening, Style
 
 
 @dataclass(frozen=True)
@@ -119,12 +119,12 @@ def _levels(each: Column, span: tuple[float, float]) -> list[tuple[tuple[float, 
     """Return each cell's lower and upper end [m], and whether a board lies between it and the next one above."""
     cuts = np.cumsum([0.0, *(cell.weight for cell in each.cells)])
     cuts = span[0] + cuts / cuts[-1] * (span[1] - span[0])
-    found = []
+    levels = []
     for i, cell in enumerate(each.cells):
         above = each.cells[i + 1] if i + 1 < len(each.cells) else None
         drawers = above is not None and {cell.opening.kind, above.opening.kind} == {"drawer"}
-        found.append(((float(cuts[i]), float(cuts[i + 1])), cell, above is not None and not drawers))
-    return found
+        levels.append(((float(cuts[i]), float(cuts[i + 1])), cell, above is not None and not drawers))
+    return levels
 
 
 def _interior(
@@ -150,16 +150,16 @@ def _interior(
 def _base(size: tuple[float, float, float], style: Style, base: CabinetBase) -> list[Surface]:
     """Return plinth or legs, and the top board."""
     depth, half, height = size[0], size[1] / 2, size[2]
-    found = []
+    boards = []
     if base.cap:
-        found.append(box((0, depth + 0.004), (-half, half), (height - base.cap, height), style.top, style.texture))
+        boards.append(box((0, depth + 0.004), (-half, half), (height - base.cap, height), style.top, style.texture))
     if base.kind == "plinth":
-        found.append(box((0.02, depth - 0.05), (-half + 0.001, half - 0.001), (0, base.height), style.dark))
+        boards.append(box((0.02, depth - 0.05), (-half + 0.001, half - 0.001), (0, base.height), style.dark))
     elif base.kind == "legs":
         wide = min(0.045, size[1] / 8)
-        found += [
+        boards += [
             box((x, x + wide), (y, y + wide), (0, base.height), style.dark)
             for x in (0.02, depth - style.thick - 0.03 - wide)
             for y in (0.02 - half, half - 0.02 - wide)
         ]
-    return found
+    return boards

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2a.homes import cloth, decor, household, objects, toiletries
+from s2a.homes import cloth, decor, household, objects
 from s2a.homes.draw import integer, pick, uniform
 from s2a.homes.objects import SPINES
 from s2a.homes.solids import FABRIC, WOOD, Color, Piece, at, box, cylinder, join, lathe
@@ -162,7 +162,7 @@ THEMES: dict[str, tuple[Maker, ...]] = {
     ),
     "pantry": (household.jar, can, bottle, carton, basket),
     "cutlery": (cutlery, case, lambda r: household.plate(uniform(r, (0.08, 0.12)))),
-    "bath": (bottle, soap, towels, toiletries.tissue_box, toiletries.toothbrush_cup, can),
+    "bath": (bottle, soap, towels, household.tissue_box, household.toothbrush_cup, can),
     "toiletries": (case, can, case),
     "linen": (towels, folded, basket),
     "clothes": (folded, folded, carton, shoes),

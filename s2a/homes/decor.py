@@ -27,18 +27,6 @@ def wall_shelf(width: float) -> Piece:
     return Piece("shelf", join(box((0, 0.22), (-width / 2, width / 2), (-0.025, 0), OAK, WOOD), *arms))
 
 
-def books(rng: np.random.Generator, width: float) -> list[Piece]:
-    """Return books side by side with their spines at x = 0, from y = 0 on, at most `width` [m] long."""
-    row: list[Piece] = []
-    y = 0.0
-    while True:
-        piece, thick = objects.book(rng)
-        if y + thick > width:
-            return row
-        row.append(piece.moved(at(-rng.uniform(0, 0.02), y + thick / 2, 0.001)))
-        y += thick + rng.uniform(0.001, 0.004)
-
-
 def pile(rng: np.random.Generator, count: int) -> list[Piece]:
     """Return books that lie on each other, the lowest on z = 0."""
     stack, z = [], 0.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from s2a.homes.boxes import CLEAR, NO_BOXES, Boxes, before_wall, measured, meet
 from s2a.homes.draw import uniform
-from s2a.homes.outline import Outline, Side
+from s2a.homes.room import Outline, Side
 from s2a.homes.solids import Piece, at
 
 
@@ -95,15 +95,15 @@ class FloorPlan:
                 return pose
         return None
 
-    def need(self, found: np.ndarray | None) -> np.ndarray:
+    def need(self, pose: np.ndarray | None) -> np.ndarray:
         """Return a pose that must not be None.
 
         Raises:
             Crowded: it is None.
         """
-        if found is None:
+        if pose is None:
             raise Crowded
-        return found
+        return pose
 
     def free(self, boxes: Boxes) -> bool:
         """Return whether boxes in the room's frame have room."""

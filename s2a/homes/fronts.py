@@ -1,20 +1,20 @@
-"""Fronts that open: panels hinged at any side, lids, and what they are pulled by. Local frames: front at x = 0, z up, metres."""
+"""Fronts of furniture: slab, framed, glazed, grooved, louvred, mirrored; hinged panels, lids, boxes.
+
+Local frames: face at x = 0, centred in y and z, z up, metres. Sizes as cabinet makers use them: boards 16 to 22 mm thick, frames
+55 to 90 mm wide around panels that lie 5 to 10 mm deeper.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from s2a.homes.handles import QUARTER, STEEL, bar, cup, edge, knob, upright
+from s2a.homes.grips import QUARTER, STEEL, bar, upright
 from s2a.homes.solids import PLAIN, Color, Piece, Surface, at, box, join, rotation
 from s2a.scene.scene import Joint
 
 Side = tuple[int, int]
 LEFT, RIGHT, TOP, BOTTOM = (-1, 0), (1, 0), (0, 1), (0, -1)
 """Where a front has its hinge: signs along y and z; left and right as seen by who stands before it."""
-Pull = Callable[[float, float], Piece]
-"""Returns a handle on a front of given width and height [m], in the frame of the front's middle."""
 
 GAP = 0.004
 """Between two fronts, and between a front and a worktop [m]; fitters leave 3 to 4 mm."""
@@ -53,41 +53,9 @@ def lid(name: str, shape: Surface, *parts: Piece, angle: float = QUARTER) -> Pie
     return hinged(name, shape.moved(stand_up), TOP, *parts, angle=angle).moved(np.linalg.inv(stand_up))
 
 
-def bar_pull(width: float, height: float) -> Piece:
-    """Return a level bar: in the middle of a low front, near the upper edge of a high one; 26 mm behind it are free."""
-    grip = bar(round(min(0.55 * width, 0.32), 3), 0.014, 0.012, 0.026, 0.012)
-    return grip.moved(at(0, 0, max(0.0, height / 2 - 0.055)))
-
-
-def cup_pull(width: float, height: float) -> Piece:
-    """Return a cup pull, 28 mm deep, in the middle of a low front, near the upper edge of a high one."""
-    return cup(0.1, 0.038, 0.028).moved(at(0, 0, max(0.019, height / 2 - 0.045)))
-
-
-def knob_pull(width: float, height: float) -> Piece:
-    """Return a knob, 28 mm deep, in the middle of a low front, near the upper edge of a high one."""
-    return knob(0.015, 0.028).moved(at(0, 0, max(0.0, height / 2 - 0.055)))
-
-
-def edge_pull(width: float, height: float) -> Piece:
-    """Return a profile that stands out 20 mm from a front's upper edge."""
-    return edge(round(0.6 * width, 3)).moved(at(0, 0, height / 2))
-
-
-def door_knob(side: Side, width: float, z: float) -> Piece:
-    """Return a knob at a height z [m] on a door of given width [m], 45 mm from the edge across from its hinge."""
-    return knob(0.016, 0.028).moved(at(0, -side[0] * (width / 2 - 0.045), z))
-
-
 def door_bar(side: Side, width: float, z: float, length: float = 0.2, color: Color = STEEL) -> Piece:
     """Return an upright bar about a height z [m] on a door of given width [m], 45 mm from the edge across from its hinge."""
     return upright(bar(length, 0.014, 0.012, 0.028, 0.012, color)).moved(at(0, -side[0] * (width / 2 - 0.045), z))
-
-
-def door_edge(side: Side, width: float, z: float, length: float = 0.24) -> Piece:
-    """Return an upright profile about a height z [m] on the edge of a door across from its hinge."""
-    turned = edge(length).moved(rotation((side[0] * QUARTER, 0.0, 0.0)))
-    return turned.moved(at(0, -side[0] * width / 2, z))
 
 
 def open_box(size: tuple[float, float, float], wall: float, color: Color, texture: int = PLAIN) -> Surface:
@@ -101,3 +69,111 @@ def open_box(size: tuple[float, float, float], wall: float, color: Color, textur
         box((-x + wall, x - wall), (y - wall, y), (wall, z), color, texture),
     ]
     return join(*walls)
+
+
+def cabinet_body(size: tuple[float, float, float], wall: float, color: Color, texture: int = PLAIN) -> list[Surface]:
+    """Return five panels of a box that is open towards +x: its front edge is at x = 0, its floor at z = 0."""
+    deep, half, high = size[0], size[1] / 2, size[2]
+    return [
+        box((-deep, -deep + wall), (-half, half), (0, high), color, texture),
+        box((-deep, 0), (-half, -half + wall), (0, high), color, texture),
+        box((-deep, 0), (half - wall, half), (0, high), color, texture),
+        box((-deep, 0), (-half, half), (0, wall), color, texture),
+        box((-deep, 0), (-half, half), (high - wall, high), color, texture),
+    ]
+
+
+GLASS: Color = (96, 112, 118)
+DARK_GLASS: Color = (30, 32, 36)
+MIRROR: Color = (150, 164, 172)
+Size = tuple[float, float, float]
+Pocket = tuple[float, float, float, float]
+"""A hole of a front: y from, y to, z from, z to [m]."""
+
+
+def front(kind: str, size: Size, color: Color, texture: int, frame: float) -> Surface:
+    """Return a front panel.
+
+    Args:
+        kind: "slab", "framed", "glazed", "window" (dark glass), "grooved", "louvred" or "mirror".
+        size: thickness, width and height [m].
+        color: of its wood or paint.
+        texture: of the same.
+        frame: width of the frame [m], where it has one; small panels have none.
+    """
+    if kind not in ("slab", "grooved", "mirror") and min(size[1:]) < 3.2 * frame:
+        kind = "slab"
+    if kind == "framed":
+        return join(ring(size, frame, color, texture), inset(size, frame, color, texture, 0.4, 0.65, 0.0))
+    if kind == "glazed":
+        return join(ring(size, frame, color, texture), inset(size, frame, GLASS, 0, 0.35, 0.6, 0.75))
+    if kind == "window":
+        return join(ring(size, frame, color, texture), inset(size, frame, DARK_GLASS, 0, 0.0, 0.85, 0.3))
+    if kind == "louvred":
+        return join(ring(size, frame, color, texture), *_slats(size, frame, color, texture))
+    if kind == "grooved":
+        return _grooved(size, color, texture)
+    if kind == "mirror":
+        return join(
+            panel((size[0] - 0.004, *size[1:]), color, texture).moved(at(-0.004, 0)),
+            box((-0.004, 0), *_inner(size, 0.012), MIRROR, dropout=0.5),
+        )
+    return panel(size, color, texture)
+
+
+def ring(size: Size, frame: float, color: Color, texture: int) -> Surface:
+    """Return the frame of a front as four boards."""
+    thick, y, z = size[0], size[1] / 2, size[2] / 2
+    return join(
+        box((-thick, 0), (-y, y), (-z, -z + frame), color, texture),
+        box((-thick, 0), (-y, y), (z - frame, z), color, texture),
+        box((-thick, 0), (-y, -y + frame), (-z + frame, z - frame), color, texture),
+        box((-thick, 0), (y - frame, y), (-z + frame, z - frame), color, texture),
+    )
+
+
+def inset(size: Size, frame: float, color: Color, texture: int, low: float, high: float, dropout: float) -> Surface:
+    """Return what fills a frame, from one fraction of its thickness to another, measured from the back."""
+    back = -size[0]
+    return box((back + low * size[0], back + high * size[0]), *_inner(size, frame), color, texture, dropout)
+
+
+def _inner(size: Size, frame: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    y, z = size[1] / 2 - frame, size[2] / 2 - frame
+    return (-y, y), (-z, z)
+
+
+def _slats(size: Size, frame: float, color: Color, texture: int) -> list[Surface]:
+    """Return tilted slats that fill a frame's height."""
+    high, wide = size[2] - 2 * frame, size[1] / 2 - frame
+    count = max(2, int(high / 0.04))
+    step, deep = high / count, 0.8 * size[0]
+    tilt = rotation((0.0, 0.6, 0.0))
+    slat = box((-deep / 2, deep / 2), (-wide, wide), (-0.003, 0.003), color, texture).moved(tilt)
+    return [slat.moved(at(-size[0] / 2, 0, -high / 2 + (i + 0.5) * step)) for i in range(count)]
+
+
+def _grooved(size: Size, color: Color, texture: int) -> Surface:
+    """Return a board with upright grooves 3 mm deep."""
+    thick, width, height = size
+    count = max(2, round(width / 0.08))
+    step = width / count
+    strips = [
+        box((-0.003, 0), (y + 0.002, y + step - 0.002), (-height / 2, height / 2), color, texture)
+        for y in -width / 2 + step * np.arange(count)
+    ]
+    return join(panel((thick - 0.003, width, height), color, texture).moved(at(-0.003, 0)), *strips)
+
+
+def pocketed(size: Size, hole: Pocket, depth: float, color: Color, texture: int) -> Surface:
+    """Return a slab with a pocket of given depth [m] in its face for a recessed pull."""
+    thick, y, z = size[0], size[1] / 2, size[2] / 2
+    left, right, low, high = hole
+    face = (-depth, 0.0)
+    return join(
+        box((-thick, -depth), (-y, y), (-z, z), color, texture),
+        box(face, (-y, y), (-z, low), color, texture),
+        box(face, (-y, y), (high, z), color, texture),
+        box(face, (-y, left), (low, high), color, texture),
+        box(face, (right, y), (low, high), color, texture),
+    )

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2a.homes.fronts import TOP, hinged, lid, open_box, panel
-from s2a.homes.furniture import cabinet_body
-from s2a.homes.handles import QUARTER, bar, knob
+from s2a.homes.fronts import TOP, cabinet_body, hinged, lid, open_box, panel
+from s2a.homes.grips import QUARTER, bar, knob
 from s2a.homes.plumbing import CHROME, pipe
-from s2a.homes.solids import FABRIC, WOOD, Color, Piece, at, box, cylinder, ellipsoid, join, lathe, rotation
+from s2a.homes.solids import FABRIC, WOOD, Color, Piece, at, box, cylinder, join, lathe, rotation
 
 BLACK, IRON, WHITE = (40, 40, 44), (66, 66, 72), (236, 234, 228)
-FRUIT: tuple[Color, ...] = ((196, 52, 44), (226, 150, 40), (110, 150, 50), (214, 186, 60))
 BRIGHT: tuple[Color, ...] = ((60, 110, 160), (190, 70, 60), (230, 180, 70), (80, 140, 110), (150, 90, 140))
 
 
@@ -62,28 +60,6 @@ def pot(radius: float, height: float) -> Piece:
     return Piece("pot", join(body, cover.moved(at(0, 0, height)), *ears, grip))
 
 
-def pan(radius: float) -> Piece:
-    """Return an open frying pan, its handle towards +x."""
-    profile = [
-        (0, 0),
-        (0.8 * radius, 0),
-        (radius, 0.045),
-        (radius - 0.004, 0.045),
-        (0.8 * radius - 0.002, 0.005),
-        (0, 0.005),
-    ]
-    grip = box((radius - 0.005, radius + 0.18), (-0.011, 0.011), (0.034, 0.048), BLACK)
-    return Piece("pan", join(lathe(profile, IRON), grip))
-
-
-def kettle() -> Piece:
-    """Return an electric kettle on its base, its handle towards -x."""
-    body = lathe([(0, 0.02), (0.085, 0.02), (0.06, 0.2), (0.03, 0.22), (0, 0.225)], CHROME)
-    spout = box((0.05, 0.09), (-0.015, 0.015), (0.17, 0.19), CHROME)
-    grip = pipe([(-0.05, 0, 0.2), (-0.11, 0, 0.2), (-0.12, 0, 0.06), (-0.07, 0, 0.05)], 0.011, BLACK)
-    return Piece("kettle", join(cylinder(0.085, 0.02, BLACK), body, spout, grip))
-
-
 def jar(rng: np.random.Generator) -> Piece:
     """Return a storage jar with a lid."""
     radius, height = rng.uniform(0.035, 0.055), rng.uniform(0.1, 0.18)
@@ -107,21 +83,10 @@ def bowl(radius: float, color: Color) -> Piece:
     return Piece("bowl", lathe(outside + inside, color))
 
 
-def fruit(rng: np.random.Generator) -> Piece:
-    """Return an apple, orange or the like."""
-    size = rng.uniform(0.065, 0.085)
-    return Piece("fruit", ellipsoid((size,) * 3, FRUIT[rng.integers(len(FRUIT))]).moved(at(0, 0, size / 2)))
-
-
 def plate(radius: float) -> Piece:
     """Return a shallow plate."""
     profile = [(0, 0), (0.6 * radius, 0), (radius, 0.02), (radius, 0.024), (0.6 * radius, 0.006), (0, 0.006)]
     return Piece("plate", lathe(profile, WHITE))
-
-
-def cutting_board() -> Piece:
-    """Return a wooden board that lies."""
-    return Piece("cutting board", box((-0.12, 0.12), (-0.18, 0.18), (0, 0.02), (186, 140, 88), WOOD))
 
 
 def knife_block() -> Piece:
@@ -148,18 +113,6 @@ def dish_rack() -> Piece:
     upright = rotation((QUARTER - 0.15, 0.0, 0.0))
     plates = [plate(0.11).surface.moved(at(0, y, 0.128) @ upright) for y in (-0.12, -0.06, 0.0, 0.06)]
     return Piece("dish rack", join(*rods, *posts, *plates))
-
-
-def table(length: float, width: float) -> Piece:
-    """Return a table, 0.75 m high, long along y, centred on the origin."""
-    wood, x, y = (184, 146, 100), width / 2, length / 2
-    legs = [
-        box((a, a + 0.06), (b, b + 0.06), (0, 0.72), wood, WOOD)
-        for a in (-x + 0.03, x - 0.09)
-        for b in (-y + 0.03, y - 0.09)
-    ]
-    apron = box((-x + 0.05, x - 0.05), (-y + 0.05, y - 0.05), (0.65, 0.72), wood, WOOD)
-    return Piece("table", join(box((-x, x), (-y, y), (0.72, 0.75), wood, WOOD), apron, *legs))
 
 
 def mat(rng: np.random.Generator, depth: float, width: float, name: str) -> Piece:
@@ -200,3 +153,44 @@ def towel_stack(rng: np.random.Generator, count: int) -> Piece:
         x, y = 0.12 + rng.uniform(-0.008, 0.008), 0.15 + rng.uniform(-0.008, 0.008)
         folded.append(box((-x, x), (-y, y), (0.055 * i, 0.055 * (i + 1) - 0.004), color, FABRIC))
     return Piece("towel", join(*folded))
+
+
+def stool() -> Piece:
+    """Return a round wooden stool, 0.42 m high."""
+    legs = [
+        pipe([(x, y, 0), (0.7 * x, 0.7 * y, 0.4)], 0.014, (196, 160, 112)) for x in (-0.1, 0.1) for y in (-0.1, 0.1)
+    ]
+    seat = cylinder(0.15, 0.03, (196, 160, 112), WOOD).moved(at(0, 0, 0.39))
+    return Piece("stool", join(*legs, seat))
+
+
+def toothbrush_cup(rng: np.random.Generator) -> Piece:
+    """Return a beaker with two toothbrushes."""
+    beaker = lathe([(0, 0), (0.034, 0), (0.038, 0.1), (0.034, 0.1), (0.03, 0.006), (0, 0.006)], (206, 222, 224))
+    brushes = []
+    for tilt in (0.25, -0.2):
+        color = BRIGHT[rng.integers(len(BRIGHT))]
+        stick = box((-0.004, 0.004), (-0.005, 0.005), (0, 0.19), color)
+        head = box((0.004, 0.014), (-0.006, 0.006), (0.16, 0.19), WHITE)
+        brushes.append(join(stick, head).moved(at(-0.1 * tilt, 0, 0.012) @ rotation((0, tilt, 0))))
+    return Piece("cup", join(beaker, *brushes))
+
+
+def tissue_box(rng: np.random.Generator) -> Piece:
+    """Return a box of tissues with one drawn out."""
+    carton = box((-0.06, 0.06), (-0.115, 0.115), (0, 0.08), BRIGHT[rng.integers(len(BRIGHT))])
+    tissue = lathe([(0.045, 0.08), (0.01, 0.13), (0, 0.08)], WHITE, FABRIC, sides=7, squeeze=1.5)
+    return Piece("tissue box", join(carton, tissue))
+
+
+def wall_lamp(width: float) -> Piece:
+    """Return a lamp, long along y, on a plate at the wall x = 0."""
+    tube = cylinder(0.03, width, (250, 248, 238)).moved(at(0.08, -width / 2) @ rotation((-QUARTER, 0, 0)))
+    return Piece(
+        "wall lamp",
+        join(
+            box((0, 0.02), (-0.06, 0.06), (-0.03, 0.03), CHROME),
+            tube,
+            box((0.02, 0.06), (-0.02, 0.02), (-0.01, 0.01), CHROME),
+        ),
+    )

@@ -1,7 +1,8 @@
 """Fronts that close a cell of a cabinet: drawers, doors, pairs of doors, flaps, rising shutters, with their handles.
 
 Drawers run on 3/4 or full extension runners of 250 to 650 mm (Blum Tandem, Hettich Quadro); hinges open by 80 to 110 degrees
-(Blum Clip Top 107 and 110, Salice 94); flaps by 75 to 107 degrees (Blum Aventos); reveals are 2 to 5 mm.
+(Blum Clip Top 107 and 110, Salice 94); flaps by 75 to 107 degrees (Blum Aventos); reveals are 2 to 5 mm. Local frames: the
+front's middle, its face at x = 0, z up, metres.
 """
 
 from __future__ import annotations
@@ -10,15 +11,81 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.homes import clutter, panels
+from s2a.homes import clutter, fronts, grips
 from s2a.homes.clutter import Board
-from s2a.homes.draw import integer
-from s2a.homes.fittings import Opening, Style
+from s2a.homes.draw import chance, integer
 from s2a.homes.fronts import BOTTOM, LEFT, RIGHT, TOP, Side, hinged
-from s2a.homes.grips import GripDesign
-from s2a.homes.handle_places import door_grips, flap_grips, level_grips
+from s2a.homes.grips import GripDesign, upright
 from s2a.homes.solids import Piece, Surface, at, box, join
+from s2a.homes.styles import Opening, Style
 from s2a.scene.scene import Joint
+
+HANDLE_HEIGHT = 1.05
+"""[m] Height above the floor at which handles of doors are put if the door reaches there."""
+Grips = tuple[tuple[Piece, ...], fronts.Pocket | None]
+
+
+def level_grips(rng: np.random.Generator, grip: GripDesign, wide: float, high: float, place: float) -> Grips:
+    """Return the handles of a drawer: one in its middle, or, on some wide ones, two."""
+    if grip.family == "none" or high < 0.05:
+        return (), None
+    grip = replace(grip.fitted(0.8 * wide), width=min(grip.width, 0.6 * high))
+    if grip.family == "knob":
+        grip = grip.fitted(0.5 * high)
+    if grip.family == "edge":
+        return (grips.make(grip).moved(at(0, 0, high / 2)),), None
+    z = place * max(0.0, high / 2 - 0.035 - grip.width / 2)
+    if grip.family == "recess":
+        return (grips.make(grip).moved(at(0, 0, z)),), _pocket(grip, 0.0, z)
+    if wide > 0.75 and grip.length < 0.3 * wide and chance(rng, 0.3):
+        return tuple(grips.make(grip).moved(at(0, y, z)) for y in (-0.28 * wide, 0.28 * wide)), None
+    return (grips.make(grip).moved(at(0, 0, z)),), None
+
+
+def door_grips(grip: GripDesign, side: Side, size: fronts.Size, height: float, inset: float) -> Grips:
+    """Return the upright handle of a door whose middle is at a height above the floor [m]."""
+    _, wide, high = size
+    if grip.family == "none":
+        return (), None
+    grip = grip.fitted(0.45 * high)
+    reach = max(0.0, high / 2 - grip.length / 2 - 0.04)
+    z = float(np.clip(HANDLE_HEIGHT - height, -reach, reach))
+    free = -side[0] * wide / 2
+    turned = upright(grips.make(grip)) if grip.family != "cup" else grips.make(grip)
+    if grip.family == "edge":
+        turned = grips.make(grip).moved(_roll(side[0] * np.pi / 2))
+        return (turned.moved(at(0, free, z)),), None
+    y = free + side[0] * max(min(inset, wide / 3), grip.width / 2 + 0.012)
+    if grip.family == "recess":
+        return (turned.moved(at(0, y, z)),), _pocket(replace(grip, length=grip.width, width=grip.length), y, z)
+    return (turned.moved(at(0, y, z)),), None
+
+
+def flap_grips(grip: GripDesign, side: Side, size: fronts.Size) -> Grips:
+    """Return the handle of a flap near the edge across from its hinge."""
+    _, wide, high = size
+    if grip.family == "none":
+        return (), None
+    grip = replace(grip.fitted(0.7 * wide), width=min(grip.width, 0.5 * high))
+    if grip.family == "edge":
+        turn = np.eye(4) if side is BOTTOM else _roll(np.pi)
+        return (grips.make(grip).moved(turn).moved(at(0, 0, -side[1] * high / 2)),), None
+    z = -side[1] * max(0.0, high / 2 - 0.03 - grip.width / 2)
+    return (grips.make(grip).moved(at(0, 0, z)),), _pocket(grip, 0.0, z) if grip.family == "recess" else None
+
+
+def _pocket(grip: GripDesign, y: float, z: float) -> fronts.Pocket:
+    """Return the hole of a front that a recessed pull lines."""
+    half, up = grip.length / 2 + 0.0003, grip.width / 2 + 0.0003
+    return (y - half, y + half, z - up, z + up)
+
+
+def _roll(angle: float) -> np.ndarray:
+    """Return a rotation in the plane of a front, shape [4 4]."""
+    turn = np.eye(4)
+    turn[1:3, 1:3] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    return turn
+
 
 SIDES: dict[str, Side] = {"left": LEFT, "right": RIGHT, "up": TOP, "down": BOTTOM}
 """Where a leaf has its hinge, by its kind; left and right as seen by who stands before it."""
@@ -65,7 +132,7 @@ def close(rng: np.random.Generator, opening: Opening, y: Span, z: Span, depth: f
 
 
 def _drawer(
-    rng: np.random.Generator, opening: Opening, size: panels.Size, depth: float, grip: GripDesign, style: Style
+    rng: np.random.Generator, opening: Opening, size: fronts.Size, depth: float, grip: GripDesign, style: Style
 ) -> Piece:
     """Return a drawer: panel, tray, handles, and what lies in it."""
     thick, wide, high = size
@@ -94,7 +161,7 @@ def _tray(thick: float, length: float, across: float, up: float) -> Surface:
     )
 
 
-def _leaf(opening: Opening, size: panels.Size, grip: GripDesign, style: Style, height: float) -> Piece:
+def _leaf(opening: Opening, size: fronts.Size, grip: GripDesign, style: Style, height: float) -> Piece:
     """Return a hinged door or flap with its handle."""
     side = SIDES[opening.kind]
     if side[0]:
@@ -108,13 +175,13 @@ def _leaf(opening: Opening, size: panels.Size, grip: GripDesign, style: Style, h
     return replace(hinged(name, shape, side, *handles, angle=limit), facts=facts)
 
 
-def _shutter(opening: Opening, size: panels.Size, grip: GripDesign, style: Style, centre: np.ndarray) -> list[Piece]:
+def _shutter(opening: Opening, size: fronts.Size, grip: GripDesign, style: Style, centre: np.ndarray) -> list[Piece]:
     """Return a fixed upper half, and behind its plane a lower half that slides up."""
     thick, wide, high = size
     low, up = 0.55 * high, 0.45 * high - style.gap
-    fixed = Piece("panel", panels.front(style.panel, (0.5 * thick, wide, up), style.front, style.texture, style.frame))
+    fixed = Piece("panel", fronts.front(style.panel, (0.5 * thick, wide, up), style.front, style.texture, style.frame))
     handles, _ = flap_grips(replace(grip, clearance=min(grip.clearance, 0.02)), TOP, (thick, wide, low))
-    shape = panels.front(
+    shape = fronts.front(
         "grooved", (0.35 * thick, wide - 2 * style.board - 0.008, low), style.front, style.texture, 0.0
     )
     behind = at(-0.5 * thick - 0.002, 0)
@@ -125,9 +192,9 @@ def _shutter(opening: Opening, size: panels.Size, grip: GripDesign, style: Style
     return [fixed.moved(centre @ at(0, 0, (high - up) / 2)), moving.moved(centre @ at(0, 0, (low - high) / 2))]
 
 
-def _panel(opening: Opening, size: panels.Size, style: Style, pocket: panels.Pocket | None, panel: str) -> Surface:
+def _panel(opening: Opening, size: fronts.Size, style: Style, pocket: fronts.Pocket | None, panel: str) -> Surface:
     """Return the panel of a front, with a pocket for a recessed pull where it has one."""
     color = opening.color or style.front
     if pocket is not None:
-        return panels.pocketed(size, pocket, 0.0135, color, style.texture)
-    return panels.front(opening.panel or panel, size, color, style.texture, style.frame)
+        return fronts.pocketed(size, pocket, 0.0135, color, style.texture)
+    return fronts.front(opening.panel or panel, size, color, style.texture, style.frame)

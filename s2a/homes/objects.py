@@ -32,18 +32,6 @@ SPINES: tuple[Color, ...] = (
 )
 
 
-def desk(width: float) -> Piece:
-    """Return a desk 0.75 m deep and 0.74 m high; its front edge is at x = 0."""
-    top = box((-0.75, 0), (-width / 2, width / 2), (0.715, 0.74), (186, 150, 108), WOOD)
-    legs = [
-        box((x, x + 0.05), (y, y + 0.05), (0, 0.715), GREY)
-        for x in (-0.72, -0.08)
-        for y in (0.02 - width / 2, width / 2 - 0.07)
-    ]
-    rail = box((-0.7, -0.68), (-width / 2 + 0.05, width / 2 - 0.05), (0.45, 0.715), GREY)
-    return Piece("desk", join(top, *legs, rail))
-
-
 def office_chair(rng: np.random.Generator) -> Piece:
     """Return a swivel chair on a five-armed base, its back rest towards -x."""
     cloth = CLOTH[rng.integers(len(CLOTH))]
@@ -65,23 +53,6 @@ def chair() -> Piece:
     posts = [box((-0.21, -0.175), (y, y + 0.035), (0.44, 0.88), wood, WOOD) for y in (-0.2, 0.165)]
     slats = [box((-0.205, -0.18), (-0.17, 0.17), (z, z + 0.07), wood, WOOD) for z in (0.58, 0.7, 0.81)]
     return Piece("chair", join(box((-0.22, 0.22), (-0.21, 0.21), (0.44, 0.465), wood, WOOD), *legs, *posts, *slats))
-
-
-def bookshelf(width: float, height: float, shelves: int) -> Piece:
-    """Return an open shelf 0.3 m deep; its front edge is at x = 0; shelf i's board is at `shelf_height`."""
-    wood, half = (205, 178, 132), width / 2
-    sides = [box((-0.3, 0), (y, y + 0.02), (0, height), wood, WOOD) for y in (-half, half - 0.02)]
-    boards = [
-        box((-0.3, 0), (-half, half), (z - 0.02, z), wood, WOOD)
-        for z in [shelf_height(i, height, shelves) for i in range(shelves)] + [height]
-    ]
-    back = box((-0.3, -0.29), (-half, half), (0, height), wood, WOOD)
-    return Piece("bookshelf", join(*sides, *boards, back))
-
-
-def shelf_height(i: int, height: float, shelves: int) -> float:
-    """Return the height of the i-th board's upper face [m]."""
-    return 0.08 + i * (height - 0.08) / shelves
 
 
 def book(rng: np.random.Generator, standing: bool = True) -> tuple[Piece, float]:

@@ -89,25 +89,25 @@ def _check(entries: list[Entry], opened: Mapping[str, float]) -> None:
 def _opened(piece: Piece, by_piece: Mapping[int, float]) -> Piece:
     """Return a piece whose parts are at given coordinates, by their identity."""
     children = tuple(_opened(child, by_piece) for child in piece.children)
-    found = replace(piece, children=children)
+    part = replace(piece, children=children)
     if id(piece) not in by_piece or piece.joint is None:
-        return found
+        return part
     q, joint = by_piece[id(piece)], piece.joint
-    found = found.moved(transform(joint, q))
+    part = part.moved(transform(joint, q))
     lower, upper = joint.limits
-    return replace(found, joint=Joint(joint.kind, joint.axis, joint.origin, (lower - q, upper - q)))
+    return replace(part, joint=Joint(joint.kind, joint.axis, joint.origin, (lower - q, upper - q)))
 
 
 def _loose(room: Room, rng: np.random.Generator) -> list[Entry]:
     """Return the small free objects of a room, in random order."""
-    found = [
+    loose = [
         entry
         for entry in catalog(room.pieces)
         if not entry.articulated
         and not entry.piece.contents
         and np.ptp(entry.piece.surface.vertices, axis=0).max() < SMALL
     ]
-    return [found[i] for i in rng.permutation(len(found)).tolist()]
+    return [loose[i] for i in rng.permutation(len(loose)).tolist()]
 
 
 def _elsewhere(room: Room, entry: Entry, rng: np.random.Generator) -> np.ndarray | None:

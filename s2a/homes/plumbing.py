@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from s2a.homes.fronts import open_box
-from s2a.homes.handles import STEEL
+from s2a.homes.grips import STEEL
 from s2a.homes.solids import Color, Piece, Surface, at, box, cylinder, ellipsoid, join, rotation, translation
 
 Point = tuple[float, float, float]

@@ -1,4 +1,4 @@
-"""Drawing a fused surface onto what was measured.
+"""Projection of a fused surface onto the measured points.
 
 A vertex of surface nets is the mean of the places where its cell's edges cross the surface, and lies within whatever is convex:
 a bar of 12 mm in voxels of 6 mm loses a millimetre all around even if the field is exact. Rays that pass beside it, and say of
@@ -14,8 +14,7 @@ import numpy as np
 import warp as wp
 
 from s2a.core.workers import chunks, in_parallel
-from s2a.homes.panorama import direction_pixel
-from s2a.homes.pixel_planes import View
+from s2a.homes.panorama import View, direction_pixel
 from s2a.homes.surface_nets import Net
 
 BEHIND = (0.33, 0.66)

@@ -1,19 +1,17 @@
 """A furnished room: walls with openings, floor and ceiling, places for a scanner.
 
-Room frame: inner corner at the origin, x along the width, y along the depth, z up, metres.
+Room frame: inner corner of the bounding rectangle at the origin, x along the width, y along the depth, z up, metres.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.homes.solids import PLAIN, WOOD, Color, Piece, Surface, at, box, join, rotation, translation
+from s2a.homes.draw import chance, integer, pick, uniform
+from s2a.homes.solids import PLAIN, Color, Piece, Surface, at, box, join, painted, rotation, translation
 
-NORTH, SOUTH, WEST, EAST = -90.0, 90.0, 0.0, 180.0
-"""Yaw [deg] of what stands before the wall y = depth, y = 0, x = 0, x = width and faces the room."""
 Size = tuple[float, float, float]
 """Inner width, depth and height of a room [m]."""
 Hole = tuple[float, float, float, float]
@@ -46,17 +44,6 @@ class Room:
         return replace(self, pieces=tuple(p.moved(move) for p in self.pieces), scanners=scanners, yaw=yaw)
 
 
-def size_near(rng: np.random.Generator, mean: Size, below: Size, above: Size) -> Size:
-    """Return the size of a room, at most so far below and above a mean [m]."""
-    width, depth, height = (m + rng.uniform(-b, a) for m, b, a in zip(mean, below, above, strict=True))
-    return width, depth, height
-
-
-def around(rng: np.random.Generator, x: float, y: float, z: float, yaw: float, slack: float = 0.03) -> np.ndarray:
-    """Return a placement near a place [m] and yaw [deg], as things stand in real rooms."""
-    return at(x + rng.uniform(-slack, slack), y + rng.uniform(-slack, slack), z, yaw + rng.uniform(-300, 300) * slack)
-
-
 def wall(
     length: float, height: float, holes: tuple[Hole, ...], color: Color, ends: tuple[float, float] = (0.1, 0.1)
 ) -> Surface:
@@ -78,37 +65,213 @@ def wall(
     return join(*rest, *(box(slab, (left, right), (-0.1, low), color) for left, right, low, _ in holes if low > 0))
 
 
-def structure(
-    rng: np.random.Generator,
-    size: Size,
-    holes: Mapping[float, Hole],
-    paint: Color = (224, 220, 208),
-    ground: tuple[Color, int] = ((164, 134, 100), WOOD),
-) -> list[Piece]:
-    """Return walls, floor and ceiling of a room.
+Notch = tuple[int, float, float]
+"""A corner that is cut off: 0 to 3 for (0, 0), (width, 0), (width, depth), (0, depth); its extent along x and y [m]."""
+THICK = 0.1
+"""Of walls, floor and ceiling [m]."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """One wall: its frame has the face at x = 0, x into the room, y along the wall from 0 to its length.
+
+    Attributes:
+        pose: of that frame, shape [4 4].
+        length: [m].
+        height: [m].
+        ends: how far its slab goes on beyond y = 0 and y = length [m]; negative at corners that stand out into the room.
+    """
+
+    pose: np.ndarray
+    length: float
+    height: float
+    ends: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The empty room.
+
+    Attributes:
+        size: of the bounding rectangle, and the ceiling's height [m].
+        notches: corners that do not belong to the room.
+        slope: index of the wall with a sloped ceiling above it, the wall's height, and how far the slope reaches [m], or None.
+    """
+
+    size: tuple[float, float, float]
+    notches: tuple[Notch, ...]
+    slope: tuple[int, float, float] | None = None
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Corners of the floor, counter-clockwise, shape [corner 2]."""
+        width, depth, _ = self.size
+        points: list[tuple[float, float]] = []
+        cut = {index: (a, b) for index, a, b in self.notches}
+        for index, (x, y) in enumerate(((0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth))):
+            if index not in cut:
+                points.append((x, y))
+                continue
+            a, b = cut[index]
+            inner = (x + (a if x == 0 else -a), y + (b if y == 0 else -b))
+            along_y, along_x = (x, inner[1]), (inner[0], y)
+            points += [along_y, inner, along_x] if index in (0, 2) else [along_x, inner, along_y]
+        return np.array(points)
+
+    @property
+    def sides(self) -> list[Side]:
+        """The walls, counter-clockwise; wall i begins at corner i."""
+        corners, walls = self.corners, []
+        count = len(corners)
+        ahead = np.roll(corners, -1, axis=0) - corners
+        for i in range(count):
+            length = float(np.linalg.norm(ahead[i]))
+            normal = np.array((-ahead[i][1], ahead[i][0])) / length
+            end = corners[(i + 1) % count]
+            bends = [_cross(ahead[i], ahead[(i + 1) % count]), _cross(ahead[i - 1], ahead[i])]
+            ends = tuple(THICK if bend > 0 else -THICK * (k == 0) for k, bend in enumerate(bends))
+            yaw = float(np.degrees(np.arctan2(normal[1], normal[0])))
+            height = self.slope[1] if self.slope is not None and self.slope[0] == i else self.size[2]
+            walls.append(Side(at(end[0], end[1], 0.0, yaw), length, height, (ends[0], ends[1])))
+        return walls
+
+    @property
+    def solids(self) -> np.ndarray:
+        """Boxes of what is not room within the bounding rectangle: notches, the space above a slope, shape [box 2 3]."""
+        width, depth, height = self.size
+        boxes = []
+        for index, a, b in self.notches:
+            x = (0.0, a) if index in (0, 3) else (width - a, width)
+            y = (0.0, b) if index in (0, 1) else (depth - b, depth)
+            boxes.append([(x[0], y[0], 0.0), (x[1], y[1], height)])
+        if self.slope is not None:
+            boxes += _staircase(self, *self.slope)
+        return np.array(boxes, float).reshape(-1, 2, 3)
+
+    def contains(self, points: np.ndarray, margin: float) -> np.ndarray:
+        """Return whether points [point 2] lie in the room, so far from its walls [m]."""
+        inside = np.all((points > margin) & (points < np.array(self.size[:2]) - margin), axis=1)
+        for low, high in self.solids[: len(self.notches), :, :2]:
+            inside = inside & ~np.all((points > low - margin) & (points < high + margin), axis=1)
+        return np.asarray(inside)
+
+
+def outline(rng: np.random.Generator, area: tuple[float, float], height: tuple[float, float], plain: float) -> Outline:
+    """Return the drawn shape of a room.
 
     Args:
-        rng: varies the paint a little.
-        size: inner width, depth and height [m].
-        holes: the opening of a wall, by the wall's yaw (NORTH, SOUTH, WEST, EAST); see `wall`.
+        rng: all that is drawn.
+        area: of the floor from, to [m^2].
+        height: of the ceiling from, to [m].
+        plain: probability of a rectangle.
+    """
+    floor, ratio = uniform(rng, area), uniform(rng, (1.0, 1.65))
+    width, depth = (floor * ratio) ** 0.5, (floor / ratio) ** 0.5
+    if chance(rng, 0.5):
+        width, depth = depth, width
+    high = uniform(rng, height)
+    if chance(rng, plain) or min(width, depth) < 2.3:
+        slope = (integer(rng, 0, 3), uniform(rng, (1.0, 1.6)), uniform(rng, (0.7, 1.3))) if chance(rng, 0.25) else None
+        return Outline((width, depth, high), (), slope if min(width, depth) > 2.8 else None)
+    # What is cut off is given back.
+    grow = uniform(rng, (1.04, 1.1))
+    width, depth = width * grow, depth * grow
+    first = integer(rng, 0, 3)
+    a, b = width * uniform(rng, (0.15, 0.4)), depth * uniform(rng, (0.15, 0.4))
+    if chance(rng, 0.7):
+        return Outline((width, depth, high), ((first, a, b),))
+    second = (first + 1) % 4  # an alcove between two notches of the same depth
+    bay = min(a, 0.28 * width), min(b, 0.28 * depth)
+    return Outline((width, depth, high), ((first, *bay), (second, *bay)))
+
+
+def structure(room: Outline, holes: dict[int, list[Hole]], paint: Color, ground: tuple[Color, int]) -> list[Piece]:
+    """Return walls, floor and ceiling.
+
+    Args:
+        room: its shape.
+        holes: the openings of each wall by its index, in the wall's frame.
         paint: of the walls.
         ground: colour and texture of the floor.
     """
-    width, depth, height = size
-    red, green, blue = (np.array(paint) + rng.integers(-8, 9, 3)).tolist()
-    color = (red, green, blue)
-    walls = [
-        wall(depth, height, _holes(holes, WEST), color).moved(at(0, 0, 0, WEST)),
-        wall(width, height, _holes(holes, NORTH), color).moved(at(0, depth, 0, NORTH)),
-        wall(depth, height, _holes(holes, EAST), color).moved(at(width, depth, 0, EAST)),
-        wall(width, height, _holes(holes, SOUTH), color).moved(at(width, 0, 0, SOUTH)),
+    pieces = [
+        Piece("wall", wall(side.length, side.height, tuple(holes.get(i, ())), paint, side.ends)).moved(side.pose)
+        for i, side in enumerate(room.sides)
     ]
-    slab = ((-0.1, width + 0.1), (-0.1, depth + 0.1))
-    floor = Piece("floor", box(*slab, (-0.1, 0), *ground))
-    ceiling = Piece("ceiling", box(*slab, (height, height + 0.1), (240, 240, 236), PLAIN))
-    return [*(Piece("wall", surface) for surface in walls), floor, ceiling]
+    slabs = _slabs(room.corners)
+    pieces.append(Piece("floor", join(*(box(x, y, (-THICK, 0.0), *ground) for x, y in slabs))))
+    height = room.size[2]
+    above = [box(x, y, (height, height + THICK), (240, 240, 236), PLAIN) for x, y in slabs]
+    if room.slope is not None:
+        above.append(_sloped(room, *room.slope))
+    pieces.append(Piece("ceiling", join(*above)))
+    return pieces
 
 
-def _holes(holes: Mapping[float, Hole], yaw: float) -> tuple[Hole, ...]:
-    """Return the opening of a wall, if it has one."""
-    return (holes[yaw],) if yaw in holes else ()
+def _slabs(corners: np.ndarray) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+    """Return rectangles that cover the floor and the walls around it: one for each span of x between two corners."""
+    cuts = np.unique(corners[:, 0].round(6))
+    ends = np.roll(corners, -1, axis=0)
+    level = np.abs(corners[:, 1] - ends[:, 1]) < 1e-9
+    slabs = []
+    for left, right in zip(cuts[:-1], cuts[1:], strict=True):
+        middle = (left + right) / 2
+        over = (
+            level & (np.minimum(corners[:, 0], ends[:, 0]) < middle) & (np.maximum(corners[:, 0], ends[:, 0]) > middle)
+        )
+        y = corners[over, 1]
+        x = (left - THICK * (left == cuts[0]), right + THICK * (right == cuts[-1]))
+        slabs.append((x, (float(y.min()) - THICK, float(y.max()) + THICK)))
+    return slabs
+
+
+def _sloped(room: Outline, index: int, low: float, reach: float) -> Surface:
+    """Return the slab of a slope that begins at a height above a wall and meets the ceiling so far into the room [m]."""
+    side, high = room.sides[index], room.size[2]
+    y = (-THICK, side.length + THICK)
+    # Its lower face continues behind the wall, so that no gap is left.
+    fall = (high - low) / reach
+    section = [
+        (-THICK, low - THICK * fall),
+        (reach, high),
+        (reach, high + THICK),
+        (-THICK, low - THICK * fall + 2 * THICK),
+    ]
+    vertices = [(x, b, z) for b in y for x, z in section]
+    quads = [(0, 1, 2, 3), (7, 6, 5, 4), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)]
+    faces = [f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))]
+    return painted(vertices, faces, (240, 240, 236)).moved(side.pose)
+
+
+def _staircase(room: Outline, index: int, low: float, reach: float) -> list[list[tuple[float, float, float]]]:
+    """Return boxes that together enclose the space above a slope, in the room's frame."""
+    side, high, steps = room.sides[index], room.size[2], 12
+    stairs = []
+    for i in range(steps):
+        x = reach * i / steps, reach * (i + 1) / steps
+        corners = np.array([(a, b, 0.0) for a in x for b in (0.0, side.length)])
+        moved = corners @ side.pose[:3, :3].T + side.pose[:3, 3]
+        bottom = low + (high - low) * i / steps
+        stairs.append([(*moved.min(axis=0)[:2], bottom), (*moved.max(axis=0)[:2], high)])
+    return stairs
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])
+
+
+GROUNDS: tuple[tuple[Color, int], ...] = (
+    ((164, 134, 100), 1),
+    ((176, 172, 164), 3),
+    ((140, 146, 150), 3),
+    ((120, 118, 122), 2),
+    ((196, 170, 130), 1),
+)
+"""Floors: wood, tiles, carpet."""
+
+
+def paints(rng: np.random.Generator) -> tuple[Color, tuple[Color, int]]:
+    """Return the colour of walls, and colour and texture of a floor."""
+    tone = rng.integers(196, 236)
+    red, green, blue = np.clip(tone + rng.integers(-16, 12, 3), 0, 245).tolist()
+    return (red, green, blue), pick(rng, GROUNDS)

@@ -11,22 +11,21 @@ from typing import Any, Literal
 import numpy as np
 
 from s2a.core.bounds import CountFromZero
-from s2a.core.errors import InputError
-from s2a.homes import files, glb
+from s2a.homes import files
 from s2a.homes.annotate import AnnotationConfig, annotated_joints, overlooked, reversed_joints, without
 from s2a.homes.capture import Capture
-from s2a.homes.catalog import Entry, cad, catalog, clean_scene
+from s2a.homes.catalog import Entry, cad, catalog, clean_scene, part_truth
 from s2a.homes.furnishing import furnish, stream
 from s2a.homes.pairs import MAX_TURN, again, revisited
 from s2a.homes.room import Room
-from s2a.homes.rooms import ROOMS
 from s2a.homes.scanner import ScannerConfig
-from s2a.homes.truth import part_truth
 from s2a.scene.scene import Joint, Mesh
 
 RoomKind = Literal[
     "office", "bedroom", "kitchen", "bathroom", "living_room", "dining_room", "hallway", "laundry", "study", "workshop"
 ]
+GENERATION = "varied"
+"""In what names a room: another way to furnish rooms would take another word."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,7 @@ class SampleConfig:
     """One virtual scan.
 
     Attributes:
-        virtual: which rooms: "classic" (five hand-planned ones, the same bytes ever since) or "varied" (drawn ones).
-        room: kind of room; the first five exist in both.
+        room: kind of room.
         seed: what furnishes it and draws all errors; the same seed gives the same files.
         detail: which of the scanners is used.
         annotator: whose errors the annotation has.
@@ -48,7 +46,6 @@ class SampleConfig:
         annotators: the annotators' errors by their names.
     """
 
-    virtual: Literal["classic", "varied"]
     room: RoomKind
     seed: CountFromZero
     detail: Literal["demo", "full", "rgbd", "phone"]
@@ -87,7 +84,7 @@ class Scan:
     numbers: np.ndarray
     joints: dict[int, Joint]
     mistakes: dict[str, list[str]]
-    paint: glb.Paint
+    paint: files.Paint
 
 
 def sample(config: SampleConfig, out: Path) -> None:
@@ -103,7 +100,7 @@ def sample(config: SampleConfig, out: Path) -> None:
 def scan_room(config: SampleConfig) -> Scan:
     """Furnish, scan and annotate a room; every step draws from a random stream of its own."""
     furniture, errors, paint, annotator, mover = streams(config)
-    room = furnished(config, furniture)
+    room = furnish(config.room, furniture)
     motions: dict[str, np.ndarray] = {}
     if config.open or config.moved:
         room, motions = again(room, config.open or {}, config.moved, mover)
@@ -133,28 +130,12 @@ def ids_of(entries: list[Entry], numbers: set[int]) -> list[str]:
 
 def streams(config: SampleConfig, visits: int = 0) -> list[np.random.Generator]:
     """Return the random streams of the furniture, the scanner's errors, the colours, the annotator, what is moved, and visits."""
-    classic = config.virtual == "classic"
-    return (np.random.default_rng(config.seed) if classic else stream(config.room, config.seed)).spawn(5 + visits)
-
-
-def furnished(config: SampleConfig, rng: np.random.Generator) -> Room:
-    """Return the furnished room, in its own frame.
-
-    Raises:
-        InputError: the classic rooms have none of this kind.
-    """
-    if config.virtual == "varied":
-        return furnish(config.room, rng)
-    if config.room not in ROOMS:
-        known = ", ".join(ROOMS)
-        raise InputError(f"virtual=classic has no room {config.room!r}; known: {known}; virtual=varied has it")
-    return ROOMS[config.room](rng)
+    return stream(config.room, config.seed).spawn(5 + visits)
 
 
 def scan_name(config: SampleConfig) -> str:
     """Return the ten hexadecimal digits that name a room of a given kind and seed, or a later scan of it."""
-    words: list[str] = [] if config.virtual == "classic" else [config.virtual]
-    words += [config.room, str(config.seed)]
+    words = [GENERATION, config.room, str(config.seed)]
     if config.open or config.moved:
         words += [json.dumps(config.open or {}, sort_keys=True), str(config.moved)]
     words += [f"visit {config.visit}"] if config.visit else []
@@ -169,7 +150,7 @@ def write(scan: Scan, config: SampleConfig, out: Path) -> None:
     (out / "truth").mkdir(parents=True, exist_ok=True)
     files.write_ply(out / "mesh_aligned_0.05.ply", scan.mesh)
     if config.scanner[config.detail].glb:
-        glb.write(out / "scan.glb", scan.mesh.vertices, scan.mesh.faces, scan.paint)
+        files.write(out / "scan.glb", scan.mesh.vertices, scan.mesh.faces, scan.paint)
     segments = {"sceneId": scan.name, "segIndices": list(range(len(scan.mesh.vertices)))}
     files.write_json(out / "segments.json", segments)
     labelled = (scan.name, scan.mesh, scan.numbers, scan.annotated)
@@ -193,9 +174,6 @@ def truth_record(scan: Scan, config: SampleConfig) -> dict[str, Any]:
         "scanners": scan.room.scanners[: config.scanner[config.detail].poses].tolist(),
         "parts": {entry.part_id: part_truth(entry, ids) for entry in scan.entries},
     }
-    # The files of the classic rooms never change: what they lack is left out.
-    if config.virtual != "classic":
-        record["virtual"] = config.virtual
     if config.annotator != "careful":
         record["annotator"] = {"name": config.annotator, **scan.mistakes}
     if config.open or config.moved:

@@ -13,7 +13,7 @@ from s2a.scene.scene import Joint, Mesh
 
 Color = tuple[int, int, int]
 PLAIN, WOOD, FABRIC, TILES = range(4)
-"""How a colour varies over a surface (see `s2a.homes.appearance`)."""
+"""How a colour varies over a surface (see `s2a.homes.capture`)."""
 
 
 @dataclass(frozen=True)

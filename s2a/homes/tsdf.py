@@ -17,8 +17,7 @@ import warp as wp
 from s2a.core.bounds import NotNegative, Positive
 from s2a.core.progress import track
 from s2a.core.workers import chunks, in_parallel
-from s2a.homes.panorama import direction_pixel, pixel_direction
-from s2a.homes.pixel_planes import View
+from s2a.homes.panorama import View, direction_pixel, pixel_direction
 
 UNKNOWN = 1.0e9
 """Value of a voxel that no panorama observed."""

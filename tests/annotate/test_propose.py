@@ -180,7 +180,7 @@ def test_a_scan_of_a_floor_alone_has_no_planes_and_no_proposals() -> None:
 def test_most_proposals_in_an_office_that_the_network_was_not_trained_on_are_parts(
     office_scan: Path, office: Scene
 ) -> None:
-    """The demo's office is of another generator than the homes that it was trained on."""
+    """It was trained on homes of seeds 0 to 10."""
     bare = files.read(office_scan)
     items = propose(bare.surface, PROPOSE, GROW)
     middles = bare.surface.middles

@@ -56,12 +56,12 @@ def test_a_sampled_room_passes_and_its_changed_joints_are_named(
     [path] = wrong.glob("*_artic.json")
     content = json.loads(path.read_text())
     records = {record["pid"]: record for record in content["data"]["articulations"]}
-    records[7]["axis"] = [-x for x in records[7]["axis"]]  # a drawer of the desk's
-    records[8]["origin"][0] += 3.0  # a cabinet's door
+    records[15]["axis"] = [-x for x in records[15]["axis"]]  # a drawer
+    records[21]["origin"][0] += 3.0  # a cabinet's door
     path.write_text(json.dumps(content))
     assert cli.main(["export", f"scan={wrong}", f"out={tmp_path / 'usd'}"]) == 0
     said = [line for line in capsys.readouterr().err.splitlines() if "warning:" in line]
-    assert {line.split(": ")[3] for line in said} == {"drawer_7", "door_8"}
-    assert any("opens_outward: drawer_7" in line for line in said) and any(
-        "hinge_edge: door_8" in line for line in said
+    assert {line.split(": ")[3] for line in said} == {"drawer_15", "door_21"}
+    assert any("opens_outward: drawer_15" in line for line in said) and any(
+        "hinge_edge: door_21" in line for line in said
     )

@@ -46,7 +46,7 @@ def test_bad_input_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nowhere"):
         api.load_scene(tmp_path / "nowhere.usd")
     with pytest.raises(InputError, match="nowhere"):
-        api.prepare(tmp_path / "nowhere.usd", "drawer_7", out=tmp_path / "sim.usd")
+        api.prepare(tmp_path / "nowhere.usd", "drawer_15", out=tmp_path / "sim.usd")
     with pytest.raises(InputError, match="did you mean: retries"):
         api.insert(tmp_path / "x.usd", "a.obj", "mug", out=tmp_path / "out", overrides=["retrie=3"])
 
@@ -77,6 +77,6 @@ def test_the_snippets_of_the_python_page_run(in_the_demo: Path, capsys: pytest.C
     assert cli.main(["zoo", "out=demo/zoo"]) == 0
     short = [line for line in scene.splitlines() if "prepare(" not in line and "certify(" not in line]
     exec("\n".join(short), {})  # the others are the README's
-    assert any("'drawer_7'" in line for line in capsys.readouterr().out.splitlines())
+    assert any("'drawer_15'" in line for line in capsys.readouterr().out.splitlines())
     assert (in_the_demo / "demo" / "insert" / "insert.usda").is_file()
     assert task.split("env = ")[1] == snippets("README.md")[0].split("env = ")[1], "it runs above"

@@ -68,4 +68,4 @@ def test_the_published_figures_reach_the_goal() -> None:
     result = json.loads(path.read_text())
     assert result["all"]["fraction"] >= 0.95
     assert result["false_alarms"]["flagged_parts"] <= 0.02 * result["false_alarms"]["parts"]
-    assert "| all | 225 |" in table(result)
+    assert "| all | 45 |" in table(result)

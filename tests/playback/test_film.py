@@ -133,7 +133,7 @@ def test_damaged_states_are_one_line(
 def test_a_missing_key_or_file_is_one_line(
     keys: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    result = Path(__file__).parents[2] / "experiments/results/planner_room_office.json"
+    result = Path(__file__).parents[2] / "experiments/results/many_parts_cpu.json"
     assert cli.main(["report", f"path={result}", f"out={tmp_path}/out.html", *keys]) == 2
     said = capsys.readouterr().err.strip()
     assert "give" in said and len(said.splitlines()) == 1 and not (tmp_path / "out.html").exists()

@@ -8,7 +8,7 @@ import trimesh
 from closeness import surface_distance
 from seen_handles import FRAME, PLANE, block, knob, outside, ring_behind, seen, turned_knob
 
-from s2a.homes.handles import cup, edge
+from s2a.homes.grips import cup, edge
 from s2a.prepare.part_hulls import Handle, flatten
 from s2a.scene.geometry.bar import bar_depth, bar_hulls, bar_profile
 from s2a.scene.geometry.front_panel import FingerSpace, fraction_inside, reassign_border

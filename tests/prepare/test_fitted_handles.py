@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from seen_handles import FRAME, PLANE, block, knob, noisy, outside, pull, ring_behind, turned_knob
 
-from s2a.homes.handles import cup
+from s2a.homes.grips import cup
 from s2a.scene.geometry.front_panel import facing_frame, fraction_inside, patch
 from s2a.scene.geometry.knob import knob_hulls
 from s2a.scene.geometry.mesh_ops import merge

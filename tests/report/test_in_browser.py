@@ -19,7 +19,7 @@ pytestmark = [
     pytest.mark.skipif(not (browser.CHROMIUM and browser.DRIVER), reason="Chromium and its driver are not installed"),
 ]
 RESULTS = Path(__file__).parents[2] / "experiments/results"
-NAMES = ("planner_room_office", "bench_pretrained", "reward_ablation", "many_parts_training", "insertion_rules")
+NAMES = ("many_parts_cpu", "bench_pretrained", "number_of_parts", "many_parts_training", "insertion_rules")
 CUT = """
 const cut = [], width = document.documentElement.clientWidth;
 for (const e of document.querySelectorAll('h1, h2, p, td, th, table, figure, img, video, .legend')) {

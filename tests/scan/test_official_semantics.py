@@ -21,7 +21,6 @@ from s2a.homes import files
 from s2a.homes.annotate import AnnotationConfig, annotated_joints
 from s2a.homes.catalog import Entry, cad, catalog, clean_scene
 from s2a.homes.furnishing import HOMES, home
-from s2a.homes.rooms import ROOMS
 from s2a.scene.scene import Joint, Mesh, Scene
 
 NAME = "0123456789"
@@ -62,11 +61,9 @@ def number(part_id: str) -> int:
     return int(part_id.rsplit("_", 1)[1])
 
 
-def furnished(room: str, seed: int) -> list[Entry]:
-    """Return the parts of a room: a classic one, or a varied one as "varied kitchen"."""
-    kind = room.removeprefix("varied ")
-    found = home(kind, seed) if kind != room else ROOMS[room](np.random.default_rng(seed))
-    return catalog(found.turned(0.3).pieces)
+def furnished(kind: str, seed: int) -> list[Entry]:
+    """Return the parts of a virtual home."""
+    return catalog(home(kind, seed).turned(0.3).pieces)
 
 
 def write(folder: Path, entries: list[Entry], joints: dict[int, Joint]) -> Path:
@@ -82,23 +79,20 @@ def write(folder: Path, entries: list[Entry], joints: dict[int, Joint]) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(
-    ("room", "seed"),
-    [*itertools.product(ROOMS, range(3)), *((f"varied {kind}", 3 + i) for i, kind in enumerate(HOMES))],
-)
-def test_movables_types_ranges_and_interactables_are_the_loaders(room: str, seed: int, tmp_path: Path) -> None:
-    check_loader(room, seed, tmp_path)
+@pytest.mark.parametrize(("kind", "seed"), [(kind, 3 + i) for i, kind in enumerate(HOMES)])
+def test_movables_types_ranges_and_interactables_are_the_loaders(kind: str, seed: int, tmp_path: Path) -> None:
+    check_loader(kind, seed, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), [*itertools.product(HOMES, range(100, 110))])
-def test_a_hundred_varied_rooms_are_read_as_by_the_loader(kind: str, seed: int, tmp_path: Path) -> None:
-    check_loader(f"varied {kind}", seed, tmp_path)
+def test_a_hundred_rooms_are_read_as_by_the_loader(kind: str, seed: int, tmp_path: Path) -> None:
+    check_loader(kind, seed, tmp_path)
 
 
-def check_loader(room: str, seed: int, tmp_path: Path) -> None:
+def check_loader(kind: str, seed: int, tmp_path: Path) -> None:
     """Assert that our reader, the loader's rules and the truth agree on a room's files."""
-    entries = furnished(room, seed)
+    entries = furnished(kind, seed)
     joints = annotated_joints(entries, load(AnnotationConfig, "synth/careful"), np.random.default_rng(seed))
     folder = write(tmp_path / "scan", entries, joints)
     official = by_the_loader(folder)
@@ -111,8 +105,8 @@ def check_loader(room: str, seed: int, tmp_path: Path) -> None:
         lower, upper = truth[part]["range"]
         assert facts["range"][0] == lower
         assert facts["range"][1] == pytest.approx(upper, rel=0.02)
-    assert len(official) >= (6 if room in ROOMS else 4)
-    assert len([entry for entry in entries if entry.parent is None]) >= (25 if room in ROOMS else 15)
+    assert len(official) >= 4
+    assert len([entry for entry in entries if entry.parent is None]) >= 15
 
 
 def test_without_an_annotators_errors_the_ranges_are_the_truths(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from s2a.homes.handles import edge
+from s2a.homes.grips import edge
 from s2a.scene.geometry.mesh_ops import keep, merge, normals
 from s2a.scene.scene import Mesh
 

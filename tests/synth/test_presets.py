@@ -1,4 +1,4 @@
-"""Scanners, annotators and second scans of varied homes: what each changes, and that the truth says so."""
+"""Scanners, annotators and second scans of virtual homes: what each changes, and that the truth says so."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from solid_sweep import overlaps
 from s2a import scan
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.homes import glb
+from s2a.homes import files
 from s2a.homes.annotate import AnnotationConfig, annotated_joints, overlooked, reversed_joints, without
 from s2a.homes.capture import swallowed
 from s2a.homes.catalog import catalog
 from s2a.homes.furnishing import home
-from s2a.homes.handheld import DriftConfig, drifts, smoothed
 from s2a.homes.pairs import HEAD_AIR, MAX_TURN, STEP, again, revisited
 from s2a.homes.sample import SampleConfig, sample
+from s2a.homes.scanner import DriftConfig, drifts, smoothed
 from s2a.homes.solids import box, join
 from s2a.homes.surface_nets import Net
 from s2a.scan import ply
@@ -42,7 +42,7 @@ def facts(folder: Path) -> dict[str, Any]:
 def take(out: Path) -> Path:
     """Write a coarse phone scan by a hasty annotator with a drawer open, and return its folder."""
     drawer = next(e.part_id for e in catalog(home(*ROOM).pieces) if e.piece.name == "detergent drawer")
-    keys = [f"room={ROOM[0]}", f"seed={ROOM[1]}", "virtual=varied", "detail=phone", "annotator=hasty", "moved=1"]
+    keys = [f"room={ROOM[0]}", f"seed={ROOM[1]}", "detail=phone", "annotator=hasty", "moved=1"]
     keys += ["scanner.phone.poses=6", "scanner.phone.fusion.voxel=0.05", f"open={{{drawer}: 0.1}}", f"out={out}"]
     sample(config.load(SampleConfig, config.compose("sample", keys)), out)
     return out
@@ -88,8 +88,8 @@ def test_a_dark_surface_swallows_rays_and_a_light_one_none() -> None:
 def test_a_texture_shows_each_triangle_its_own_colours(tmp_path: Path) -> None:
     vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], float)
     faces = np.array([(0, 1, 2), (1, 3, 2)])
-    image = glb._texture(vertices[faces], 1, lambda points, _: np.clip(255 * points, 0, 255).astype(np.uint8))
-    corners = glb._coordinates(2, 1) * glb.TEXELS
+    image = files._texture(vertices[faces], 1, lambda points, _: np.clip(255 * points, 0, 255).astype(np.uint8))
+    corners = files._coordinates(2, 1) * files.TEXELS
     texels = image[corners[:, 1].astype(int), corners[:, 0].astype(int)] / 255.0
     assert np.allclose(texels[:3], vertices[faces[0]], atol=0.01)
     assert np.allclose(texels[3:], vertices[faces[1]], atol=0.01)
@@ -177,7 +177,7 @@ def test_at_another_visit_the_scanner_stands_elsewhere_in_free_air() -> None:
 
 
 def test_a_visit_has_its_own_frame_errors_and_name_and_says_so_in_the_truth() -> None:
-    keys = ["room=hallway", "virtual=varied", "scanner.demo.fusion.voxel=0.05", "scanner.demo.spacing=0.02", "out=none"]
+    keys = ["room=hallway", "scanner.demo.fusion.voxel=0.05", "scanner.demo.spacing=0.02", "out=none"]
     configs = [config.load(SampleConfig, config.compose("sample", [*keys, f"visit={n}"])) for n in (0, 1, 2)]
     scans = [scan_room(c) for c in configs]
     assert len({s.name for s in scans}) == 3 and len({s.room.yaw for s in scans}) == 3
@@ -193,12 +193,6 @@ def test_what_cannot_be_opened_is_refused() -> None:
     drawer = next(e.part_id for e in catalog(room.pieces) if e.piece.name == "drawer")
     with pytest.raises(InputError, match="outside of its range"):
         again(room, {drawer: 3.0}, 0, np.random.default_rng(0))
-
-
-def test_the_classic_rooms_are_five(tmp_path: Path) -> None:
-    settings = config.load(SampleConfig, config.compose("sample", ["room=workshop", f"out={tmp_path}"]))
-    with pytest.raises(InputError, match="virtual=varied has it"):
-        sample(settings, tmp_path)
 
 
 def test_drift_walks_and_loops_close() -> None:

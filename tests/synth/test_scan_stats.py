@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from s2a.homes.handles import bar, knob
+from s2a.homes.grips import bar, knob
 from s2a.homes.solids import Piece, box
 from s2a.scene.scene import Mesh, Part, Scene
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from s2a.homes.panorama import NoiseConfig, cast_panorama, pixel_tangents
-from s2a.homes.pixel_planes import View, measure
+from s2a.homes.panorama import NoiseConfig, View, cast_panorama, measure, pixel_tangents
 from s2a.homes.project_to_scan import project_to_scan
 from s2a.homes.solids import box, join, rotation, translation
 from s2a.homes.surface_nets import Net, extract

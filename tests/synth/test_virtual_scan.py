@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
 import filecmp
-import hashlib
 import json
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -14,26 +13,22 @@ import pytest
 
 from s2a import scan
 from s2a.core import config
-from s2a.homes.furniture import main_cabinet
 from s2a.homes.sample import SampleConfig, sample
-from s2a.homes.solids import Piece
 from s2a.scan import ply
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh
 from s2a.scene.scene import Mesh, Scene
 from s2a.scene.usd import geometric
 
-COARSE = ("scanner.demo.spacing=0.006", "scanner.demo.fusion.voxel=0.014", "scanner.demo.thin.merge=1")
+COARSE = (
+    "room=office",
+    "seed=101",
+    "scanner.demo.spacing=0.006",
+    "scanner.demo.fusion.voxel=0.014",
+    "scanner.demo.thin.merge=1",
+)
 """A scanner for tests: seconds; bars are a blur to it."""
-EARLIER = {
-    "03631912c2_artic.json": "495eff3733cb4e0d",
-    "03631912c2_parts.json": "288cc59b9cfe723f",
-    "mesh_aligned_0.05.ply": "29682536667b310e",
-    "segments.json": "ba711d00b9cb514e",
-    "segments_anno.json": "ed48344e40e9963c",
-    "truth/truth.json": "fe3a990d0215f040",
-    "truth/truth.usda": "fb220737350b9d78",
-}
-"""First 16 hexadecimal digits of the SHA-256 of office 0, written before there were varied homes."""
+CABINET, DRAWER, HANDLE = "storage_cabinet_13", "drawer_15", "handle_18"
+"""A cabinet of drawers in that office; its back is at x = 0 of its frame, before a wall, and it stands on the floor."""
 
 
 def take(out: Path, *overrides: str) -> Path:
@@ -45,7 +40,7 @@ def take(out: Path, *overrides: str) -> Path:
 
 @pytest.fixture(scope="module")
 def coarse(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A coarse scan of office 0."""
+    """A coarse scan of an office."""
     return take(tmp_path_factory.mktemp("virtual") / "scan")
 
 
@@ -93,37 +88,12 @@ def test_the_same_seed_gives_the_same_bytes(coarse: Path, tmp_path: Path) -> Non
     assert filecmp.cmpfiles(coarse, again, names, shallow=False) == (names, [], [])
 
 
-SINE = np.lib.introspect.opt_func_info(func_name="^sin$", signature="float64")["sin"]["dd"]["current"]
-"""Instructions by which NumPy computes a sine; the last digits depend on them, and with them which noisy ray hits what."""
-
-
-def blas_core() -> str | None:
-    """Return the processor for which OpenBLAS multiplies matrices here, on which the last digits depend too; None: unknown."""
-    for file in (Path(np.__file__).parents[1] / "numpy.libs").glob("libscipy_openblas64*"):
-        core = ctypes.CDLL(str(file)).scipy_openblas_get_corename64_
-        core.restype = ctypes.c_char_p
-        return core().decode()
-    return None
-
-
-WIDE = SINE in ("X86_V4", "AVX512_SKX") and blas_core() in ("SkylakeX", "Cooperlake", "SapphireRapids")
-"""AVX-512 in both. On some processors with AVX-512 OpenBLAS takes its kernels for Haswell (OPENBLAS_CORETYPE chooses others)."""
-
-
-@pytest.mark.skipif(not WIDE, reason=f"the bytes are of AVX-512; NumPy has {SINE}, OpenBLAS {blas_core()} here")
-def test_the_classic_office_is_the_same_byte_for_byte(coarse: Path) -> None:
-    """Published figures are of these very files, made with AVX-512; to the micrometre the solids are the same everywhere."""
-    files = [path for path in coarse.rglob("*") if path.is_file()]
-    found = {str(f.relative_to(coarse)): hashlib.sha256(f.read_bytes()).hexdigest()[:16] for f in files}
-    assert found == EARLIER
-
-
 @pytest.mark.slow
 def test_another_seed_furnishes_another_room(coarse: Path, tmp_path: Path) -> None:
-    other = take(tmp_path / "other", "seed=1")
+    other = take(tmp_path / "other", "seed=102")
     assert facts(other)["yaw"] != facts(coarse)["yaw"]
     assert facts(other)["name"] != facts(coarse)["name"]
-    assert facts(other)["parts"]["drawer_7"]["joint"] != facts(coarse)["parts"]["drawer_7"]["joint"]
+    assert facts(other)["parts"] != facts(coarse)["parts"]
 
 
 def test_no_triangle_of_the_clean_room_survives(coarse: Path, truth: Scene) -> None:
@@ -139,15 +109,13 @@ def test_the_surface_is_off_by_about_a_millimetre_at_demo_detail(office_scan: Pa
 
 
 def test_what_no_scanner_saw_is_missing(coarse: Path) -> None:
-    points = scanned(coarse).vertices
-    x, y, z = in_frame_of(coarse, "cabinet_5", points).T
-    within = np.abs(y) < 0.33
-    front = within & (np.abs(x - 0.325) < 0.02) & (z > 0.1) & (z < 0.7)
-    back = within & (np.abs(x + 0.305) < 0.015) & (z > 0.1) & (z < 0.7)
-    under = within & (np.abs(x) < 0.2) & (np.abs(z) < 0.05)
-    assert front.sum() > 50
-    assert not back.any()
-    assert not under.any()
+    deep, wide, high = facts(coarse)["parts"][CABINET]["size"]
+    x, y, z = in_frame_of(coarse, CABINET, scanned(coarse).vertices).T
+    within = np.abs(y) < wide / 2 - 0.03
+    upright = within & (z > 0.1) & (z < high - 0.05)
+    assert (upright & (np.abs(x - deep) < 0.03)).sum() > 50, "its fronts"
+    assert not (upright & (np.abs(x) < 0.015)).any(), "its back"
+    assert not (within & (np.abs(z) < 0.03) & (x > 0.1) & (x < deep - 0.1)).any(), "its underside"
 
 
 def test_each_face_belongs_to_at_most_one_part_and_brings_its_vertices(coarse: Path) -> None:
@@ -171,11 +139,15 @@ def test_scannets_segments_are_vertices_and_cover_every_object(coarse: Path) -> 
 
 def test_the_reader_finds_the_parts_of_the_truth(coarse: Path, truth: Scene) -> None:
     read = scan.read(coarse)
-    assert set(read.parts) == set(truth.parts)
-    for part_id, part in truth.parts.items():
-        found = read.part(part_id)
-        assert (found.label, found.parent, found.graspable) == (part.label, part.parent, part.graspable)
     assert read.movable == truth.movable
+    whole = {truth.root(part_id) for part_id in truth.movable}
+    jointed = [part_id for part_id in truth.parts if truth.root(part_id) in whole]
+    for part_id in jointed:
+        found, part = read.part(part_id), truth.part(part_id)
+        assert (found.label, found.parent, found.graspable) == (part.label, part.parent, part.graspable)
+    # Of other objects those are missing that no scanner saw, and with them numbers.
+    others = Counter(part.label for i, part in read.parts.items() if i not in jointed)
+    assert len(jointed) > 20 and others < Counter(part.label for i, part in truth.parts.items() if i not in jointed)
 
 
 def test_annotated_joints_err_as_little_as_stated(coarse: Path, truth: Scene) -> None:
@@ -205,54 +177,31 @@ def test_joints_open_towards_positive_coordinates(truth: Scene, coarse: Path) ->
         assert np.dot(away, scanner - grasp) > 0.0, part_id
 
 
-def test_the_main_cabinet_has_its_published_sizes() -> None:
-    cabinet = main_cabinet(np.random.default_rng(0))
-    drawer, door = cabinet.children[0], cabinet.children[2]
-    bar, knob = drawer.children[0], door.children[0]
-    assert np.allclose(cabinet.size, (0.6298, 0.762, 0.802), atol=1e-3)
-    assert np.allclose(drawer.size, (0.5307, 0.7588, 0.1238), atol=1e-9)
-    assert np.allclose(bar.size, (0.0381, 0.1682, 0.0238), atol=1e-9)
-    assert np.allclose(door.size, (0.02, 0.381, 0.508), atol=1e-9)
-    assert np.allclose(knob.size, (0.0265, 0.03, 0.03), atol=1e-9)
-    assert drawer.joint is not None
-    assert drawer.joint.limits == (0.0, 0.4)
+def test_a_drawers_axis_is_the_direction_of_its_front(coarse: Path, truth: Scene) -> None:
+    parts = facts(coarse)["parts"]
+    axes = [(truth.joint(i).axis, np.array(parts[i]["pose"])[:3, 0]) for i in truth.movable if i.startswith("drawer")]
+    assert len(axes) == 3
+    for axis, front in axes:
+        assert np.allclose(axis, front, atol=1e-9)
 
 
-def test_fronts_are_tilted_with_their_joints() -> None:
-    cabinet = main_cabinet(np.random.default_rng(3))
-    angles = [np.degrees(np.arccos(_axis(front)[2 if front.name == "door" else 0])) for front in cabinet.children]
-    assert 0.0 < min(angles) < max(angles) <= 0.5
-    for drawer in cabinet.children[:2]:
-        assert np.allclose(drawer.pose[:3, 0], _axis(drawer), atol=1e-12)
-
-
-def _axis(piece: Piece) -> np.ndarray:
-    """Return a joint's axis without its sign along the largest coordinate."""
-    assert piece.joint is not None
-    axis = np.array(piece.joint.axis)
-    return axis * np.sign(axis[np.argmax(np.abs(axis))])
-
-
-def test_the_office_is_furnished_with_room_for_a_robot(truth: Scene, coarse: Path) -> None:
+def test_the_office_is_furnished(truth: Scene) -> None:
     assert sum(part.parent is None for part in truth.parts.values()) >= 25
-    assert len(truth.movable) >= 6
-    for part_id, part in truth.parts.items():
-        if part.label not in ("floor", "ceiling", "wall") and truth.root(part_id) != "cabinet_5":
-            x, y, z = in_frame_of(coarse, "cabinet_5", part.mesh.vertices.astype(np.float64)).T
-            assert not ((x > 0.34) & (x < 1.3) & (np.abs(y) < 0.4) & (z < 2.0)).any(), part_id
+    assert {truth.joint(part_id).kind for part_id in truth.movable} == {"prismatic", "revolute"}
 
 
-def test_a_bar_keeps_its_shape_at_demo_detail(office_scan: Path) -> None:
-    """Its front stands 38 mm before the drawer and is 24 mm high; behind it there are holes, or webs, but no solid block."""
+def test_a_rail_keeps_its_shape_at_demo_detail(office_scan: Path) -> None:
+    """Behind it there are holes, or webs, but no solid block."""
+    rail = facts(office_scan)["parts"][HANDLE]["facts"]
     mesh = scanned(office_scan)
-    centroids = mesh.vertices[mesh.faces].mean(axis=1)
-    x, y, z = in_frame_of(office_scan, "handle_11", centroids).T
-    middle = (np.abs(y) < 0.04) & (np.abs(z) < 0.03)
-    bar = middle & (x > 0.02) & (x < 0.05)
-    assert abs(np.percentile(x[bar], 95) - 0.0381) < 0.003
-    assert abs(np.percentile(z[bar], 98) - 0.0119) < 0.004
-    assert -0.020 < np.percentile(z[bar], 2) < -0.010
-    assert mesh.face_areas[middle & (x > 0.008) & (x < 0.018)].sum() < 0.5 * mesh.face_areas[bar].sum()
+    x, y, z = in_frame_of(office_scan, HANDLE, mesh.vertices[mesh.faces].mean(axis=1)).T
+    middle = (np.abs(y) < 0.25 * rail["length"]) & (np.abs(z) < 0.03)
+    bar = middle & (x > 0.6 * rail["clearance"]) & (x < 0.08)
+    assert abs(np.percentile(x[bar], 95) - rail["clearance"] - rail["depth"]) < 0.003
+    assert abs(np.percentile(z[bar], 98) - rail["width"] / 2) < 0.004
+    assert abs(np.percentile(z[bar], 2) + rail["width"] / 2) < 0.006
+    behind = middle & (x > 0.2 * rail["clearance"]) & (x < 0.6 * rail["clearance"])
+    assert mesh.face_areas[behind].sum() < 0.5 * mesh.face_areas[bar].sum()
 
 
 @pytest.mark.slow

@@ -16,8 +16,7 @@ from scipy.spatial import ConvexHull
 
 from s2a.homes.commands.zoo import Config, run
 from s2a.homes.zoo import ZooObject, zoo
-from s2a.homes.zoo.download import FLAWS, UNITS, download
-from s2a.homes.zoo.formats import WRITERS
+from s2a.homes.zoo.download import FLAWS, UNITS, WRITERS, download
 
 OBJECTS = zoo()
 NAMES = [item.slug for item in OBJECTS]

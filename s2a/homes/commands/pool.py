@@ -21,8 +21,8 @@ from s2a.core.outputs import atomic_write
 from s2a.core.progress import StdoutFilter, track
 from s2a.core.provenance import provenance
 from s2a.env import starts
+from s2a.homes.catalog import handle_of
 from s2a.homes.sample import RoomKind, SampleConfig, sample
-from s2a.homes.truth import handle_of
 from s2a.learn.perception import cloud
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
 from s2a.planner.part_plan import PlannerConfig, demonstration
@@ -154,9 +154,9 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
             sim_stage.write(room, out, Path(folder) / "visuals.usd")
     made: Made = {"settings": _settings(config), "parts": [], "left_out": {}}
     visible = VisibleRoom(room) if config.frames else None
-    for part, found in room.articulations.items():
+    for part, articulation in room.articulations.items():
         try:
-            if not found.bases[config.robot.name].free:
+            if not articulation.bases[config.robot.name].free:
                 raise InputError("no base pose is free")
             motion = f"{name}_{part}.npz"
             with atomic_write(config.out / motion) as out:
@@ -177,7 +177,7 @@ def _room(config: Config, spec: tuple[RoomKind, int]) -> Made:
             seen = f"{name}_{part}_frames.npz"
             with atomic_write(config.out / seen) as out:
                 cloud.save(clouds, out)
-        made["parts"].append(asdict(pool.PoolPart(file.name, part, found.joint.kind, handle, motion, seen)))
+        made["parts"].append(asdict(pool.PoolPart(file.name, part, articulation.joint.kind, handle, motion, seen)))
     with atomic_write(done) as out:
         out.write_text(json.dumps(made, indent=1))
     return made

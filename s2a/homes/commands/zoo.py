@@ -12,8 +12,7 @@ from s2a.core.bounds import CountFromZero
 from s2a.core.outputs import atomic_write
 from s2a.core.progress import track
 from s2a.homes.zoo import zoo
-from s2a.homes.zoo.download import UNITS, Download, download
-from s2a.homes.zoo.formats import WRITERS
+from s2a.homes.zoo.download import UNITS, WRITERS, Download, download
 
 TRUTH = "truth.json"
 """The ground truth, which no user of the objects may read; it identifies a folder as an earlier zoo."""

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.homes import cloth, clutter, decor, objects, soft_furniture
+from s2a.homes import cloth, clutter, decor, objects
 from s2a.homes.casework import CabinetBase, Cell, Column, cabinet
 from s2a.homes.clutter import Board
 from s2a.homes.draw import chance, integer, pick, uniform
-from s2a.homes.fittings import Opening, Style
 from s2a.homes.solids import FABRIC, Color, Piece, at, box, join
+from s2a.homes.styles import Opening, Style
 
 
 def bed(rng: np.random.Generator, style: Style, color: Color) -> tuple[list[Piece], float, set[int]]:
@@ -26,9 +26,9 @@ def bed(rng: np.random.Generator, style: Style, color: Color) -> tuple[list[Piec
     if chance(rng, 0.55):
         sides = pick(rng, ((-1,), (1,), (-1, 1)))
         return _box_bed(rng, style, color, (wide, long), sides), wide / 2 + 0.04, {-1, 1} - set(sides)
-    top, count = soft_furniture.BED_TOP, 1 + (wide > 1.3)
+    top, count = cloth.BED_TOP, 1 + (wide > 1.3)
     pillows = _pillows(rng, wide, count, top, 0.32)
-    pieces = [soft_furniture.bed(wide, long, color), soft_furniture.duvet(rng, wide, long, _light(rng)), *pillows]
+    pieces = [cloth.bed(wide, long, color), cloth.duvet(rng, wide, long, _light(rng)), *pillows]
     return pieces, wide / 2 + 0.08, {-1, 1}
 
 
@@ -83,7 +83,7 @@ def _light(rng: np.random.Generator) -> Color:
 def sofa(rng: np.random.Generator, color: Color) -> tuple[Piece, float]:
     """Return a sofa with its back at x = 0, and its width [m]."""
     width = uniform(rng, (1.5, 2.3))
-    return soft_furniture.sofa(width, max(2, round((width - 0.36) / 0.75)), color).moved(at(0.9, 0)), width
+    return cloth.sofa(width, max(2, round((width - 0.36) / 0.75)), color).moved(at(0.9, 0)), width
 
 
 def dining(rng: np.random.Generator, style: Style) -> list[Piece]:

@@ -1,21 +1,162 @@
-"""Units of fitted kitchens, worktops, islands.
+"""Fitted kitchens: units, worktops, islands, and appliances as cabinets with glazed or thick doors.
 
-Ranges: units 0.15 to 1.2 m wide (coleccionplanta29.com, sizes in the UK), of which 0.3 to 1.0 m are drawn. Common sizes:
-islands, stools, heights of drawers.
+Ranges: units 0.15 to 1.2 m wide (coleccionplanta29.com, sizes in the UK), of which 0.3 to 1.0 m are drawn; upper face of the
+worktop 0.87 to 1.0 m high, worktop 20 to 40 mm thick, base units 0.56 to 0.6 m deep, plinth 0.15 m (the same source); wall units
+0.5 to 0.6 m above the worktop (house-forum.com, on IKEA Metod); dishwashers 0.46 and 0.61 m wide (engineerfix.com), free-standing
+fridges 0.54 to 0.65 m wide, 0.55 to 0.7 m deep and 0.85 to 2.1 m high (kitchprep.com, enchantedhomeschoolingmom.net). Common
+sizes: plinths from 0.08 m, wall units 0.32 to 0.38 m deep and 0.5 to 0.9 m high, islands, stools, heights of drawers, ovens 0.6 m
+wide, microwaves, handles of oven doors. EN 1116, which sets such sizes, was not opened.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
-from s2a.homes import household
+from s2a.homes import grips, household
 from s2a.homes.casework import CabinetBase, Cell, Column, cabinet
 from s2a.homes.draw import chance, integer, pick, uniform
-from s2a.homes.families.fitted import Fitted
-from s2a.homes.families.kitchen_appliances import oven_door
-from s2a.homes.fittings import Opening, Style
 from s2a.homes.plumbing import basin, counter, faucet
-from s2a.homes.solids import WOOD, Color, Piece, at, box, join
+from s2a.homes.solids import WOOD, Color, Piece, at, box, cylinder, join
+from s2a.homes.styles import Opening, Style
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What all units of one kitchen have in common [m].
+
+    Attributes:
+        depth: of the base units with fronts.
+        plinth: its height.
+        top: lower face of the worktop.
+        counter: thickness of the worktop.
+        upper: lower edge of the wall units.
+        wall: height and depth of the wall units.
+    """
+
+    depth: float
+    plinth: float
+    top: float
+    counter: float
+    upper: float
+    wall: tuple[float, float]
+
+
+def fitted(rng: np.random.Generator) -> Fitted:
+    """Return the drawn sizes of a kitchen."""
+    top, thick = uniform(rng, (0.85, 0.93)), uniform(rng, (0.02, 0.04))
+    upper = top + thick + uniform(rng, (0.5, 0.6))
+    wall = uniform(rng, (0.5, min(0.9, 2.25 - upper))), uniform(rng, (0.32, 0.38))
+    return Fitted(uniform(rng, (0.56, 0.6)), uniform(rng, (0.08, 0.16)), top, thick, upper, wall)
+
+
+STEEL: Color = (172, 174, 178)
+WHITE: Color = (232, 232, 230)
+GLASS: Color = (30, 32, 36)
+
+
+def oven_door(rng: np.random.Generator) -> Opening:
+    """Return the glazed door of an oven that tips forward, with a long bar."""
+    grip = replace(grips.design(rng, "rail", "bar", "square", color=STEEL), length=uniform(rng, (0.38, 0.5)))
+    return Opening(
+        "down", "oven door", "window", grip, 0.03, uniform(rng, (1.35, 1.55)), pick(rng, (STEEL, WHITE, GLASS))
+    )
+
+
+def oven(rng: np.random.Generator, width: float, sizes: Fitted, style: Style) -> Piece:
+    """Return an oven under the worktop: a panel with dials, the door, a drawer below it."""
+    cells = (
+        Cell(1.0, Opening("drawer", color=STEEL)),
+        Cell(3.6, oven_door(rng), 1),
+        Cell(0.7, Opening("fixed", color=STEEL)),
+    )
+    plain = replace(style, panel="slab", theme="nothing", thick=max(style.thick, 0.02))
+    return cabinet(
+        rng, "oven", (sizes.depth, width, sizes.top), (Column(1.0, cells),), plain, CabinetBase("plinth", sizes.plinth)
+    )
+
+
+def dishwasher(rng: np.random.Generator, width: float, sizes: Fitted, style: Style) -> Piece:
+    """Return a dishwasher behind a kitchen front, 0.45 or 0.6 m wide."""
+    cells = (
+        Cell(6.0, Opening("down", "dishwasher door", limit=uniform(rng, (1.4, 1.57))), 1),
+        Cell(0.8, Opening("fixed", color=STEEL)),
+    )
+    plain = replace(style, theme="nothing", panel="slab")
+    return cabinet(
+        rng,
+        "dishwasher",
+        (sizes.depth, width, sizes.top),
+        (Column(1.0, cells),),
+        plain,
+        CabinetBase("plinth", sizes.plinth),
+    )
+
+
+def fridge(rng: np.random.Generator, style: Style) -> Piece:
+    """Return a free-standing fridge: one door, a freezer above or below, or drawers of a freezer."""
+    size = uniform(rng, (0.58, 0.7)), uniform(rng, (0.54, 0.65)), uniform(rng, (1.45, 2.02))
+    side, color = pick(rng, ("left", "right")), pick(rng, (WHITE, STEEL, (60, 62, 66), (170, 60, 54)))
+    grip = grips.design(
+        rng, "rail", "bar", "square", "bow", "edge", "recess", color=pick(rng, (STEEL, (60, 60, 64), color))
+    )
+    grip = replace(grip, length=max(grip.length, 0.16))
+    main = Opening(side, "refrigerator door", "slab", grip, uniform(rng, (0.045, 0.07)), color=color)
+    cold = replace(main, name="freezer door")
+    below = (Cell(0.8, cold, 1), Cell(uniform(rng, (1.0, 1.6)), main, 3))
+    above = (Cell(uniform(rng, (1.6, 2.2)), main, 3), Cell(0.9, cold, 0))
+    plain = replace(
+        style, body=color, texture=0, theme="kitchen", thick=0.07, board=0.035, dark=(50, 50, 54), top_theme="nothing"
+    )
+    return cabinet(
+        rng,
+        "refrigerator",
+        size,
+        (Column(1.0, pick(rng, (below, above, (Cell(1.0, main, 4),)))),),
+        plain,
+        CabinetBase("plinth", 0.04),
+    )
+
+
+def microwave(rng: np.random.Generator) -> Piece:
+    """Return a microwave oven that stands on z = 0: its door opens to the left, keys at its right."""
+    deep, wide, high = uniform(rng, (0.3, 0.4)), uniform(rng, (0.44, 0.54)), uniform(rng, (0.25, 0.31))
+    color = pick(rng, (STEEL, WHITE, (60, 62, 66)))
+    base = small_style(color)
+    grip = grips.design(rng, "rail", "bar", "square", "bow", color=STEEL)
+    door = Opening("left", "microwave door", "window", grip, 0.022, uniform(rng, (1.4, 1.6)), color)
+    keys = Opening("fixed", panel="slab", color=(52, 52, 56))
+    columns = Column(3.2, (Cell(1.0, door, 0),)), Column(1.0, (Cell(1.0, keys, 0),))
+    return cabinet(rng, "microwave", (deep, wide, high), columns, base, CabinetBase("legs", 0.012))
+
+
+def small_style(color: Color) -> Style:
+    """Return the style of a small appliance: thin sheets, nothing in it."""
+    grip = grips.GripDesign("bar", 0.15, 0.012, 0.01, 0.026, 2.0, 24, STEEL)
+    return Style(
+        color,
+        color,
+        color,
+        (50, 50, 54),
+        0,
+        "slab",
+        "slab",
+        grip,
+        grip,
+        0.022,
+        0.012,
+        0.004,
+        0.04,
+        0.5,
+        0.03,
+        1.5,
+        0.8,
+        False,
+        "nothing",
+        "nothing",
+        "nothing",
+    )
 
 
 def drawers(rng: np.random.Generator, width: float, sizes: Fitted, style: Style) -> Piece:
@@ -129,3 +270,20 @@ def _stool(style: Style) -> Piece:
     """Return a bar stool 0.65 m high."""
     legs = [box((x, x + 0.025), (y, y + 0.025), (0, 0.62), style.dark) for x in (-0.15, 0.125) for y in (-0.15, 0.125)]
     return Piece("stool", join(*legs, box((-0.17, 0.17), (-0.17, 0.17), (0.62, 0.65), style.top, WOOD)))
+
+
+def hob() -> Piece:
+    """Return a glass-ceramic hob with four zones, centred on the origin, that lies on a worktop at z = 0."""
+    glass = box((-0.25, 0.25), (-0.29, 0.29), (0, 0.006), GLASS)
+    zones = [
+        cylinder(radius, 0.007, (70, 70, 74)).moved(at(x, y))
+        for x, y, radius in ((-0.11, -0.14, 0.09), (-0.11, 0.14, 0.07), (0.11, -0.14, 0.07), (0.11, 0.14, 0.1))
+    ]
+    return Piece("stove", join(glass, *zones))
+
+
+def extractor(height: float) -> Piece:
+    """Return a cooker hood, its lower edge at z = 0, with a flue of given height [m] above it."""
+    slope = box((0, 0.48), (-0.3, 0.3), (0, 0.07), STEEL)
+    grille = box((0.05, 0.43), (-0.26, 0.26), (-0.004, 0), (90, 92, 96))
+    return Piece("exhaust fan", join(slope, grille, box((0, 0.27), (-0.14, 0.14), (0.07, height), STEEL)))

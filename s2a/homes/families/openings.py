@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.homes import grips, panels
+from s2a.homes import fronts, grips
 from s2a.homes.draw import chance, pick, uniform
 from s2a.homes.fronts import BOTTOM, LEFT, RIGHT, hinged
-from s2a.homes.handles import QUARTER, upright
+from s2a.homes.grips import QUARTER, upright
 from s2a.homes.solids import WOOD, Color, Piece, Surface, at, box, cylinder, join, prism, rotation, stadium
 from s2a.scene.scene import Joint
 
@@ -47,7 +47,7 @@ def room_door(rng: np.random.Generator, width: float, height: float, colors: tup
     at_hand = uniform(rng, (0.95, 1.08)) - size[2] / 2
     grip = lever(rng, side[0], metal).moved(at(0, -side[0] * (size[1] / 2 - uniform(rng, (0.055, 0.08))), at_hand))
     panel = pick(rng, ("slab", "slab", "framed", "grooved", "glazed"))
-    shape = panels.front(panel, size, wood, WOOD, uniform(rng, (0.1, 0.15)))
+    shape = fronts.front(panel, size, wood, WOOD, uniform(rng, (0.1, 0.15)))
     leaf = hinged("door", shape, side, grip, angle=uniform(rng, (1.3, 1.6)))
     # The leaf stands 4 mm before the wall's face: its edges pass the jambs.
     return Piece("door frame", join(*frame, head), (leaf.tilted(rng, 0.1).moved(at(0.02, 0, 0.008 + size[2] / 2)),))
@@ -61,7 +61,7 @@ def sliding_door(rng: np.random.Generator, width: float, height: float, colors: 
     rail = box(
         (0.0, 0.05), sorted_pair(-side * wide / 2, side * (1.5 * wide + 0.03)), (height + 0.01, height + 0.05), metal
     )
-    shape = panels.front(pick(rng, ("slab", "framed", "grooved")), (0.036, wide, high), wood, WOOD, 0.12)
+    shape = fronts.front(pick(rng, ("slab", "framed", "grooved")), (0.036, wide, high), wood, WOOD, 0.12)
     grip = grips.design(rng, "bar", "rail", "square", "bow", color=metal)
     grip = replace(grip, length=uniform(rng, (0.16, 0.5)))
     pull = upright(grips.make(grip)).moved(at(0, -side * (wide / 2 - 0.06), 1.02 - high / 2))

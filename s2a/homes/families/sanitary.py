@@ -1,8 +1,8 @@
-"""Bathrooms and laundries.
+"""Furniture and fixtures of bathrooms and laundries.
 
 Ranges: vanity units 0.61 to 1.52 m wide, 0.79 to 0.9 m high, 0.43 to 0.61 m deep (thelovelypoppy.com); washing machines 0.595
 to 0.6 m wide, 0.84 to 0.85 m high, 0.4 to 0.7 m deep (inthewash.co.uk, washgeek.com). Common sizes: mirror cabinets, tall
-cupboards, portholes of 0.26 to 0.31 m hinged at the left.
+cupboards, portholes of 0.26 to 0.31 m hinged at the left, toilets, bathtubs.
 """
 
 from __future__ import annotations
@@ -11,18 +11,72 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2a.homes import grips, panels
-from s2a.homes.appliances import METAL, WHITE
+from s2a.homes import fronts, grips
 from s2a.homes.casework import CabinetBase, Cell, Column, cabinet
 from s2a.homes.draw import chance, integer, pick, uniform
-from s2a.homes.fittings import Opening, Style
-from s2a.homes.fronts import LEFT, RIGHT, hinged
-from s2a.homes.furniture import cabinet_body
-from s2a.homes.handles import QUARTER, cup, edge
-from s2a.homes.plumbing import basin, counter, faucet
-from s2a.homes.sanitary import CERAMIC
-from s2a.homes.solids import Piece, at, box, cylinder, join, lathe, rotation
+from s2a.homes.families.kitchen import STEEL, WHITE
+from s2a.homes.fronts import LEFT, RIGHT, cabinet_body, hinged, lid
+from s2a.homes.grips import QUARTER, cup, edge
+from s2a.homes.plumbing import CHROME, basin, counter, faucet
+from s2a.homes.solids import Color, Piece, Surface, at, box, cylinder, join, lathe, painted, rotation
+from s2a.homes.styles import Opening, Style
 from s2a.scene.scene import Joint
+
+CERAMIC: Color = (240, 240, 238)
+
+
+def toilet() -> Piece:
+    """Return a close-coupled toilet, 0.68 m deep, seat at 0.42 m: pan, seat, cistern with a button, and a lid that turns up."""
+    squeeze, middle, half = 0.75, 0.43, 0.24
+    outside = [(0.11, 0), (0.13, 0.02), (0.14, 0.16), (half - 0.01, 0.34), (half - 0.01, 0.4)]
+    inside = [(half - 0.06, 0.4), (half - 0.08, 0.3), (0.06, 0.17), (0, 0.16)]
+    pan = lathe([(0, 0), *outside, *inside], CERAMIC, squeeze=squeeze)
+    ring = [(half - 0.06, 0.402), (half, 0.402), (half, 0.42), (half - 0.06, 0.42), (half - 0.06, 0.402)]
+    body = [
+        pan.moved(at(middle, 0)),
+        box((0.0, 0.3), (-0.1, 0.1), (0, 0.38), CERAMIC),
+        box((0.0, 0.165), (-0.19, 0.19), (0.38, 0.78), CERAMIC),
+        box((0.0, 0.172), (-0.195, 0.195), (0.78, 0.8), CERAMIC),
+        cylinder(0.025, 0.006, CHROME).moved(at(0.085, 0, 0.8)),
+    ]
+    seat = Piece("toilet seat", lathe(ring, (250, 250, 248), squeeze=squeeze).moved(at(middle, 0)))
+    disc = lathe([(0, -0.018), (half, -0.018), (half, -0.006), (half - 0.015, 0), (0, 0)], CERAMIC, squeeze=squeeze)
+    return Piece("toilet", join(*body), (seat, lid("toilet lid", disc).moved(at(middle, 0, 0.44))))
+
+
+def bathtub(length: float, width: float = 0.75) -> Piece:
+    """Return a bathtub along y in its panelled surround, 0.57 m high: an open tub with sloping ends."""
+    high, rim, y = 0.57, 0.07, length / 2
+    surround = [
+        box((width - 0.02, width), (-y, y), (0, high - 0.03), CERAMIC),
+        *(box((0, width), (s, s + 0.02), (0, high - 0.03), CERAMIC) for s in (-y, y - 0.02)),
+    ]
+    return Piece("bathtub", join(*surround, _tub((width, length), rim, high)))
+
+
+def _tub(size: tuple[float, float], rim: float, high: float) -> Surface:
+    """Return rim, sloping walls and floor of a tub as one closed sheet, 30 mm thick at the rim."""
+    width, length = size
+
+    def ring(inset: float, end: float, z: float) -> list[tuple[float, float, float]]:
+        x, y = (inset, width - inset), length / 2 - end
+        return [(x[0], -y, z), (x[1], -y, z), (x[1], y, z), (x[0], y, z)]
+
+    rings = [
+        ring(0, 0, high - 0.03),
+        ring(0, 0, high),
+        ring(rim, rim, high),
+        ring(rim + 0.06, rim + 0.16, 0.15),
+        ring(rim + 0.05, rim + 0.15, 0.12),
+        ring(rim - 0.02, rim - 0.02, high - 0.03),
+    ]
+    faces = [(12, 13, 14), (12, 14, 15), (16, 18, 17), (16, 19, 18)]  # its floor from above and from below
+    for i in (0, 1, 2, 4, 5):
+        for j in range(4):
+            a, b = 4 * i + j, 4 * i + (j + 1) % 4
+            c, d = (b + 4) % 24, (a + 4) % 24
+            faces += [(a, b, c), (a, c, d)]
+    return painted(np.array([corner for corners in rings for corner in corners]), faces, CERAMIC)
 
 
 def vanity(rng: np.random.Generator, style: Style) -> list[Piece]:
@@ -119,13 +173,13 @@ def washer(rng: np.random.Generator, name: str = "washing machine") -> Piece:
         (0.23, 0.01 - reach),
         (0, 0.01 - reach),
     ]
-    dial = cylinder(uniform(rng, (0.022, 0.035)), 0.025, METAL).moved(
+    dial = cylinder(uniform(rng, (0.022, 0.035)), 0.025, STEEL).moved(
         at(deep, uniform(rng, (0.0, 0.15)), high - 0.07) @ turn
     )
     feet = [
         box((x, x + 0.05), (y, y + 0.05), (0, 0.02), (40, 40, 44)) for x in (0.03, deep - 0.09) for y in (-0.28, 0.23)
     ]
-    body = join(*shell, *face, lathe(drum, METAL).moved(at(deep - 0.02, 0, z) @ turn), dial, *feet)
+    body = join(*shell, *face, lathe(drum, STEEL).moved(at(deep - 0.02, 0, z) @ turn), dial, *feet)
     tray = _soap_drawer(uniform(rng, (0.16, 0.24))).moved(at(deep, -0.206, high - 0.0675))
     return Piece(name, body, (_porthole(rng, hole).moved(at(deep + 0.034, 0, z)), tray))
 
@@ -143,11 +197,11 @@ def _porthole(rng: np.random.Generator, hole: float) -> Piece:
             (hole - 0.005, 0),
             (hole - 0.005, -0.03),
         ],
-        METAL,
+        STEEL,
     )
     glass = lathe(
         [(0, -0.09), (hole - 0.04, -0.07), (hole - 0.006, -0.028), (hole - 0.006, -0.014), (0, -0.01)],
-        panels.DARK_GLASS,
+        fronts.DARK_GLASS,
     )
     high = uniform(rng, (0.024, 0.034))
     grip = cup(uniform(rng, (0.06, 0.1)), high, uniform(rng, (0.018, 0.026)), (60, 60, 64))

@@ -1,13 +1,13 @@
-"""A hundred labelled household objects, twenty in each of five categories, and how they come off the web."""
+"""A hundred labelled household objects, twenty in each of five categories, and the untidy files in which they come."""
 
 from functools import cache
 
-from s2a.homes.zoo import bathroom, bedroom, comfort, curios, desk, food, kitchen, living_room, ornaments, stationery
-from s2a.homes.zoo.zoo_object import ZooObject
+from s2a.homes.zoo import bathroom, bedroom, desk, kitchen, living_room, ornaments
+from s2a.homes.zoo.shapes import ZooObject
 
 __all__ = ["ZooObject", "zoo"]
 
-MODULES = (bathroom, food, kitchen, comfort, bedroom, stationery, desk, living_room, ornaments, curios)
+MODULES = (bathroom, kitchen, bedroom, desk, living_room, ornaments)
 """Where they are made, by category."""
 
 

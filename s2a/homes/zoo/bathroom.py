@@ -5,9 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from s2a.homes.solids import FABRIC, Surface, box, cylinder, ellipsoid, join, lathe, prism, stadium
-from s2a.homes.zoo import paint as p
-from s2a.homes.zoo.shapes import arc, loft, pebble, plate, put, ring, settled, tube, turned, wrapped, writing
-from s2a.homes.zoo.zoo_object import ZooObject, zoo_object
+from s2a.homes.zoo import shapes as p
+from s2a.homes.zoo.shapes import (
+    ZooObject,
+    arc,
+    loft,
+    pebble,
+    plate,
+    put,
+    ring,
+    settled,
+    tube,
+    turned,
+    wrapped,
+    writing,
+    zoo_object,
+)
 
 
 def _toothbrush() -> Surface:

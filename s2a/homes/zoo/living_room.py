@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from s2a.homes.solids import WOOD, Surface, box, cylinder, ellipsoid, join, lathe
-from s2a.homes.zoo import paint as p
-from s2a.homes.zoo.shapes import arc, pebble, plate, put, ring, settled, smooth, tube, turned
-from s2a.homes.zoo.zoo_object import ZooObject, zoo_object
+from s2a.homes.zoo import shapes as p
+from s2a.homes.zoo.shapes import ZooObject, arc, pebble, plate, put, ring, settled, smooth, tube, turned, zoo_object
 
 ROUND = range(0, 360, 30)
 

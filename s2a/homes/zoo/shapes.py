@@ -1,9 +1,13 @@
-"""Shapes that household objects need beyond boxes and lathes. Lengths in the caller's unit."""
+"""Shapes of household objects beyond boxes and lathes, the zoo's colours (sRGB), and its objects: a shape with a label.
+
+Objects are built upright in millimetres and handed out in metres.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -194,3 +198,90 @@ def wrapped(surface: Surface, radius: float, squeeze: float = 1.0) -> Surface:
     angle = y / (radius * max(squeeze, 1.0))
     vertices = np.stack([(radius + x) * np.cos(angle), squeeze * (radius + x) * np.sin(angle), z], axis=1)
     return replace(surface, vertices=vertices)
+
+
+BLACK, DARK, GREY, STEEL, SILVER, WHITE = (
+    (32, 32, 36),
+    (70, 70, 76),
+    (130, 132, 136),
+    (176, 180, 186),
+    (210, 212, 216),
+    (246, 246, 243),
+)
+RED, ROSE, PINK, ORANGE, AMBER, YELLOW = (
+    (204, 40, 40),
+    (212, 92, 130),
+    (243, 164, 186),
+    (240, 132, 30),
+    (222, 158, 44),
+    (252, 212, 56),
+)
+GREEN, LEAF, TEAL, SKY, BLUE, NAVY, PURPLE = (
+    (52, 160, 84),
+    (60, 132, 56),
+    (38, 150, 150),
+    (160, 206, 236),
+    (40, 92, 190),
+    (28, 46, 104),
+    (122, 70, 160),
+)
+LIME, SCREEN, TERRACOTTA, IVORY = (
+    (206, 230, 40),
+    (176, 200, 168),
+    (196, 104, 66),
+    (232, 214, 170),
+)
+STRAW, BRONZE, CHOCOLATE, WINE, BOTTLE = (
+    (232, 200, 120),
+    (186, 118, 56),
+    (74, 40, 24),
+    (122, 24, 44),
+    (40, 104, 60),
+)
+CREAM, TAN, BEECH, BROWN, WALNUT, GOLD, COPPER = (
+    (248, 236, 206),
+    (214, 178, 128),
+    (206, 160, 104),
+    (134, 84, 44),
+    (84, 52, 32),
+    (218, 172, 60),
+    (190, 110, 70),
+)
+
+
+Category = Literal["bathroom", "kitchen", "bedroom", "stationery", "living room"]
+Placement = Literal["on", "against wall", "hanging", "inside"]
+
+
+@dataclass(frozen=True)
+class ZooObject:
+    """A labelled object.
+
+    Attributes:
+        label: what it is called.
+        category: the kind of place it belongs to.
+        surface: its shape [m], upright in its natural pose on z = 0, its front towards +x.
+        placement: on something, standing or leaning against a wall, hanging on one, or kept inside something.
+        rare: The label is a brand's or a rare word.
+    """
+
+    label: str
+    category: Category
+    surface: Surface
+    placement: Placement
+    rare: bool
+
+    @property
+    def slug(self) -> str:
+        """The label as a file name."""
+        return "_".join("".join(c if c.isalnum() else " " for c in self.label.lower()).split())
+
+
+def zoo_object(
+    label: str, category: Category, surface: Surface, placement: Placement = "on", *, rare: bool = False
+) -> ZooObject:
+    """Return the object that a shape in millimetres is, set on z = 0."""
+    shape = scaled(surface, 1e-3, 1e-3, 1e-3)
+    low = shape.vertices.min(axis=0)
+    shape.vertices[:, 2] -= low[2]
+    return ZooObject(label, category, shape, placement, rare)

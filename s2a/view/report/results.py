@@ -129,7 +129,7 @@ def study_report(values: Mapping[str, Any], path: Path) -> Document:
         header = ("category", "method", "of", "", "right [95 %]", *COUNTS)
         sections.append(("By category", table(header, [_counted(row) for row in [*rows, PAPER]])))
     sections.append((f"All {len(values['rows'])} rows", _every(values["rows"])))
-    kind = {name: values.get(name) for name in ("llm", "virtual", "num_envs")}
+    kind = {name: values.get(name) for name in ("llm", "num_envs")}
     about = "; ".join([*(f"{name} {value}" for name, value in kind.items() if value is not None), provenance(values)])
     return Document(path.stem.replace("_", " "), about, tuple(sections))
 

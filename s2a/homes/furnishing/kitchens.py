@@ -6,18 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2a.homes import appliances, clutter, household, styles
+from s2a.homes import clutter, household, styles
 from s2a.homes.clutter import Board
 from s2a.homes.draw import chance, integer, pick, uniform
-from s2a.homes.families import beds, lids, storage
+from s2a.homes.families import beds, storage
 from s2a.homes.families import kitchen as units
-from s2a.homes.families import kitchen_appliances as machines
-from s2a.homes.families.fitted import Fitted, fitted
-from s2a.homes.fittings import Style
+from s2a.homes.families.kitchen import Fitted, fitted
 from s2a.homes.floor_plan import FloorPlan
 from s2a.homes.furnishing import common
 from s2a.homes.solids import Piece, at
-from s2a.homes.styles import Palette
+from s2a.homes.styles import Palette, Style
 
 STAND = 1.05
 """[m] Free floor before a fitted row."""
@@ -61,7 +59,7 @@ def kitchen(plan: FloorPlan, colors: Palette) -> None:
             gap=0.002,
         )
     )
-    fridge = machines.fridge(rng, styles.style(rng, colors, "pantry", "nothing", "cutlery"))
+    fridge = units.fridge(rng, styles.style(rng, colors, "pantry", "nothing", "cutlery"))
     plan.need(plan.against([fridge], stand=STAND, askew=0.5, gap=0.02, attempts=14))
     if chance(rng, 0.7):
         plan.against(row(rng, kitchen, uniform(rng, (1.0, 2.2)), False), stand=STAND, askew=0.3, gap=0.002)
@@ -76,7 +74,7 @@ def kitchen(plan: FloorPlan, colors: Palette) -> None:
     if chance(rng, 0.4):
         plan.against([storage.shelf(rng, styles.style(rng, colors, "pantry", "kitchen", "cutlery"))], stand=STAND)
     if chance(rng, 0.7):
-        plan.against([lids.bin_(rng)], askew=10, gap=0.04)
+        plan.against([storage.bin_(rng)], askew=10, gap=0.04)
     common.heater(plan)
     common.hang(plan, integer(rng, 1, 4))
     common.floor_objects(plan, ("plant", "box", "chair", "basket"), integer(rng, 2, 6))
@@ -98,8 +96,8 @@ def row(rng: np.random.Generator, kitchen: KitchenStyle, length: float, main: bo
         "drawers": units.drawers,
         "cupboard": units.cupboard,
         "sink": units.sink_unit,
-        "oven": machines.oven,
-        "dishwasher": machines.dishwasher,
+        "oven": units.oven,
+        "dishwasher": units.dishwasher,
     }
     middles = {name: float(start + wide / 2) for (name, wide), start in zip(kinds, starts, strict=False)}
     pieces = [
@@ -120,16 +118,16 @@ def _order(rng: np.random.Generator, length: float, main: bool) -> list[tuple[st
     """Return kinds and widths of base units that together are at most so long [m]."""
     wanted = ["sink", "oven"] if main else []
     wanted += ["dishwasher"] if main and chance(rng, 0.7) else []
-    found = [(name, uniform(rng, WIDTHS[name])) for name in wanted]
+    chosen = [(name, uniform(rng, WIDTHS[name])) for name in wanted]
     while True:
         name = pick(rng, ("drawers", "drawers", "cupboard"))
         wide = uniform(rng, WIDTHS[name])
-        if sum(w for _, w in found) + wide > length:
+        if sum(w for _, w in chosen) + wide > length:
             break
-        found.append((name, wide))
-    if not found:
-        found = [("drawers", length)]
-    return [found[i] for i in rng.permutation(len(found)).tolist()]
+        chosen.append((name, wide))
+    if not chosen:
+        chosen = [("drawers", length)]
+    return [chosen[i] for i in rng.permutation(len(chosen)).tolist()]
 
 
 def _on_top(
@@ -141,7 +139,7 @@ def _on_top(
     busy = []
     if "oven" in middles:
         hob = at(0.31, middles["oven"], z)
-        pieces.append(appliances.hob().moved(hob))
+        pieces.append(units.hob().moved(hob))
         busy.append((middles["oven"] - 0.3, middles["oven"] + 0.3))
         if chance(rng, 0.6):
             pot = household.pot(uniform(rng, (0.08, 0.11)), uniform(rng, (0.08, 0.14)))
@@ -151,7 +149,7 @@ def _on_top(
     cuts = [ends[0], *(y for span in sorted(busy) for y in span), ends[1]]
     for low, high in zip(cuts[::2], cuts[1::2], strict=True):
         if high - low > 0.56 and chance(rng, 0.35):
-            oven = machines.microwave(rng).moved(at(0.03, high - 0.29, z + 0.0003))
+            oven = units.microwave(rng).moved(at(0.03, high - 0.29, z + 0.0003))
             pieces.append(oven)
             high -= 0.58
         if high - low > 0.14:
@@ -168,7 +166,7 @@ def _wall_units(
     spans = [ends]
     if oven is not None:
         spans = [(ends[0], oven - 0.31), (oven + 0.31, ends[1])]
-        pieces.append(appliances.extractor(0.3).moved(at(0, oven, kitchen.sizes.upper)))
+        pieces.append(units.extractor(0.3).moved(at(0, oven, kitchen.sizes.upper)))
     for low, high in spans:
         y = low
         while high - y > 0.3:

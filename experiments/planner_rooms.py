@@ -1,7 +1,7 @@
-"""What varied rooms do to the planner: it opens every part of virtual rooms; how far each part comes, and why no farther.
+"""The planner on every part of virtual rooms: how far each part comes, and why no farther.
 
-    python experiments/varied_rooms.py --virtual varied --rooms kitchen office ... --seeds 0 [--detail demo]
-        [--parts drawer_14 ...] [--num-envs 4] [--work runs/varied_rooms] [--name planner_rooms]
+    python experiments/planner_rooms.py --rooms kitchen office ... --seeds 0 [--detail demo]
+        [--parts drawer_14 ...] [--num-envs 4] [--work runs/planner_rooms] [--name planner_rooms]
 
 Scans each room, prepares all its parts, and lets the planner open each from noisy starts. Scans and stages in the work folder
 are kept, and so are the rows in experiments/results/NAME.json, which come as a table in NAME.md too. How far a part comes:
@@ -59,7 +59,7 @@ def main() -> None:
     rows: list[Row] = json.loads(file.read_text())["rows"] if file.exists() else []
     for room in args.rooms:
         for seed in args.seeds:
-            key = {"virtual": args.virtual, "room": room, "seed": seed, "detail": args.detail}
+            key = {"room": room, "seed": seed, "detail": args.detail}
             done = {row["part"]: row for row in rows if key.items() <= row.items()}
             for row in _room(key, done, args):
                 rows = [other for other in rows if not (key | {"part": row["part"]}).items() <= other.items()]
@@ -81,13 +81,13 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
     """Yield the lines of a Markdown table: how far the parts of each room came, and of each kind of rooms and scanner."""
     yield "| rooms | scanner | parts | " + " | ".join(OUTCOMES) + " |"
     yield "|---" * (3 + len(OUTCOMES)) + "|"
-    for kind in dict.fromkeys((row["virtual"], row["detail"]) for row in rows):
-        of_kind = [row for row in rows if (row["virtual"], row["detail"]) == kind]
+    for detail in dict.fromkeys(row["detail"] for row in rows):
+        of_kind = [row for row in rows if row["detail"] == detail]
         rooms = dict.fromkeys((row["room"], row["seed"]) for row in of_kind)
         for room in rooms:
             own = [row for row in of_kind if (row["room"], row["seed"]) == room]
-            yield _line(f"{kind[0]} {room[0]} {room[1]}", kind[1], own)
-        yield _line(f"**{kind[0]}, {len(rooms)} room{'s' * (len(rooms) > 1)}**", kind[1], of_kind)
+            yield _line(f"{room[0]} {room[1]}", detail, own)
+        yield _line(f"**{len(rooms)} room{'s' * (len(rooms) > 1)}**", detail, of_kind)
     yield ""
     yield from _failures(rows)
 
@@ -104,7 +104,7 @@ def _failures(rows: Sequence[Row]) -> Iterator[str]:
     for row in rows:
         if row["outcome"] in ("grasped", "no_handle"):
             continue
-        room = f"{row['virtual']} {row['room']} {row['seed']} `{row['detail']}`"
+        room = f"{row['room']} {row['seed']} `{row['detail']}`"
         share, relief = ("" if row.get(name) is None else f"{row[name]:.0%}" for name in ("scanned", "relief"))
         size = "" if row["length"] is None else f"{1e3 * row['length']:.0f}"
         where = f"{row['part']} | {row['handle']} | {size} | {row['height']:.2f} | {share} | {relief}"
@@ -217,13 +217,12 @@ def _outcome(found: Row) -> Row:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--virtual", default="varied", choices=["varied", "classic"])
     parser.add_argument("--rooms", nargs="+", default=["office", "bedroom", "kitchen", "bathroom", "living_room"])
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--detail", default="demo")
     parser.add_argument("--parts", nargs="+", help="ids of the parts to open; else all of each room")
     parser.add_argument("--num-envs", type=int, default=4)
-    parser.add_argument("--work", type=Path, default=Path("runs/varied_rooms"))
+    parser.add_argument("--work", type=Path, default=Path("runs/planner_rooms"))
     parser.add_argument("--name", default="planner_rooms")
     return parser.parse_args()
 

@@ -24,6 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from s2a import scan
+from s2a.core.color_space import to_linear
 from s2a.scene.usd import descriptive, geometric
 
 SECONDS, GIGABYTES = 25.0, 4.0
@@ -137,7 +138,7 @@ def _write_one_mesh(mesh: trimesh.Trimesh, path: Path) -> None:
     prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(mesh.vertices.astype("float32")))
     prim.CreateFaceVertexCountsAttr(Vt.IntArray(len(mesh.faces), 3))
     prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.ravel().astype("int32")))
-    colors = mesh.visual.vertex_colors[:, :3].astype("float32") / 255.0
+    colors = to_linear(mesh.visual.vertex_colors[:, :3])
     prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(Vt.Vec3fArray.FromNumpy(colors))
     stage.Save()
 

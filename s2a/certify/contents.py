@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from s2a.certify.check import Check, check_bound, decide
 from s2a.core.bounds import CountFromZero, NotNegative
 from s2a.core.errors import InputError
+from s2a.scene.usd.joints import joint_ends
 from s2a.scene.usd.sim_scene import PREPARE_AGAIN
 from s2a.scene.usd.sim_stage import FLAVOUR
 from s2a.scene.usd.stage import ROOT, read_attribute, reading
@@ -120,8 +121,7 @@ def fixed_carrier(held: Contents) -> Usd.Prim | None:
 
 def ends(joint: Usd.Prim) -> tuple[list[str], list[str]]:
     """Return the paths of what a joint holds on to, and of what it moves."""
-    physics = UsdPhysics.Joint(joint)
-    return physics.GetBody0Rel().GetTargets(), physics.GetBody1Rel().GetTargets()
+    return joint_ends(joint)
 
 
 def points(prim: Usd.Prim) -> np.ndarray:

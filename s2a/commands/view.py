@@ -28,6 +28,8 @@ from s2a.view.page.room import PageRoom
 
 DATASET = "meta/s2a.json"
 """By this file a folder is a dataset of s2a collect (`s2a.learn.collect.episode.ABOUT`, which needs the extra "sim")."""
+PACKAGE = ".usdz"
+"""Ending of a room with all its files in one; a scanning app's package is no room, which opening it says."""
 FILE_FACES = 320_000
 """Faces that a file of 10 MB has room for, with and without their scanned colours."""
 
@@ -86,7 +88,7 @@ def run(config: Config) -> str:
     stage, noted = cards.of_path(config.path)
     inserted = cards.inserted(config.path, noted)
     config = replace(config, path=stage)
-    if remedy := mesh_remedy(config.path):
+    if config.path.suffix.lower() != PACKAGE and (remedy := mesh_remedy(config.path)):
         raise InputError(f"{config.path}: {remedy}, in a folder of its own, and give that folder")
     if config.image:
         require_png(config.image)

@@ -62,11 +62,14 @@ def bake(mesh: SourceMesh, texel: float) -> Baked:
 def merged(mesh: SourceMesh) -> SourceMesh:
     """Return the mesh with each position once (seams of textures double vertices), and without vertices of no face.
 
-    Positions are compared in float32, the precision of scans.
+    Positions are compared in float32, the precision of scans, from a corner of the mesh on: map coordinates of a room (UTM) would
+    round to half a metre.
     """
     used, corner = np.unique(mesh.faces, return_inverse=True)
     points = mesh.vertices[used]
-    _, first, group = np.unique(points.astype(np.float32), axis=0, return_index=True, return_inverse=True)
+    low = points.min(axis=0)
+    near = np.where(np.abs(low) > np.ptp(points, axis=0).max(), points - low, points)
+    _, first, group = np.unique(near.astype(np.float32), axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))

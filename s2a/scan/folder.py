@@ -1,4 +1,4 @@
-"""The files of a scan on a ScanNet++ mesh in a folder."""
+"""The files of a folder that make up a scan on a mesh of ScanNet, ScanNet++ or nobody."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2a.core.errors import InputError
+from s2a.scan import registry
 
 MESH = "mesh_aligned_0.05.ply"
 SEGMENTS = "segments.json"
@@ -55,6 +56,16 @@ def has_mesh(path: Path) -> bool:
     return bool(_meshes(path))
 
 
+def has_segments(path: Path) -> bool:
+    """Return True if a folder holds any of ScanNet++'s two files of segments."""
+    return _first(_folders(path), SEGMENTS, GROUPS) is not None
+
+
+def scannet_mesh(path: Path) -> Path | None:
+    """Return ScanNet's decimated mesh in a folder, which its segments count in; None without one."""
+    return next((file for each in _folders(path) for file in sorted(each.glob(f"[!.]*{SCANNET}"))), None)
+
+
 def find_bare(path: Path) -> BareFiles:
     """Find ScanNet++'s mesh, or the only PLY file, in a folder or in its subfolder `scans`, and the segments beside it.
 
@@ -79,14 +90,9 @@ def find(path: Path) -> ScanFiles:
         InputError: no scan there, several, or an incomplete one.
     """
     folders = _folders(path)
-    if not path.is_dir():
-        if remedy := mesh_remedy(path):
-            raise InputError(f"{path}: {remedy}, in a folder of its own, and give that folder")
-        what = "is a file" if path.exists() else "does not exist"
-        raise InputError(f"{path}: {what}; give the folder of one scan, which holds <scene>_parts.json")
     parts = [file for folder in folders for file in sorted(folder.glob("[!.]*_parts.json"))]
     if len(parts) != 1:
-        raise InputError(f"{path}: {_why_not_one(path, parts)}")
+        raise refusal(path)
     name = parts[0].name.removesuffix("_parts.json")
     return ScanFiles(
         name=name,
@@ -98,6 +104,17 @@ def find(path: Path) -> ScanFiles:
         ),
         segments=_segments(path, folders),
     )
+
+
+def refusal(path: Path) -> InputError:
+    """Return the error for a path that is not the folder of one scan."""
+    if path.is_dir():
+        parts = [file for folder in _folders(path) for file in sorted(folder.glob("[!.]*_parts.json"))]
+        return InputError(f"{path}: {_why_not_one(path, parts)}")
+    if remedy := mesh_remedy(path):
+        return InputError(f"{path}: {remedy}, in a folder of its own, and give that folder")
+    what = "is a file" if path.exists() else "does not exist"
+    return InputError(f"{path}: {what}; give the folder of one scan, which holds <scene>_parts.json")
 
 
 def mesh_remedy(path: Path) -> str | None:
@@ -138,13 +155,8 @@ def _folders(path: Path) -> list[Path]:
 def _meshes(path: Path) -> list[Path]:
     """Return ScanNet++'s mesh alone if it is there, or else every PLY file."""
     folders = _folders(path)
-    mesh = _first(folders, MESH) or _scannet_mesh(folders)
+    mesh = _first(folders, MESH) or scannet_mesh(path)
     return [mesh] if mesh else [file for folder in folders for file in sorted(folder.glob("[!.]*.ply"))]
-
-
-def _scannet_mesh(folders: list[Path]) -> Path | None:
-    """Return ScanNet's decimated mesh, which its segments count in; None without one."""
-    return next((file for folder in folders for file in sorted(folder.glob(f"[!.]*{SCANNET}"))), None)
 
 
 def _why_not_one(path: Path, parts: list[Path]) -> str:
@@ -159,16 +171,18 @@ def _why_not_one(path: Path, parts: list[Path]) -> str:
     if remedy := next(filter(None, map(mesh_remedy, files)), None):
         return f"holds no PLY mesh; {remedy}"
     found = ", ".join(file.name for file in files[:6]) or "nothing"
+    formats = ", ".join(each.NAME for each in registry.formats("s2a.scan.formats"))
     return (
         f"holds no annotated scan: <scene>_parts.json is missing (found: {found}); "
-        f"give the folder of one scan by Articulate3D, MultiScan (<scene>.annotations.json) or ScanNet++ ({MESH})"
+        f"possible: {formats} (docs/own_scan.md lists their files); "
+        "give the folder of one scan"
     )
 
 
 def _segments(path: Path, folders: list[Path]) -> tuple[Path, Path] | None:
     """Return ScanNet++'s two annotation files, None if there are none, or raise an InputError if one is missing."""
     segments, groups = _first(folders, SEGMENTS), _first(folders, GROUPS)
-    if not segments and not groups and (scannet := _scannet_mesh(folders)):
+    if not segments and not groups and (scannet := scannet_mesh(path)):
         scene = scannet.name.removesuffix(SCANNET)
         segments = next(iter(sorted(scannet.parent.glob(f"{scene}{SCANNET[:-4]}.*.segs.json"))), None)
         groups = _first(folders, f"{scene}.aggregation.json")

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 _log = logging.getLogger(__name__)
 
 IndexPath = tuple[str, ...]
+_REMOVED = re.compile(r"[\W_]*(to[\W_]+be[\W_]+)?removed?(?![a-z])", re.IGNORECASE)
+_SPLIT = re.compile(r"[\W_]*split[\W_\d]*$", re.IGNORECASE)
 
 
 def split(label: str) -> tuple[str, IndexPath]:
@@ -20,6 +22,16 @@ def split(label: str) -> tuple[str, IndexPath]:
     name, _, path = label.partition(".")
     tokens = (token.strip() for token in path.split("."))
     return " ".join(name.split()), tuple(token for token in tokens if token)
+
+
+def is_removed(label: str) -> bool:
+    """Return whether annotators marked a region as an artefact of the reconstruction: "REMOVE", "remove 2", "Removed.3"."""
+    return _REMOVED.match(label) is not None
+
+
+def is_split(label: str) -> bool:
+    """Return whether annotators marked a region as one that could not be annotated: "SPLIT", "split_2"."""
+    return _SPLIT.match(label) is not None
 
 
 def part_id(name: str, number: int) -> str:
@@ -41,6 +53,26 @@ def parents(labels: Mapping[int, str]) -> dict[int, int | None]:
             owners.setdefault(path, number)
     found = {number: _nearest(path, owners) for number, path in paths.items()}
     _warn_of_ambiguity(labels, paths, owners, found)
+    return found
+
+
+def artefacts(labels: Mapping[int, str], parent_of: Mapping[int, int | None]) -> set[int]:
+    """Return the parts that annotators marked as artefacts, and all that belongs to one."""
+    found: set[int] = set()
+    for number in parents_first(parent_of):
+        if parent_of[number] in found or is_removed(labels[number]):
+            found.add(number)
+    return found
+
+
+def without(parent_of: Mapping[int, int | None], gone: set[int]) -> dict[int, int | None]:
+    """Return each other part's parent when some parts go: the nearest ancestor that stays."""
+    found: dict[int, int | None] = {}
+    for number, parent in parent_of.items():
+        while parent is not None and parent in gone:
+            parent = parent_of[parent]
+        if number not in gone:
+            found[number] = parent
     return found
 
 

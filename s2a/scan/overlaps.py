@@ -36,10 +36,12 @@ def read(path: Path) -> list[Overlap]:
         return []
     records = fields.load(folder.find(path).parts).record("data").records("annotations", "annotation")
     names = {record.integer("partId"): record.text("label") for record in records}
+    # Artefacts and parts that could not be annotated are no parts of the scene.
+    names = {number: name for number, name in names.items() if not (labels.is_removed(name) or labels.is_split(name))}
     listed = {
         record.integer("partId"): np.unique(record.integers("triIndices"))
         for record in records
-        if record.has("triIndices")
+        if record.has("triIndices") and record.integer("partId") in names
     }
     return find(names, listed)
 

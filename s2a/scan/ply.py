@@ -6,16 +6,18 @@ import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from s2a.core.errors import InputError
+from s2a.scan import ply_file
+from s2a.scan.ply_file import Element, Lists
 
 _log = logging.getLogger(__name__)
 
 _MAX_SPAN = 1000.0  # [m]; beyond any room, so another unit or a damaged number
 _SUSPICIOUS_SPAN = 60.0  # [m]; beyond the rooms that anybody scanned (ten metres), though there are halls
+_COLORS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 _FLOAT32_RANGE = 100.0  # [m]; from here on float32 rounds coordinates by 8 um or more
 
 
@@ -54,63 +56,84 @@ def read(path: Path, face_numbers: tuple[str, ...] = ()) -> ScanMesh:
         InputError: the file is truncated or no PLY, holds no triangles or also other polygons, coordinates are not
             finite or span more than 1 km, a face names a vertex that does not exist, or faces lack a property.
     """
-    content, elements = _load(path)
-    vertices = content["vertices"].astype(np.float64)
-    faces = _triangles(path, content["faces"], elements)
+    vertex, face = _elements(path)
+    vertices = coordinates(vertex)
+    faces = _triangles(path, face)
     _check_numbers(path, vertices, faces)
     far = np.abs(vertices).max() > _FLOAT32_RANGE
     origin = vertices.min(axis=0) if far else np.zeros(3)
-    colors = _colors(path, content.get("vertex_colors"))
-    numbers = {name: _face_numbers(path, elements["face"]["data"], name, len(faces)) for name in face_numbers}
+    given = color_levels(path, vertex)
+    colors = None if given is None else np.round(given).astype(np.uint8)
+    numbers = {name: _face_numbers(path, face, name) for name in face_numbers}
     return ScanMesh(path, vertices - origin, faces.astype(np.int32), colors, origin, numbers)
 
 
-def _load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what the file holds as trimesh's arguments, and its raw elements by name."""
-    from trimesh.exchange.ply import load_ply  # brings scipy: half of what starting `s2a view` of a stage would cost
+def coordinates(vertex: Element) -> np.ndarray:
+    """Return the positions of vertices, shape [vertex 3], float64."""
+    return np.stack([vertex.columns[axis].astype(np.float64) for axis in "xyz"], axis=1)
 
-    try:
-        with path.open("rb") as file:
-            # fix_texture would reorder vertices that have texture coordinates; annotations count in the file's order.
-            content = load_ply(file, fix_texture=False, skip_materials=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from error
-    except Exception as error:  # trimesh lets through what damage provokes: ValueError, IndexError, KeyError ...
-        raise InputError(f"{path}: truncated or not a PLY mesh ({_brief(error)}); copy or download it again") from error
-    elements = content["metadata"]["_ply_raw"]
-    if content.get("vertices") is None or content.get("faces") is None:
+
+def corner_lists(face: Element) -> Lists | None:
+    """Return the vertices of faces; None where no property lists them."""
+    names = ["vertex_indices", "vertex_index", *face.lists]
+    found = next((face.lists[name] for name in names if name in face.lists), None)
+    return found if found is not None and found.values.dtype.kind in "iu" else None
+
+
+def color_levels(path: Path, element: Element) -> np.ndarray | None:
+    """Return the colours of vertices or faces as sRGB levels, 0 to 255, float64, shape [row 3]; None where there are none.
+
+    Raises:
+        InputError: numbers that are no colours.
+    """
+    names = next((names for names in _COLORS if set(names) <= set(element.columns)), None)
+    if names is None:
+        return None
+    kinds = {element.columns[name].dtype for name in names}
+    raw = np.stack([element.columns[name] for name in names], axis=1)
+    kind, largest = raw.dtype, raw.max(initial=0)
+    if kinds == {np.dtype(np.uint8)}:
+        return raw.astype(np.float64)
+    if len(kinds) == 1 and kind.itemsize > 1 and np.isfinite(raw).all() and raw.min(initial=0) >= 0:
+        values = raw.astype(np.float64)
+        if kind.kind == "f" and largest <= 1:
+            return values * 255
+        if largest <= 255:
+            if kind.kind != "f":
+                _log.warning("%s: colours of type %s reach %d, and are taken for levels of 255", path, kind, largest)
+            return values
+        if kind.itemsize == 2:
+            return values * (255 / np.iinfo(kind).max)
+    raise InputError(
+        f"{path}: vertex colors are {', '.join(map(str, kinds))} up to {largest:g}; possible: uchar, ushort, float 0 to 1"
+    )
+
+
+def _elements(path: Path) -> tuple[Element, Element]:
+    """Return a file's vertices and faces."""
+    elements = ply_file.read(path).elements
+    vertex, face = elements.get("vertex"), elements.get("face")
+    if vertex is None or face is None or not vertex.count or not face.count or not set("xyz") <= set(vertex.columns):
         raise InputError(f"{path}: holds no triangles; take the scan's mesh (mesh_aligned_0.05.ply), not a point cloud")
-    if len(content["vertices"]) != elements["vertex"]["length"]:
-        expected = elements["vertex"]["length"]
-        raise InputError(f"{path}: truncated, {len(content['vertices'])} of {expected} vertices; download it again")
-    return content, elements
+    return vertex, face
 
 
-def _triangles(path: Path, faces: np.ndarray, elements: dict[str, Any]) -> np.ndarray:
-    """Return the faces [face 3] if they are all triangles and as many as the header says."""
-    expected = elements["face"]["length"]
-    if faces.ndim != 2 or faces.shape[1] != 3 or not _all_triangles(elements["face"]["data"]):
+def _triangles(path: Path, face: Element) -> np.ndarray:
+    """Return the faces [face 3] if they are all triangles."""
+    lists = corner_lists(face)
+    if lists is None or (lists.counts != 3).any():
         raise InputError(f"{path}: has faces that are no triangles, which annotations count; take the annotated mesh")
-    if len(faces) != expected:
-        raise InputError(f"{path}: truncated or mixed polygons, {len(faces)} of {expected} faces; download it again")
-    return faces
+    return lists.values.astype(np.int64).reshape(-1, 3)
 
 
-def _all_triangles(data: Any) -> bool:
-    """Return True if every vertex list of a binary file has three entries (trimesh reads the first list's length only)."""
-    if not isinstance(data, np.ndarray):  # an ASCII file, split by trimesh row by row
-        return True
-    lists = [data[name]["f0"] for name in data.dtype.names or () if name in ("vertex_index", "vertex_indices")]
-    return all(bool((lengths == 3).all()) for lengths in lists)
-
-
-def _face_numbers(path: Path, data: Any, name: str, count: int) -> np.ndarray:
+def _face_numbers(path: Path, face: Element, name: str) -> np.ndarray:
     """Return a property of the faces as whole numbers, shape [face], int64."""
-    known = list(data) if isinstance(data, dict) else list(data.dtype.names or ())
-    if name not in known:
-        raise InputError(f"{path}: faces have no {name}; properties found: {', '.join(known)}; take the annotated mesh")
-    values = np.ravel(data[name])
-    if values.dtype.kind not in "iu" or len(values) != count:
+    columns = {key.lower(): column for key, column in face.columns.items()}
+    if name.lower() not in columns:
+        found = ", ".join([*face.lists, *columns])
+        raise InputError(f"{path}: faces have no {name}; properties found: {found}; take the annotated mesh")
+    values = columns[name.lower()]
+    if values.dtype.kind not in "iu":
         raise InputError(
             f"{path}: {name} of the faces is not one whole number each (ushort, int ...); take the scan's own"
         )
@@ -135,17 +158,3 @@ def _check_numbers(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
         raise InputError(
             f"{path}: faces name vertices {faces.min()} to {faces.max()} of {len(vertices)}; take an undamaged file"
         )
-
-
-def _colors(path: Path, colors: np.ndarray | None) -> np.ndarray | None:
-    """Return colors as RGB bytes [vertex 3] from bytes or from floats between 0 and 1; alpha is dropped."""
-    if colors is None or colors.dtype == np.uint8:
-        return None if colors is None else colors[:, :3]
-    if colors.dtype.kind == "f" and np.isfinite(colors).all():
-        return np.round(np.clip(colors[:, :3], 0, 1) * 255).astype(np.uint8)
-    raise InputError(f"{path}: vertex colors are {colors.dtype}; possible: uchar 0 to 255, float 0 to 1")
-
-
-def _brief(error: Exception) -> str:
-    """Return an exception's message on one line."""
-    return " ".join(f"{type(error).__name__}: {error}".split())[:120]

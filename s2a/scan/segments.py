@@ -68,7 +68,7 @@ def face_groups(groups: list[Group], faces: np.ndarray, vertex_count: int) -> np
 
 def _group(record: Record, segments: np.ndarray, each_its_own: bool) -> Group:
     """Return a group with the vertices of its segments."""
-    label = record.text("label").strip()
+    label = " ".join(record.text("label").split())  # a label is one line
     named = Record(record.values, f"{record.where} {label!r}")
     if each_its_own:
         return Group(label, np.unique(named.indices("segments", len(segments), "vertices")))

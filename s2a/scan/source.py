@@ -6,8 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from s2a.core.color_space import to_linear, to_srgb
+
 GREY = 170
 """Level of what has no colour."""
+
+
+REPEAT, CLAMP, MIRROR = "repeat", "clamp", "mirror"
+"""What a texture shows beyond coordinates of 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -15,12 +21,18 @@ class Material:
     """What colours some faces.
 
     Attributes:
-        color: RGB from 0 to 1, shape [3]; multiplies the texture.
-        texture: RGB, shape [row column 3], uint8, first row on top; None without one.
+        color: linear RGB from 0 to 1, shape [3]; multiplies texture and corners.
+        texture: sRGB, shape [row column 3], uint8, first row on top; None without one.
+        wrap: of the texture, along u and v: REPEAT, CLAMP or MIRROR.
     """
 
     color: np.ndarray
     texture: np.ndarray | None = None
+    wrap: tuple[str, str] = (REPEAT, REPEAT)
+
+
+PLAIN = Material(to_linear(np.full(3, GREY / 255)))
+"""What has no colour, or lost it."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +58,7 @@ class SourceMesh:
         vertices: in the file's unit, shape [vertex 3], float64.
         faces: vertex indices, shape [face 3], int64.
         uv: texture coordinates of the corners, v upwards, shape [face 3 2]; NaN where there are none.
-        colors: RGB of the corners, shape [face 3 3], 0 to 255, float32; NaN where there are none.
+        colors: linear RGB of the corners, shape [face 3 3], 0 to 1, float32; NaN where there are none.
         material: index into `materials`, shape [face]; -1 for none.
         materials: the materials.
         stated: the file's own statement of frame and unit.
@@ -79,39 +91,53 @@ def joined(parts: list[SourceMesh], stated: Stated) -> SourceMesh:
 def sample(
     mesh_uv: np.ndarray, corner_colors: np.ndarray, material: np.ndarray, materials: tuple[Material, ...]
 ) -> np.ndarray:
-    """Return colours at points of faces: texture times its factor, else the colours given, else the factor, else grey.
+    """Return colours at points of faces: texture times factor times the corners' colour; grey where there is none of them.
 
     Args:
         mesh_uv: texture coordinates, shape [face point 2].
-        corner_colors: RGB of the vertices there, shape [face point 3].
+        corner_colors: linear RGB of the vertices there, shape [face point 3].
         material: shape [face].
         materials: the materials.
 
     Returns:
-        RGB from 0 to 255, shape [face point 3], float32.
+        sRGB from 0 to 255, shape [face point 3], float32.
     """
-    result = np.where(np.isnan(corner_colors), np.float32(GREY), corner_colors)
+    plain = np.isnan(corner_colors)
+    result = np.where(plain, np.float32(GREY), 255 * to_srgb(corner_colors))
     for index in np.unique(material[material >= 0]):
         mine, used = material == index, materials[index]
-        factor = (255 * used.color).astype(np.float32)
-        plain = np.where(np.isnan(corner_colors[mine]), factor, corner_colors[mine])
+        light = used.color * np.where(plain[mine], 1.0, corner_colors[mine])
         if used.texture is None:
-            result[mine] = plain
+            result[mine] = 255 * to_srgb(light)
             continue
         uv = mesh_uv[mine]
-        texels = bilinear(used.texture, np.nan_to_num(uv)) * used.color.astype(np.float32)
-        result[mine] = np.where(np.isnan(uv).any(axis=-1, keepdims=True), plain, texels)
+        texels = bilinear(used.texture, np.nan_to_num(uv), used.wrap)
+        if (light != 1).any():
+            texels = 255 * to_srgb(to_linear(texels / 255) * light)
+        result[mine] = np.where(np.isnan(uv).any(axis=-1, keepdims=True), 255 * to_srgb(light), texels)
     return result
 
 
-def bilinear(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """Return a texture's colours, which repeats beyond 0 to 1, at coordinates [... 2], v upwards; shape [... 3], float32."""
+def bilinear(texture: np.ndarray, uv: np.ndarray, wrap: tuple[str, str] = (REPEAT, REPEAT)) -> np.ndarray:
+    """Return a texture's colours at coordinates [... 2], v upwards; shape [... 3], float32."""
     height, width = texture.shape[:2]
     # glTF, OBJ and USD alike: texel centres lie at half numbers.
     x, y = uv[..., 0] * width - 0.5, (1.0 - uv[..., 1]) * height - 0.5
     column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     right, down = (x - column)[..., None].astype(np.float32), (y - row)[..., None].astype(np.float32)
-    at = [[texture[(row + i) % height, (column + j) % width].astype(np.float32) for j in (0, 1)] for i in (0, 1)]
+    rows = [_wrapped(row + i, height, wrap[1]) for i in (0, 1)]
+    columns = [_wrapped(column + j, width, wrap[0]) for j in (0, 1)]
+    at = [[texture[r, c].astype(np.float32) for c in columns] for r in rows]
     top, bottom = (line[0] * (1 - right) + line[1] * right for line in at)
     mixed: np.ndarray = top * (1 - down) + bottom * down
     return mixed
+
+
+def _wrapped(texel: np.ndarray, count: int, wrap: str) -> np.ndarray:
+    """Return the texels of an image that stand for those beyond it."""
+    if wrap == CLAMP:
+        return np.clip(texel, 0, count - 1)
+    if wrap == MIRROR:
+        turned = texel % (2 * count)
+        return np.where(turned < count, turned, 2 * count - 1 - turned)
+    return texel % count

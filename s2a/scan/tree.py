@@ -15,7 +15,7 @@ from rich.tree import Tree
 from s2a import scan
 from s2a.scene.scene import Joint, Part, Scene
 from s2a.scene.usd import descriptive, geometric
-from s2a.scene.usd.joints import KINDS, read_joint, site_point
+from s2a.scene.usd.joints import KINDS, joint_ends, read_joint, site_point
 from s2a.scene.usd.stage import open_stage, read_attribute, reading
 
 
@@ -112,9 +112,7 @@ def _physics_facts(prim: Usd.Prim) -> Iterator[str]:
     if prim.HasAPI(UsdPhysics.MassAPI):
         yield f"{UsdPhysics.MassAPI(prim).GetMassAttr().Get():.4g} kg"
     if prim.IsA(UsdPhysics.Joint):
-        joint = UsdPhysics.Joint(prim)
-        ends = [joint.GetBody0Rel().GetTargets(), joint.GetBody1Rel().GetTargets()]
-        yield " -> ".join(targets[0].name if targets else "world" for targets in ends)
+        yield " -> ".join(targets[0].name if targets else "world" for targets in joint_ends(prim))
 
 
 def _collider_facts(pieces: list[Usd.Prim]) -> Iterator[str]:

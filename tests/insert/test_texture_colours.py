@@ -10,7 +10,9 @@ import trimesh
 from PIL import Image
 
 from s2a.core.config import compose, load
-from s2a.language.insert.object_file import ObjectConfig, read_object, textured
+from s2a.language.insert.object_file import ObjectConfig, painted, read_object
+from s2a.scan import mesh_files
+from s2a.scan.source import SourceMesh
 
 OBJECT: ObjectConfig = load(ObjectConfig, compose("insert/placement")["insert"]["object"])
 RED, BLUE = (220, 20, 20), (20, 20, 220)
@@ -66,15 +68,18 @@ def test_splitting_leaves_the_shape_closed_and_as_it_was(tmp_path: Path) -> None
     assert solid.volume == pytest.approx(0.008, rel=1e-4)
 
 
-def test_what_has_one_colour_is_not_split_and_a_budget_holds() -> None:
-    plain = textured(Path("crate"), crate(Image.new("RGB", (8, 8), RED)), 60000)
-    assert plain is not None
+def written(path: Path, image: Image.Image | None) -> SourceMesh:
+    crate(image).export(path)
+    return mesh_files.read(path)
+
+
+def test_what_has_one_colour_is_not_split_and_a_budget_holds(tmp_path: Path) -> None:
+    plain = painted(written(tmp_path / "plain.glb", Image.new("RGB", (8, 8), RED)), 60000)
     assert len(plain[1]) == 12
-    assert (plain[2] == RED).all()
-    few = textured(Path("crate"), crate(checked(16)), 200)
-    assert few is not None
-    assert len(few[1]) <= 200
+    assert plain[2] is not None and (plain[2] == RED).all()
+    assert len(painted(written(tmp_path / "checked.glb", checked(16)), 200)[1]) <= 200
 
 
-def test_without_an_image_there_is_no_texture() -> None:
-    assert textured(Path("crate"), crate(None), 1000) is None
+def test_what_has_neither_colour_nor_material_has_none(tmp_path: Path) -> None:
+    trimesh.creation.box().export(tmp_path / "box.stl")
+    assert painted(mesh_files.read(tmp_path / "box.stl"), 1000)[2] is None

@@ -14,7 +14,8 @@ import tiny_scan
 from tiny_scan import COLORS, assert_refused, corners, triangles
 
 from s2a import scan
-from s2a.scan import multiscan, multiscan_objects
+from s2a.scan import multiscan_objects
+from s2a.scan.formats import multiscan
 from s2a.scene.scene import Joint, Mesh, Scene
 from s2a.scene.usd import geometric
 
@@ -85,7 +86,7 @@ def test_the_parts_of_what_is_removed_are_left_out_too(tmp_path, caplog):
     annotation["objects"][3]["partIds"] = [7, 8]
     annotation["parts"].append({"partId": 8, "label": "lid.1", "parentId": 7})
     assert not [i for i in tiny.read_released(tmp_path, annotation).parts if i.startswith(("remove", "lid"))]
-    assert "2 objects and parts" in caplog.text
+    assert "1 faces that annotators named 'remove'" in caplog.text
 
 
 def test_a_part_of_the_objects_name_that_belongs_to_another_part_stays_a_part(tmp_path):
@@ -157,7 +158,7 @@ def annotated(path):
     files = multiscan._find(path)
     items = multiscan_objects.read(files.annotations).items
     empty = Mesh(np.empty((0, 3)), np.empty((0, 3)))
-    return Scene(files.name, multiscan._parts(items, dict.fromkeys(items, empty), np.zeros(3)))
+    return Scene(files.name, multiscan._parts(items, dict.fromkeys(items, empty), np.zeros(3), set()))
 
 
 def test_an_annotation_without_its_mesh_is_refused(tmp_path):

@@ -78,9 +78,41 @@ def test_a_mesh_that_spans_more_than_a_room_is_warned_of(tmp_path, scale, warned
 
 
 def test_a_mesh_with_other_polygons_among_the_triangles_is_refused(tmp_path):
-    mesh = bytearray(tiny_scan.ply())
-    mesh[-13] = 4  # the length of the last face's list, the file's size being right all the same
+    mesh = bytearray(tiny_scan.ply() + bytes(4))  # one more vertex of the last face
+    mesh[-17] = 4
     assert_refused(tiny_scan.write(tmp_path / "scan", mesh=bytes(mesh)), PLY, "triangles")
+
+
+def test_a_mesh_whose_last_face_is_longer_than_the_file_is_refused(tmp_path):
+    mesh = bytearray(tiny_scan.ply())
+    mesh[-13] = 4
+    assert_refused(tiny_scan.write(tmp_path / "scan", mesh=bytes(mesh)), PLY, "truncated")
+
+
+@pytest.mark.parametrize("text", [False, True])
+@pytest.mark.parametrize(("kind", "top"), [("ushort", 65535), ("float", 1.0), ("double", 1.0)])
+def test_colours_of_any_type_are_those_of_bytes(tmp_path, text, kind, top):
+    size = {"ushort": "<u2", "float": "<f4", "double": "<f8"}[kind]
+    rows = np.zeros(3, [("p", "<f4", 3), ("c", size, 3)])
+    rows["p"] = np.eye(3)
+    rows["c"] = np.array([[128, 51, 26], [0, 255, 1], [254, 3, 77]]) / 255 * top
+    head = ["ply", f"format {'ascii' if text else 'binary_little_endian'} 1.0", "element vertex 3"]
+    head += [f"property float {axis}" for axis in "xyz"] + [
+        f"property {kind} {name}" for name in ("red", "green", "blue")
+    ]
+    head += ["element face 1", "property list uchar int vertex_indices", "end_header", ""]
+    lines = ["".join(f"{x} " for x in (*row["p"], *row["c"])) for row in rows] + ["3 0 1 2", ""]
+    body = "\n".join(lines).encode() if text else rows.tobytes() + b"\3" + np.arange(3, dtype="<i4").tobytes()
+    (tmp_path / PLY).write_bytes("\n".join(head).encode() + body)
+    assert ply.read(tmp_path / PLY).colors.tolist() == [[128, 51, 26], [0, 255, 1], [254, 3, 77]]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_a_header_may_end_its_lines_in_any_way_and_hold_any_comment(tmp_path, end):
+    head, body = tiny_scan.ply().split(b"end_header\n")
+    head = head.replace(b"ply\n", b"ply\ncomment caf\xe9 \x85 of mine\n") + b"end_header\n"
+    (tmp_path / PLY).write_bytes(head.replace(b"\n", end.encode()) + body)
+    assert np.array_equal(ply.read(tmp_path / PLY).faces, tiny_scan.FACES)
 
 
 @pytest.mark.parametrize("seed", range(40))

@@ -14,9 +14,12 @@ import yaml
 from pxr import Usd, UsdGeom
 from scipy.spatial import ConvexHull
 
+from s2a.core.color_space import to_bytes
 from s2a.homes.commands.zoo import Config, run
 from s2a.homes.zoo import ZooObject, zoo
 from s2a.homes.zoo.download import FLAWS, UNITS, WRITERS, download
+from s2a.scan import mesh_files
+from s2a.scan.source import sample
 
 OBJECTS = zoo()
 NAMES = [item.slug for item in OBJECTS]
@@ -40,21 +43,13 @@ def load(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     if path.suffix == ".usda":
         stage = Usd.Stage.Open(str(path))
         mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/thing/mesh"))
-        colors = np.array(mesh.GetDisplayColorPrimvar().Get()) * 255
+        colors = to_bytes(np.array(mesh.GetDisplayColorPrimvar().Get()))
         faces = np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
         return np.array(mesh.GetPointsAttr().Get(), float), faces, colors
-    loaded = trimesh.load(path, process=False)
-    meshes = list(loaded.geometry.values()) if isinstance(loaded, trimesh.Scene) else [loaded]
-    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    faces = np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)])
-    return np.concatenate([m.vertices for m in meshes]), faces, np.concatenate([_colors(m) for m in meshes])
-
-
-def _colors(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Colours of the vertices of a part of a file: its material's, or their own."""
-    if mesh.visual.kind == "texture":
-        return np.tile(mesh.visual.material.main_color[:3], (len(mesh.vertices), 1))
-    return mesh.visual.vertex_colors[:, :3]
+    mesh = mesh_files.read(path)
+    colors = np.empty((len(mesh.vertices), 3))
+    colors[mesh.faces] = sample(mesh.uv, mesh.colors, mesh.material, mesh.materials)
+    return mesh.vertices, mesh.faces, np.round(colors)
 
 
 def test_there_are_twenty_things_in_each_of_five_categories_and_ten_rare_labels():

@@ -5,6 +5,8 @@ Files of coloured meshes are as modellers export them: the coordinates as they a
 
 from __future__ import annotations
 
+import json
+import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +16,7 @@ import numpy as np
 import trimesh
 from pxr import Usd, UsdGeom, Vt
 
+from s2a.core.color_space import to_linear
 from s2a.homes.solids import rotation, translation
 from s2a.homes.zoo.shapes import ZooObject
 from s2a.scene.scene import Mesh
@@ -41,13 +44,44 @@ def write_obj_mtl(path: Path, mesh: Mesh, unit: float, up: str) -> None:
     path.with_suffix(".mtl").write_text("\n".join(materials) + "\n")
 
 
-def write_by_trimesh(path: Path, mesh: Mesh, unit: float, up: str) -> None:
-    """Write a PLY or a binary glTF file with a colour for each vertex.
+def write_ply(path: Path, mesh: Mesh, unit: float, up: str) -> None:
+    """Write a PLY file with a colour for each vertex."""
+    trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=_colors(mesh), process=False).export(path)
+
+
+def write_glb(path: Path, mesh: Mesh, unit: float, up: str) -> None:
+    """Write a binary glTF file with a colour for each vertex, linear and in 16 bits as the format wants it.
 
     glTF means metres and y up; most exporters do not care, and neither does this one.
     """
-    shape = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=_colors(mesh), process=False)
-    shape.export(path)
+    colors = np.full((len(mesh.vertices), 4), 65535, "<u2")
+    colors[:, :3] = np.round(65535 * to_linear(_colors(mesh)))
+    blocks = [mesh.vertices.astype("<f4").tobytes(), colors.tobytes(), mesh.faces.astype("<u4").tobytes()]
+    starts = np.cumsum([0] + [len(block) for block in blocks])
+    low, high = mesh.bounds.astype(np.float32).tolist()
+    accessors = [
+        {"bufferView": 0, "componentType": 5126, "count": len(colors), "type": "VEC3", "min": low, "max": high},
+        {"bufferView": 1, "componentType": 5123, "normalized": True, "count": len(colors), "type": "VEC4"},
+        {"bufferView": 2, "componentType": 5125, "count": mesh.faces.size, "type": "SCALAR"},
+    ]
+    document = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2}]}],
+        "accessors": accessors,
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": int(start), "byteLength": len(block)}
+            for start, block in zip(starts, blocks, strict=False)
+        ],
+        "buffers": [{"byteLength": int(starts[-1])}],
+    }
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = (
+        struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", starts[-1], b"BIN\0") + b"".join(blocks)
+    )
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
 
 
 def write_usda(path: Path, mesh: Mesh, unit: float, up: str) -> None:
@@ -62,16 +96,15 @@ def write_usda(path: Path, mesh: Mesh, unit: float, up: str) -> None:
     shape.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.ravel()))
     shape.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     shape.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(mesh.bounds.astype(np.float32)))
-    colors = Vt.Vec3fArray.FromNumpy(_colors(mesh).astype(np.float32) / np.float32(255.0))
-    shape.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(colors)
+    shape.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(Vt.Vec3fArray.FromNumpy(to_linear(_colors(mesh))))
     save(stage, path)
 
 
 WRITERS: dict[str, tuple[str, Callable[[Path, Mesh, float, str], None]]] = {
     "obj with vertex colours": (".obj", write_obj),
     "obj with materials": (".obj", write_obj_mtl),
-    "ply": (".ply", write_by_trimesh),
-    "glb": (".glb", write_by_trimesh),
+    "ply": (".ply", write_ply),
+    "glb": (".glb", write_glb),
     "usda": (".usda", write_usda),
 }
 """The ending of each format, and what writes (path, mesh, metres in a unit, up axis)."""

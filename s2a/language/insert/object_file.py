@@ -2,53 +2,52 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import trimesh
-from pxr import Usd, UsdGeom
 from scipy.spatial import cKDTree
 
 from s2a.core.bounds import Count, Positive
 from s2a.core.errors import InputError
 from s2a.language.insert.place.stable_pose import AXES, leans_forward, settled_axis
+from s2a.scan import mesh_files
 from s2a.scan.bake import bake
-from s2a.scan.mesh_files import from_trimesh
-from s2a.scene.geometry.mesh_ops import GREY
+from s2a.scan.source import SourceMesh
 from s2a.scene.geometry.mesh_query import nearest_faces, ray_mesh, visible_distance
 from s2a.scene.geometry.simplify import decimate
 from s2a.scene.scene import Mesh
-from s2a.scene.usd.stage import reading, refuse_deep
 
 COARSEST, FINEST, STEP = 8.0, 512.0, 1.5
 """Parts of an object's longest side down to which triangles' edges are split: the first, the last, and from one to the next."""
+Shape = tuple[np.ndarray, np.ndarray, np.ndarray | None]
+"""Points [vertex 3], triangles [face 3], colours [vertex 3], uint8, or None."""
 
 
-def textured(path: Path, shape: trimesh.Trimesh, budget: int) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return the vertices [vertex 3], triangles [face 3] and colours [vertex 3], uint8, of a shape with a texture.
+def painted(source: SourceMesh, budget: int) -> Shape:
+    """Return a mesh with colours of its vertices; None for the colours where its file has none at all.
 
-    Triangles are split where the texture shows more than the colours of their corners, as finely as the budget allows.
+    Triangles are split where a texture shows more than the colours of their corners, as finely as the budget allows.
 
     Args:
-        path: the file, for warnings.
-        shape: as trimesh reads it.
+        source: as its file holds it.
         budget: largest number of triangles.
-
-    Returns:
-        None if it has no texture coordinates or no image, or more triangles than the budget.
     """
-    source = from_trimesh(path, shape, np.eye(4))
-    if np.isnan(source.uv).all() or all(material.texture is None for material in source.materials):
-        return None
-    side = float(np.ptp(source.vertices, axis=0).max())
-    found, parts = bake(source, np.inf), float(COARSEST)
-    while len(found.faces) <= budget and parts <= FINEST:
+    if not len(source.faces):
+        return source.vertices, source.faces, None
+    plain = bake(source, np.inf)
+    if np.isnan(source.colors).all() and not source.materials:
+        return plain.vertices, plain.faces, None
+    found, parts = plain, float(COARSEST)
+    side = float(np.ptp(source.vertices[source.faces].reshape(-1, 3), axis=0).max())
+    textured = any(material.texture is not None for material in source.materials)
+    while textured and len(found.faces) <= budget and parts <= FINEST:
         finer = bake(source, side / parts)
         if len(finer.faces) > budget:
             break
         found, parts = finer, parts * STEP
-    return None if len(found.faces) > budget else (found.vertices, found.faces, found.colors)
+    return found.vertices, found.faces, found.colors
 
 
 STAGES = (".usd", ".usda", ".usdc", ".usdz")
@@ -57,8 +56,8 @@ WELD = 1e-6
 """Vertices nearer than this share of the object's size are one."""
 MAX_COORDINATE = 1e9
 """Coordinate of an object, in whatever unit."""
-Shape = tuple[np.ndarray, np.ndarray, np.ndarray | None]
-"""Points [vertex 3], triangles [face 3], colours [vertex 3], uint8, or None."""
+USD_UNIT = 0.01
+"""[m] USD's unit where a stage states none."""
 
 
 @dataclass(frozen=True)
@@ -103,13 +102,16 @@ def read_object(path: Path, config: ObjectConfig) -> ObjectFile:
     unit: float | None
     up: str | None
     if ending in STAGES:
-        raw, unit, up = _read_stage(path)
+        source = mesh_files.read_unchecked(path)
+        unit = USD_UNIT if source.stated.unit is None else source.stated.unit
+        unit, up = unit if 0.0 < unit < np.inf else None, "+z" if source.stated.up == "z" else "+y"
     elif ending in MESHES:
-        raw, unit, up = _read_mesh(path, config.faces), None, "+y" if ending in (".glb", ".gltf") else None
+        source = mesh_files.read_unchecked(path)
+        unit, up = None, "+y" if ending in (".glb", ".gltf") else None
     else:
         raise InputError(f"{path}: ending {ending!r} is unknown; possible: {', '.join((*MESHES, *STAGES))}")
     try:
-        mesh = cleaned(_centered(raw))
+        mesh = cleaned(_centered(painted(_sound(source), config.faces)))
     except (InputError, ValueError) as error:
         raise InputError(f"{path}: {error}; export it again") from error
     if not len(mesh.faces):
@@ -164,97 +166,15 @@ def _digits(size: float) -> int:
     return int(np.ceil(-np.log10(max(size, 1e-12) * WELD)))
 
 
-def _read_mesh(path: Path, faces: int) -> Shape:
-    """Return all surfaces of a mesh file as one, colours of materials and textures on its vertices; `faces` at most for those."""
-    try:
-        scene = trimesh.load_scene(path, process=False)
-        shapes = [shape for shape in scene.dump() if isinstance(shape, trimesh.Trimesh)]
-    except Exception as error:  # trimesh raises whatever its parsers raise
-        # What is not of the format that its name says may look like one that another module would read.
-        why = (
-            f"not {path.suffix.lower()}, or damaged"
-            if isinstance(error, ImportError)
-            else " ".join(str(error).split())[:300]
-        )
-        raise InputError(f"{path}: not a mesh that can be read ({why}); export it again") from error
-    budget = faces // max(len(shapes), 1)
-    return _together([textured(path, shape, budget) or _plain(shape) for shape in shapes])
-
-
-def _plain(shape: trimesh.Trimesh) -> Shape:
-    return np.asarray(shape.vertices), np.asarray(shape.faces), _painted(shape)
-
-
-def _painted(shape: trimesh.Trimesh) -> np.ndarray | None:
-    """Return the colours of a shape's vertices, shape [vertex 3], uint8, or None."""
-    visual = shape.visual
-    if isinstance(visual, trimesh.visual.TextureVisuals):
-        try:
-            colors = np.asarray(visual.to_color().vertex_colors)
-        except Exception:  # no coordinates, or a texture that is missing or damaged; the shape is what matters
-            colors = np.tile(np.asarray(visual.material.main_color, np.uint8), (len(shape.vertices), 1))
-    else:
-        colors = np.asarray(visual.vertex_colors)
-    return colors[:, :3] if len(colors) == len(shape.vertices) else None
-
-
-def _read_stage(path: Path) -> tuple[Shape, float | None, str]:
-    """Return the surfaces that show in a USD stage as one in its world, with its unit, if it says one, and its up axis."""
-    refuse_deep(path)
-    with reading(path):
-        stage = Usd.Stage.Open(str(path))
-        found = []
-        for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
-            if prim.IsA(UsdGeom.Mesh) and _shows(UsdGeom.Imageable(prim)):
-                found.append(_read_prim(UsdGeom.Mesh(prim), path))
-        unit = float(UsdGeom.GetStageMetersPerUnit(stage))
-        up = "+y" if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y else "+z"
-        return _together(found), unit if 0.0 < unit < np.inf else None, up
-
-
-def _shows(prim: UsdGeom.Imageable) -> bool:
-    """Return whether a renderer shows a prim: colliders and stand-ins have another purpose."""
-    seen = prim.ComputeVisibility() != UsdGeom.Tokens.invisible
-    return seen and prim.ComputePurpose() in (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
-
-
-def _read_prim(mesh: UsdGeom.Mesh, path: Path) -> Shape:
-    """Return points in the stage's world, triangles (fans of larger faces) and colours."""
-    points = np.asarray(mesh.GetPointsAttr().Get() or [], np.float64).reshape(-1, 3)
-    matrix = np.array(mesh.ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
-    counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get() or [], int)
-    corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get() or [], int)
-    if counts.min(initial=0) < 0 or counts.sum() != len(corners):
-        raise InputError(
-            f"{path}: the faces of {mesh.GetPath()} have {counts.sum()} corners, and {len(corners)} are listed; "
-            "it is damaged: export it again"
-        )
-    starts = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(int)
-    fans = [
-        np.stack([starts[counts > k], starts[counts > k] + k - 1, starts[counts > k] + k], 1)
-        for k in range(2, max(counts, default=0))
-    ]
-    faces = corners[np.concatenate(fans)] if fans else np.empty((0, 3), int)
-    if mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
-        faces = faces[:, ::-1]
-    colors = mesh.GetDisplayColorPrimvar().ComputeFlattened()
-    painted = None if colors is None or len(colors) != len(points) else (255 * np.clip(colors, 0, 1)).astype(np.uint8)
-    return points @ matrix[:3, :3] + matrix[3, :3], faces, painted
-
-
-def _together(shapes: list[Shape]) -> Shape:
-    """Return shapes as one; what is not finite is left out; grey where only some have colours."""
-    vertices, faces, colors, start = [np.empty((0, 3))], [np.empty((0, 3), int)], [np.empty((0, 3), np.uint8)], 0
-    for points, triangles, paint in shapes:
-        triangles = triangles[((triangles >= 0) & (triangles < len(points))).all(axis=1)]
-        finite = np.asarray(np.isfinite(points).all(axis=1))
-        triangles = triangles[finite[triangles].all(axis=1)]
-        vertices.append(np.nan_to_num(points, posinf=0.0, neginf=0.0))
-        faces.append(triangles + start)
-        colors.append(np.full(points.shape, GREY, np.uint8) if paint is None else paint)
-        start += len(points)
-    painted = any(paint is not None for _, _, paint in shapes)
-    return np.concatenate(vertices), np.concatenate(faces), np.concatenate(colors) if painted else None
+def _sound(source: SourceMesh) -> SourceMesh:
+    """Return a mesh without faces that are not finite or name vertices which do not exist."""
+    faces = source.faces
+    inside = np.asarray(((faces >= 0) & (faces < len(source.vertices))).all(axis=1))
+    finite = np.append(np.isfinite(source.vertices).all(axis=1), False)
+    whole = inside & finite[np.where(inside[:, None], faces, -1)].all(axis=1)
+    vertices = np.nan_to_num(source.vertices, posinf=0.0, neginf=0.0)
+    parts = {name: getattr(source, name)[whole] for name in ("faces", "uv", "colors", "material")}
+    return replace(source, vertices=vertices, **parts)
 
 
 def _centered(shape: Shape) -> Mesh:

@@ -15,7 +15,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from s2a.core.errors import InputError
 from s2a.scene.scene import Joint, Scene
-from s2a.scene.usd.stage import placement, read_attribute, where, write_attribute
+from s2a.scene.usd.stage import ROOT, placement, read_attribute, where, write_attribute
 
 SITE_RADIUS = 0.01
 """[m]; what a grasp point looks like, without effect."""
@@ -67,10 +67,21 @@ def write_joint(stage: Usd.Stage, path: str, joint: Joint, parent: str, child: s
 
 
 def write_fixed_joint(stage: Usd.Stage, path: str, child: str) -> UsdPhysics.FixedJoint:
-    """Define a FixedJoint that holds a body where it is in the world."""
+    """Define a FixedJoint that holds a body where it is in the room.
+
+    It names the room's root, which is no body and so stands for a place: without it the joint would pull a room that another
+    stage puts elsewhere back to the world's origin.
+    """
     prim = UsdPhysics.FixedJoint.Define(stage, path)
-    _connect(prim, None, child, Gf.Vec3f(0.0), Gf.Quatf(1.0))
+    _connect(prim, ROOT, child, Gf.Vec3f(0.0), Gf.Quatf(1.0))
     return prim
+
+
+def joint_ends(prim: Usd.Prim) -> tuple[list[Sdf.Path], list[Sdf.Path]]:
+    """Return the paths of the bodies that a joint hangs on (none: the room itself) and that it moves."""
+    joint = UsdPhysics.Joint(prim)
+    above, moved = joint.GetBody0Rel().GetTargets(), joint.GetBody1Rel().GetTargets()
+    return [path for path in above if path != ROOT], list(moved)
 
 
 def read_joint(prim: Usd.Prim) -> Joint:
@@ -147,10 +158,9 @@ def write_site(stage: Usd.Stage, path: str, point: np.ndarray) -> UsdGeom.Sphere
     return site
 
 
-def _connect(joint: UsdPhysics.Joint, parent: str | None, child: str, origin: Gf.Vec3f, turn: Gf.Quatf) -> None:
-    """Author the bodies of a joint (no parent: the world) and its frame, the same in both."""
-    if parent is not None:
-        joint.CreateBody0Rel().SetTargets([parent])
+def _connect(joint: UsdPhysics.Joint, parent: str, child: str, origin: Gf.Vec3f, turn: Gf.Quatf) -> None:
+    """Author the two ends of a joint and its frame, the same in both."""
+    joint.CreateBody0Rel().SetTargets([parent])
     joint.CreateBody1Rel().SetTargets([child])
     joint.CreateLocalPos0Attr(origin)
     joint.CreateLocalPos1Attr(origin)

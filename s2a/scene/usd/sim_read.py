@@ -11,7 +11,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from s2a.core.errors import InputError
 from s2a.scene.scene import Mesh, Vec3
 from s2a.scene.usd import refinement, resistance
-from s2a.scene.usd.joints import KINDS, read_joint
+from s2a.scene.usd.joints import KINDS, joint_ends, read_joint
 from s2a.scene.usd.sim_scene import (
     PREPARE_AGAIN,
     Articulation,
@@ -179,8 +179,16 @@ def _mesh(prim: Usd.Prim | None, body: Usd.Prim) -> Mesh:
     if not prim or not prim.IsLoaded():
         return EMPTY
     if not prim.IsA(UsdGeom.PointBased):
-        raise InputError(f"{where(prim)}: the visuals are missing; put the file that s2a prepare wrote beside this one")
+        raise InputError(
+            f"{where(prim)}: the visuals are missing; put {_payload(prim)}, which s2a prepare wrote, beside this file"
+        )
     return read_mesh(prim, frame=body)
+
+
+def _payload(prim: Usd.Prim) -> str:
+    """Return the name of the file that a prim's payload should come from."""
+    items = [item for spec in prim.GetPrimStack() for item in spec.payloadList.GetAddedOrExplicitItems()]
+    return items[0].assetPath.removeprefix("./") if items else "the file of its visuals"
 
 
 def _face_part(visual: Usd.Prim | None) -> np.ndarray | None:
@@ -257,8 +265,8 @@ def _check_numbers(prim: Usd.Prim) -> None:
 
 def _check_joint(prim: Usd.Prim) -> None:
     """Raise unless a joint moves a body, against another one or the world."""
-    joint, stage = UsdPhysics.Joint(prim), prim.GetStage()
-    moved, against = joint.GetBody1Rel().GetTargets(), joint.GetBody0Rel().GetTargets()
+    stage = prim.GetStage()
+    against, moved = joint_ends(prim)
     bodies = [stage.GetPrimAtPath(path) for path in (*moved, *against)]
     if len(moved) != 1 or len(against) > 1 or not all(body and body.HasAPI(UsdPhysics.RigidBodyAPI) for body in bodies):
         given = ", ".join(map(str, (*moved, *against))) or "nothing"

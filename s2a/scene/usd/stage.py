@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdValidation, Vt
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils, UsdValidation, Vt
 
+from s2a.core.color_space import to_bytes, to_linear
 from s2a.core.errors import InputError
 from s2a.scene.scene import Mesh, Scene
 
@@ -74,7 +75,9 @@ def open_stage(path: Path, *, payloads: bool = True) -> Usd.Stage:
         # USD keeps a layer for as long as anybody holds it, and hands that out even if the file has been rewritten.
         stage.Reload()
     if stage.GetDefaultPrim().GetPath() != ROOT:
-        raise InputError(f"{path}: its default prim is not {ROOT}; expected a stage that s2a wrote")
+        raise InputError(
+            f"{path}: its default prim is not {ROOT}; expected a stage that s2a wrote: s2a import mesh= reads other ones"
+        )
     if UsdGeom.GetStageMetersPerUnit(stage) != 1.0 or UsdGeom.GetStageUpAxis(stage) != UsdGeom.Tokens.z:
         unit, up = UsdGeom.GetStageMetersPerUnit(stage), UsdGeom.GetStageUpAxis(stage)
         raise InputError(f"{path}: metersPerUnit {unit:g}, upAxis {up}; expected 1 and Z: convert it first")
@@ -113,8 +116,7 @@ def write_mesh(stage: Usd.Stage, path: str, mesh: Mesh, *, purpose: str | None =
         corners = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
         prim.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(corners))
     if mesh.colors is not None:
-        colors = Vt.Vec3fArray.FromNumpy(mesh.colors.astype(np.float32) / np.float32(255.0))
-        prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(colors)
+        prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(Vt.Vec3fArray.FromNumpy(to_linear(mesh.colors)))
     if purpose is not None:
         prim.CreatePurposeAttr(purpose)
     if len(mesh.faces):
@@ -206,11 +208,17 @@ def refuse_deep(path: Path) -> None:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn what USD raises on a damaged file inside the block into an InputError."""
+    """Turn what USD raises on a damaged file inside the block into an InputError.
+
+    Its own warnings, of files that are missing, say, are not printed: whoever needs such a file raises an error.
+    """
+    collected = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield
     except Tf.ErrorException as error:
         raise InputError(f"{path}: not a USD file, or a damaged one; export it again") from error
+    finally:
+        collected.TakeUncoalescedDiagnostics()
 
 
 def _write_faces(mesh: UsdGeom.Mesh, faces: np.ndarray) -> None:
@@ -250,7 +258,7 @@ def _read_colors(geometry: UsdGeom.PointBased) -> np.ndarray | None:
     colors = np.asarray(primvar.ComputeFlattened(), dtype=np.float32).reshape(-1, 3)
     if primvar.GetInterpolation() == UsdGeom.Tokens.constant:
         colors = np.broadcast_to(colors[:1], (len(geometry.GetPointsAttr().Get()), 3))
-    return np.round(np.clip(colors, 0.0, 1.0) * 255.0).astype(np.uint8)
+    return to_bytes(colors)
 
 
 SERIOUS = (UsdValidation.ValidationErrorType.Error, UsdValidation.ValidationErrorType.Warn)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from s2a.core.color_space import to_linear
 from s2a.scene.scene import Mesh
 
 AMBIENT = 2.2
@@ -113,8 +114,7 @@ def _linear(mesh: Mesh, level: np.ndarray | float) -> np.ndarray:
         mesh: PLAIN where it has no colours.
         level: fraction of its colour that each vertex has, shape [vertex].
     """
-    steps = np.arange(256) / 255.0
-    table = np.where(steps <= 0.04045, steps / 12.92, ((steps + 0.055) / 1.055) ** 2.4)
+    table = to_linear(np.arange(256, dtype=np.uint8)).astype(np.float64)
     colors = np.tile(PLAIN, (len(mesh.vertices), 1)) if mesh.colors is None else table[mesh.colors]
     # The 256 steps of sRGB again: the eye sees no more, and a file of them packs smaller.
     colors = table[np.searchsorted((table[1:] + table[:-1]) / 2, colors * np.reshape(level, (-1, 1)))]

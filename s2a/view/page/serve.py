@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -114,7 +115,8 @@ def write(room: PageRoom, view: CameraPose, fov: float, path: Path) -> None:
                 nodes.move(part, fraction * open_limit(room.joints[part]) / unit(room.joints[part])[1])
                 serializer.insert_sleep(SECONDS / FRAMES)
             names[part].visible = False
-        path.write_text(serializer.as_html().replace(TITLE, f"<title>{room.name}</title>"))
+        title = f"<title>{html.escape(room.name)}</title>"
+        path.write_text(serializer.as_html().replace(TITLE, title), encoding="utf-8")
     finally:
         server.stop()
 

@@ -10,10 +10,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from s2a.scan import folder, joint_records, labels, parts, ply, rest
 from s2a.scan.cut import cut
 from s2a.scan.parts import AnnotatedPart
 from s2a.scene.scene import Joint, Mesh, Part, Scene
+
+NAME = "Articulate3D"
+PRIORITY = 30
+
+
+def recognise(path: Path) -> bool:
+    """Return whether a folder holds any of Articulate3D's files, maybe not all."""
+    return folder.is_articulate3d(path)
 
 
 def read(path: Path) -> Scene:
@@ -21,7 +31,8 @@ def read(path: Path) -> Scene:
 
     The scene holds Articulate3D's parts as their labels nest. Then follow, numbered on from the largest partId, fixed
     and flat: the ScanNet++ objects that those parts do not cover already, in the order of their file, and last, where
-    faces are left over, one part "unannotated".
+    faces are left over, one part "unannotated". Parts called REMOVE are left out with all that belongs
+    to them; SPLIT ones that do not move are "unannotated".
 
     Raises:
         InputError: a file is missing, damaged, or does not belong to the others.
@@ -32,11 +43,20 @@ def read(path: Path) -> Scene:
     names = {number: part.label for number, part in annotated.items()}
     parent_of = labels.parents(names)
     moving = joint_records.read(files.articulations, names, surface.origin)
+    artefacts = labels.artefacts(names, parent_of)
+    gone = artefacts | {number for number, name in names.items() if number not in moving and labels.is_split(name)}
     owner = parts.owners(annotated, labels.depths(parent_of), len(surface.faces))
+    place = [rest.REMOVED if number in artefacts else -1 if number in gone else 0 for number in annotated]
+    order = np.cumsum([number not in gone for number in annotated]) - 1
+    owner = np.append(np.where(place, place, order), -1)[owner]
+    rest.warn_of_removed(files.parts, int((owner == rest.REMOVED).sum()))
+    annotated = {number: part for number, part in annotated.items() if number not in gone}
+    moving = {number: joint for number, joint in moving.items() if number not in gone}
+    parent_of = labels.without(parent_of, gone)
     further = rest.claim(surface, owner, len(annotated), files.segments)
     meshes = cut(surface, owner, len(annotated) + len(further))
     nested = _nested_parts(annotated, parent_of, moving, meshes[: len(annotated)])
-    flat = rest.parts(further, max(annotated, default=0) + 1, meshes[len(annotated) :])
+    flat = rest.parts(further, max(names, default=0) + 1, meshes[len(annotated) :])
     return Scene(files.name, nested | flat, tuple(surface.origin.tolist()))
 
 

@@ -3,7 +3,8 @@
 Both schemas are read: the released one, whose mesh carries an objectId and a partId for each face, and the older one of
 the documentation's sample, with the faces in `<scene>.semseg.json`. Angles are radians, ranges relative to the scanned
 pose. Nothing is "free": "movable" tells of an object that it can be carried, but its scanned shell cannot be let fall.
-MultiScan knows no handles, so a jointed part is grasped itself. What annotators named "remove" is left out.
+MultiScan knows no handles, so a jointed part is grasped itself. What annotators named "remove" is left out, as by the dataset's
+own tools; what they named "split" is "unannotated".
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from s2a.scene.scene import Mesh, Part, Scene
 
 _log = logging.getLogger(__name__)
 
+NAME = "MultiScan"
+PRIORITY = 20
 ANNOTATIONS = ".annotations.json"
 _MOSTLY = 0.5  # with more than this share of the faces' ids unknown, mesh and annotation do not belong together
 
@@ -38,8 +41,8 @@ class _Files:
     faces: Path
 
 
-def is_scan(path: Path) -> bool:
-    """Return True if a folder holds a MultiScan annotation."""
+def recognise(path: Path) -> bool:
+    """Return whether a folder holds a MultiScan annotation."""
     return any(path.glob(f"[!.]*{ANNOTATIONS}"))
 
 
@@ -60,12 +63,14 @@ def read(path: Path) -> Scene:
     surface = ply.read(files.mesh, () if older else ("objectId", "partId"))
     number = _numbers_by_label(files, annotation, surface) if older else _numbers_by_ids(files, annotation, surface)
     items = annotation.items
+    removed, split = _marked(items)
+    rest.warn_of_removed(files.annotations, int(np.isin(number, list(removed)).sum()))
     owner = np.where(number == 0, -1, np.searchsorted(list(items), number))  # the items' numbers ascend
+    owner[np.isin(number, list(split))] = -1
+    owner[np.isin(number, list(removed))] = rest.REMOVED
     further = rest.claim(surface, owner, len(items), None)
     meshes = cut(surface, owner, len(items) + len(further))
-    parts = _parts(
-        _without_removed(files.annotations, items), dict(zip(items, meshes[: len(items)], strict=True)), surface.origin
-    )
+    parts = _parts(items, dict(zip(items, meshes[: len(items)], strict=True)), surface.origin, removed | split)
     flat = rest.parts(further, max(items, default=0) + 1, meshes[len(items) :])
     return Scene(files.name, parts | flat, tuple(surface.origin.tolist()))
 
@@ -126,30 +131,30 @@ def _numbers_by_ids(files: _Files, annotation: Annotation, surface: ScanMesh) ->
     return number
 
 
-def _without_removed(path: Path, items: Mapping[int, Annotated]) -> dict[int, Annotated]:
-    """Return the objects and parts without those of objects named "remove", which the dataset's own tools skip too."""
-    gone: set[int] = set()
-    for number in labels.parents_first({n: item.parent for n, item in items.items()}):
-        item = items[number]
-        if item.parent in gone or (item.parent is None and item.label.lower().startswith("remove")):
-            gone.add(number)
-    if gone:
-        _log.warning("%s: what annotators named 'remove' is left out (%d objects and parts)", path, len(gone))
-    return {number: item for number, item in items.items() if number not in gone}
+def _marked(items: Mapping[int, Annotated]) -> tuple[set[int], set[int]]:
+    """Return the numbers of what annotators named "remove", with all that belongs to it, and of "split" ones without a joint."""
+    removed = labels.artefacts(
+        {n: item.label for n, item in items.items()}, {n: item.parent for n, item in items.items()}
+    )
+    split = {n for n, item in items.items() if item.articulation is None and labels.is_split(item.label)}
+    return removed, split - removed
 
 
-def _parts(items: Mapping[int, Annotated], mesh_of: Mapping[int, Mesh], origin: np.ndarray) -> dict[str, Part]:
-    """Return objects and parts by id, every object followed by what belongs to it."""
+def _parts(
+    items: Mapping[int, Annotated], mesh_of: Mapping[int, Mesh], origin: np.ndarray, gone: set[int]
+) -> dict[str, Part]:
+    """Return objects and parts by id, every object followed by what belongs to it; `gone` are left out."""
+    parent_of = labels.without({number: item.parent for number, item in items.items()}, gone)
     name_of = {number: labels.split(item.label)[0] for number, item in items.items()}
     id_of = {number: labels.part_id(name, number) for number, name in name_of.items()}
     found: dict[str, Part] = {}
-    for number in labels.parents_first({n: item.parent for n, item in items.items()}):
-        item = items[number]
+    for number in labels.parents_first(parent_of):
+        item, parent = items[number], parent_of[number]
         record = item.articulation
         found[id_of[number]] = Part(
             label=name_of[number],
             mesh=mesh_of[number],
-            parent=None if item.parent is None else id_of[item.parent],
+            parent=None if parent is None else id_of[parent],
             motion="fixed" if record is None else joint_records.joint(record, 1.0, origin),
             graspable=record is not None,
         )

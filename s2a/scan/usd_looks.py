@@ -1,0 +1,221 @@
+"""Materials of a USD stage: UsdPreviewSurface, MDL (OmniPBR and its like) and MaterialX; colours are linear light."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Ar, Usd, UsdShade
+
+from s2a.core.color_space import to_bytes, to_linear
+from s2a.scan.images import beside, decode
+from s2a.scan.source import CLAMP, MIRROR, PLAIN, REPEAT, Material
+
+_log = logging.getLogger(__name__)
+
+CONTEXTS = ("", "mdl", "mtlx")
+"""Render contexts of surfaces, in the order in which they are asked; the first is the universal one."""
+COLORS = (
+    "diffuseColor base_color baseColor diffuse_color_constant diffuse_reflection_color albedo_color diffuse_color BaseColor "
+    "DiffuseColor glass_color color"
+).split()
+TEXTURES = (
+    "diffuse_texture base_color_texture albedo_texture diffuse_reflection_color_image baseColorTexture BaseColor_Tex albedo_map "
+    "baseColorMap base_color_image"
+).split()
+FACTORS = ("diffuse_tint", "albedo_brightness", "base", "base_weight")
+"""Inputs of surfaces: colours, images of MDL, and what multiplies both."""
+WRAPS = {"clamp": CLAMP, "mirror": MIRROR, "black": CLAMP}
+RAW = ("raw", "Raw", "lin_rec709", "lin_srgb", "lin_rec709_scene")
+READERS = ("UsdPrimvarReader_float3", "UsdPrimvarReader_float4", "ND_geompropvalue_color3", "ND_geompropvalue_color4")
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a material makes of a mesh.
+
+    Attributes:
+        material: colour and texture.
+        coordinates: name of the primvar with texture coordinates.
+        scale: of the coordinates, shape [2].
+        turn: rotation of the coordinates after that [rad].
+        offset: of the coordinates after that, shape [2].
+        primvar: name of a primvar that gives the colour, or None.
+    """
+
+    material: Material
+    coordinates: str = "st"
+    scale: np.ndarray = field(default_factory=lambda: np.ones(2))
+    turn: float = 0.0
+    offset: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    primvar: str | None = None
+
+    def placed(self, uv: np.ndarray) -> np.ndarray:
+        """Return texture coordinates [... 2] as the material moves them."""
+        cos, sin = math.cos(self.turn), math.sin(self.turn)
+        moved: np.ndarray = (uv * self.scale) @ np.array([[cos, sin], [-sin, cos]]) + self.offset
+        return moved
+
+
+class Looks:
+    """The materials of a stage, each read once."""
+
+    def __init__(self, path: Path, time: Usd.TimeCode) -> None:
+        self._path, self._time = path, time
+        self._known: dict[str, Look | None] = {}
+
+    def of(self, prim: Usd.Prim) -> tuple[bool, Look | None]:
+        """Return whether a prim (a mesh or a subset of its faces) has a material, and its look; None where it cannot be read."""
+        binding = UsdShade.MaterialBindingAPI(prim)
+        bound = next((found for use in ("full", "preview") if (found := binding.ComputeBoundMaterial(use)[0])), None)
+        if bound is None:
+            return False, None
+        key = str(bound.GetPath())
+        if key not in self._known:
+            self._known[key] = self._look(bound)
+            if self._known[key] is None:
+                _log.warning(
+                    "%s: the material %s has no base colour that is read; its faces show their own colours, or grey",
+                    self._path,
+                    key,
+                )
+        return True, self._known[key]
+
+    def _look(self, material: UsdShade.Material) -> Look | None:
+        for context in CONTEXTS:
+            shader = material.ComputeSurfaceSource(context)[0]
+            if shader and (look := self._surface(shader)) is not None:
+                return look
+        return None
+
+    def _surface(self, shader: UsdShade.Shader) -> Look | None:
+        """Return the look of a surface shader: its image, or else its colour, times its factors."""
+        look = next((found for name in TEXTURES if (found := self._image_input(shader, name))), None)
+        if look is not None:
+            look = self._moved_by_mdl(shader, look)
+        for name in COLORS if look is None else ():
+            slot = shader.GetInput(name)
+            if slot and (look := self._color(slot)) is not None:
+                break
+        if look is None and str(shader.GetIdAttr().Get()) == "UsdPreviewSurface":
+            look = Look(Material(np.full(3, 0.18)))  # the specification's own default
+        if look is None:
+            return None
+        if look.material.texture is None and look.primvar is None and not look.material.color.any():
+            glow = shader.GetInput("emissiveColor")  # some capture apps bake a room's light into emission
+            look = (self._color(glow) if glow else None) or look
+        factor = np.ones(3)
+        for name in FACTORS:
+            slot = shader.GetInput(name)
+            value = slot.Get(self._time) if slot and not slot.HasConnectedSource() else None
+            factor = factor * (1.0 if value is None else np.array(value, dtype=np.float64).ravel()[:3])
+        if look.material is PLAIN or (factor == 1).all():
+            return look
+        return replace(look, material=replace(look.material, color=look.material.color * factor))
+
+    def _color(self, slot: UsdShade.Input) -> Look | None:
+        """Return the look of a colour input: a value, a texture or a primvar; None for a network that is not read."""
+        produced = slot.GetValueProducingAttributes()
+        for attribute in produced:
+            source = UsdShade.Shader(attribute.GetPrim())
+            kind = str(source.GetIdAttr().Get() or "") if source else ""
+            if UsdShade.Output.IsOutput(attribute):
+                if kind == "UsdUVTexture":
+                    return self._texture(source)
+                if kind.startswith(("ND_image_color", "ND_tiledimage_color")):
+                    return self._image(source.GetInput("file"), source.GetInput("texcoord"))
+                if kind in READERS:
+                    name = self._value(source, "varname") or self._value(source, "geomprop") or "displayColor"
+                    return Look(Material(np.ones(3)), primvar=str(name))
+                return None
+            value = attribute.Get(self._time)
+            return None if value is None else Look(Material(np.array(value, dtype=np.float64)[:3]))
+        return None
+
+    def _texture(self, source: UsdShade.Shader) -> Look:
+        """Return the look of a UsdUVTexture."""
+        look = self._image(
+            source.GetInput("file"), source.GetInput("st"), str(self._value(source, "sourceColorSpace") or "auto")
+        )
+        if look.material is PLAIN or look.material.texture is None:
+            return look
+        wrap = tuple(WRAPS.get(str(self._value(source, name)), REPEAT) for name in ("wrapS", "wrapT"))
+        scale, bias = (self._value(source, name) for name in ("scale", "bias"))
+        color = np.ones(3) if scale is None else np.array(scale, dtype=np.float64)[:3]
+        image = look.material.texture
+        if bias is not None and any(bias[:3]):
+            image, color = to_bytes(to_linear(image) * color + np.array(bias, dtype=np.float64)[:3]), np.ones(3)
+        return replace(look, material=Material(color, image, (wrap[0], wrap[1])))
+
+    def _image_input(self, shader: UsdShade.Shader, name: str) -> Look | None:
+        """Return the look of an MDL shader's image, if it names one."""
+        value: Any = self._value(shader, name)
+        return self._image(shader.GetInput(name), None) if value is not None and value.path else None
+
+    def _image(self, slot: UsdShade.Input | None, coordinates: UsdShade.Input | None, space: str = "auto") -> Look:
+        """Return the look of an image, also one inside of a USDZ file; grey, and a warning, if it cannot be read."""
+        asset: Any = None
+        for attribute in slot.GetValueProducingAttributes() if slot else ():
+            asset = attribute.Get(self._time)
+            space = str(attribute.GetColorSpace()) if space == "auto" and attribute.HasColorSpace() else space
+        image = self._read(asset)
+        if image is None:
+            return Look(PLAIN)
+        material = Material(np.ones(3), to_bytes(image / 255.0) if space in RAW else image)
+        return self._coordinates(coordinates, Look(material)) if coordinates else Look(material)
+
+    def _read(self, asset: Any) -> np.ndarray | None:
+        name = str(asset.path) if asset else ""
+        resolved = asset.resolvedPath if asset else ""
+        opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved)) if resolved else None
+        if opened is not None:
+            return decode(self._path, name, bytes(opened.GetBuffer()))
+        file = beside(self._path.parent, name) if name else None
+        if file is not None:
+            return decode(self._path, name, file.read_bytes())
+        _log.warning("%s: the texture %s is missing; its faces become grey", self._path, name)
+        return None
+
+    def _coordinates(self, slot: UsdShade.Input, look: Look) -> Look:
+        """Return a look with the primvar that its texture reads coordinates from, and what moves them on the way."""
+        for _ in range(8):  # transforms in a row
+            produced = slot.GetValueProducingAttributes()
+            reader = UsdShade.Shader(produced[0].GetPrim()) if produced else None
+            kind = str(reader.GetIdAttr().Get() or "") if reader else ""
+            if reader and kind == "UsdTransform2d":
+                scale, turn, offset = (self._value(reader, name) for name in ("scale", "rotation", "translation"))
+                inner = Look(
+                    look.material,
+                    scale=np.ones(2) if scale is None else np.array(scale, dtype=np.float64),
+                    turn=math.radians(float(turn or 0.0)),
+                    offset=np.zeros(2) if offset is None else np.array(offset, dtype=np.float64),
+                )
+                look = replace(inner, coordinates=look.coordinates)
+                following = reader.GetInput("in")
+                if not following:
+                    return look
+                slot = following
+                continue
+            name = (self._value(reader, "varname") or self._value(reader, "geomprop")) if reader else None
+            return replace(look, coordinates=str(name)) if name else look
+        return look
+
+    def _moved_by_mdl(self, shader: UsdShade.Shader, look: Look) -> Look:
+        """Return a look with OmniPBR's own transform of coordinates."""
+        scale, turn, offset = (self._value(shader, f"texture_{name}") for name in ("scale", "rotate", "translate"))
+        return replace(
+            look,
+            scale=look.scale if scale is None else np.array(scale, dtype=np.float64),
+            turn=math.radians(float(turn or 0.0)),
+            offset=look.offset if offset is None else np.array(offset, dtype=np.float64),
+        )
+
+    def _value(self, shader: UsdShade.Shader, name: str) -> Any:
+        """Return the value of an input, which may be connected to the material's own input; None without one."""
+        slot = shader.GetInput(name)
+        produced = slot.GetValueProducingAttributes() if slot else ()
+        return produced[0].Get(self._time) if produced else None

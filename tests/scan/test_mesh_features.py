@@ -1,0 +1,69 @@
+"""Every thing that a mesh file of each format can hold is read as its specification says, warned of, or refused in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mesh_features import FEATURES, Feature, table
+
+from s2a.core.errors import InputError
+from s2a.scan import mesh_files
+from s2a.scan.bake import bake
+
+DOCS = Path(__file__).parents[2] / "docs" / "own_scan.md"
+BEGIN, END = "<!-- formats: begin -->\n", "<!-- formats: end -->\n"
+
+
+def name(feature: Feature) -> str:
+    return f"{feature.format}: {feature.name}"
+
+
+@pytest.mark.parametrize("feature", FEATURES, ids=name)
+def test_a_file_is_read_as_its_format_says(feature: Feature, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / f"file{feature.ending}"
+    feature.write(path)
+    if feature.refused:
+        with pytest.raises(InputError) as caught:
+            mesh_files.read(path)
+        assert "\n" not in str(caught.value) and all(
+            word in str(caught.value) for word in (path.name, *feature.refused)
+        )
+        return
+    mesh = mesh_files.read(path)
+    assert all(word in caplog.text for word in feature.warned), caplog.text
+    assert bool(caplog.records) == bool(feature.warned), caplog.text
+    corners = mesh.vertices[mesh.faces]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    assert len(mesh.faces) == feature.faces
+    assert areas.sum() == pytest.approx(feature.area, rel=1e-4) and areas.min() > 0
+    baked = bake(mesh, np.inf)
+    assert (
+        len(np.unique(mesh.faces)) >= len(baked.vertices) >= len(np.unique(np.round(corners.reshape(-1, 3), 3), axis=0))
+    )
+    if feature.colors is not None:
+        distance = np.abs(baked.colors[:, None].astype(int) - np.array(feature.colors)).max(axis=2)
+        assert distance.min(axis=1).max() <= 1 and distance.min(axis=0).max() <= 1, np.unique(baked.colors, axis=0)
+
+
+@pytest.mark.parametrize("format", ["glTF", "OBJ", "PLY", "USD"])
+@pytest.mark.parametrize("seed", range(3))
+def test_damaged_files_are_read_or_refused_but_never_crash(format: str, seed: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(seed)
+    files = [feature for feature in FEATURES if feature.format == format]
+    for number in rng.choice(len(files), 25):
+        path = tmp_path / f"file{files[number].ending}"
+        files[number].write(path)
+        data = bytearray(path.read_bytes())
+        for place in rng.choice(len(data), rng.integers(1, 6)):
+            data[place] = rng.integers(256)
+        path.write_bytes(data[: rng.integers(len(data))] if rng.random() < 0.2 else data)
+        try:
+            bake(mesh_files.read(path), np.inf)
+        except InputError as error:
+            assert "\n" not in str(error) and path.name in str(error)
+
+
+def test_the_table_in_the_docs_is_the_one_that_was_tested() -> None:
+    assert DOCS.read_text().partition(BEGIN)[2].partition(END)[0] == table()

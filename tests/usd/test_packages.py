@@ -1,0 +1,62 @@
+"""Rooms as USDZ packages, and names that a page has to escape."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import usd_room
+from pxr import UsdUtils
+
+from s2a.commands import cli
+from s2a.scene.usd import geometric
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A geometric stage and its package."""
+    folder = tmp_path_factory.mktemp("package")
+    geometric.write(usd_room.room(), folder / "room.usd")
+    assert UsdUtils.CreateNewUsdzPackage(str(folder / "room.usd"), str(folder / "room.usdz"))
+    return folder / "room.usdz"
+
+
+def test_a_package_has_the_tree_of_its_stage(package: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    trees = []
+    for path in (package, package.with_suffix(".usd")):
+        assert cli.main(["view", f"path={path}", "text=true"]) == 0
+        trees.append(capsys.readouterr().out)
+    assert trees[0] == trees[1] and "4 jointed" in trees[0]
+
+
+def test_a_package_has_the_image_of_its_stage(package: Path, tmp_path: Path) -> None:
+    images = []
+    for path in (package, package.with_suffix(".usd")):
+        assert (
+            cli.main(["view", f"path={path}", f"image={tmp_path / 'room.png'}", "camera.width=96", "camera.height=64"])
+            == 0
+        )
+        images.append((tmp_path / "room.png").read_bytes())
+    assert images[0] == images[1]
+
+
+def test_a_package_of_another_program_is_one_line_that_names_import(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "scan.usda").write_text('#usda 1.0\n(\n defaultPrim = "R"\n)\ndef Xform "R"\n{\n}\n')
+    assert UsdUtils.CreateNewUsdzPackage(str(tmp_path / "scan.usda"), str(tmp_path / "scan.usdz"))
+    for more in ("text=true", f"image={tmp_path / 'room.png'}"):
+        assert cli.main(["view", f"path={tmp_path / 'scan.usdz'}", more]) == 2
+        message = capsys.readouterr().err
+        assert message.count("\n") == 1 and "scan.usdz" in message and "s2a import mesh=" in message
+
+
+def test_a_name_from_a_file_is_text_in_the_page(tmp_path: Path) -> None:
+    pytest.importorskip("viser")
+    name = "</title><script>alert(1)</script>&amp;"
+    geometric.write(replace(usd_room.room(), name=name), tmp_path / "room.usd")
+    assert cli.main(["view", f"path={tmp_path / 'room.usd'}", f"html={tmp_path / 'room.html'}"]) == 0
+    text = (tmp_path / "room.html").read_text(encoding="utf-8")
+    assert "<script>alert(1)" not in text
+    assert "<title>&lt;/title&gt;&lt;script&gt;alert(1)&lt;/script&gt;&amp;amp;</title>" in text

@@ -1,0 +1,23 @@
+"""Write the table of formats in docs/own_scan.md from the list that the tests read: `python tools/format_table.py`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+BEGIN, END = "<!-- formats: begin -->\n", "<!-- formats: end -->\n"
+
+
+def main() -> None:
+    """Replace what stands between the marks."""
+    sys.path.insert(0, str(ROOT / "tests" / "support"))
+    from mesh_features import table
+
+    page = ROOT / "docs" / "own_scan.md"
+    before, _, rest = page.read_text().partition(BEGIN)
+    page.write_text(before + BEGIN + table() + END + rest.partition(END)[2])
+
+
+if __name__ == "__main__":
+    main()

@@ -3,7 +3,8 @@
 Each voxel near a measured point is projected into every panorama. Its distance to the plane measured there, not along the ray,
 is averaged, so that surfaces seen at a grazing angle stay in place. Space that a ray has passed counts as free; space behind a
 surface counts less the deeper it lies. The surface is drawn by naive surface nets, only in cells whose eight corners have been
-observed (`s2a.scene.geometry.surface_nets`), and drawn onto the measured planes (`project_to_scan`): what no scanner saw is missing.
+observed (`s2a.scene.geometry.surface_nets`), and drawn onto the measured
+planes (`project_to_scan`): what no scanner saw is missing.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from s2a import robot
 from s2a.commands.evaluate import Config
 from s2a.core import config
 from s2a.learn.evaluate import evaluate
-from s2a.planner.motion import Planner
+from s2a.motion.policy import Planner
 from s2a.robot.model import add_robot
 from s2a.robot.spec import RobotSpec
 from s2a.scan.visuals import visible

@@ -110,6 +110,8 @@ def _code() -> bytes:
     """Return the digest of the modules that make what is kept: other code, other results."""
     package = Path(__file__).parent
     digest = hashlib.blake2b()
-    for path in sorted(path for name in ("prepare", "geometry", "robot") for path in (package / name).rglob("*.py")):
+    for path in sorted(
+        path for name in ("prepare", "geometry", "robot", "motion") for path in (package / name).rglob("*.py")
+    ):
         digest.update(path.read_bytes())
     return digest.digest()

@@ -15,10 +15,10 @@ from s2a import tasks
 from s2a.commands.evaluate import Config
 from s2a.env.task import Task
 from s2a.env.vec_env import VecEnv
-from s2a.planner import pull_law
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
-from s2a.planner.pull_law import PullLaw
+from s2a.motion import pull_law
+from s2a.motion.policy import Planner
+from s2a.motion.pull_law import PullLaw
+from s2a.motion.settings import PlannerConfig
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
 from s2a.tasks.part_functions import opening_force

@@ -25,8 +25,8 @@ from s2a.learn.perception.estimate import fused, seen_pool
 from s2a.learn.rl.policy_file import PolicyFile
 from s2a.learn.rl.ppo import load_policy
 from s2a.learn.rl.run_folder import read_world
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 from s2a.robot.spec import RobotSpec
 from s2a.sim import pool
 from s2a.sim.simulation import SimConfig, Simulation, device_of

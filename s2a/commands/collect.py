@@ -21,7 +21,7 @@ from s2a.learn.collect.episodes import Collector, temporary
 from s2a.learn.evaluate import Policy
 from s2a.learn.rl.policy_file import PolicyFile
 from s2a.learn.rl.run_folder import world_json
-from s2a.planner.motion import Planner
+from s2a.motion.policy import Planner
 from s2a.scene.usd.stamp import layer_hash
 from s2a.sim import pool
 from s2a.sim.recorder import Recorder

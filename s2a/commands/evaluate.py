@@ -27,8 +27,8 @@ from s2a.learn.perception.estimate import seen
 from s2a.learn.rl.policy_file import PolicyFile, export
 from s2a.learn.rl.ppo import load_model, load_policy
 from s2a.learn.rl.run_folder import read_world
-from s2a.planner.hold_or_push import ready_to_move
-from s2a.planner.motion import Planner
+from s2a.motion.part_base import ready_to_move
+from s2a.motion.policy import Planner
 from s2a.sim import pool
 from s2a.sim.camera import Camera, CameraConfig
 from s2a.sim.limit_use import LimitUse

@@ -35,7 +35,7 @@ def run_soft(config: Config) -> tuple[dict[str, Any], tuple[str, ...], tuple[str
     if given := [key for key in REFUSED if getattr(config, key)]:
         raise InputError(f"keys not possible with physics=soft: {', '.join(given)}; leave them out")
     room, body = sim_stage.read(config.stage, visuals=False), soft_body(config.soft.shape)
-    every = trials(room, body, config.soft, task, config.robot, config.num_envs, config.seed)
+    every = trials(room, body, config.soft, task, config.robot, config.planner.approach, config.num_envs, config.seed)
     device, states = device_of(config.device), SoftStates()
     origin = {"stage": config.stage.name, "policy": "planner", "physics": "soft", "seed": config.seed}
     origin |= {"start": task.start, "place": task.place, **provenance(device)}

@@ -27,8 +27,8 @@ from s2a.learn.rl.config import PpoConfig
 from s2a.learn.rl.policy_file import export
 from s2a.learn.rl.ppo import load_model
 from s2a.learn.rl.run_folder import write_world
-from s2a.planner.motion import TEACHING_BEHIND, TEACHING_GAIN, Planner
-from s2a.planner.part_plan import demonstration
+from s2a.motion.open import demonstration
+from s2a.motion.policy import TEACHING_BEHIND, TEACHING_GAIN, Planner
 from s2a.sim import pool
 from s2a.sim.simulation import Simulation, device_of
 from s2a.sim.world import SimStage

@@ -12,22 +12,8 @@ from s2a.core.cache import UNREADABLE
 from s2a.core.errors import InputError
 from s2a.env.kernels import Motion, finger_position
 from s2a.env.state import State
+from s2a.motion.trajectory import Demonstration
 from s2a.sim import pool
-
-
-@dataclass(frozen=True)
-class Demonstration:
-    """A motion that does the task in one stage, a row a control step.
-
-    Attributes:
-        targets: joint targets of the robot [rad, m], shape [step joint].
-        positions: where its joints then are, and last the part's coordinate [rad, m], shape [step joint + 1].
-        grasped: number of steps until the gripper has closed; in those after them the part moves.
-    """
-
-    targets: np.ndarray
-    positions: np.ndarray
-    grasped: int
 
 
 def save(motion: Demonstration, path: Path) -> None:
@@ -67,12 +53,6 @@ class DemoStarts:
     demonstrations: Sequence[Demonstration]
     fraction: float
     moved_fraction: float
-
-
-def padded(rows: Sequence[np.ndarray]) -> np.ndarray:
-    """Return motions [step column] of several lengths as one array [motion step column], each one's last row repeated."""
-    longest = max(map(len, rows))
-    return np.stack([np.concatenate([each, np.repeat(each[-1:], longest - len(each), axis=0)]) for each in rows])
 
 
 @wp.kernel

@@ -93,8 +93,10 @@ class Task:
         raise NotImplementedError
 
     @staticmethod
-    def read_stage(path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any) -> SimStage:
-        """Return the stage that the task, of these settings, is done in; see `s2a.sim.world.read_stage`."""
+    def read_stage(
+        path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any, motion: Any
+    ) -> SimStage:
+        """Return the stage that the task of these settings is done in by a planner of these; see `s2a.sim.world.read_stage`."""
         return read_stage(path, part, robot=robot, also=also)
 
     @classmethod
@@ -104,7 +106,7 @@ class Task:
         return cls.INSTRUCTION.format(**{key: each.rsplit("_", 1)[0].replace("_", " ") for key, each in labels.items()})
 
     def trajectory(self, settings: Any) -> Any:
-        """Return the trajectory (`s2a.planner.trajectory`) of these planner settings; None: the planner follows `tool_path`."""
+        """Return the trajectory (`s2a.motion.trajectory`) of these planner settings; None: the planner follows `tool_path`."""
         return None
 
     def __init__(self, sim: Simulation, config: Any, metrics: Any) -> None:

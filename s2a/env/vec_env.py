@@ -16,9 +16,10 @@ import warp as wp
 
 from s2a.core.errors import InputError
 from s2a.env import kernels
-from s2a.env.starts import Demonstration, DemoStarts, padded, reset
+from s2a.env.starts import DemoStarts, reset
 from s2a.env.state import allocate
 from s2a.env.task import Task, weights_of
+from s2a.motion.trajectory import Demonstration, padded
 from s2a.sim.simulation import Simulation
 
 FINGER_TIME = 0.05
@@ -207,7 +208,7 @@ def _motion(sim: Simulation, task: Task, demo: DemoStarts | None) -> kernels.Mot
     """Return how actions move the targets and where episodes start."""
     m, config, limits = kernels.Motion(), task.config, sim.config.limits
     m.dt = sim.config.dt
-    m.step = config.action_scale * m.dt * sim.config.substeps
+    m.step = config.action_scale * sim.config.control_dt
     m.finger_step, m.limited = config.finger_speed * m.step, int(limits is not None)
     m.coupled = int(limits is not None or sim.config.coupled_fingers)
     if limits is not None:
@@ -244,5 +245,5 @@ def _action_step(m: kernels.Motion, sim: Simulation) -> torch.Tensor:
     """Return the change of each joint target in a control step for an action of 1 [rad or m], shape [action]."""
     arm, fingers = sim.layout.arm_joints, sim.layout.robot_joints - sim.layout.arm_joints
     if m.limited:
-        return wp.to_torch(m.velocity) * m.dt * sim.config.substeps
+        return wp.to_torch(m.velocity) * sim.config.control_dt
     return torch.tensor([m.step] * arm + [m.finger_step] * fingers, device=sim.device)

@@ -53,7 +53,7 @@ def make_env(
 
 
 def read_stages(
-    kind: type[Task], path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any
+    kind: type[Task], path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any, motion: Any
 ) -> list[SimStage]:
     """Return the stage of a room's part, as the task reads it; of the index of a pool those of all its parts.
 
@@ -64,13 +64,14 @@ def read_stages(
         robot: its name; None: the one that the room was prepared for.
         also: ids of further parts and free objects of a room that move.
         config: the task's settings.
+        motion: the planner's settings.
 
     Raises:
         InputError: as the task's; an unphysical room; an index of which something is to be chosen.
     """
     if not pool.is_index(path):
         refuse_unphysical(path)
-        return [kind.read_stage(path, part, robot, also, config)]
+        return [kind.read_stage(path, part, robot, also, config, motion)]
     if part or also:
         raise InputError(f"keys 'part' and 'also' choose from a room; {path} has the parts of a pool: leave them out")
     return pool.stages(path, robot or DEFAULT_ROBOT)

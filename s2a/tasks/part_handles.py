@@ -174,7 +174,7 @@ def bind(sim: Simulation, sensor: ContactSensor, config: PartMdp) -> PartHandles
     h.seen = wp.array([wp.transform_identity()] * sim.num_envs, dtype=wp.transform)
     h.resistance = wp.array(_resistance(sim), dtype=wp.vec3)
     known = _estimates(sim.stages)
-    h.is_estimated, h.control_step = int(known is not None), sim.config.dt * sim.config.substeps
+    h.is_estimated, h.control_step = int(known is not None), sim.config.control_dt
     worlds, flat = (sim.num_envs, sum(known, [])) if known else (0, [])
     h.estimates = (
         wp.array(flat, dtype=EstimatedPart).reshape((len(sim.stages), -1))

@@ -17,8 +17,8 @@ from settings import load
 
 from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import evaluate
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 from s2a.scene.geometry.mesh_ops import keep, normals
 from s2a.scene.scene import Joint, Mesh
 from s2a.scene.usd.sim_scene import Collider

@@ -10,8 +10,8 @@ from open_drawer import make_env
 from settings import load
 
 from s2a.learn.evaluate import evaluate
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 
 
 @pytest.mark.slow

@@ -15,8 +15,8 @@ from settings import load
 
 from s2a.core.errors import InputError
 from s2a.env.vec_env import VecEnv
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 from s2a.scene.scene import Joint
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.part_description import Description, of_vector, truth

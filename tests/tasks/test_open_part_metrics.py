@@ -11,8 +11,8 @@ from settings import load
 from s2a.env.kernels import ERRORS
 from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import evaluate, warn_of_errors
-from s2a.planner.motion import Planner
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.policy import Planner
+from s2a.motion.settings import PlannerConfig
 from s2a.sim.world import SimStage, read_stage
 from s2a.tasks.open_part.metrics import METRICS, VERSION
 

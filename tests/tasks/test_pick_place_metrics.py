@@ -14,12 +14,12 @@ from settings import load
 
 from s2a import tasks
 from s2a.env.vec_env import VecEnv
-from s2a.planner.pick_plan import PickPlan
+from s2a.motion.pick import PickStage
+from s2a.motion.pick_plan import PickPlan
 from s2a.scene.scene import Joint
 from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
-from s2a.tasks.pick_place.skill import PickStage
 
 START, GOAL = np.array([0.2, 0.1, 0.827, 0, 0, 0, 1.0]), np.array([0.2, -0.2, 0.827, 0, 0, 0, 1.0])
 STEPS = 60

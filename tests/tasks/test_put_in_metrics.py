@@ -14,13 +14,12 @@ from settings import load
 
 from s2a import tasks
 from s2a.env.vec_env import VecEnv
-from s2a.planner.insides import Inside, inside_of
-from s2a.planner.pick_plan import PickPlan
-from s2a.planner.put_in import PutPlan
+from s2a.motion.insides import Inside, inside_of
+from s2a.motion.pick_plan import PickPlan
+from s2a.motion.put_in import PutPlan, PutStage
 from s2a.scene.scene import Joint
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.tasks.put_in.config import PutInConfig, PutInMetrics
-from s2a.tasks.put_in.skill import PutStage
 
 OPEN = 0.3
 GOAL = np.array([0.45, 0.0, FLOOR + 0.02, 0, 0, 0, 1.0])

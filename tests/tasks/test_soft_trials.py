@@ -49,12 +49,12 @@ def test_a_drawn_pose_stands_on_the_support_within_its_shift(scene: tuple[SimRoo
 @pytest.mark.parametrize("changes", [{"start": None}, {"place": None}, {"place": START}, {"start": "insert.json"}])
 def test_a_start_or_a_place_that_is_missing_is_said(scene: tuple[SimRoom, SoftBody], changes: dict) -> None:
     with pytest.raises(InputError, match="stands nowhere in the room"):
-        next(soft_trials.trials(*scene, SOFT, task(**changes), robot.load("panda"), 1, 0))
+        next(soft_trials.trials(*scene, SOFT, task(**changes), robot.load("panda"), 0.1, 1, 0))
 
 
 def test_a_support_that_is_not_there_is_said(scene: tuple[SimRoom, SoftBody]) -> None:
     with pytest.raises(InputError, match="'sofa_3' is neither a pose nor a part"):
-        next(soft_trials.trials(*scene, SOFT, task(place="sofa_3"), robot.load("panda"), 1, 0))
+        next(soft_trials.trials(*scene, SOFT, task(place="sofa_3"), robot.load("panda"), 0.1, 1, 0))
 
 
 def test_a_trial_without_a_plan_counts_as_failed() -> None:

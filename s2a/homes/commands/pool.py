@@ -25,7 +25,8 @@ from s2a.homes.catalog import handle_of
 from s2a.homes.sample import RoomKind, SampleConfig, sample
 from s2a.learn.perception import cloud
 from s2a.learn.perception.depth_camera import DepthCameraConfig, VisibleRoom
-from s2a.planner.part_plan import PlannerConfig, demonstration
+from s2a.motion.open import demonstration
+from s2a.motion.settings import PlannerConfig
 from s2a.prepare.room import ALL, PrepareConfig, prepare
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd import sim_stage

@@ -11,8 +11,9 @@ from s2a.core.errors import InputError
 from s2a.core.outputs import atomic_write
 from s2a.joints.pull_optimize import Optimum, PullConfig, optimize
 from s2a.joints.pulled import pulled
-from s2a.planner import pull_law
-from s2a.planner.part_plan import PlannerConfig, planned_path
+from s2a.motion import pull_law
+from s2a.motion.open import planned_path
+from s2a.motion.settings import PlannerConfig
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd.sim_read import refuse_unphysical
 from s2a.sim.simulation import SimConfig, Simulation

@@ -11,8 +11,8 @@ from s2a.core.errors import InputError
 from s2a.language.do.facts import Facts, RoomPart
 from s2a.language.do.plan import Skill, SkillPlan
 from s2a.language.llm.ask import ValidationFeedback
-from s2a.planner.insides import inside_placements
-from s2a.planner.obstacles import RoomHulls
+from s2a.motion.insides import inside_placements
+from s2a.motion.obstacles import Obstacles
 from s2a.robot.tool_path import opening_coordinate
 from s2a.scene.usd.sim_scene import SimRoom
 
@@ -68,7 +68,7 @@ class Checker:
         if support.kind != "fixed":
             remedy = "put_in puts things into it" if support.moves else "it would move"
             raise ValidationFeedback(f"{support.id!r} is no fixed support: {remedy}.")
-        near = RoomHulls(self._room, {object.id}, np.array(self._room.free[object.id].position))
+        near = Obstacles.of_room(self._room, {object.id}, np.array(self._room.free[object.id].position))
         if not near.hulls_of(support.id):
             raise ValidationFeedback(
                 f"{support.id!r} has no collision hulls within 2 m of {object.id!r}: out of reach."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,15 @@ from s2a import tasks
 from s2a.core.errors import InputError
 from s2a.core.outputs import temporary_folder
 from s2a.env.vec_env import VecEnv
-from s2a.language.do.handle import motion, refuse_collision
 from s2a.language.do.plan import Skill
 from s2a.language.do.settings import ExecutionConfig
-from s2a.planner.motion import Planner
+from s2a.motion.obstacles import Obstacles
+from s2a.motion.open import plan_letting_go
+from s2a.motion.policy import Planner
+from s2a.motion.workcell import Workcell
+from s2a.robot.collision import SLACK
+from s2a.robot.spec import RobotSpec
+from s2a.robot.tool_path import matrix
 from s2a.scene.articulation import displace, lever_arm, open_limit, pose_at, transform
 from s2a.scene.scene import Joint, Mesh, Vec3
 from s2a.scene.usd import sim_stage
@@ -212,7 +218,7 @@ def _episode(
     now = at_state(room, state)
     also = riders(now, skill.part) if skill.skill in ("open", "close") and skill.part else []
     task = tasks.task(TASKS[skill.skill])
-    stage = task.read_stage(path, skill.object or skill.part, config.robot, also, mdp)
+    stage = task.read_stage(path, skill.object or skill.part, config.robot, also, mdp, config.planner)
     sim = Simulation(stage, config.sim, 1, device_of(config.device))
     env = tasks.make_env(sim, mdp, settings.metrics, {}, config.seed)
     planner = _planner(skill, env, config, room, state, record)
@@ -243,12 +249,34 @@ def _planner(
     """Return the planner; after opening and closing it lets go of the handle and draws back, which goes into the record."""
     if skill.object:
         return Planner(env, config.planner)
-    found = motion(env, config.planner)
+    moved = plan_letting_go(env.sim, config.planner, partial(env.task.tool_path, config=env.task.config))
     ajar = [i for i, path in opened_by(room, state).items() if abs(path) > START_ERROR]
     hanging = [i for i in room.articulations if set(room.carriers(i)) & set(ajar)]
-    refuse_collision(env.sim.stage, [*ajar, *hanging, *state.objects], env.sim.robot, found.arm)
-    record |= {"approach": round(found.approach, 3), "retreat": round(found.retreat, 3)}
-    return Planner(env, config.planner, [found.demonstration])
+    refuse_collision(env.sim.stage, [*ajar, *hanging, *state.objects], env.sim.robot, moved.arm)
+    record |= {"approach": round(moved.approach, 3), "retreat": round(moved.retreat, 3)}
+    return Planner(env, config.planner, [moved.demonstration])
+
+
+def refuse_collision(stage: SimStage, moved: Collection[str], spec: RobotSpec, arm: np.ndarray) -> None:
+    """Raise InputError where the arm in joints [pose arm], or at home, meets what was moved; its base is for the room before.
+
+    Args:
+        stage: the room as it stands.
+        moved: ids of parts that stand open and of objects that were moved.
+        spec: the robot.
+        arm: its joint path.
+    """
+    room, target = stage.room, stage.target
+    bodies = {i: body for i, body in room.bodies.items() if i in moved and i != target}
+    free = {i: body for i, body in room.free.items() if i in moved}
+    obstacles = Obstacles.of_room(replace(room, bodies=bodies, free=free, static_colliders=()), (), stage.grasp[:3])
+    path = np.concatenate([arm, [spec.home]])
+    depth = Workcell(spec, obstacles).arm_depth(path, matrix(stage.base), fingers=False).max()
+    if depth > SLACK:
+        raise InputError(
+            f"from its base for {target!r} the arm reaches {1000 * depth:.0f} mm into what was moved before: "
+            f"{', '.join([*bodies, *free])}"
+        )
 
 
 @torch.inference_mode()

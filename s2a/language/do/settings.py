@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from s2a.core.bounds import CountFromZero
-from s2a.planner.part_plan import PlannerConfig
+from s2a.motion.settings import PlannerConfig
 from s2a.sim.camera import CameraConfig
 from s2a.sim.simulation import SimConfig
 from s2a.tasks.close_part.config import ClosePartConfig, ClosePartMetrics

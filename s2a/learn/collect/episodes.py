@@ -52,7 +52,7 @@ class Collector:
         """
         self._env, self._recorder, self._views, self._every = env, recorder, views, every
         sim = env.sim
-        rate = 1.0 / (sim.config.dt * sim.config.substeps)
+        rate = sim.config.control_frequency
         fps = round(rate / every)
         if abs(fps * every - rate) > 1e-3 * rate:
             raise InputError(

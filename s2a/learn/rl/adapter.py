@@ -11,7 +11,7 @@ from tensordict import TensorDict
 
 from s2a.env.kernels import ERRORS
 from s2a.env.vec_env import VecEnv
-from s2a.planner.motion import Planner
+from s2a.motion.policy import Planner
 
 RECENT = 0.999
 """Factor a control step by which finished episodes count less in the logged rates: about two episodes' length."""

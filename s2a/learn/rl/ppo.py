@@ -26,7 +26,7 @@ from s2a.learn.rl.adapter import RslRlEnv
 from s2a.learn.rl.config import PpoConfig, rsl_rl_settings
 from s2a.learn.rl.run_folder import ADDED
 from s2a.learn.rl.runner import Runner
-from s2a.planner.motion import Planner
+from s2a.motion.policy import Planner
 
 
 def make_runner(env: RslRlEnv, config: PpoConfig, log_dir: Path | None) -> Runner:

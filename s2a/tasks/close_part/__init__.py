@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import warp as wp
 
-from s2a.planner.rest import at_rest
-from s2a.robot.tool_path import PathSettings, ToolPath, opening_coordinate, part_path
+from s2a.motion.open import closing_path
+from s2a.robot.tool_path import opening_coordinate
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
-from s2a.sim.world import SimStage
 from s2a.tasks import part, part_handles, part_observation
 from s2a.tasks.close_part import mdp
 from s2a.tasks.close_part.config import ClosePartConfig, ClosePartMetrics
@@ -24,6 +21,7 @@ class ClosePartTask(part.PartTask):
     KERNELS, Handles, PERSISTENT = mdp, mdp.ClosePart, ("closed",)
     REWARDS, METRICS, VALUES, METRICS_VERSION = mdp.REWARDS, mdp.METRICS, ("remaining",), 1
     PUSHES, INSTRUCTION = True, "close the {part}"
+    tool_path = staticmethod(closing_path)
     LOGGED = ("final_success", "success")
 
     def __init__(self, sim: Simulation, config: ClosePartConfig, metrics: ClosePartMetrics) -> None:
@@ -45,17 +43,6 @@ class ClosePartTask(part.PartTask):
         coords = coords.copy()
         coords[np.arange(len(coords)), self.sim.part_coord] = [starts[i] for i in self.sim.stage_of_env]
         return coords
-
-    @staticmethod
-    def tool_path(stage: SimStage, motion: PathSettings, config: ClosePartConfig) -> ToolPath:
-        """Return the tool path that grasps the part where it stands open, or has fallen by its weight, and closes it.
-
-        Where the stage says how to push it, the path pushes.
-        """
-        start = at_rest(stage, opening_coordinate(stage.joint, stage.grasp[:3], config.start_opening))
-        if stage.push is not None:
-            return replace(part_path(stage.joint, stage.push, motion.approach, 0.0, start=start), pushes=True)
-        return part_path(stage.joint, stage.grasp, motion.approach, 0.0, motion.depth, start)
 
 
 TASK = ClosePartTask

@@ -5,10 +5,11 @@ from __future__ import annotations
 import warp as wp
 
 from s2a.env.state import State
+from s2a.motion.open import opening_path
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.tasks import part, part_handles, part_observation
-from s2a.tasks.open_part import mdp, metrics, skill
+from s2a.tasks.open_part import mdp, metrics
 from s2a.tasks.open_part.config import OpenPartConfig, OpenPartMetrics
 
 
@@ -23,7 +24,7 @@ class OpenPartTask(part.PartTask):
         ("opening", "grasped_fraction", "contact_force"),
         metrics.VERSION,
     )
-    tool_path = staticmethod(skill.tool_path)
+    tool_path = staticmethod(opening_path)
     INSTRUCTION = "open the {part}"
     LOGGED = ("grasp_success", "success", "final_success", "handle_success", "single_finger_success", "open_30cm")
 

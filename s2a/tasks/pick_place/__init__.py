@@ -12,11 +12,12 @@ import warp as wp
 from s2a.core.errors import InputError
 from s2a.env.state import State
 from s2a.env.task import MdpConfig, Task
-from s2a.planner.trajectory import Trajectory
+from s2a.motion import pick
+from s2a.motion.trajectory import Trajectory
 from s2a.sim.contacts import ContactSensor
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
-from s2a.tasks.pick_place import mdp, skill
+from s2a.tasks.pick_place import mdp
 from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
 from s2a.tasks.pick_place.start import shift
 
@@ -32,20 +33,20 @@ class PickPlaceTask(Task):
     METRICS: ClassVar[tuple[str, ...]] = mdp.METRICS
     VALUES: ClassVar[tuple[str, ...]] = mdp.VALUES
     INSTRUCTION = "pick up the {part} and put it down at its place"
-    Stage: ClassVar[type[SimStage]] = skill.PickStage
+    Stage: ClassVar[type[SimStage]] = pick.PickStage
     LOGGED = ("success", "placed", "carried", "grasped")
     KERNELS: ClassVar[Any] = mdp
 
-    stage: skill.PickStage
+    stage: pick.PickStage
     others: list[int]
 
     def __init__(self, sim: Simulation, config: PickPlaceConfig, metrics: PickPlaceMetrics) -> None:
         """Bind the task to worlds of a PickStage."""
         self.sim, self.config, self.error_fraction = sim, config, metrics.error_fraction
-        if not isinstance(sim.stage, skill.PickStage):
+        if not isinstance(sim.stage, pick.PickStage):
             raise InputError("task pick_place needs the stage that its own read_stage returns")
         self.stage = sim.stage
-        rate = 1.0 / (sim.config.dt * sim.config.substeps)
+        rate = sim.config.control_frequency
         self.thresholds = {
             "position": config.position_tolerance,
             "angle": config.angle_tolerance,
@@ -91,14 +92,14 @@ class PickPlaceTask(Task):
 
     @staticmethod
     def read_stage(
-        path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any
-    ) -> skill.PickStage:
+        path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any, motion: Any
+    ) -> pick.PickStage:
         """Read the room, and plan for the object."""
-        return skill.read_stage(path, part, robot, also, config)
+        return pick.read_stage(path, part, robot, also, config, motion)
 
     def trajectory(self, settings: Any) -> Trajectory:
         """Return the planned trajectory."""
-        return skill.trajectory(self.sim, self.stage.plan, settings)
+        return pick.trajectory(self.sim, self.stage.plan, settings)
 
     def start(self, coords: np.ndarray) -> np.ndarray:
         """Return the coordinates with the object at its start."""

@@ -13,7 +13,7 @@ class PickPlaceConfig(MdpConfig):
     """The decision process.
 
     `start` and `place` are each null (where the object stands in the room), the id of a support
-    (its nearest free placements, see `s2a.planner.places`), "nearby" (those of what carries the object at the other end, and of
+    (its nearest free placements, see `s2a.motion.places`), "nearby" (those of what carries the object at the other end, and of
     what is near that), a pose "x y z [yaw in degrees]" of the object's origin, or the insert.json of an insertion of it.
 
     Attributes:

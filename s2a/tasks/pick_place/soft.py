@@ -11,25 +11,21 @@ from typing import Any
 import numpy as np
 import torch
 
-from s2a.planner.contact import FIRM, HANGING
-from s2a.planner.gripper_shape import gripper_boxes
-from s2a.planner.held_object import HeldObject
-from s2a.planner.object_grasps import matrix
-from s2a.planner.obstacles import RoomHulls
-from s2a.planner.part_plan import PlannerConfig
-from s2a.planner.pick_base import arm_depth
-from s2a.planner.pick_place import Fits, plan_pick
-from s2a.planner.pick_plan import PickPlan
-from s2a.planner.segments import Segments
-from s2a.planner.trajectory import Trajectory, eased
-from s2a.robot.collision import robot_shape
+from s2a.motion.correction import Correction, lead_held
+from s2a.motion.gripper import FIRM, HANGING, gripper_boxes
+from s2a.motion.obstacles import Obstacles
+from s2a.motion.pick import trajectory_of
+from s2a.motion.pick_plan import PickPlan, PickTask, plan_pick
+from s2a.motion.settings import PlannerConfig
+from s2a.motion.trajectory import Trajectory, eased
+from s2a.motion.workcell import Workcell
 from s2a.robot.spec import GripperSpec, RobotSpec
+from s2a.robot.tool_path import matrix
 from s2a.scene.usd.sim_scene import SimRoom
 from s2a.sim.limit_use import Limits
 from s2a.sim.soft import RATE, SoftSimulation
 from s2a.sim.soft_body import SoftBody
 from s2a.sim.soft_config import SoftConfig
-from s2a.tasks.pick_place.skill import pick
 from s2a.tasks.pick_place.soft_metrics import SoftEpisode, SoftMetrics, outcome
 from s2a.tasks.pick_place.soft_stage import NAME, hulls_near, with_body
 
@@ -67,20 +63,21 @@ def plan_trial(
     config: SoftConfig,
     robot: RobotSpec,
     ends: tuple[np.ndarray, np.ndarray],
+    approach: float,
     seed: int = 0,
-    fits: Fits | None = None,
 ) -> SoftTrial:
-    """Plan as for a rigid body of the same shape, from start to goal (7-vectors); Unreachable where there is no plan."""
-    plan = plan_pick(with_body(room, body, config, ends[0]), NAME, *ends, robot, seed, fits, (*HANGING, FIRM))
+    """Plan as for a rigid body of the same shape, from start to goal (7-vectors); Unreachable where there is no plan.
+
+    The gripper comes straight to it from a distance `approach` [m].
+    """
+    task = PickTask(with_body(room, body, config, ends[0]), NAME, *ends, approach)
+    plan = plan_pick(task, robot, seed, contacts=(*HANGING, FIRM))
     return SoftTrial(room, body, config, robot, *ends, plan)
 
 
 def trajectory(trial: SoftTrial, config: PlannerConfig) -> Trajectory:
     """Return the joint targets of a trial."""
-    robot = trial.robot
-    found = Segments(trial.plan.reach[0], robot, robot.limits, RATE, config.close_time)
-    pick(found, trial.plan, config)
-    return found.trajectory(config.start_noise, config.reach_time)
+    return trajectory_of(trial.plan, config, trial.robot, trial.robot.limits, RATE)
 
 
 def run_trial(
@@ -113,11 +110,13 @@ def run_trial(
     sim = SoftSimulation(trial.body, trial.start, robot, plan.base, first, hulls, trial.config, device)
     built = time.perf_counter()
     planned = trajectory(trial, planner)
-    targets, slip = _targets(first, planned), _slip(sim, planned)
+    targets, (held,) = _targets(first, planned), [each for each in planned.anchors if each.to == "held"]
+    slip, world = Correction(sim, [planned], [held]), torch.tensor([True])
     center, forces, joints, gap, torques = [], [], [], [], []
     for step, target in enumerate(targets):
         index = torch.tensor([max(0, step - planned.reach_steps)])
-        slip.see(index)
+        if int(index) == held.begin:
+            lead_held(slip, world, (np.linalg.inv(_tool_frame(sim.tool, robot)) @ sim.pose)[None])
         target[:arm] += slip(index)[0].cpu().numpy()
         sim.step(target)
         q, particles = sim.joints, sim.particles
@@ -135,14 +134,6 @@ def run_trial(
     seconds = {"simulated": len(targets) / RATE, "built_in": built - begun, "stepped_in": ended - built}
     used = _limit_use(robot, first, targets, np.array(joints), np.array(torques))
     return found | {name: round(value, 3) for name, value in seconds.items()} | {"limit_use": used}
-
-
-def _slip(sim: SoftSimulation, planned: Trajectory) -> HeldObject:
-    """Return what makes up for how the body has slipped in the gripper above its place."""
-    assert planned.aligned is not None  # as in every plan to pick and place
-    return HeldObject(
-        sim, planned, planned.aligned, lambda _: (np.linalg.inv(_tool_frame(sim.tool, sim.robot)) @ sim.pose)[None]
-    )
 
 
 def _targets(first: np.ndarray, planned: Trajectory) -> np.ndarray:
@@ -197,10 +188,8 @@ def gripper_gap(points: np.ndarray, tool: np.ndarray, fingers: np.ndarray, gripp
 
 def _arm_depth(trial: SoftTrial, joints: np.ndarray) -> np.ndarray:
     """Return how deep the arm reached into the room's hulls at joints [step joint] that it moved through [m], shape [step]."""
-    near = RoomHulls(trial.room, set(), (trial.start[:3] + trial.goal[:3]) / 2)
-    shape, arm = robot_shape(trial.robot), len(trial.robot.arm_joints)
+    near = Obstacles.of_room(trial.room, set(), (trial.start[:3] + trial.goal[:3]) / 2)
+    cell, arm = Workcell(trial.robot, near), len(trial.robot.arm_joints)
     base, pads = matrix(trial.plan.base), joints[:, arm:].sum(axis=1)
-    each = [
-        arm_depth(shape, near, q[None], base, opened=float(wide)) for q, wide in zip(joints[:, :arm], pads, strict=True)
-    ]
+    each = [cell.arm_depth(q[None], base, opened=float(wide)) for q, wide in zip(joints[:, :arm], pads, strict=True)]
     return np.concatenate(each)

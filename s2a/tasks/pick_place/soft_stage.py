@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.core.errors import InputError
-from s2a.planner.object_grasps import matrix
-from s2a.planner.obstacles import RoomHulls
+from s2a.motion.obstacles import Obstacles
+from s2a.robot.tool_path import matrix
 from s2a.scene.scene import Mesh
 from s2a.scene.usd.sim_scene import Collider, Mass, SimBody, SimRoom, in_scene
 from s2a.sim.soft_body import SoftBody
@@ -33,7 +33,7 @@ def with_body(room: SimRoom, body: SoftBody, config: SoftConfig, pose: np.ndarra
     return replace(room, free={**room.free, NAME: free})
 
 
-def standing(near: RoomHulls, support: str, body: SoftBody, at: np.ndarray, yaw: float) -> np.ndarray:
+def standing(near: Obstacles, support: str, body: SoftBody, at: np.ndarray, yaw: float) -> np.ndarray:
     """Return the pose, 7-vector, of a body that stands on a support at x, y [2], turned by `yaw` about z [rad].
 
     Raises:

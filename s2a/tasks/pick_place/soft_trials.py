@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from s2a.core.errors import InputError
-from s2a.planner.obstacles import RoomHulls
-from s2a.planner.places import NEAR, first_planned, place_poses
+from s2a.motion.obstacles import Obstacles
+from s2a.motion.places import NEAR, first_planned, place_poses
 from s2a.robot.spec import RobotSpec
 from s2a.scene.usd.sim_scene import SimRoom, in_scene
 from s2a.sim.soft_body import SoftBody
@@ -24,7 +24,14 @@ Ends = tuple[np.ndarray, np.ndarray]
 
 
 def trials(
-    room: SimRoom, body: SoftBody, config: SoftConfig, task: PickPlaceConfig, robot: RobotSpec, count: int, seed: int
+    room: SimRoom,
+    body: SoftBody,
+    config: SoftConfig,
+    task: PickPlaceConfig,
+    robot: RobotSpec,
+    approach: float,
+    count: int,
+    seed: int,
 ) -> Iterator[SoftTrial | str]:
     """Yield trials, each planned for itself, or why there is no plan for one.
 
@@ -43,7 +50,7 @@ def trials(
                 NAME,
                 robot,
                 drawn,
-                lambda ends: plan_trial(room, body, config, robot, ends, number),  # noqa: B023 - it is called at once
+                lambda ends: plan_trial(room, body, config, robot, ends, approach, number),  # noqa: B023 - it is called at once
             )
             yield trial
         except InputError as error:
@@ -84,7 +91,7 @@ def _drawn(
     room: SimRoom, body: SoftBody, pose: np.ndarray, task: PickPlaceConfig, rng: np.random.Generator
 ) -> np.ndarray:
     """Return the first pose that is drawn about one, 7-vectors, at which all of the body is on the same support."""
-    near = RoomHulls(room, set(), pose[:3])
+    near = Obstacles.of_room(room, set(), pose[:3])
     support, yaw = near.below(pose[None, :3])[1][0], Rotation.from_quat(pose[3:]).as_euler("zyx")[0]
     for left in reversed(range(DRAWS)):
         at = pose[:2] + rng.uniform(-1.0, 1.0, 2) * task.start_shift

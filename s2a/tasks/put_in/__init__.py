@@ -12,14 +12,15 @@ from scipy.spatial.transform import Rotation
 
 from s2a.core.errors import InputError
 from s2a.env.state import State
-from s2a.planner.insides import at_zero
-from s2a.planner.trajectory import Trajectory
+from s2a.motion import put_in
+from s2a.motion.insides import at_zero
+from s2a.motion.trajectory import Trajectory
 from s2a.scene.articulation import lever_arm, travel
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, axis_of
 from s2a.tasks.pick_place import PickPlaceTask
 from s2a.tasks.pick_place import mdp as picking
-from s2a.tasks.put_in import handles, mdp, skill
+from s2a.tasks.put_in import handles, mdp
 from s2a.tasks.put_in.config import PutInConfig, PutInMetrics
 
 
@@ -30,15 +31,15 @@ class PutInTask(PickPlaceTask):
     PERSISTENT = ("progress", "last", "last_in", "released", "released_in", "origin")
     REWARDS, METRICS, VALUES, METRICS_VERSION = mdp.REWARDS, mdp.METRICS, mdp.VALUES, 2
     INSTRUCTION = "put the {part} into the {into}"
-    Stage: ClassVar[type[SimStage]] = skill.PutStage
+    Stage: ClassVar[type[SimStage]] = put_in.PutStage
     LOGGED = ("success", "stored", "carried", "grasped")
     KERNELS: ClassVar[Any] = mdp
 
-    stage: skill.PutStage
+    stage: put_in.PutStage
 
     def __init__(self, sim: Simulation, config: PutInConfig, metrics: PutInMetrics) -> None:
         """Bind the task to worlds of a PutStage."""
-        if not isinstance(sim.stage, skill.PutStage):
+        if not isinstance(sim.stage, put_in.PutStage):
             raise InputError("task put_in needs the stage that its own read_stage returns")
         super().__init__(sim, config, metrics)
         joint = self.stage.room.articulations[self.stage.part]
@@ -80,13 +81,15 @@ class PutInTask(PickPlaceTask):
                 setattr(h, name, wp.zeros(n, dtype=wp.vec3))
 
     @staticmethod
-    def read_stage(path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any) -> skill.PutStage:
+    def read_stage(
+        path: Path, part: str | None, robot: str | None, also: Sequence[str], config: Any, motion: Any
+    ) -> put_in.PutStage:
         """Read the room, and plan for the object and the part."""
-        return skill.read_stage(path, part, robot, also, config)
+        return put_in.read_stage(path, part, robot, also, config, motion)
 
     def trajectory(self, settings: Any) -> Trajectory:
         """Return the planned trajectory."""
-        return skill.trajectory(self.sim, self.stage, settings)
+        return put_in.trajectory(self.sim, self.stage, settings)
 
     def after_substep(self, state: State) -> None:
         """Read the contacts, and attribute the object's path to what held it."""

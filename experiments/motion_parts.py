@@ -20,7 +20,7 @@ from s2a.planner.trajectory import Trajectory
 from s2a.scene.usd import sim_stage
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage, read_stage
-from s2a.tasks.open_part.skill import tool_path
+from s2a.tasks.skills_open_part import tool_path
 
 SPARE = 2
 """Of each kind, parts that are optimised beyond those asked for, in the place of those that the planner does not open."""

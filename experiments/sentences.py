@@ -27,6 +27,7 @@ from typing import Any
 import yaml
 from scipy.stats import binomtest
 
+from s2a import tasks
 from s2a.core import config
 from s2a.core.errors import InputError
 from s2a.core.progress import track
@@ -83,7 +84,8 @@ def _room(room: str, about: dict, model: Model, values: dict, runs: Path) -> lis
     """Plan the sentences of a room; return a line a sentence."""
     folder = _prepared(room, about, runs)
     stage = sim_stage.read(folder / "room.usd", visuals=False)
-    context = RoomContext(stage, descriptive.read(folder / "descriptive.usda"), "panda", OPENING)
+    skills = {name: tasks.of(each) for name, each in values["skills"].items()}
+    context = RoomContext(stage, descriptive.read(folder / "descriptive.usda"), "panda", OPENING, skills)
     rows = []
     for entry in track(about["sentences"], room):
         usage, start = UsageLog(tuple(values["llm"]["prices"])), time.perf_counter()

@@ -13,13 +13,13 @@ import numpy as np
 import torch
 import warp as wp
 
-from s2a.env.starts import Demonstration, padded
-from s2a.env.vec_env import VecEnv
 from s2a.planner.corrections import Corrections
 from s2a.planner.part_plan import PlannerConfig, plan, rate
 from s2a.planner.seen_grasp import SeenGrasp
 from s2a.planner.trajectory import Trajectory, eased, reach_steps
 from s2a.sim.simulation import Simulation
+from s2a.tasks.env import VecEnv
+from s2a.tasks.starts import Demonstration, padded
 
 _log = logging.getLogger(__name__)
 BEHIND = 3.0

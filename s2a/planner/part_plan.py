@@ -12,7 +12,6 @@ import numpy as np
 
 from s2a.core.bounds import Count, CountFromZero, NotNegative, Positive
 from s2a.core.errors import InputError
-from s2a.env.starts import Demonstration
 from s2a.planner import pull_law
 from s2a.planner.collision import most_clear
 from s2a.planner.part_reach import detour, preceded
@@ -22,6 +21,7 @@ from s2a.robot.tool_path import PathSettings, ToolPath, follow, matrices
 from s2a.robot.urdf import position_limits
 from s2a.sim.simulation import Simulation
 from s2a.sim.world import SimStage
+from s2a.tasks.starts import Demonstration
 
 _log = logging.getLogger(__name__)
 Skill = Callable[[SimStage, PathSettings], ToolPath]

@@ -19,8 +19,8 @@ from s2a.planner.object_grasps import matrix
 from s2a.planner.shifted_object import ShiftedObject
 from s2a.robot.kinematics import kinematics
 from s2a.scene.scene import Mesh
-from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
-from s2a.tasks.put_in.skill import PutStage
+from s2a.tasks.pick_place import PickPlaceConfig, PickPlaceMetrics
+from s2a.tasks.skills_put_in import PutStage
 
 QUICK = ["device=cpu", "num_envs=2", "every=20", "views.width=32", "views.height=32"]
 START, GOAL = "0.2 0.1 0.828", "0.2 -0.2 0.828"
@@ -62,7 +62,7 @@ def test_the_object_stands_elsewhere_in_every_episode_and_ends_at_its_place(pick
 def test_demonstrations_of_shifted_objects_can_be_played_again(
     picked: tuple[Path, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("s2a.tasks.pick_place.skill.plan_pick", None)  # nothing is planned again
+    monkeypatch.setattr("s2a.tasks.skills_pick_place.plan_pick", None)  # nothing is planned again
     assert cli.main(["replay", f"stage={picked[0]}", f"dataset={picked[1]}", "device=cpu"]) == 0
     assert "2 of 2 episodes succeed when played again" in capsys.readouterr().out
 
@@ -75,7 +75,7 @@ def test_the_grasp_moves_with_the_object(picked: tuple[Path, Path]) -> None:
     from s2a import tasks
     from s2a.planner.part_plan import PlannerConfig
     from s2a.sim.simulation import SimConfig, Simulation
-    from s2a.tasks.pick_place.skill import PickStage
+    from s2a.tasks.skills_pick_place import PickStage
 
     stage = read(PickStage, picked[0], picked[1])
     sim = Simulation(stage, load(SimConfig, "sim/pick_place"), 2)

@@ -14,7 +14,7 @@ from s2a.commands import cli, train, usage
 from s2a.commands.cli import COMMANDS
 from s2a.core import aliases, config
 from s2a.core.errors import InputError
-from s2a.tasks.open_part.mdp import REWARDS
+from s2a.tasks.open_part import OpenPart
 
 
 @dataclass(frozen=True)
@@ -262,5 +262,5 @@ def test_an_old_key_names_its_present_one(command: str, old: str, now: str) -> N
 def test_every_renamed_key_exists() -> None:
     values = [config.compose(command) for command in COMMANDS]
     known = {segment for value in values for key in config.keys(value) for segment in key.split(".")}
-    terms = {function.key for function in REWARDS}
+    terms = set(OpenPart.REWARDS)
     assert set(aliases.RENAMED.values()) <= known | terms

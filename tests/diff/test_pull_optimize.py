@@ -23,7 +23,7 @@ from s2a.planner.part_plan import PlannerConfig, planned_path
 from s2a.planner.pull_law import PullLaw
 from s2a.planner.trajectory import eased
 from s2a.scene.scene import Joint
-from s2a.tasks.open_part.skill import tool_path
+from s2a.tasks.skills_open_part import tool_path
 
 GOAL, SECONDS = 0.3, 1.0
 FREE = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -22,7 +22,7 @@ from s2a.scene.geometry import convex
 from s2a.scene.usd.sim_scene import Collider
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
-from s2a.tasks.open_part.skill import tool_path
+from s2a.tasks.skills_open_part import tool_path
 
 PANDA = robot.load("panda")
 

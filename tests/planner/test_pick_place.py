@@ -49,7 +49,7 @@ from s2a.scene.geometry import convex
 from s2a.scene.scene import Mesh
 from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import SimRoom
-from s2a.tasks.pick_place import skill
+from s2a.tasks import skills_pick_place as skill
 
 PANDA = robot.load("panda")
 FEW = 20, 40

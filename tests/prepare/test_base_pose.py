@@ -33,7 +33,7 @@ from s2a.scene.usd import sim_stage
 from s2a.scene.usd.sim_scene import SimRoom
 from s2a.sim.room import PEDESTAL, pedestal
 from s2a.sim.world import JointConfig, build_world, read_stage
-from s2a.tasks.open_part.skill import tool_path
+from s2a.tasks.skills_open_part import tool_path
 
 PANDA = robot.load("panda")
 

@@ -28,7 +28,7 @@ from s2a.scene.geometry.convex import contains
 from s2a.scene.geometry.front_panel import find_pocket, pocket_hulls
 from s2a.scene.usd import sim_stage
 from s2a.sim.world import read_stage
-from s2a.tasks.open_part.skill import tool_path
+from s2a.tasks.skills_open_part import tool_path
 
 FRONT = (np.array([1.0, 0.0, 0.0]), 0.0)
 GRIPPER = robot.load("panda").gripper

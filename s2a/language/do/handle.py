@@ -9,8 +9,6 @@ from functools import partial
 import numpy as np
 
 from s2a.core.errors import InputError
-from s2a.env.starts import Demonstration
-from s2a.env.vec_env import VecEnv
 from s2a.planner.obstacles import RoomHulls
 from s2a.planner.part_plan import PlannerConfig, planned_path
 from s2a.planner.part_reach import detour
@@ -22,6 +20,8 @@ from s2a.robot.tool_path import PathSettings, ToolPath, matrices
 from s2a.scene.articulation import transform
 from s2a.scene.scene import Mesh
 from s2a.sim.world import SimStage
+from s2a.tasks.env import VecEnv
+from s2a.tasks.starts import Demonstration
 
 TRIED = ((1.0, 1.0, 1.0), (1.0, 0.5, 1.0), (1.0, 0.5, 0.8), (0.5, 0.5, 1.0), (1.0, 0.0, 1.0), (0.5, 0.0, 1.0))
 """Fractions of `planner.approach` by which the gripper comes straight to the handle, and draws back from it, and of

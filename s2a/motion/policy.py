@@ -151,7 +151,7 @@ class Corrections:
 
 
 class Env(Protocol):
-    """The environment in which a policy acts, as `s2a.env.vec_env.VecEnv` is one."""
+    """The environment in which a policy acts, as `s2a.tasks.env.VecEnv` is one."""
 
     sim: Simulation
     task: Any

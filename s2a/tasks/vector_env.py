@@ -14,9 +14,9 @@ from gymnasium.vector.utils import batch_space
 from s2a import tasks
 from s2a.core import config
 from s2a.core.errors import InputError
-from s2a.env.vec_env import VecEnv
 from s2a.motion.settings import PlannerConfig
 from s2a.sim.simulation import SimConfig, Simulation, device_of
+from s2a.tasks.env import VecEnv
 
 
 class TaskVectorEnv(VectorEnv[torch.Tensor, torch.Tensor, torch.Tensor]):

@@ -20,7 +20,7 @@ from s2a.motion.put_in import PutStage
 from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrix
 from s2a.scene.scene import Mesh
-from s2a.tasks.pick_place.config import PickPlaceConfig, PickPlaceMetrics
+from s2a.tasks.pick_place import PickPlaceConfig, PickPlaceMetrics
 
 QUICK = ["device=cpu", "num_envs=2", "every=20", "views.width=32", "views.height=32"]
 START, GOAL = "0.2 0.1 0.828", "0.2 -0.2 0.828"

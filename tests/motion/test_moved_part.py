@@ -15,7 +15,7 @@ from s2a.motion.trajectory import Trajectory
 from s2a.robot.kinematics import kinematics
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import axis_of
-from s2a.tasks.put_in.config import PutInConfig
+from s2a.tasks.put_in import PutInConfig
 
 STANDS = (0.3, 0.26, 0.33, 0.1)
 """[m] Where the drawer stands in each world; it was opened to the first, and the last is too far off."""

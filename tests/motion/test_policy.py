@@ -15,14 +15,14 @@ from settings import load
 
 from s2a import tasks
 from s2a.core.errors import InputError
-from s2a.env.starts import DemoStarts
-from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import evaluate
 from s2a.motion.open import demonstration, opening_path
 from s2a.motion.policy import TEACHING_BEHIND, TEACHING_GAIN, Planner
 from s2a.motion.settings import PlannerConfig
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
+from s2a.tasks.env import VecEnv
+from s2a.tasks.starts import DemoStarts
 
 
 def planner_env(stage_path: Path, base: tuple[float, float, float] | None = None) -> VecEnv:
@@ -50,13 +50,13 @@ def test_a_moved_part_is_in_the_grip_of_who_starts_there(tmp_path: Path, sim: st
     openings = sims.joint_q[:, sims.layout.part_coord]
     first = openings.clone()
     assert 0.0 < float(first.min()) < 0.1 and 0.2 < float(first.max()) <= 0.3
-    paid = [term.key for term in env.task.REWARDS].index("grasped_opening")
+    paid = list(env.task.REWARDS).index("grasped_opening")
     for _ in range(30):
         env.step(torch.zeros(16, env.num_actions))
     # The joint's spring, 3 N at 0.3 m, gives way to an arm of some 700 N/m.
     assert torch.allclose(openings, first, atol=0.006)
     assert torch.allclose(env.terms[:, paid], openings, atol=0.006), "what the demonstration opened was grasped"
-    assert float(env.task.handles.p.region_force.numpy().min()) > 5.0
+    assert float(env.task.world.region_force.numpy().min()) > 5.0
 
 
 def test_a_planner_that_teaches_goes_on_from_where_an_episode_began(tmp_path: Path) -> None:

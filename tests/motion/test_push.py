@@ -24,7 +24,7 @@ from s2a.robot.tool_path import ToolPath, matrices
 from s2a.scene.geometry.mesh_ops import merge
 from s2a.scene.scene import Joint
 from s2a.sim.world import SimStage, read_stage
-from s2a.tasks.close_part import ClosePartConfig, ClosePartTask
+from s2a.tasks.close_part import ClosePart, ClosePartConfig
 
 PANDA = robot.load("panda")
 FRONT = 0.32465
@@ -85,7 +85,7 @@ def test_what_cannot_be_held_is_pushed_shut_from_where_it_fell(tmp_path: Path) -
     stage = stage_of(tmp_path, BELOW)
 
     def path_of(based: SimStage) -> ToolPath:
-        path = ClosePartTask.tool_path(based, motion, config)
+        path = ClosePart.tool_path(based, motion, config)
         lifted = path.poses + 2.4 * np.outer(np.eye(4)[2], np.eye(4)[3])
         return path if based.push is not None else replace(path, poses=lifted)
 

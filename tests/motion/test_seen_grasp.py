@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from settings import load
 
 from s2a import tasks
-from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import evaluate
 from s2a.motion.correction import Correction, lead_grasp
 from s2a.motion.policy import Planner
@@ -22,6 +21,7 @@ from s2a.robot.kinematics import kinematics
 from s2a.robot.tool_path import matrices
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import read_stage
+from s2a.tasks.env import VecEnv
 
 
 def env_with(folder: Path, **task: object) -> VecEnv:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from s2a.homes.sample.sample import scan_room, truth_record
 from settings import load
 from solid_sweep import overlaps
 
@@ -22,7 +21,7 @@ from s2a.homes.capture import swallowed
 from s2a.homes.catalog import catalog
 from s2a.homes.furnishing import home
 from s2a.homes.pairs import HEAD_AIR, MAX_TURN, STEP, again, revisited
-from s2a.homes.sample import SampleConfig, sample
+from s2a.homes.sample import SampleConfig, sample, scan_room, truth_record
 from s2a.homes.scanner import DriftConfig, drifts, smoothed
 from s2a.homes.solids import box, join
 from s2a.scan import ply

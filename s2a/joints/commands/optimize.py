@@ -31,7 +31,7 @@ class Config:
         offset: how much farther than predicted an earlier pull of the part ended [m].
         robot: the robot that the stage was prepared for.
         sim: how physics is stepped: what resists where nothing was identified, gains and limits of the arm.
-        task: what is done: open_part, as far as the planner's motion says; or close_part, from where episodes begin.
+        task: what is done: a part is opened, as far as the planner's motion says, or closed, from where episodes begin.
         planner: the planner's motion.
         pull: what a good pull is.
     """

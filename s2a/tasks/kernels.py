@@ -1,4 +1,4 @@
-"""What every task shares: acting, the reward's sum, the end of an episode and its count."""
+"""Kernels of every task: acting, weighted terms, observations, results, the end of an episode and its count."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
 from collections.abc import Sequence
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 import warp as wp
 from mujoco_warp import OverflowType
 
-from s2a.env.state import State
+from s2a.tasks.mdp.world import World
+from s2a.tasks.state import Error, State, sense
 
-ERRORS = ("invalid", "row_overflow", "contact_overflow")
-"""Columns of a result after the task's: the episode was ended by a value that is not finite; its world dropped constraint
-rows, which ends it too; contacts were dropped in some step, whose pool all worlds share, so that it concerns all at once."""
+wp.set_module_options({"enable_backward": False})  # half the time to compile
+
 ROW_BITS = wp.constant(int(OverflowType.NEFC | OverflowType.NJMAX_NNZ))
 CONTACT_BITS = wp.constant(int(OverflowType.BROADPHASE | OverflowType.NARROWPHASE | OverflowType.CCD))
 
@@ -77,20 +77,6 @@ def _acting(s: State, m: Motion, world: int, joint: int):
     if m.delay[1] > 0:
         return s.past[world, s.delay[world], joint]
     return s.action[world, joint]
-
-
-@wp.func
-def sense(s: State, world: int, joint: int):
-    """Return -1 for a finger that holds by opening, else 1."""
-    return wp.where(joint >= s.arm and s.internal[world] == 1, -1.0, 1.0)
-
-
-@wp.func
-def finger_position(s: State, world: int, joint: int, position: float):
-    """Return a joint's position [rad, m], that of a finger which holds by opening counted from its other limit."""
-    if sense(s, world, joint) < 0.0:
-        return s.lower[joint] + s.upper[joint] - position
-    return position
 
 
 @wp.kernel
@@ -169,26 +155,81 @@ def is_finite(s: State, world: int):
     return finite
 
 
-def reward_kernel(terms: Sequence[wp.Function], handles: type) -> wp.Kernel:
+def reward_kernel(terms: Sequence[wp.Function]) -> wp.Kernel:
     """Return the kernel that writes each term and their weighted sum; all zero where the state is not finite.
 
     Args:
-        terms: functions (state, handles, world) -> float, a column of `State.terms` each.
-        handles: the task's struct.
+        terms: functions (state, world struct, world) -> float, a column of `State.terms` each.
     """
 
-    @wp.kernel(module="unique", module_options={"max_unroll": len(terms)})
-    def compute_reward(s: State, h: handles, weights: wp.array(dtype=float)):
+    @wp.kernel(module="unique", module_options={"max_unroll": len(terms), "enable_backward": False})
+    def compute_reward(s: State, w: World, weights: wp.array(dtype=float)):
         world = wp.tid()
         finite = is_finite(s, world)
         total = float(0.0)
         for i in range(wp.static(len(terms))):
-            value = wp.static(terms[i])(s, h, world)
+            value = wp.static(terms[i])(s, w, world)
             s.terms[world, i] = wp.where(finite, value, 0.0)
             total += weights[i] * value
         s.reward[world] = wp.where(finite, total, 0.0)
 
     return compute_reward
+
+
+def result_kernel(terms: Sequence[wp.Function]) -> wp.Kernel:
+    """Return the kernel that writes each result of the worlds whose episode ended, a column of `State.result` each."""
+
+    @wp.kernel(module="unique", module_options={"max_unroll": len(terms), "enable_backward": False})
+    def write_result(s: State, w: World):
+        world = wp.tid()
+        if s.done[world] == 1:
+            for i in range(wp.static(len(terms))):
+                s.result[world, i] = wp.static(terms[i])(s, w, world)
+
+    return write_result
+
+
+def observation_kernel(
+    numbers: Sequence[tuple[wp.Function, int]],
+    vectors: Sequence[tuple[wp.Function, int]],
+    of_joints: Sequence[tuple[wp.Function, int]],
+) -> wp.Kernel:
+    """Return the kernel (state, world struct, out, limit) that writes terms with their first columns into out [world column].
+
+    Where the limit is positive, every number is clamped to +- it.
+
+    Args:
+        numbers: terms (state, world struct, world) -> float.
+        vectors: terms that return a wp.vec3.
+        of_joints: terms (state, world struct, world, joint) -> float, a column a joint.
+    """
+    most = max(1, len(numbers), len(vectors), len(of_joints))
+
+    @wp.kernel(module="unique", module_options={"max_unroll": most, "enable_backward": False})
+    def observe(s: State, w: World, out: wp.array2d(dtype=float), limit: float):
+        world = wp.tid()
+        for i in range(wp.static(len(of_joints))):
+            for joint in range(s.joints):
+                value = wp.static(of_joints[i][0])(s, w, world, joint)
+                out[world, wp.static(of_joints[i][1]) + joint] = clamped(value, limit)
+        for i in range(wp.static(len(vectors))):
+            vector = wp.static(vectors[i][0])(s, w, world)
+            out[world, wp.static(vectors[i][1])] = clamped(vector[0], limit)
+            out[world, wp.static(vectors[i][1]) + 1] = clamped(vector[1], limit)
+            out[world, wp.static(vectors[i][1]) + 2] = clamped(vector[2], limit)
+        for i in range(wp.static(len(numbers))):
+            number = wp.static(numbers[i][0])(s, w, world)
+            out[world, wp.static(numbers[i][1])] = clamped(number, limit)
+
+    return observe
+
+
+@wp.func
+def clamped(value: float, limit: float):
+    """Return a value clamped to +- a limit; as it is where the limit is 0."""
+    if limit > 0.0:
+        return wp.clamp(value, -limit, limit)
+    return value
 
 
 @wp.kernel
@@ -207,17 +248,9 @@ def finish(s: State, episode_steps: int):
     late = s.step[world] >= episode_steps - 1  # as in the reference: an episode lasts one step less than its length
     s.done[world] = wp.where(ended or late, 1, 0)
     s.time_out[world] = wp.where(late and not ended, 1, 0)
-    first = s.result.shape[1] - 3
-    s.result[world, first] = wp.where(finite, 0.0, 1.0)
-    s.result[world, first + 1] = float(s.dropped[world, 0])
-    s.result[world, first + 2] = float(s.dropped[world, 1])
-
-
-@wp.func
-def is_sound(s: State, world: int):
-    """Return 1 where physics held in a finished episode, else 0: such an episode is no success."""
-    first = s.result.shape[1] - 3
-    return wp.where(s.result[world, first] + s.result[world, first + 1] > 0.0, 0.0, 1.0)
+    s.result[world, s.errors + Error.invalid] = wp.where(finite, 0.0, 1.0)
+    s.result[world, s.errors + Error.row_overflow] = float(s.dropped[world, 0])
+    s.result[world, s.errors + Error.contact_overflow] = float(s.dropped[world, 1])
 
 
 @wp.kernel
@@ -225,11 +258,10 @@ def count(s: State):
     """Add finished episodes to the counts; of an uncounted one nothing but the errors."""
     world = wp.tid()
     if s.done[world] == 1:
-        columns = s.result.shape[1]
         counted = s.uncounted[world] == 0
         if counted:
             wp.atomic_add(s.counts, 0, 1.0)
-        for i in range(columns):
-            if counted or i >= columns - 3:
+        for i in range(s.result.shape[1]):
+            if counted or i >= s.errors:
                 wp.atomic_add(s.counts, i + 1, s.result[world, i])
         s.uncounted[world] = 0

@@ -10,10 +10,12 @@ import warp as wp
 
 from s2a.core.cache import UNREADABLE
 from s2a.core.errors import InputError
-from s2a.env.kernels import Motion, finger_position
-from s2a.env.state import State
 from s2a.motion.trajectory import Demonstration
 from s2a.sim import pool
+from s2a.tasks.kernels import Motion
+from s2a.tasks.state import State, finger_position
+
+wp.set_module_options({"enable_backward": False})  # half the time to compile
 
 
 def save(motion: Demonstration, path: Path) -> None:

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 import torch
 from cabinet import free_cube, write_cabinet
-from lift_task import LiftTask
+from lift_task import Lift
 from part_worlds import counts
 from settings import load
 
 from s2a.core.errors import InputError
-from s2a.env.starts import Demonstration, DemoStarts
-from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import evaluate
+from s2a.motion.trajectory import Demonstration
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
+from s2a.tasks.env import VecEnv
+from s2a.tasks.starts import DemoStarts
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> SimStage:
 def make_env(stage: SimStage, num_envs: int = 2, seed: int = 0, weight: float = 2.0, **task: object) -> VecEnv:
     """Return worlds in which the arm shall raise its first joint."""
     sim = Simulation(stage, load(SimConfig, "sim/planner"), num_envs)
-    return VecEnv(sim, LiftTask(sim, **task), {"height": weight}, seed, graph=False)
+    return VecEnv(sim, Lift(sim, **task), {"height": weight}, seed, graph=False)
 
 
 def still(env: VecEnv) -> VecEnv:
@@ -52,7 +53,7 @@ def test_any_task_is_run_counted_and_evaluated_by_its_own_columns(stage: SimStag
 
 def test_the_reward_is_the_weighted_sum_of_the_terms_as_observed_before_the_reset(stage: SimStage) -> None:
     env = still(make_env(stage, weight=3.0))
-    env.sim.joint_q[:, 0] = env.task.handles.start + torch.tensor([0.2, 0.4])
+    env.sim.joint_q[:, 0] = env.sim.layout.home[0] + torch.tensor([0.2, 0.4])
     env.step(torch.zeros(2, 9))
     assert env.terms.flatten().tolist() == pytest.approx([0.2, 0.4], abs=1e-6)
     assert env.reward.tolist() == pytest.approx([0.6, 1.2], abs=1e-6)
@@ -63,7 +64,7 @@ def test_the_reward_is_the_weighted_sum_of_the_terms_as_observed_before_the_rese
 def test_an_unknown_reward_term_names_the_known_ones(stage: SimStage) -> None:
     sim = Simulation(stage, load(SimConfig, "sim/planner"), 1)
     with pytest.raises(InputError, match="'heights' does not exist; known: height"):
-        VecEnv(sim, LiftTask(sim), {"height": 1.0, "heights": 1.0}, 0)
+        VecEnv(sim, Lift(sim), {"height": 1.0, "heights": 1.0}, 0)
 
 
 def test_actions_are_clamped_and_integrated_within_the_joint_limits(stage: SimStage) -> None:
@@ -179,8 +180,8 @@ def test_saved_worlds_go_on_exactly_and_those_of_another_number_or_task_are_refu
         assert later.keys() == same.keys() and all(torch.equal(later[name], same[name]) for name in later)
     with pytest.raises(InputError, match=r"joint_q is \(20,\), expected \(30,\); use the same num_envs and task"):
         make_env(stage, num_envs=3).load_state_dict(later)
-    with pytest.raises(InputError, match="task.highest is missing"):
-        second.load_state_dict({name: value for name, value in later.items() if name != "task.highest"})
+    with pytest.raises(InputError, match="task.own is missing"):
+        second.load_state_dict({name: value for name, value in later.items() if name != "task.own"})
 
 
 def test_a_fraction_of_the_episodes_starts_on_the_demonstration(stage: SimStage) -> None:
@@ -193,7 +194,7 @@ def test_a_fraction_of_the_episodes_starts_on_the_demonstration(stage: SimStage)
     positions = np.append(targets, np.zeros((4, 1)), axis=1)
     positions[:, 7:9] = 0.04
     demo = DemoStarts([Demonstration(targets, positions, 4)], 0.5, 0.0)
-    env = VecEnv(sim, LiftTask(sim, start_noise=0.0), {}, 0, demo=demo)
+    env = VecEnv(sim, Lift(sim, start_noise=0.0), {}, 0, demo=demo)
     q, target = env.sim.joint_q[:, :9], env.sim.joint_target_q[:, :9]
     moved = (start - q)[:, 0]
     groups = [(moved.abs() < 1e-6), (moved > 1e-6) & (moved < 1.0 - 1e-6), moved > 1.4]
@@ -212,7 +213,7 @@ def test_a_fraction_of_these_starts_where_the_part_is_moved_and_is_not_counted(s
     positions = np.append(targets, [[0.0], [0.0], [0.1], [0.2], [0.3]], axis=1)
     positions[:, 7:9] = 0.01
     env = VecEnv(
-        sim, LiftTask(sim, start_noise=0.0), {}, 0, demo=DemoStarts([Demonstration(targets, positions, 2)], 1.0, 0.25)
+        sim, Lift(sim, start_noise=0.0), {}, 0, demo=DemoStarts([Demonstration(targets, positions, 2)], 1.0, 0.25)
     )
     part, q = env.sim.joint_q[:, env.sim.layout.part_coord], env.sim.joint_q
     moved = part > 0.05

@@ -15,12 +15,12 @@ import torch
 import warp as wp
 
 from s2a.core.errors import InputError
-from s2a.env import kernels
-from s2a.env.starts import DemoStarts, reset
-from s2a.env.state import allocate
-from s2a.env.task import Task, weights_of
 from s2a.motion.trajectory import Demonstration, padded
 from s2a.sim.simulation import Simulation
+from s2a.tasks import kernels
+from s2a.tasks.base import Task, weights_of
+from s2a.tasks.starts import DemoStarts, reset
+from s2a.tasks.state import ERRORS, allocate
 
 FINGER_TIME = 0.05
 """[s] In which a finger reaches its speed; no maker says."""
@@ -40,7 +40,7 @@ class VecEnv:
         reward: shape [world].
         done, time_out: 0 or 1, shape [world], int32; a time-out is not a termination.
         terms: unweighted reward terms, shape [world term].
-        columns: names of `result`: the task's METRICS, then ERRORS.
+        columns: names of `result`: the task's RESULTS, then ERRORS.
         result: how each world's last finished episode went, shape [world column].
         counts: number of finished episodes, then the sums of `result`, since they were last set to zero, shape [1 + column].
         episode_step: control steps since the reset, shape [world], int32.
@@ -69,15 +69,15 @@ class VecEnv:
             demo: episodes that start on a demonstration; None: none does.
             final_observation: keep the last observation of every episode.
         """
-        self.sim, self.task, self.columns = sim, task, (*task.METRICS, *kernels.ERRORS)
+        self.sim, self.task, self.columns = sim, task, (*task.RESULTS.names, *ERRORS)
         self.num_envs, self.num_actions = sim.num_envs, sim.layout.robot_joints
         self.max_episode_length = task.config.episode_steps
         with wp.ScopedDevice(sim.device):
             weighted = weights_of(task.REWARDS, weights)
-            lengths = task.observations, task.privileged, len(task.REWARDS), len(self.columns)
+            lengths = task.observations, task.privileged, len(task.REWARDS), len(task.RESULTS.names)
             self.state = allocate(sim, *lengths, delays=task.config.action_delay[1])
             self._weights = wp.array(weighted, dtype=float)
-            self._compute_reward = kernels.reward_kernel(task.REWARDS, task.Handles)
+            self._compute_reward = kernels.reward_kernel(list(task.REWARDS.values()))
             self._motion = _motion(sim, task, demo)
             self._world_mask = wp.zeros(sim.num_envs + 1, dtype=bool)
             articulations = sim.model.articulation_count // sim.num_envs
@@ -160,7 +160,7 @@ class VecEnv:
             task.before_step(state)
             self.sim.step()
             task.update(state)
-            self._launch(self._compute_reward, state, task.handles, self._weights)
+            self._launch(self._compute_reward, state, task.world, self._weights)
             self._launch(kernels.finish, state, self.max_episode_length)
             task.result(state)
             self._launch(kernels.count, state)

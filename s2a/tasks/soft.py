@@ -1,33 +1,180 @@
-"""Picking up a soft body and placing it: the plan for the rigid body of its shape, executed on the soft one."""
+"""A soft body to pick up and place: its trials, the plan for the rigid body of its shape, and their simulation."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import torch
+from scipy.spatial.transform import Rotation
 
+from s2a.core.errors import InputError
 from s2a.motion.correction import Correction, lead_held
 from s2a.motion.gripper import FIRM, HANGING, gripper_boxes
 from s2a.motion.obstacles import Obstacles
 from s2a.motion.pick import trajectory_of
 from s2a.motion.pick_plan import PickPlan, PickTask, plan_pick
+from s2a.motion.places import NEAR, first_planned, place_poses
 from s2a.motion.settings import PlannerConfig
 from s2a.motion.trajectory import Trajectory, eased
 from s2a.motion.workcell import Workcell
 from s2a.robot.spec import GripperSpec, RobotSpec
 from s2a.robot.tool_path import matrix
-from s2a.scene.usd.sim_scene import SimRoom
+from s2a.scene.scene import Mesh
+from s2a.scene.usd.sim_scene import Collider, Mass, SimBody, SimRoom, in_scene
 from s2a.sim.limit_use import Limits
 from s2a.sim.soft import RATE, SoftSimulation
 from s2a.sim.soft_body import SoftBody
 from s2a.sim.soft_config import SoftConfig
-from s2a.tasks.pick_place.soft_metrics import SoftEpisode, SoftMetrics, outcome
-from s2a.tasks.pick_place.soft_stage import NAME, hulls_near, with_body
+from s2a.tasks.pick_place import PickPlaceConfig
+from s2a.tasks.soft_metrics import SoftEpisode, SoftMetrics, outcome
+
+SoftTask, SOFT_TASK = PickPlaceConfig, "pick_place"
+"""Settings and name of the task that is done with a soft body."""
+NAME = "teddy_bear"
+GAP = 0.003
+"""[m] Between the body and its support where it is put down: a millimetre more than its vertices' radius."""
+EVEN = 0.02
+"""[m] Up to which a support's height may differ below a soft body."""
+NEAR_BODY = 0.10
+"""[m] From what the body passes, up to which hulls of the room are simulated."""
+
+
+def with_body(room: SimRoom, body: SoftBody, config: SoftConfig, pose: np.ndarray) -> SimRoom:
+    """Return a room with a soft body as a rigid free object at a pose, 7-vector."""
+    colliders = tuple(Collider(NAME, box) for box in body.boxes)
+    mass = Mass(config.density * body.volume, (0.0, 0.0, 0.0), body.inertia(config.density), source="density")
+    position, orientation = tuple(map(float, pose[:3])), tuple(map(float, pose[3:]))
+    free = SimBody(NAME, body.surface, colliders, mass, position=position, orientation=orientation)  # type: ignore[arg-type]
+    return replace(room, free={**room.free, NAME: free})
+
+
+def standing(near: Obstacles, support: str, body: SoftBody, at: np.ndarray, yaw: float) -> np.ndarray:
+    """Return the pose, 7-vector, of a body that stands on a support at x, y [2], turned by `yaw` about z [rad].
+
+    Raises:
+        InputError: there is no support below all of it, or its height differs by more than EVEN.
+    """
+    turn = Rotation.from_euler("z", yaw)
+    low = body.vertices[:, 2].min()
+    feet = turn.apply(body.vertices[body.vertices[:, 2] < low + 1e-6])[:, :2] + at
+    bounds = np.concatenate([h.vertices for h in near.hulls_of(support)] or [np.zeros((0, 3))])
+    if not len(bounds):
+        known = ", ".join(dict.fromkeys(near.names))
+        raise InputError(f"{support!r} supports nothing near ({at[0]:.2f}, {at[1]:.2f}); near are: {known}")
+    height, names = near.below(np.c_[feet, np.full(len(feet), bounds[:, 2].max() + 0.2)])
+    if set(names) != {support} or np.ptp(height) > EVEN:
+        found = ", ".join(sorted(set(names)))
+        raise InputError(
+            f"at ({at[0]:.2f}, {at[1]:.2f}) a body of {1000 * np.ptp(body.vertices[:, 0]):.0f} mm stands on {found}, "
+            f"{1000 * np.ptp(height):.0f} mm uneven; choose a place in the middle of {support!r}"
+        )
+    return np.array([*at, height.max() + GAP - low, *turn.as_quat()])
+
+
+def hulls_near(room: SimRoom, body: SoftBody, ends: list[np.ndarray]) -> list[Mesh]:
+    """Return the hulls of a room within NEAR_BODY of a body that stands at poses, 7-vectors; of free objects too."""
+    every = [c.mesh for c in room.static_colliders]
+    for each in (*room.bodies.values(), *(b for i, b in room.free.items() if i != NAME)):
+        every += [Mesh(in_scene(each, c.mesh), c.mesh.faces) for c in each.colliders]
+    points = [body.vertices @ m[:3, :3].T + m[:3, 3] for m in map(matrix, ends)]
+    boxes = [(p.min(axis=0) - NEAR_BODY, p.max(axis=0) + NEAR_BODY) for p in points]
+    return [h for h in every if any(_overlap(h, low, high) for low, high in boxes)]
+
+
+def _overlap(hull: Mesh, low: np.ndarray, high: np.ndarray) -> bool:
+    points = np.asarray(hull.vertices)
+    return bool((points.min(axis=0) <= high).all() and (points.max(axis=0) >= low).all())
+
+
+DRAWS = 20
+"""Of a pose, until the body stands at it."""
+Ends = tuple[np.ndarray, np.ndarray]
+
+
+def trials(
+    room: SimRoom,
+    body: SoftBody,
+    config: SoftConfig,
+    task: PickPlaceConfig,
+    robot: RobotSpec,
+    approach: float,
+    count: int,
+    seed: int,
+) -> Iterator[SoftTrial | str]:
+    """Yield trials, each planned for itself, or why there is no plan for one.
+
+    In each, start and place are shifted by up to `task.start_shift` along x and y and turned by up to `task.start_turn`.
+
+    Raises:
+        InputError: a start or a place that is missing or where the body does not stand.
+    """
+    candidates = _candidates(room, body, config, task)
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        try:
+            drawn = ((_drawn(room, body, a, task, rng), _drawn(room, body, b, task, rng)) for a, b in candidates)
+            _, trial = first_planned(
+                with_body(room, body, config, candidates[0][0]),
+                NAME,
+                robot,
+                drawn,
+                lambda ends: plan_trial(room, body, config, robot, ends, approach, number),  # noqa: B023 - it is called at once
+            )
+            yield trial
+        except InputError as error:
+            yield str(error)
+
+
+def _candidates(room: SimRoom, body: SoftBody, config: SoftConfig, task: PickPlaceConfig) -> list[Ends]:
+    """Return starts and places of the body's frame, 7-vectors, those to be tried first first."""
+    start, place = task.start, task.place
+    if start is None or place is None or start == place or any(each.endswith(".json") for each in (start, place)):
+        raise InputError(
+            f"task.start={start} and task.place={place}: with physics=soft the body stands nowhere in the room; give the id "
+            "of a support or a pose for each, two different ones"
+        )
+    known = [each for each in (start, place) if each != NEAR]
+    about = {each: _about(room, each) for each in known}
+    with_it = with_body(room, body, config, about[known[0]])
+    goal = next(place_poses(with_it, NAME, place, about[known[0]], EVEN))
+    return [(each, goal) for each in place_poses(with_it, NAME, start, goal, EVEN)]
+
+
+def _about(room: SimRoom, said: str) -> np.ndarray:
+    """Return a pose, 7-vector, on the middle of a support, or the one that is said."""
+    try:
+        return np.array([*(float(x) for x in said.replace(",", " ").split()[:3]), 0.0, 0.0, 0.0, 1.0])
+    except ValueError:
+        pass
+    points = [np.asarray(c.mesh.vertices) for c in room.static_colliders if c.part == said]
+    for each in (*room.bodies.values(), *room.free.values()):
+        points += [in_scene(each, c.mesh) for c in each.colliders if c.part == said]
+    if not points:
+        raise InputError(f"{said!r} is neither a pose nor a part of room {room.name!r} that supports anything")
+    low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
+    return np.array([*(low + high)[:2] / 2, high[2], 0.0, 0.0, 0.0, 1.0])
+
+
+def _drawn(
+    room: SimRoom, body: SoftBody, pose: np.ndarray, task: PickPlaceConfig, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the first pose that is drawn about one, 7-vectors, at which all of the body is on the same support."""
+    near = Obstacles.of_room(room, set(), pose[:3])
+    support, yaw = near.below(pose[None, :3])[1][0], Rotation.from_quat(pose[3:]).as_euler("zyx")[0]
+    for left in reversed(range(DRAWS)):
+        at = pose[:2] + rng.uniform(-1.0, 1.0, 2) * task.start_shift
+        try:
+            return standing(near, support, body, at, yaw + rng.uniform(-1.0, 1.0) * task.start_turn)
+        except InputError:
+            if not left:
+                raise
+    raise AssertionError("the last draw returns or raises")
+
 
 AFTER = 1.5
 """[s] That an episode goes on after the arm's motion: half a second to come to rest, and one at rest."""

@@ -1,9 +1,25 @@
-"""What an environment keeps of all worlds: one struct of array handles that every kernel takes."""
+"""State of all worlds that every task has: robot, action, observation, reward, episode."""
 
 # Warp reads kernel annotations at run time, so this file does without "from __future__ import annotations".
+from collections.abc import Iterable
+from enum import IntEnum
+from typing import Any
+
 import warp as wp
 
 from s2a.sim.simulation import Simulation
+
+ERRORS = ("invalid", "row_overflow", "contact_overflow")
+"""Columns of a result after the task's: the episode was ended by a value that is not finite; its world dropped constraint
+rows, which ends it too; contacts were dropped in some step, whose pool all worlds share, so that it concerns all at once."""
+
+
+def columns(names: Iterable[str]) -> Any:
+    """Return an enumeration of columns by name, from 0, that kernels can use as indices."""
+    return IntEnum("Column", list(names), start=0)
+
+
+Error = columns(ERRORS)
 
 
 @wp.struct
@@ -36,6 +52,7 @@ class State:
         overflow: mujoco_warp's overflow bits since the last control step, shape [world].
         dropped: 1 where the episode lost constraint rows (0), contacts (1), shape [world 2].
         result: how the last finished episode went, shape [world column]: the task's columns, then ERRORS.
+        errors: column of the first of ERRORS.
         counts: sums over finished episodes: their number, then the columns of `result`, shape [1 + column].
         rng: random streams, shape [world].
     """
@@ -68,11 +85,33 @@ class State:
     overflow: wp.array(dtype=int)
     dropped: wp.array2d(dtype=int)
     result: wp.array2d(dtype=float)
+    errors: int
     counts: wp.array(dtype=float)
     rng: wp.array(dtype=wp.uint32)
 
 
-def allocate(sim: Simulation, observations: int, privileged: int, terms: int, columns: int, delays: int) -> State:
+@wp.func
+def sense(s: State, world: int, joint: int):
+    """Return -1 for a finger that holds by opening, else 1."""
+    return wp.where(joint >= s.arm and s.internal[world] == 1, -1.0, 1.0)
+
+
+@wp.func
+def finger_position(s: State, world: int, joint: int, position: float):
+    """Return a joint's position [rad, m], that of a finger which holds by opening counted from its other limit."""
+    if sense(s, world, joint) < 0.0:
+        return s.lower[joint] + s.upper[joint] - position
+    return position
+
+
+@wp.func
+def is_sound(s: State, world: int):
+    """Return 1 where physics held in a finished episode, else 0: such an episode is no success."""
+    broken = s.result[world, s.errors + Error.invalid] + s.result[world, s.errors + Error.row_overflow]
+    return wp.where(broken > 0.0, 0.0, 1.0)
+
+
+def allocate(sim: Simulation, observations: int, privileged: int, terms: int, results: int, delays: int) -> State:
     """Return the arrays that live as long as an environment; a captured graph keeps their addresses.
 
     Args:
@@ -80,7 +119,7 @@ def allocate(sim: Simulation, observations: int, privileged: int, terms: int, co
         observations: length of an observation.
         privileged: how many numbers a critic is told besides.
         terms: number of reward terms.
-        columns: number of a finished episode's results.
+        results: number of the task's results of a finished episode; ERRORS follow them.
         delays: greatest number of control steps by which an action comes late.
     """
     s, n = State(), sim.num_envs
@@ -92,18 +131,19 @@ def allocate(sim: Simulation, observations: int, privileged: int, terms: int, co
     s.lower = wp.array(sim.model.joint_limit_lower.numpy()[: s.joints], dtype=float)
     s.upper = wp.array(sim.model.joint_limit_upper.numpy()[: s.joints], dtype=float)
     s.internal = wp.array([int(sim.stages[i].internal) for i in sim.stage_of_env], dtype=int)
-    for name, width in (
+    s.errors, width = results, results + len(ERRORS)
+    for name, columns_ in (
         ("asked", s.joints),
         ("action", s.joints),
         ("observation", observations),
         ("privileged", privileged),
         ("terms", terms),
-        ("result", columns),
+        ("result", width),
     ):
-        setattr(s, name, wp.zeros((n, width), dtype=float))
+        setattr(s, name, wp.zeros((n, columns_), dtype=float))
     s.reward, s.counts, s.rng = (
         wp.zeros(n, dtype=float),
-        wp.zeros(1 + columns, dtype=float),
+        wp.zeros(1 + width, dtype=float),
         wp.zeros(n, dtype=wp.uint32),
     )
     s.dropped = wp.zeros((n, 2), dtype=int)

@@ -10,13 +10,13 @@ from cabinet import write_cabinet
 from part_worlds import make_env
 from settings import load
 
-from s2a.env.vec_env import VecEnv
 from s2a.learn.evaluate import baseline, evaluate
 from s2a.motion.policy import Planner
 from s2a.motion.settings import PlannerConfig
 from s2a.sim.limit_use import LimitUse
 from s2a.sim.simulation import SimConfig, Simulation
 from s2a.sim.world import SimStage, read_stage
+from s2a.tasks.env import VecEnv
 
 
 @pytest.fixture(scope="module")

@@ -86,7 +86,7 @@ class Job:
             return checkpoint is None
         # Times alone do not tell: in a folder that was copied from another machine all files may be of one second.
         found = json.loads(self.measured.read_text())
-        whole = Path(found["policy"]).name == checkpoint.name and found.get("metrics_version") == TASK.METRICS_VERSION
+        whole = Path(found["policy"]).name == checkpoint.name and found.get("metrics_version") == TASK.RESULTS.version
         return whole and self.measured.stat().st_mtime >= checkpoint.stat().st_mtime
 
 

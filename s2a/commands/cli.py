@@ -170,6 +170,12 @@ def _module(command: str) -> Any:
         return importlib.import_module(name)
 
 
+def settings_of(command: str) -> type:
+    """Return the class of a command's settings; InputError where it needs an extra that is not installed."""
+    settings: type = _module(command).Config
+    return settings
+
+
 @contextlib.contextmanager
 def _uncollected() -> Iterator[None]:
     """Keep Python's collector from the objects that are made meanwhile.

@@ -187,10 +187,10 @@ class Interrupt(MetaPathFinder):
 def test_an_interrupt_while_the_program_is_imported_is_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
-    import s2a
+    from s2a import commands
 
     monkeypatch.delitem(sys.modules, "s2a.commands.cli")
-    monkeypatch.delattr(s2a, "cli")
+    monkeypatch.delattr(commands, "cli")
     monkeypatch.setattr(sys, "meta_path", [Interrupt(), *sys.meta_path])
     assert entry.main() == 130
     assert capsys.readouterr().err == "s2a: interrupted\n"

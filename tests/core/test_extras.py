@@ -78,9 +78,8 @@ def test_training_without_torch_names_the_learning_extra() -> None:
 
 def test_the_simulation_extra_alone_serves_the_scene_commands() -> None:
     blocked = [*errors.MODULES["learn"], *errors.MODULES["llm"]]
-    imports = "".join(
-        f"import s2a.commands.{name}\n" for name in ("sample", "check", "zoo", "insert", "prepare", "certify", "view")
-    )
+    names = ("sample", "check", "zoo", "insert", "prepare", "certify", "view")
+    imports = "".join(f"import {cli.commands()[name]}\n" for name in names)
     subprocess.run([sys.executable, "-c", BLOCK.format(blocked=blocked) + imports], check=True, cwd=ROOT)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from dataclasses import dataclass
 from typing import Annotated
 
 import pytest
 
+from s2a.commands import cli
 from s2a.core import bounds, config
 from s2a.core.bounds import Above, AtLeast, Count, Fraction, NotEmpty, Numbers, Positive
 from s2a.core.errors import InputError
@@ -85,7 +85,7 @@ def test_an_impossible_value_is_named_with_its_key_and_what_is_possible(
     required = [f"{k}=given" for k, given in config.leaves(config.compose(command)) if given == config.REQUIRED]
     with pytest.raises(InputError) as error:
         config.load(
-            importlib.import_module(f"s2a.commands.{command}").Config,
+            cli.settings_of(command),
             config.compose(command, [*required, f"{key}={value}"]),
         )
     assert str(error.value).startswith(f"key {key!r} is {value}; give {possible}")

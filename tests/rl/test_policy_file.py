@@ -162,7 +162,7 @@ def test_the_policy_in_the_box_is_small_and_was_trained_as_it_is_said(tmp_path: 
     file = PolicyFile(Path(PRETRAINED))
     sim, task = file.world
     assert isinstance(task, OpenPartConfig) and task.describe_part and sim.limits is not None and sim.vary is not None
-    path = Path(__file__).parents[2] / "s2a/policies/open_part.onnx"
+    path = Path(__file__).parents[2] / "s2a/learn/policies/open_part.onnx"
     assert path.stat().st_size < 2e6
     env = CountingEnv(4)
     env.observation = torch.zeros(4, 67)
@@ -171,7 +171,7 @@ def test_the_policy_in_the_box_is_small_and_was_trained_as_it_is_said(tmp_path: 
 
 
 def test_the_policy_in_the_package_tells_of_no_file_of_the_machine_that_made_it() -> None:
-    for path in (Path(__file__).parents[2] / "s2a/policies").glob("*.onnx"):
+    for path in (Path(__file__).parents[2] / "s2a/learn/policies").glob("*.onnx"):
         assert b"site-packages" not in path.read_bytes() and b".py" not in path.read_bytes()
 
 

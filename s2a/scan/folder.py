@@ -124,10 +124,12 @@ def mesh_remedy(path: Path) -> str | None:
     """
     if not path.is_file() or path.suffix.lower() not in FOREIGN:
         return None
-    if path.suffix.lower() in (".usdz", ".fbx"):
+    if path.suffix.lower() in (".dae", ".fbx"):
         return (
             f"{path.name} is no PLY: export it from your scanning app or Blender as PLY, z up, in metres, named {MESH}"
         )
+    if path.suffix.lower() == ".usdz":
+        return f"{path.name} is no PLY: give s2a import mesh={path.name} out=FOLDER"
     up = ", and turn it z up (glTF has y up)" if path.suffix.lower() in (".glb", ".gltf") else ""
     call = f"trimesh.load({path.name!r}, force='mesh', process=False).export({MESH!r})"
     return (

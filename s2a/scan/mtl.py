@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import logging
 import re
 from dataclasses import dataclass
@@ -30,6 +31,10 @@ _ARITY |= {"-mm": 2, "-o": 3, "-s": 3, "-t": 3}
 """Options of a map and how many arguments they take; the last three take one to three numbers."""
 
 
+_OPAQUE = {"d": 1.0, "Tr": 0.0}
+"""Values of dissolve and transparency for what one does not see through."""
+
+
 @dataclass(frozen=True)
 class Painted:
     """A material of a library.
@@ -49,10 +54,13 @@ GREY_PAINT = Painted(PLAIN, np.ones(2), np.zeros(2))
 
 
 def lines(path: Path) -> list[str]:
-    """Return the lines of an OBJ or MTL file: UTF-8 or Latin 1, any line ends, those continued by a backslash as one."""
+    """Return the lines of an OBJ or MTL file: any line ends, those continued by a backslash as one.
+
+    The text is UTF-8, UTF-16 with its mark, or else Latin 1.
+    """
     data = path.read_bytes()
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-16" if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     # Only these end a line: str.splitlines would cut names at other controls, such as Latin 1's 0x85.
@@ -113,7 +121,7 @@ def _libraries(folder: Path, names: str) -> list[str]:
 def _library(mesh: Path, file: Path) -> dict[str, Painted]:
     """Return the materials of one library."""
     found: dict[str, Painted] = {}
-    current = ""
+    current, textured, transparent = "", set[str](), set[str]()
     for line in lines(file):
         key, *words = line.split() or [""]
         if key.lower() == "newmtl":
@@ -121,10 +129,15 @@ def _library(mesh: Path, file: Path) -> dict[str, Painted]:
             found.setdefault(current, GREY_PAINT)
         elif key == "Kd" and current in found:
             color = _color(mesh, file, line)
-            if color is not None and found[current].material.texture is None:
+            if color is not None and current not in textured:
                 found[current] = Painted(Material(color), np.ones(2), np.zeros(2))
         elif key.lower() == "map_kd" and words and current in found:
             found[current] = _textured(mesh, file, name_of(line))
+            textured.add(current)
+        elif key in _OPAQUE and words and _is_number(words[-1]) and float(words[-1]) != _OPAQUE[key]:
+            transparent.add(current)
+    if transparent:
+        _log.warning("%s: %s: %d materials are transparent, and become opaque", mesh, file.name, len(transparent))
     return found
 
 
@@ -143,11 +156,15 @@ def _color(mesh: Path, file: Path, line: str) -> np.ndarray | None:
 
 def _textured(mesh: Path, file: Path, text: str) -> Painted:
     """Return the material of a map: options, then the file's name, which may hold spaces, quotes and #."""
-    whole = beside(file.parent, text) is not None
-    options, name = ({}, text) if whole else _options(text)
-    if beside(file.parent, name) is None and "#" in name:
-        name = next((each for each in (name.split(" #")[0].strip(), short(name)) if beside(file.parent, each)), name)
-    image = read_image(mesh, file.parent, name)
+    folders = (file.parent, mesh.parent)  # names count from the library, but some exporters mean the mesh
+    found = next(((folder, text) for folder in folders if beside(folder, text)), None)
+    options: dict[str, list[str]] = {}
+    if found is None:
+        options, name = _options(text)
+        names = (name, name.split(" #")[0].strip(), short(name))
+        found = next(((folder, each) for each in names for folder in folders if each and beside(folder, each)), None)
+        found = found or (file.parent, name)
+    image = read_image(mesh, *found)
     # The factor is left at 1: exporters write Kd 0 or 0.8 beside a texture. Without the texture it tells nothing.
     wrap = CLAMP if options.get("-clamp", ["off"])[0].lower() == "on" else REPEAT
     material = PLAIN if image is None else Material(np.ones(3), image, (wrap, wrap))

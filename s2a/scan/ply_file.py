@@ -181,8 +181,6 @@ def _header(lines: list[bytes]) -> tuple[str, tuple[str, ...], list[tuple[str, L
             layout[-1][1][1].append(_Property(words[3].lower(), TYPES[words[2]], TYPES[words[1]]))
         elif key == "property":
             layout[-1][1][1].append(_Property(words[1].lower(), TYPES[words[0]], None))
-        elif key:
-            raise ValueError(f"header line {key!r}")
     if form not in ORDERS:
         raise ValueError(f"format {form!r}")
     if len({name for name, _ in layout}) < len(layout) or any(count < 0 for _, (count, _) in layout):

@@ -89,8 +89,15 @@ class Looks:
         for context in CONTEXTS:
             shader = material.ComputeSurfaceSource(context)[0]
             if shader and (look := self._surface(shader)) is not None:
+                self._warn_of_transparency(shader)
                 return look
         return None
+
+    def _warn_of_transparency(self, shader: UsdShade.Shader) -> None:
+        slot = shader.GetInput("opacity")
+        value: Any = slot.Get(self._time) if slot and not slot.HasConnectedSource() else None
+        if value is not None and float(value) < 1:
+            _log.warning("%s: the material of %s is transparent, and becomes opaque", self._path, shader.GetPath())
 
     def _surface(self, shader: UsdShade.Shader) -> Look | None:
         """Return the look of a surface shader: its image, or else its colour, times its factors."""

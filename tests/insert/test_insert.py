@@ -232,7 +232,7 @@ def test_a_damaged_stage_is_named_and_a_unit_of_zero_is_none(tmp_path):
     write_stage(tmp_path / "short.usda", mesh, counts=[3] * (len(mesh.faces) + 1))
     write_stage(tmp_path / "below.usda", mesh, counts=[-3, 6, *[3] * (len(mesh.faces) - 1)])
     for name in ("short", "below"):
-        with pytest.raises(InputError, match=f"{name}.usda: the faces of /object/shape have .* it is damaged"):
+        with pytest.raises(InputError, match=f"{name}.usda: /object/shape: its faces have .* export it again"):
             read_object(tmp_path / f"{name}.usda", read)
 
 

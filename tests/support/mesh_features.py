@@ -641,6 +641,10 @@ def _features() -> list[Feature]:
     color("levels in a wider type", "PLY", ply("ushort", 255), SHOWN, warned=("levels of 255",))
     color("transparency", "glTF", _factor([0.5, 0.5, 0.5, 0.3], mode="BLEND"), HALF, warned=("2 faces", "opaque"))
 
+    clear = usd_material("color3f inputs:diffuseColor = (0.5, 0.5, 0.5)\nfloat inputs:opacity = 0.3")
+    color("transparency", "USD", usd(usd_mesh(more=PAINTED, api=True) + clear), HALF, warned=("/R/paint", "opaque"))
+    color("transparency", "OBJ", obj(USE, "newmtl red\nKd 0.5 0.2 0.1\nd 0.3"), SHOWN, warned=("1 materials", "opaque"))
+
     texture("image", "glTF", gltf_texture(RIGHT))
     texture("image", "OBJ", obj(USE, "newmtl red\nKd 0.8 0.8 0.8\nmap_Kd paint.png", uv=RIGHT))
     texture("image", "PLY", ply(uv=RIGHT, comment=b"TextureFile paint.png"))
@@ -844,6 +848,8 @@ def _features() -> list[Feature]:
     )
     add(STAGES, "holes", "USD", usd(usd_mesh(more="int[] holeIndices = [1]")), area=1.0, faces=1)
     reference = 'def Xform "other" (prepend references = @gone.usda@)\n{\n}\n'
+    cage = usd_mesh().replace('subdivisionScheme = "none"', 'subdivisionScheme = "catmullClark"')
+    add(STAGES, "subdivision surfaces", "USD", usd(cage), warned=("1 subdivision surfaces", "cages"))
     add(STAGES, "missing references", "USD", usd(usd_mesh() + reference), warned=("1 references", "gone.usda"))
 
     def named(
@@ -874,6 +880,8 @@ def _features() -> list[Feature]:
         obj(USE, "newmtl red\nmap_Kd tex\\p.png", uv=RIGHT, files={"tex/p.png": image()}),
     )
     named("paths of another machine", "USD", usd(usd_textured(file="C:/Users/me/Paint.PNG")))
+    library = {"lib/b.mtl": "newmtl red\nmap_Kd paint.png"}
+    named("paths of another machine", "OBJ", obj("mtllib lib/b.mtl\nusemtl red", uv=RIGHT, files=library))
     blue = "newmtl {}\nKd 0 0 1\n"
     named("materials with spaces and #", "OBJ", obj("mtllib a.mtl\nusemtl Material #25", blue.format("Material #25")))
     named("materials with spaces and #", "OBJ", obj("mtllib a.mtl\nusemtl red # mine", blue.format("red")))
@@ -899,6 +907,7 @@ def _features() -> list[Feature]:
     named("line ends", "PLY", ply("uchar", 255, end=b"\r\n"), SHOWN)
     named("line ends", "PLY", ply("uchar", 255, end=b"\r"), SHOWN)
     named("bytes that are not UTF-8", "OBJ", obj(USE, b"# caf\xe9 \x85\nnewmtl red\nKd 0 0 1\n"))
+    named("bytes that are not UTF-8", "OBJ", _utf16)
     named("bytes that are not UTF-8", "PLY", ply("uchar", 255, comment=b"caf\xe9 \x85 Stra\xdfe"), SHOWN)
     named(
         "triangles and quads in one binary file",
@@ -945,6 +954,12 @@ def _factor(
         glb.mesh({**glb.plate(), "material": 0})
 
     return gltf(build)
+
+
+def _utf16(path: Path) -> None:
+    """Write an OBJ file in UTF-16 with its mark."""
+    obj(USE, "newmtl red\nKd 0 0 1\n")(path)
+    path.write_bytes(path.read_text().encode("utf-16"))
 
 
 def _wedges(path: Path) -> None:

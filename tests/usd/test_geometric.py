@@ -109,8 +109,26 @@ def test_a_jointed_part_without_parent_moves_against_an_anchor_fixed_to_the_worl
     hinge = UsdPhysics.Joint(stage.GetPrimAtPath("/scene/joints/door_20"))
     assert hinge.GetBody0Rel().GetTargets() == ["/scene/door_20_anchor"]
     weld = UsdPhysics.FixedJoint(stage.GetPrimAtPath("/scene/joints/door_20_anchor"))
-    assert weld.GetBody0Rel().GetTargets() == []
+    assert weld.GetBody0Rel().GetTargets() == ["/scene"]  # no body, so a place: where the room is put
     assert weld.GetBody1Rel().GetTargets() == ["/scene/door_20_anchor"]
+
+
+def test_every_joint_is_whole_where_another_stage_puts_the_room(stage: Usd.Stage) -> None:
+    house = Usd.Stage.CreateInMemory()
+    room = UsdGeom.Xform.Define(house, "/house/room")
+    room.AddTranslateOp().Set((10, 0, 0))
+    room.GetPrim().GetReferences().AddReference(stage.GetRootLayer().identifier)
+    places, joints = UsdGeom.XformCache(), [UsdPhysics.Joint(p) for p in house.Traverse() if p.IsA(UsdPhysics.Joint)]
+    assert joints
+    for joint in joints:
+        ends = []
+        for body, point in (
+            (joint.GetBody0Rel(), joint.GetLocalPos0Attr()),
+            (joint.GetBody1Rel(), joint.GetLocalPos1Attr()),
+        ):
+            (path,) = body.GetTargets()
+            ends.append(places.GetLocalToWorldTransform(house.GetPrimAtPath(path)).Transform(Gf.Vec3d(point.Get())))
+        assert (ends[0] - ends[1]).GetLength() < 1e-5 and ends[0][0] > 5
 
 
 def test_articulations_start_at_what_is_fixed_to_the_world(stage: Usd.Stage) -> None:

@@ -52,6 +52,8 @@ def read(path: Path) -> SourceMesh:
         reader = _Reader(path, stage)
         try:
             parts, stated = list(reader.parts()), _stated(stage)
+        except InputError:
+            raise
         except DAMAGE as error:
             reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
             raise InputError(f"{path}: holds values of wrong types ({reason}); export it again") from error
@@ -179,6 +181,9 @@ class _Reader:
             return None
         if prim.HasRelationship("skel:skeleton"):
             self._lost["meshes on a skeleton stand in their bind pose"] += 1
+        scheme = prim.GetAttribute("subdivisionScheme")
+        if scheme and scheme.HasAuthoredValue() and str(scheme.Get()) != UsdGeom.Tokens.none:
+            self._lost["subdivision surfaces are read as their cages"] += 1
         if few := int((shape.counts < 3).sum()):
             self._lost["faces with fewer than 3 corners are left out"] += few
         corners, polygon = triangulate(shape.points, shape.counts, shape.indices)

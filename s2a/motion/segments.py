@@ -215,5 +215,5 @@ class Timeline:
         most = self._spec.gripper.max_opening
         goal = min(opened, most) / most * self._wide
         values = goal + (self._fingers - goal) * self._shut / self._wide
+        values[-1] = self._fingers = goal  # what rounding leaves
         self._add(np.tile(self._arm[-1][-1], (len(values), 1)), values)
-        self._fingers = float(values[-1])
